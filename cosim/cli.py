@@ -1,0 +1,140 @@
+"""The command line: finds the commands, and turns every outcome into a clear line and an exit code (CONTRACT section 3).
+
+0 done; 1 done, and a threshold the user set was missed; 2 usage; 3 bad data or model file; 4 the simulation failed, or a
+defect of ours; 5 an optional dependency is missing; 130 interrupted; 141 the reader of stdout went away.
+"""
+
+import contextlib
+import importlib
+import os
+import pkgutil
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+import cosim.commands
+from cosim import console
+from cosim.errors import CosimError
+
+INTERNAL_ERROR = 4
+INTERRUPTED = 130
+OUTPUT_CLOSED = 141
+
+
+class _Group(TyperGroup):
+    def invoke(self, ctx: Any) -> Any:
+        # typer would answer a closed pipe with 1, which means a missed threshold here
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:
+            raise console.OutputClosedError from error
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from cosim.packages import project_version
+
+        typer.echo(f"cosim {project_version()}")
+        raise typer.Exit
+
+
+def make_app() -> typer.Typer:
+    """The typer application with every command of `cosim.commands`: each module's ``register(app)`` adds its own."""
+    app = typer.Typer(
+        name="cosim",
+        cls=_Group,
+        help="Co-simulation of a hydraulic crane's slew drive, compared with measured data.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+    @app.callback()
+    def root(
+        version: Annotated[
+            bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
+        ] = False,
+        debug: Annotated[
+            bool, typer.Option("--debug", help="Show the traceback of an error (also COSIM_DEBUG=1).")
+        ] = False,
+    ) -> None:
+        """Options before the command; `main` reads --debug itself, since it must know it after a failure."""
+
+    for module in sorted(found.name for found in pkgutil.iter_modules(cosim.commands.__path__)):
+        importlib.import_module(f"cosim.commands.{module}").register(app)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Runs the command line and exits the process.
+
+    Args:
+        arguments: the words after ``cosim``; by default those of the process.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    console.utf8_streams()
+    if "--json" in words and not {"--help", "-h"} & set(words):
+        with console.json_only_stdout():
+            code = _run(words, as_json=True)
+    else:
+        code = _run(words, as_json=False)
+    sys.exit(_flushed(code))
+
+
+def _run(words: list[str], as_json: bool) -> int:
+    """Runs one command line and returns its exit code; no exception leaves."""
+    debug = "--debug" in words or os.environ.get("COSIM_DEBUG", "0") not in ("", "0")
+    try:
+        result = typer.main.get_command(make_app()).main(words, prog_name="cosim", standalone_mode=False)
+        return result if isinstance(result, int) else 0
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else INTERNAL_ERROR
+    except console.OutputClosedError:
+        return OUTPUT_CLOSED
+    except (KeyboardInterrupt, typer.Abort):
+        return _failed("interrupted", INTERRUPTED, as_json)
+    except CosimError as error:
+        return _failed(str(error), error.exit_code, as_json, traceback.format_exc() if debug else None)
+    except Exception as error:
+        if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # typer's own usage errors
+            return _usage_failed(error, as_json)
+        text = f"internal error, please report: {type(error).__name__}: {error}"
+        trace = traceback.format_exc() if debug else None
+        if not debug:
+            text += " (COSIM_DEBUG=1 shows where)"
+        return _failed(text, INTERNAL_ERROR, as_json, trace)
+
+
+def _usage_failed(error: Any, as_json: bool) -> int:
+    message = error.format_message()
+    if not message:  # bare `cosim`: typer has shown the help
+        return int(error.exit_code)
+    context = getattr(error, "ctx", None)
+    if context is not None:
+        message += f" (see '{context.command_path} --help')"
+    return _failed(message, int(error.exit_code), as_json)
+
+
+def _failed(message: str, code: int, as_json: bool, trace: str | None = None) -> int:
+    if trace:
+        sys.stderr.write(trace)
+    with contextlib.suppress(BrokenPipeError):
+        console.fail(message)
+        if as_json and not console.json_emitted():
+            console.emit_json({"error": message, "exit_code": code})
+    return code
+
+
+def _flushed(code: int) -> int:
+    """Flushes stdout while a closed pipe can still be answered; Python would print a message of its own at exit."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return OUTPUT_CLOSED
+    return code
