@@ -1,0 +1,1 @@
+"""The blocks of the drive: equations, physical effects, and the FMUs built from them."""

@@ -1,0 +1,198 @@
+"""What a block is.
+
+A block file declares four named tuples and a handful of equations::
+
+    class Input(NamedTuple):  ...      each field: Annotated[float, Variable(unit, text, start, low, high, ...)]
+    class Output(NamedTuple): ...
+    class State(NamedTuple):  ...
+    class Parameters(NamedTuple): ...
+    class Coefficients(NamedTuple): ... what depends on parameters and step size alone, computed once
+
+    start(u, p) -> State                   state at initialisation
+    coefficients(p, h) -> Coefficients
+    step(x, u, m, p, c) -> State           one communication step of length c.h
+    output(x, u, m, p) -> Output
+
+Equations use `math` and plain scalars only, so that one text serves the FMU (standard library), the compiled twin
+(numba) and a C export. ``m`` is the memory of effects (empty without any). A `@slot` is a place where effects act: a
+function that without effects returns its neutral value.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any, Literal, NamedTuple, TypeVar, get_type_hints
+
+UNBOUNDED = 1e12  # beyond any physical value here, yet a number that every FMI client reads
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One quantity, declared once.
+
+    Attributes:
+        unit: SI unit in FMI's spelling, "1" if dimensionless.
+        text: what it is, one line.
+        start: default value, in `unit`; for a parameter of an effect its "off" value.
+        low, high: smallest and largest admissible value, in `unit`.
+        display: unit shown to people, or None for `unit` itself.
+        nominal: typical magnitude, in `unit`.
+        source: equation, table or paper that the value comes from (required for parameters).
+        kind: "real" or "integer"; "time" marks an input filled with the communication time, not an FMI variable.
+        discrete: the value is held between communication points (FMI variability ``discrete``).
+    """
+
+    unit: str
+    text: str
+    start: float = 0.0
+    low: float = -UNBOUNDED
+    high: float = UNBOUNDED
+    display: str | None = None
+    nominal: float = 1.0
+    source: str = ""
+    kind: Literal["real", "integer", "time"] = "real"
+    discrete: bool = False
+
+
+@dataclass(frozen=True)
+class Buffer:
+    """Memory of an effect or block that is an array of `length` numbers, changed in place (length 0: filled from `resource`)."""
+
+    length: int
+    text: str
+    resource: str = ""
+
+
+class NoMemory(NamedTuple):
+    """The memory of a block without effects."""
+
+
+def equation(function: F) -> F:
+    """Mark a function as part of a block's equations: it goes into the composed text. Changes nothing else."""
+    function.__dict__["is_equation"] = True
+    return function
+
+
+def slot(rule: Literal["sum", "chain"]) -> Callable[[F], F]:
+    """Mark a function as a place where effects act.
+
+    ``sum``: effects' terms are added to the function's own value. ``chain``: the first argument is a value that each
+    effect in turn replaces.
+    """
+
+    def mark(function: F) -> F:
+        function.__dict__["is_equation"] = True
+        function.__dict__["slot_rule"] = rule
+        return function
+
+    return mark
+
+
+def fields(layout: type) -> dict[str, Variable]:
+    """The `Variable` of each field of a named tuple declared with ``Annotated[float, Variable(...)]``, in order."""
+    hints = get_type_hints(layout, include_extras=True)
+    return {name: hints[name].__metadata__[0] for name in layout._fields}  # type: ignore[attr-defined]
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block: its name, declarations and equations, read from a module of this package.
+
+    Attributes:
+        name: file name of the FMU and its model identifier.
+        title: one line for people.
+        module: the module that declares it.
+        feedthrough: outputs that depend directly on an input, with those inputs.
+        memory: arrays that the block itself remembers (a table it plays).
+        helpers: equations of other modules that this block's equations call.
+        step_size: default communication step, s.
+    """
+
+    name: str
+    title: str
+    module: ModuleType
+    feedthrough: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    memory: dict[str, Buffer] = field(default_factory=dict)
+    helpers: tuple[Callable[..., Any], ...] = ()
+    step_size: float = 1e-3
+
+    @property
+    def inputs(self) -> dict[str, Variable]:
+        """Input variables by name, in order; one of kind "time" is not an FMI variable."""
+        return fields(self.module.Input)
+
+    @property
+    def outputs(self) -> dict[str, Variable]:
+        """Output variables by name, in order."""
+        return fields(self.module.Output)
+
+    @property
+    def states(self) -> dict[str, Variable]:
+        """State variables by name, in order."""
+        return fields(self.module.State)
+
+    @property
+    def parameters(self) -> dict[str, Variable]:
+        """Parameters by name, in order, without those of effects."""
+        return fields(self.module.Parameters)
+
+    @property
+    def equations(self) -> tuple[Callable[..., Any], ...]:
+        """The block's own equations in the order of its file, without those of `helpers`."""
+        found = [f for f in vars(self.module).values() if getattr(f, "is_equation", False)]
+        return tuple(f for f in found if f.__module__ == self.module.__name__)
+
+    @property
+    def slots(self) -> dict[str, Literal["sum", "chain"]]:
+        """Places where effects act, with their rule."""
+        return {f.__name__: f.__dict__["slot_rule"] for f in self.equations if "slot_rule" in f.__dict__}
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical effect of the library.
+
+    Attributes:
+        name: "block.effect" as CONTRACT section 5 fixes it; the first part is the block it is reported under.
+        text: what happens, one line.
+        residual: what its residual looks like in the data.
+        source: where its form comes from.
+        acts_on: component of the system whose equations it changes (mostly the block it is reported under).
+        key: the parameter which, at its off value, switches the effect off.
+        parameters: new parameters of the block, `start` being the off value.
+        frees: parameters that the block itself already has and that this effect changes.
+        fills: slot name -> equation with the slot's signature.
+        memory: what it remembers between steps: `Variable` or `Buffer` by name.
+        begin: equation (x, u, p) -> tuple of initial memory values (of the Variables only), or None without memory.
+        remember: equation (x, x1, u, m, p, c) -> tuple of the new values of the Variables.
+        when: "before" the block's step (x1 is x then) or "after" it.
+        helpers: further equations that these call.
+        module: text of the model it belongs to, filled in by the registry.
+    """
+
+    name: str
+    text: str
+    residual: str
+    source: str
+    key: str
+    acts_on: str = ""
+    parameters: dict[str, Variable] = field(default_factory=dict)
+    frees: tuple[str, ...] = ()
+    fills: dict[str, Callable[..., Any]] = field(default_factory=dict)
+    memory: dict[str, Variable | Buffer] = field(default_factory=dict)
+    begin: Callable[..., Any] | None = None
+    remember: Callable[..., Any] | None = None
+    when: Literal["before", "after"] = "before"
+    helpers: tuple[Callable[..., Any], ...] = ()
+
+    @property
+    def block(self) -> str:
+        """The block it is reported under, e.g. "mechanical"."""
+        return self.name.partition(".")[0]
+
+    @property
+    def component(self) -> str:
+        """The component whose equations it changes, e.g. "dead_zone" for dcv.hysteresis."""
+        return self.acts_on or self.block

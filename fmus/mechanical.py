@@ -1,0 +1,201 @@
+"""Slew mechanics: load pressure to angle, with dry friction that truly sticks.
+
+    J dw/dt     = A r PL - b w - tau_f - tau_load               (4.1)-(4.6), (4.27), (4.28)
+      dtheta/dt = w
+    tau_f = level(w) sign(w) while moving; at rest it balances the rest, up to level(0)
+
+Within a step the pressure moves on a straight line from its previous to its new value. Sliding phases are exact for
+that; the instants at which the motion stops or breaks away are located inside the step.
+"""
+
+import math
+import sys
+from typing import Annotated, NamedTuple
+
+from fmus.contract import Block, NoMemory, Variable, equation, slot
+from fmus.linear import phi_functions
+
+
+class Input(NamedTuple):
+    """What comes in."""
+
+    p_load: Annotated[float, Variable("Pa", "Load pressure", low=-1e9, high=1e9, display="bar", nominal=1e5)]
+
+
+class Output(NamedTuple):
+    """What goes out."""
+
+    theta: Annotated[float, Variable("rad", "Slew angle", display="deg")]
+    omega: Annotated[float, Variable("rad/s", "Slew velocity", display="deg/s", nominal=0.01)]
+
+
+class State(NamedTuple):
+    """Angle, velocity, and the driving torque at the end of the last step."""
+
+    theta: Annotated[float, Variable("rad", "Slew angle", display="deg")]
+    omega: Annotated[float, Variable("rad/s", "Slew velocity", display="deg/s", nominal=0.01)]
+    torque: Annotated[float, Variable("N.m", "Driving torque A r PL", nominal=1e3)]
+
+
+class Parameters(NamedTuple):
+    """Inertia, friction, geometry."""
+
+    J: Annotated[float, Variable("kg.m2", "Inertia at the slew axis", 763.9437268410978, 1e-6, 1e9, nominal=1e3, source="(4.34): 7.5e-6 in deg and bar mm3; CONTRACT section 6")]  # fmt: skip
+    b: Annotated[float, Variable("N.m.s/rad", "Viscous friction", 26661.636066754313, 0.0, 1e9, nominal=1e4, source="(5.12): pole at 34.9 rad/s (SYSTEM section 9.1), b = 34.9 J")]  # fmt: skip
+    A: Annotated[float, Variable("m2", "Cylinder area", 8.4193e-3, 1e-9, 100.0, display="mm2", nominal=1e-2, source="Table 3.1; SYSTEM section 9.3")]  # fmt: skip
+    r: Annotated[float, Variable("m", "Pinion radius", 0.1, 1e-6, 100.0, display="mm", nominal=0.1, source="Table 3.1")]
+    tau_c: Annotated[float, Variable("N.m", "Coulomb friction torque", 0.0, 0.0, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
+    tau_load: Annotated[float, Variable("N.m", "Constant load torque against positive motion", 0.0, -1e9, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
+    theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e3, 1e3, display="deg", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
+
+
+class Coefficients(NamedTuple):
+    """Exact response over the step to a torque on a straight line.
+
+    omega1 = w_w omega0 + w_0 torque0 + w_1 torque1;  theta1 = theta0 + t_w omega0 + t_0 torque0 + t_1 torque1.
+    """
+
+    h: float
+    J: float
+    w_w: float
+    w_0: float
+    w_1: float
+    t_w: float
+    t_0: float
+    t_1: float
+
+
+@slot("chain")
+def inertia(J: float, p: Parameters) -> float:
+    """Inertia that the drive moves directly, kg m2; effects that split it off act here."""
+    return J
+
+
+@slot("sum")
+def load_torque(theta: float, omega: float, x: State, m: NoMemory, p: Parameters) -> float:
+    """Torque against positive motion, N m; effects add theirs."""
+    return p.tau_load
+
+
+@slot("sum")
+def friction_level(omega: float, m: NoMemory, p: Parameters) -> float:
+    """Magnitude of the dry friction torque at speed omega, N m; effects add theirs."""
+    return p.tau_c
+
+
+@slot("chain")
+def seen_angle(theta: float, m: NoMemory, p: Parameters) -> float:
+    """Angle that sensor and tracker see, rad; effects such as backlash act here."""
+    return theta
+
+
+@slot("chain")
+def seen_velocity(omega: float, m: NoMemory, p: Parameters) -> float:
+    """Velocity of what sensor and tracker see, rad/s."""
+    return omega
+
+
+@equation
+def slide(theta: float, omega: float, t0: float, t1: float, h: float, J: float, b: float) -> tuple[float, float]:
+    """Angle and velocity after h under a torque on a straight line from t0 to t1 and viscous friction, exact."""
+    decay, phi1, phi2, phi3 = phi_functions(b * h / J)
+    return (
+        theta + h * (phi1 * omega + h / J * (phi2 * t0 + phi3 * (t1 - t0))),
+        decay * omega + h / J * (phi1 * t0 + phi2 * (t1 - t0)),
+    )
+
+
+@equation
+def stopping_time(omega: float, t0: float, slope: float, h: float, J: float, b: float) -> float:
+    """Time within h at which the velocity reaches zero (it changes sign over h), by bisection to rounding."""
+    low = 0.0
+    high = h
+    for _ in range(60):
+        t = 0.5 * (low + high)
+        _, w = slide(0.0, omega, t0, t0 + slope * t, t, J, b)
+        if w * omega > 0.0:
+            low = t
+        else:
+            high = t
+    return high
+
+
+@equation
+def with_dry_friction(theta: float, omega: float, t0: float, t1: float, m: NoMemory, p: Parameters, c: Coefficients) -> tuple[float, float]:  # fmt: skip
+    """Angle and velocity after the step with dry friction, phase by phase: sliding, stopping, sticking, breaking away."""
+    left = c.h
+    for _ in range(8):
+        slope = (t1 - t0) / left
+        holding = friction_level(0.0, m, p)
+        direction = math.copysign(1.0, omega)
+        if omega == 0.0:
+            if abs(t0) <= holding:
+                if abs(t1) <= holding:
+                    return theta, 0.0
+                # stuck until the torque reaches what friction can hold
+                goal = math.copysign(holding, t1)
+                dt = (goal - t0) / slope
+                t0 = goal
+                left = left - dt
+                if left <= 0.0:
+                    return theta, 0.0
+            direction = math.copysign(1.0, t0 if abs(t0) > holding else t1)
+        level = direction * friction_level(omega, m, p)
+        _, ahead = slide(theta, omega, t0 - level, t1 - level, left, c.J, p.b)
+        level = direction * friction_level(0.5 * (omega + ahead), m, p)  # midpoint: second order where it varies
+        angle, speed = slide(theta, omega, t0 - level, t1 - level, left, c.J, p.b)
+        if speed * direction >= 0.0:
+            return angle, speed
+        if omega == 0.0:
+            return theta, 0.0  # too weak to move after all
+        dt = stopping_time(omega, t0 - level, slope, left, c.J, p.b)
+        theta, _ = slide(theta, omega, t0 - level, t0 - level + slope * dt, dt, c.J, p.b)
+        omega = 0.0
+        t0 = t0 + slope * dt
+        left = left - dt
+        if left <= 1e-12 * c.h:
+            return theta, 0.0
+    return theta, omega
+
+
+@equation
+def start(u: Input, p: Parameters) -> State:
+    """At rest at the start angle."""
+    return State(p.theta_0, 0.0, p.A * p.r * u.p_load)
+
+
+@equation
+def coefficients(p: Parameters, h: float) -> Coefficients:
+    """Exact response over the step h, s."""
+    J = inertia(p.J, p)
+    decay, phi1, phi2, phi3 = phi_functions(p.b * h / J)
+    k = h / J
+    return Coefficients(h, J, decay, k * (phi1 - phi2), k * phi2, h * phi1, h * k * (phi2 - phi3), h * k * phi3)
+
+
+@equation
+def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
+    """(4.27) over one step of length c.h."""
+    torque = p.A * p.r * u.p_load
+    t0 = x.torque - load_torque(x.theta, x.omega, x, m, p)
+    t1 = torque - load_torque(x.theta + c.h * x.omega, x.omega, x, m, p)
+    if friction_level(0.0, m, p) > 0.0:
+        theta, omega = with_dry_friction(x.theta, x.omega, t0, t1, m, p, c)
+        return State(theta, omega, torque)
+    return State(
+        x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1, c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1, torque
+    )
+
+
+@equation
+def output(x: State, u: Input, m: NoMemory, p: Parameters) -> Output:
+    """What sensor and tracker see."""
+    return Output(seen_angle(x.theta, m, p), seen_velocity(x.omega, m, p))
+
+
+BLOCK = Block(
+    name="mechanical",
+    title="Slew mechanics: load pressure to angle",
+    module=sys.modules[__name__],
+    helpers=(phi_functions,),
+)
