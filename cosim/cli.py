@@ -25,11 +25,17 @@ INTERRUPTED = 130
 OUTPUT_CLOSED = 141
 
 
+class _InterruptedError(Exception):
+    """Ctrl-C: typer would turn it into a silent exit."""
+
+
 class _Group(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         # typer would answer a closed pipe with 1, which means a missed threshold here
         try:
             return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise _InterruptedError from None
         except BrokenPipeError as error:
             raise console.OutputClosedError from error
 
@@ -95,7 +101,7 @@ def _run(words: list[str], as_json: bool) -> int:
         return stop.code if isinstance(stop.code, int) else INTERNAL_ERROR
     except console.OutputClosedError:
         return OUTPUT_CLOSED
-    except (KeyboardInterrupt, typer.Abort):
+    except (KeyboardInterrupt, _InterruptedError, typer.Abort):
         return _failed("interrupted", INTERRUPTED, as_json)
     except CosimError as error:
         return _failed(str(error), error.exit_code, as_json, traceback.format_exc() if debug else None)

@@ -1,0 +1,209 @@
+"""What must hold for the repository as a whole: nothing of one machine in it, nothing undocumented, commands that agree."""
+
+import ast
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).resolve().parent.parent
+DATA = Path(os.environ.get("COSIM_DATA", TOP.parent / "shared" / "data"))
+LARGEST = 1024 * 1024
+LARGE_ON_PURPOSE: set[str] = set()
+
+# spelt in pieces, so that this file does not find itself
+MACHINE_PATH = re.compile(r"(?<![\w.:/~-])/(?:" + "|".join(["work", "home", "root", "Users"]) + r")/[\w.]")
+WINDOWS_PATH = re.compile(r"\b[A-Z]:\\(?:" + "Users|work" + r")\\")
+REGISTRY = re.compile(
+    "|".join([r"py" + r"pi\.org", "python" + "hosted", "--(?:extra-)?" + "index-url", "find-" + "links"])
+)
+
+
+def _tracked() -> list[Path]:
+    if shutil.which("git") is None or not (TOP / ".git").exists():
+        pytest.skip("not a git checkout, so there is no list of committed files")
+    names = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=TOP, capture_output=True, check=True
+    ).stdout.decode()
+    return [TOP / name for name in names.split("\0") if name and (TOP / name).is_file()]
+
+
+def _texts() -> dict[str, str]:
+    texts = {}
+    for path in _tracked():
+        content = path.read_bytes()
+        if b"\0" not in content:
+            texts[path.relative_to(TOP).as_posix()] = content.decode("utf-8")
+    return texts
+
+
+def _sources() -> list[Path]:
+    return [
+        path for path in _tracked() if path.suffix == ".py" and "tests" not in path.relative_to(TOP).parts
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "text"),
+    [
+        (MACHINE_PATH, "see /wo" + "rk/main/x"),
+        (WINDOWS_PATH, "C:\\Us" + "ers\\me"),
+        (REGISTRY, "https://py" + "pi.org/x"),
+    ],
+)
+def test_the_patterns_find_what_they_are_for(pattern: re.Pattern[str], text: str) -> None:
+    assert pattern.search(text)
+
+
+@pytest.mark.parametrize(
+    "pattern", [MACHINE_PATH, WINDOWS_PATH, REGISTRY], ids=["path", "windows path", "registry"]
+)
+def test_nothing_of_one_machine_is_committed(pattern: re.Pattern[str]) -> None:
+    found = [
+        f"{name}:{number}: {line.strip()[:100]}"
+        for name, text in _texts().items()
+        for number, line in enumerate(text.splitlines(), 1)
+        if pattern.search(line)
+    ]
+    assert not found
+
+
+def test_no_large_file_is_committed() -> None:
+    large = {p.relative_to(TOP).as_posix() for p in _tracked() if p.stat().st_size > LARGEST}
+    assert large <= LARGE_ON_PURPOSE, "name it in LARGE_ON_PURPOSE, or make it smaller"
+
+
+@pytest.mark.data
+def test_no_data_of_others_is_committed() -> None:
+    if not DATA.is_dir():
+        pytest.skip("the public measured data is not here (set COSIM_DATA)")
+    foreign = [path for path in DATA.rglob("*") if path.is_file() and path.name != "README.md"]
+    assert foreign
+    digests = {hashlib.sha256(path.read_bytes()).hexdigest() for path in foreign}
+    # rows too, so that an excerpt is found: long lines with numbers from each text file
+    rows = {
+        line.strip()
+        for path in foreign
+        if path.suffix == ".csv"
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines()
+        if len(line) > 40 and re.search(r"\d\.\d{3}", line)
+    }
+    for path in _tracked():
+        content = path.read_bytes()
+        assert hashlib.sha256(content).hexdigest() not in digests, f"{path} is a copy of foreign data"
+        if b"\0" not in content:
+            copied = rows & {line.strip() for line in content.decode("utf-8").splitlines()}
+            assert not copied, f"{path} holds rows of foreign data"
+
+
+def test_files_and_functions_stay_short() -> None:
+    too_long = []
+    for path in _sources():
+        text = path.read_text(encoding="utf-8")
+        name = path.relative_to(TOP).as_posix()
+        if text.count("\n") > 300:
+            too_long.append(f"{name}: {text.count(chr(10))} lines")
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+                length = (node.end_lineno or node.lineno) - node.lineno
+                if length > 50:
+                    too_long.append(f"{name}:{node.lineno} {node.name}: {length} lines")
+    assert not too_long, "files of at most 300 lines, functions of at most 50"
+
+
+def _undocumented(tree: ast.Module, name: str) -> list[str]:
+    silent = [] if ast.get_docstring(tree) else [name]
+    scopes: list[tuple[ast.Module | ast.ClassDef, str]] = [(tree, name)]
+    for scope, label in scopes:
+        for node in scope.body:
+            if not isinstance(
+                node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+            ) or node.name.startswith("_"):
+                continue
+            here = f"{label}:{node.name}"
+            if not ast.get_docstring(node):
+                silent.append(here)
+            if isinstance(node, ast.ClassDef):
+                scopes.append((node, here))
+    return silent
+
+
+def test_undocumented_names_are_found() -> None:
+    tree = ast.parse(
+        '"""Doc."""\nclass A:\n    """Doc."""\n    def f(self): ...\n    def _g(self): ...\ndef h(): ...\n'
+    )
+    assert _undocumented(tree, "m") == ["m:h", "m:A:f"]
+
+
+def test_every_public_name_has_a_docstring() -> None:
+    silent = []
+    for path in _sources():
+        silent += _undocumented(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(TOP).as_posix())
+    assert not silent
+
+
+def _readme_commands(language: str) -> list[str]:
+    text = (TOP / "README.md").read_text(encoding="utf-8")
+    return [command.strip() for command in re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)]
+
+
+def test_readme_has_two_commands_for_each_system() -> None:
+    for language in ("bash", "powershell"):
+        commands = _readme_commands(language)
+        assert len(commands) == 2
+        assert all("\n" not in command for command in commands)
+        assert commands[0].endswith("cosim demo")
+        assert commands[1].endswith("check.py")
+
+
+def test_ci_runs_the_readme_command_last() -> None:
+    script = (TOP / ".ci" / "run").read_text(encoding="utf-8").strip().splitlines()
+    assert script[-1] == _readme_commands("bash")[1]
+    assert os.name == "nt" or os.access(TOP / ".ci" / "run", os.X_OK)
+
+
+def test_readme_names_every_extra_and_installs_only_known_ones() -> None:
+    project = tomllib.loads((TOP / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    known = set(project["optional-dependencies"])
+    readme = (TOP / "README.md").read_text(encoding="utf-8")
+    assert {extra for extra in known if f"`{extra}`" in readme} == known
+    for command in _readme_commands("bash") + _readme_commands("powershell"):
+        for asked in re.findall(r"\.\[([\w,]+)\]", command):
+            assert set(asked.split(",")) <= known
+
+
+def test_links_between_documents_lead_somewhere() -> None:
+    link = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+    broken = [
+        f"{path.relative_to(TOP).as_posix()} -> {target}"
+        for path in _tracked()
+        if path.suffix == ".md"
+        for target in link.findall(path.read_text(encoding="utf-8"))
+        if "://" not in target and not (path.parent / target).exists()
+    ]
+    assert not broken
+
+
+def test_index_lists_every_document() -> None:
+    index = (TOP / "docs" / "index.md").read_text(encoding="utf-8")
+    documents = {p.name for p in _tracked() if p.parent == TOP / "docs" and p.suffix == ".md"} - {"index.md"}
+    assert {name for name in documents if f"]({name})" not in index} == set(), "add them to docs/index.md"
+
+
+def test_changelog_has_the_version_or_unreleased() -> None:
+    project = tomllib.loads((TOP / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    headings = re.findall(
+        r"^## \[?([^\]\s]+)", (TOP / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert headings
+    assert headings[0] in ("Unreleased", project["version"])
+
+
+def test_tests_have_unique_names() -> None:
+    names = [p.name for p in _tracked() if p.name.startswith("test_") and p.suffix == ".py"]
+    assert sorted(names) == sorted(set(names)), "pytest imports test files by base name"
