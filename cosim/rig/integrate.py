@@ -1,0 +1,226 @@
+"""Marches the drive through the log: substeps of every millisecond, with friction's events located inside them."""
+
+import math
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import UsageError
+from cosim.rig.equations import (
+    BRISTLE,
+    FREE,
+    STUCK,
+    Moment,
+    State,
+    clip,
+    free_torque,
+    friction_level,
+    play,
+    runge_kutta,
+)
+from cosim.rig.jit import cached, compiled
+from cosim.rig.parameters import STEP, Plant
+
+SUBSTEPS = 20  # a millisecond; tests/rig/test_rig_convergence.py measures what is left
+BRISTLE_TRAVEL = 2e-5  # rad, bristle deflection at breakaway: a fifth of the sensor's noise
+COLUMNS = ("spool", "p_load", "p_supply", "theta", "omega", "seen", "sensed", "boom")
+
+
+@compiled
+def _stopped(s: State, p: Plant) -> State:
+    """The state with the spool's hard stops (position clamped, speed zero) and its greatest speed enforced."""
+    x, v = s.x, clip(s.v, -p.dcv.v_max, p.dcv.v_max)
+    if x > p.dcv.x_max:
+        x, v = p.dcv.x_max, min(v, 0.0)
+    elif x < p.dcv.x_min:
+        x, v = p.dcv.x_min, max(v, 0.0)
+    return State(x, v, s.p_load, s.p_supply, s.theta, s.omega, s.boom, s.boom_omega, s.bristle, s.sensed)
+
+
+@compiled
+def _halted(s: State) -> State:
+    """The state with the column at rest."""
+    return State(s.x, s.v, s.p_load, s.p_supply, s.theta, 0.0, s.boom, s.boom_omega, s.bristle, s.sensed)
+
+
+@compiled
+def _excess(s: State, t: float, p: Plant) -> float:
+    """Torque [N.m] beyond what friction holds at standstill; negative or zero: the column sticks."""
+    return abs(free_torque(s, t, p)) - friction_level(0.0, s.p_load, p)
+
+
+@compiled
+def _direction(s: State, t: float, breaking: bool, p: Plant) -> int:
+    """STUCK, or the direction in which the column slides; `breaking` says that a breakaway has been located here."""
+    if s.omega != 0.0:
+        return 1 if s.omega > 0.0 else -1
+    if not breaking and _excess(s, t, p) <= 0.0:
+        return STUCK
+    return 1 if free_torque(s, t, p) > 0.0 else -1
+
+
+@compiled
+def _rub(s: State, t: float, h: float, held: Moment, p: Plant) -> State:
+    """A substep of `h` seconds with sharp friction: stops and breakaways are located by a secant and stepped to."""
+    breaking = False
+    for _ in range(8):
+        slide = _direction(s, t, breaking, p)
+        now = Moment(held.demand, held.seen, slide, 0.0, 0.0)
+        new = runge_kutta(s, t, h, now, p)
+        if slide == STUCK:
+            start, end = _excess(s, t, p), _excess(new, t + h, p)
+            if end <= 0.0:
+                return new
+            part = h * start / (start - end)
+            breaking = True
+        else:
+            if new.omega * slide > 0.0:
+                return new
+            part = h * s.omega / (s.omega - new.omega) if s.omega != 0.0 else h
+            breaking = False
+        s = runge_kutta(s, t, part, now, p)
+        if slide != STUCK:
+            s = _halted(s)
+        t, h = t + part, h - part
+        if h <= 1e-15:
+            return s
+    return runge_kutta(_halted(s), t, h, Moment(held.demand, held.seen, STUCK, 0.0, 0.0), p)
+
+
+@compiled
+def _span(s: State, t: float, length: float, count: int, held: Moment, p: Plant) -> tuple[State, float]:
+    """`count` substeps over `length` seconds at one demand; returns the state and the seen angle [rad]."""
+    h = length / count
+    seen = held.seen
+    for i in range(count):
+        now = Moment(held.demand, seen, held.slide, held.sigma0, held.sigma1)
+        if held.slide == FREE or held.slide == BRISTLE:
+            s = runge_kutta(s, t + i * h, h, now, p)
+        else:
+            s = _rub(s, t + i * h, h, now, p)
+        s = _stopped(s, p)
+        seen = play(s.theta, seen, 0.5 * p.mechanical.gap)
+    return s, seen
+
+
+@compiled
+def valve_demand(u: NDArray[np.float64], p: Plant) -> NDArray[np.float64]:
+    """What reaches the spool loop [1]: compensator (4.9), play, dead zone (2.2), limit; `u` (n,) is held each ms."""
+    c, z = p.compensator, p.dead_zone
+    out = np.empty(u.size)
+    dragged = 0.0
+    for k in range(u.size):
+        jump = c.d_plus if u[k] > 0.0 else c.d_minus
+        dragged = play(u[k] + jump * math.tanh(c.S * u[k]), dragged, p.dcv.play)
+        if dragged >= z.b_r:
+            value = z.m_r * (dragged - z.b_r)
+        elif dragged <= z.b_l:
+            value = z.m_l * (dragged - z.b_l)
+        else:
+            value = 0.0
+        out[k] = clip(value, -z.limit, z.limit)
+    return out
+
+
+@compiled
+def _at_rest(p: Plant) -> State:
+    """The state at the start of the log: everything at rest, the boom above the column, the lag settled."""
+    theta = p.mechanical.theta_0
+    sensed = p.sensor.gain * theta + p.sensor.bias
+    return State(0.0, 0.0, 0.0, p.continuity.p_s, theta, 0.0, theta, 0.0, 0.0, sensed)
+
+
+def _source_digest() -> int:
+    """A number that changes with the sources of the compiled march."""
+    folder = Path(__file__).parent
+    return zlib.crc32(
+        b"".join((folder / f"{name}.py").read_bytes() for name in ("parameters", "equations", "integrate"))
+    )
+
+
+def _compile_march(digest: int) -> Callable[..., NDArray[np.float64]]:
+    """The compiled march, cached on disk; `digest` is part of its cache key, so that no stale code is ever loaded."""
+
+    @cached
+    def march(u: NDArray[np.float64], substeps: int, slide: int, sigma0: float, sigma1: float,
+              p: Plant) -> NDArray[np.float64]:  # fmt: skip
+        demand = valve_demand(u, p)
+        rows = np.empty((u.size, 8))
+        late = round(p.dcv.tau_d / STEP * 1e9) / 1e9  # whole milliseconds stay whole
+        whole = int(late) if digest >= 0 else 0
+        part = late - whole
+        s = _at_rest(p)
+        seen = s.theta
+        for k in range(u.size):
+            rows[k, :5] = s.x, s.p_load, s.p_supply, s.theta, s.omega
+            rows[k, 5:] = seen, s.sensed, s.boom
+            for piece in range(2):
+                share = part if piece == 0 else 1.0 - part
+                if share == 0.0:
+                    continue
+                source = k - whole - 1 + piece
+                value = demand[source] if source >= 0 else 0.0
+                start = k * STEP + (0.0 if piece == 0 else part * STEP)
+                count = max(1, math.ceil(substeps * share - 1e-9))
+                s, seen = _span(s, start, share * STEP, count, Moment(value, seen, slide, sigma0, sigma1), p)
+        return rows
+
+    return march
+
+
+_march = _compile_march(_source_digest())
+
+
+def _fastest_rate(p: Plant, lugre: bool) -> float:
+    """An upper bound [1/s] of the drive's rates, to refuse what explicit steps cannot follow."""
+    m, c = p.mechanical, p.continuity
+    column = (1.0 - m.mu) * m.J * (1.0 - abs(p.unknown.j_theta))
+    found = [
+        p.dcv.w0 * (1.0 + 2.0 * p.dcv.zeta * (1.0 + p.unknown.c_small)),
+        (1.0 + c.c_l) / (c.T * (1.0 + c.c_beta)),
+        1.0 / c.tau_s,
+        (m.b + 2.0 * m.mu * m.J * m.zeta_f * m.w_f) / column + 2.0 * m.zeta_f * m.w_f,
+        m.w_f * math.sqrt(1.0 + m.mu * m.J / column) if m.mu else 0.0,
+        1.0 / p.sensor.tau_l if p.sensor.tau_l else 0.0,
+    ]
+    if lugre:  # at the greatest speed of the rack, 5.7 mm/s (4.32)
+        found.append(5.7e-3 / m.r / BRISTLE_TRAVEL * (1.0 + m.tau_s / m.tau_c))
+    return max(found)
+
+
+def simulate(
+    u: NDArray[np.float64], plant: Plant, *, lugre: bool = False, substeps: int = SUBSTEPS
+) -> dict[str, NDArray[np.float64]]:
+    """The drive's true signals (SI) at every millisecond, for a command `u` (n,) [1] held over each.
+
+    Returns:
+        COLUMNS -> (n,) arrays; row 0 is the state at rest, row k the state at k ms. `seen` [rad] is the angle behind the
+        backlash, `sensed` [rad] the same through the sensor's lag (only where tau_l > 0).
+
+    Raises:
+        UsageError: the crane is too fast for the substeps, or the bristle friction has no Coulomb level.
+    """
+    m = plant.mechanical
+    dry = m.tau_c > 0.0 or m.tau_s > 0.0 or plant.unknown.kappa > 0.0
+    if lugre and dry and m.tau_c <= 0.0:
+        raise UsageError(
+            "the LuGre friction needs mechanical.tau_c > 0: its bristles have no level to reach otherwise"
+        )
+    rate = _fastest_rate(plant, lugre and dry)
+    if rate * STEP / substeps > 1.0:
+        raise UsageError(
+            f"these parameters make the crane too fast ({rate:.3g} 1/s) for {substeps} substeps a millisecond: "
+            f"use at least {math.ceil(rate * STEP)} substeps, or a heavier or less damped crane"
+        )
+    slide, sigma0, sigma1 = FREE, 0.0, 0.0
+    if dry and lugre:
+        slide = BRISTLE
+        sigma0 = (m.tau_c + m.tau_s) / BRISTLE_TRAVEL
+        sigma1 = math.sqrt(sigma0 * m.J)
+    elif dry:
+        slide = STUCK
+    rows = _march(u, substeps, slide, sigma0, sigma1, plant)
+    return {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(COLUMNS)}
