@@ -53,10 +53,14 @@ def checked_starts(composed: Composed, starts: Mapping[str, float]) -> dict[str,
     known = composed.inputs | composed.parameters
     for name, value in starts.items():
         if name not in known:
-            raise UsageError(f"{composed.block.name} has no '{name}'; {registry.suggestion(name, list(known))}")
+            raise UsageError(
+                f"{composed.block.name} has no '{name}'; {registry.suggestion(name, list(known))}"
+            )
         low, high, unit = known[name].low, known[name].high, known[name].unit
         if not low <= value <= high:
-            raise UsageError(f"{composed.block.name}.{name} = {value!r} {unit} is not within {low:g} to {high:g} {unit}")
+            raise UsageError(
+                f"{composed.block.name}.{name} = {value!r} {unit} is not within {low:g} to {high:g} {unit}"
+            )
     return {name: float(value) for name, value in starts.items()}
 
 
@@ -98,7 +102,9 @@ def build_fmu(
         for name, data in files.items():
             (source / name).write_bytes(data)
         (documents / "index.html").write_bytes(documentation(composed, values))
-        built = run_pythonfmu(source / f"{stem}.py", Path(scratch, "built"), documents, [source / n for n in files])
+        built = run_pythonfmu(
+            source / f"{stem}.py", Path(scratch, "built"), documents, [source / n for n in files]
+        )
         destination.parent.mkdir(parents=True, exist_ok=True)
         repack(built, destination, PICTURES / f"{composed.block.name}.png")
     return destination
@@ -106,7 +112,18 @@ def build_fmu(
 
 def run_pythonfmu(file: Path, destination: Path, documents: Path, resources: list[Path]) -> Path:
     """Run pythonfmu's builder in a process of its own, because it imports the script."""
-    command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(file), "-d", str(destination), "--doc", str(documents)]
+    command = [
+        sys.executable,
+        "-m",
+        "pythonfmu",
+        "build",
+        "-f",
+        str(file),
+        "-d",
+        str(destination),
+        "--doc",
+        str(documents),
+    ]
     command += ["--no-external-tool", "--handle-state", "--serialize-state", *map(str, resources)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     built = list(destination.glob("*.fmu"))
@@ -118,7 +135,9 @@ def run_pythonfmu(file: Path, destination: Path, documents: Path, resources: lis
 def repack(archive: Path, destination: Path, picture: Path) -> None:
     """Write the archive again: sorted, compressed, fixed dates and rights, without what only the builder needed."""
     with zipfile.ZipFile(archive) as old:
-        entries = {name: old.read(name) for name in old.namelist() if name != "resources/model_description.xml"}
+        entries = {
+            name: old.read(name) for name in old.namelist() if name != "resources/model_description.xml"
+        }
     if picture.exists():
         entries["model.png"] = picture.read_bytes()
     temporary = destination.with_suffix(".part")

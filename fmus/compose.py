@@ -115,7 +115,9 @@ def compose(block: Block, effects: Iterable[Effect] = ()) -> Composed:
     for function in (*block.helpers, *extras, *block.equations):
         name = function.__name__
         if known.setdefault(name, function) is not function:
-            raise ValueError(f"two equations are named '{name}' in block '{block.name}' with {[e.name for e in woven]}")
+            raise ValueError(
+                f"two equations are named '{name}' in block '{block.name}' with {[e.name for e in woven]}"
+            )
     for function in known.values():
         filling = [e for e in woven if function.__name__ in e.fills] if function in block.equations else []
         parts.append(slot_text(function, filling) if filling else bare_text(function))
@@ -169,7 +171,9 @@ def slot_text(function: Callable[..., Any], effects: list[Effect]) -> str:
         call = effect.fills[name].__name__
         rest = ", ".join(["value", *arguments[1:]] if chain else arguments)
         lines.append(f"    if {is_on(effect, block)}:")
-        lines.append(f"        value = {call}({rest})" if chain else f"        value = value + {call}({rest})")
+        lines.append(
+            f"        value = {call}({rest})" if chain else f"        value = value + {call}({rest})"
+        )
     return "\n".join([*lines, "    return value"])
 
 
@@ -215,5 +219,3 @@ def remember_lines(block: Block, active: list[Effect], x1: str, effects: tuple[E
         values = [n if n in names else f"m.{n}" for n in merged_memory(block, effects)]
         lines += [f"        {', '.join(names)}, = {call}", f"        m = Memory({', '.join(values)})"]
     return lines
-
-

@@ -22,7 +22,9 @@ class Input(NamedTuple):
 class Output(NamedTuple):
     """What goes out."""
 
-    p_load: Annotated[float, Variable("Pa", "Load pressure that drives the mechanics", display="bar", nominal=1e5)]
+    p_load: Annotated[
+        float, Variable("Pa", "Load pressure that drives the mechanics", display="bar", nominal=1e5)
+    ]
     p_a: Annotated[float, Variable("Pa", "Pressure at port A", display="bar", nominal=1e5)]
     p_b: Annotated[float, Variable("Pa", "Pressure at port B", display="bar", nominal=1e5)]
     p_supply: Annotated[float, Variable("Pa", "Supply pressure", display="bar", nominal=1e5)]
@@ -39,7 +41,9 @@ class Parameters(NamedTuple):
     """The identified first order."""
 
     K_c: Annotated[float, Variable("Pa/m", "Load pressure per spool opening", 5.28e8, 1.0, 1e12, display="bar/mm", nominal=1e8, source="(5.4), Table 4.4 TF4; unit from SYSTEM section 9.2")]  # fmt: skip
-    T: Annotated[float, Variable("s", "Time constant", 0.11, 1e-6, 1e3, nominal=0.1, source="(5.4), Table 4.4 TF4")]
+    T: Annotated[
+        float, Variable("s", "Time constant", 0.11, 1e-6, 1e3, nominal=0.1, source="(5.4), Table 4.4 TF4")
+    ]
     p_s: Annotated[float, Variable("Pa", "Supply pressure without flow", 170e5, 1e4, 1e8, display="bar", nominal=1e5, source="SYSTEM section 1: 0..170 bar")]  # fmt: skip
 
 

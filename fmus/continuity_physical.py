@@ -25,7 +25,9 @@ class Input(NamedTuple):
     """What comes in."""
 
     spool: Annotated[float, Variable("m", "Spool position", low=-1.0, high=1.0, display="mm", nominal=1e-3)]
-    omega: Annotated[float, Variable("rad/s", "Slew velocity", low=-1e4, high=1e4, display="deg/s", nominal=0.01)]
+    omega: Annotated[
+        float, Variable("rad/s", "Slew velocity", low=-1e4, high=1e4, display="deg/s", nominal=0.01)
+    ]
 
 
 class Output(NamedTuple):
@@ -59,7 +61,9 @@ class Parameters(NamedTuple):
     V_B: Annotated[float, Variable("m3", "Volume of chamber B at mid stroke", 2.1e-3, 1e-9, 10.0, display="l", nominal=1e-3, source="A times half the stroke of 290 deg at r = 100 mm (SYSTEM section 2)")]  # fmt: skip
     C_L: Annotated[float, Variable("m3/(s.Pa)", "Cross-port leakage coefficient", 2.1215307141765915e-12, 0.0, 1e-6, nominal=1e-12, source="keeps the poles of (5.12); see the module's text")]  # fmt: skip
     A: Annotated[float, Variable("m2", "Cylinder area", 8.4193e-3, 1e-9, 100.0, display="mm2", nominal=1e-2, source="Table 3.1; SYSTEM section 9.3")]  # fmt: skip
-    r: Annotated[float, Variable("m", "Pinion radius", 0.1, 1e-6, 100.0, display="mm", nominal=0.1, source="Table 3.1")]
+    r: Annotated[
+        float, Variable("m", "Pinion radius", 0.1, 1e-6, 100.0, display="mm", nominal=0.1, source="Table 3.1")
+    ]
     p_s: Annotated[float, Variable("Pa", "Supply pressure without flow", 170e5, 1e4, 1e8, display="bar", nominal=1e5, source="SYSTEM section 1: 0..170 bar")]  # fmt: skip
     p_t: Annotated[float, Variable("Pa", "Tank pressure", 0.0, 0.0, 1e7, display="bar", nominal=1e5, source="assumed: open tank")]  # fmt: skip
     R_s: Annotated[float, Variable("Pa.s/m3", "Fall of the supply per flow drawn", 0.0, 0.0, 1e15, nominal=1e10, source="0: stiff supply (CONTRACT section 6)")]  # fmt: skip
@@ -89,7 +93,9 @@ def port_flows(p_a: float, p_b: float, p_s: float, spool: float, p: Parameters) 
 
 
 @equation
-def rates(p_a: float, p_b: float, p_s: float, spool: float, omega: float, p: Parameters) -> tuple[float, float, float]:
+def rates(
+    p_a: float, p_b: float, p_s: float, spool: float, omega: float, p: Parameters
+) -> tuple[float, float, float]:
     """dPA/dt, dPB/dt, dPs/dt in Pa/s: (4.19), (4.20)."""
     q_a, q_b = port_flows(p_a, p_b, p_s, spool, p)
     swept = p.A * p.r * omega

@@ -151,6 +151,21 @@ class Block:
 
 
 @dataclass(frozen=True)
+class Free:
+    """How a parameter of an effect is estimated from data.
+
+    Attributes:
+        starts: values from which searches begin, SI.
+        scale: typical size of a moderate deviation from the off value, SI.
+        floor: deviation from the off value that is too small to matter in practice, SI; 0 where the size alone does not tell.
+    """
+
+    starts: tuple[float, ...]
+    scale: float
+    floor: float = 0.0
+
+
+@dataclass(frozen=True)
 class Effect:
     """One physical effect of the library.
 
@@ -162,14 +177,13 @@ class Effect:
         acts_on: component of the system whose equations it changes (mostly the block it is reported under).
         key: the parameter which, at its off value, switches the effect off.
         parameters: new parameters of the block, `start` being the off value.
-        frees: parameters that the block itself already has and that this effect changes.
+        free: how each parameter that the effect changes is estimated; it may be the block's own (J, K, tau_c).
         fills: slot name -> equation with the slot's signature.
         memory: what it remembers between steps: `Variable` or `Buffer` by name.
         begin: equation (x, u, p) -> tuple of initial memory values (of the Variables only), or None without memory.
         remember: equation (x, x1, u, m, p, c) -> tuple of the new values of the Variables.
         when: "before" the block's step (x1 is x then) or "after" it.
         helpers: further equations that these call.
-        module: text of the model it belongs to, filled in by the registry.
     """
 
     name: str
@@ -179,7 +193,7 @@ class Effect:
     key: str
     acts_on: str = ""
     parameters: dict[str, Variable] = field(default_factory=dict)
-    frees: tuple[str, ...] = ()
+    free: dict[str, Free] = field(default_factory=dict)
     fills: dict[str, Callable[..., Any]] = field(default_factory=dict)
     memory: dict[str, Variable | Buffer] = field(default_factory=dict)
     begin: Callable[..., Any] | None = None

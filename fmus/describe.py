@@ -40,9 +40,16 @@ def unit_definitions(variables: Iterable[Variable]) -> etree._Element:
     return root
 
 
-def scalar_variable(name: str, reference: int, causality: str, variable: Variable, start: float) -> etree._Element:
+def scalar_variable(
+    name: str, reference: int, causality: str, variable: Variable, start: float
+) -> etree._Element:
     """One ScalarVariable: explicit variability; start on inputs and parameters only; outputs are calculated."""
-    attributes = {"name": name, "valueReference": str(reference), "description": variable.text, "causality": causality}
+    attributes = {
+        "name": name,
+        "valueReference": str(reference),
+        "description": variable.text,
+        "causality": causality,
+    }
     value: dict[str, str] = {}
     if causality == "parameter":
         attributes |= {"variability": "fixed", "initial": "exact"}
@@ -88,7 +95,9 @@ def model_description(composed: Composed, starts: Mapping[str, float], content: 
     rows = table(composed)
     variables = E.ModelVariables()
     for reference, (name, causality, variable) in enumerate(rows):
-        variables.append(scalar_variable(name, reference, causality, variable, starts.get(name, variable.start)))
+        variables.append(
+            scalar_variable(name, reference, causality, variable, starts.get(name, variable.start))
+        )
     index = {name: i + 1 for i, (name, _, _) in enumerate(rows)}
     outputs, initial = E.Outputs(), E.InitialUnknowns()
     for name in composed.outputs:
@@ -126,7 +135,9 @@ def model_description(composed: Composed, starts: Mapping[str, float], content: 
 def documentation(composed: Composed, starts: Mapping[str, float]) -> bytes:
     """The documentation page (HTML): equations, variables, effects."""
     block = composed.block
-    body = E.body(E.h1(block.title), E.img(src="../model.png", alt=block.title), E.pre(block.module.__doc__ or ""))
+    body = E.body(
+        E.h1(block.title), E.img(src="../model.png", alt=block.title), E.pre(block.module.__doc__ or "")
+    )
     headings = ("name", "causality", "unit", "start", "from", "to", "meaning", "source")
     rows = [E.tr(*(E.th(h) for h in headings))]
     for name, causality, v in table(composed):
@@ -136,7 +147,11 @@ def documentation(composed: Composed, starts: Mapping[str, float]) -> bytes:
     body.append(E.table(*rows, border="1"))
     for effect in composed.effects:
         body.append(E.h2(effect.name))
-        body.append(E.p(f"{effect.text} Off at {effect.key} = its start value. In the data: {effect.residual}"))
+        body.append(
+            E.p(f"{effect.text} Off at {effect.key} = its start value. In the data: {effect.residual}")
+        )
     page = E.html(E.head(E.meta(charset="utf-8"), E.title(block.title)), body)
-    text: bytes = etree.tostring(page, method="html", encoding="utf-8", doctype="<!DOCTYPE html>", pretty_print=True)
+    text: bytes = etree.tostring(
+        page, method="html", encoding="utf-8", doctype="<!DOCTYPE html>", pretty_print=True
+    )
     return text

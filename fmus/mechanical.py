@@ -43,7 +43,9 @@ class Parameters(NamedTuple):
     J: Annotated[float, Variable("kg.m2", "Inertia at the slew axis", 763.9437268410978, 1e-6, 1e9, nominal=1e3, source="(4.34): 7.5e-6 in deg and bar mm3; CONTRACT section 6")]  # fmt: skip
     b: Annotated[float, Variable("N.m.s/rad", "Viscous friction", 26661.636066754313, 0.0, 1e9, nominal=1e4, source="(5.12): pole at 34.9 rad/s (SYSTEM section 9.1), b = 34.9 J")]  # fmt: skip
     A: Annotated[float, Variable("m2", "Cylinder area", 8.4193e-3, 1e-9, 100.0, display="mm2", nominal=1e-2, source="Table 3.1; SYSTEM section 9.3")]  # fmt: skip
-    r: Annotated[float, Variable("m", "Pinion radius", 0.1, 1e-6, 100.0, display="mm", nominal=0.1, source="Table 3.1")]
+    r: Annotated[
+        float, Variable("m", "Pinion radius", 0.1, 1e-6, 100.0, display="mm", nominal=0.1, source="Table 3.1")
+    ]
     tau_c: Annotated[float, Variable("N.m", "Coulomb friction torque", 0.0, 0.0, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
     tau_load: Annotated[float, Variable("N.m", "Constant load torque against positive motion", 0.0, -1e9, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
     theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e3, 1e3, display="deg", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
@@ -72,8 +74,13 @@ def inertia(J: float, p: Parameters) -> float:
 
 
 @slot("sum")
-def load_torque(theta: float, omega: float, x: State, m: NoMemory, p: Parameters) -> float:
-    """Torque against positive motion, N m; effects add theirs."""
+def load_torque(
+    s: float, theta: float, omega: float, x: State, m: NoMemory, p: Parameters, c: Coefficients
+) -> float:
+    """Torque against positive motion, N m, at angle theta and velocity omega; effects add theirs.
+
+    Called at the start (s = 0) and, with predicted angle and velocity, at the end (s = 1) of a step.
+    """
     return p.tau_load
 
 
@@ -96,7 +103,9 @@ def seen_velocity(omega: float, m: NoMemory, p: Parameters) -> float:
 
 
 @equation
-def slide(theta: float, omega: float, t0: float, t1: float, h: float, J: float, b: float) -> tuple[float, float]:
+def slide(
+    theta: float, omega: float, t0: float, t1: float, h: float, J: float, b: float
+) -> tuple[float, float]:
     """Angle and velocity after h under a torque on a straight line from t0 to t1 and viscous friction, exact."""
     decay, phi1, phi2, phi3 = phi_functions(b * h / J)
     return (
@@ -142,7 +151,9 @@ def with_dry_friction(theta: float, omega: float, t0: float, t1: float, m: NoMem
             direction = math.copysign(1.0, t0 if abs(t0) > holding else t1)
         level = direction * friction_level(omega, m, p)
         _, ahead = slide(theta, omega, t0 - level, t1 - level, left, c.J, p.b)
-        level = direction * friction_level(0.5 * (omega + ahead), m, p)  # midpoint: second order where it varies
+        level = direction * friction_level(
+            0.5 * (omega + ahead), m, p
+        )  # midpoint: second order where it varies
         angle, speed = slide(theta, omega, t0 - level, t1 - level, left, c.J, p.b)
         if speed * direction >= 0.0:
             return angle, speed
@@ -170,18 +181,22 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
     J = inertia(p.J, p)
     decay, phi1, phi2, phi3 = phi_functions(p.b * h / J)
     k = h / J
-    return Coefficients(h, J, decay, k * (phi1 - phi2), k * phi2, h * phi1, h * k * (phi2 - phi3), h * k * phi3)
+    return Coefficients(
+        h, J, decay, k * (phi1 - phi2), k * phi2, h * phi1, h * k * (phi2 - phi3), h * k * phi3
+    )
 
 
 @equation
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
     """(4.27) over one step of length c.h."""
     torque = p.A * p.r * u.p_load
-    t0 = x.torque - load_torque(x.theta, x.omega, x, m, p)
-    t1 = torque - load_torque(x.theta + c.h * x.omega, x.omega, x, m, p)
+    t0 = x.torque - load_torque(0.0, x.theta, x.omega, x, m, p, c)
     if friction_level(0.0, m, p) > 0.0:
+        t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, x.omega, x, m, p, c)
         theta, omega = with_dry_friction(x.theta, x.omega, t0, t1, m, p, c)
         return State(theta, omega, torque)
+    ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
+    t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
     return State(
         x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1, c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1, torque
     )

@@ -26,7 +26,9 @@ class Output(NamedTuple):
     """What goes out."""
 
     slew_estimate: Annotated[float, Variable("rad", "Estimated slew angle", display="deg")]
-    slew_rate_estimate: Annotated[float, Variable("rad/s", "Estimated slew velocity", display="deg/s", nominal=0.01)]
+    slew_rate_estimate: Annotated[
+        float, Variable("rad/s", "Estimated slew velocity", display="deg/s", nominal=0.01)
+    ]
 
 
 class State(NamedTuple):

@@ -1,6 +1,6 @@
 """Slew sensor: a draw-wire over a disc. Nominally the angle itself (CONTRACT section 6); its faults are effects.
 
-    slew = theta
+slew = theta
 """
 
 import sys

@@ -68,10 +68,14 @@ class BlockSlave(Fmi2Slave):
         if self.n_inputs <= vr < self.n_inputs + self.n_outputs:
             self.refuse(f"{name} is an output and cannot be set")
         elif vr >= self.n_inputs and self.mode == "running":
-            self.refuse(f"parameter {name} is fixed and cannot be set to {value!r} after initialisation; reset first")
+            self.refuse(
+                f"parameter {name} is fixed and cannot be set to {value!r} after initialisation; reset first"
+            )
         else:
             limits = f"{self.lows[vr]!r} to {self.highs[vr]!r}"
-            self.refuse(f"{name} = {value!r} is refused: it must be a number from {limits}; {self.values[vr]!r} is kept")
+            self.refuse(
+                f"{name} = {value!r} is refused: it must be a number from {limits}; {self.values[vr]!r} is kept"
+            )
 
     # The calls of each phase, as closures over the flat list
 

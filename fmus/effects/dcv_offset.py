@@ -1,0 +1,12 @@
+"""The spool's neutral is shifted."""
+
+from fmus.contract import Effect, Free
+
+EFFECT = Effect(
+    name="dcv.offset",
+    text="The spool's neutral is shifted: the demand gets an offset after the dead zone, the stops stay.",
+    residual="a constant spool error, also at rest",
+    source="Table 3.5: neutral shifted by the mechanical restriction",
+    key="x_0",
+    free={"x_0": Free(starts=(-1e-4, 1e-4), scale=1e-4, floor=4e-6)},
+)

@@ -1,0 +1,12 @@
+"""The spool's speed is limited."""
+
+from fmus.contract import Effect, Free
+
+EFFECT = Effect(
+    name="dcv.rate_limit",
+    text="The spool's speed is limited.",
+    residual="spool error only in fast, large moves; ramps of one constant slope in the measured spool",
+    source="limited pilot flow of the PVES actuator; saturation of x' in (4.16)",
+    key="v_max",
+    free={"v_max": Free(starts=(0.008, 0.015, 0.03), scale=0.01)},
+)

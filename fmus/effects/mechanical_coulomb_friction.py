@@ -1,0 +1,12 @@
+"""Constant friction torque against motion, with true sticking."""
+
+from fmus.contract import Effect, Free
+
+EFFECT = Effect(
+    name="mechanical.coulomb_friction",
+    text="A constant friction torque acts against motion and holds the column at rest up to its own size.",
+    residual="a missing torque of constant size and the sign of the velocity; standstill at small torque",
+    source="(4.27): tau_c sign(theta')",
+    key="tau_c",
+    free={"tau_c": Free(starts=(50.0, 300.0), scale=150.0, floor=3.0)},
+)

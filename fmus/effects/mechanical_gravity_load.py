@@ -1,0 +1,45 @@
+"""A torque that depends on the angle, because the base is not level."""
+
+import math
+
+from fmus.contract import Effect, Free, Variable, equation
+
+
+@equation
+def gravity_torque(s, theta, omega, x, m, p, c):
+    """tau_g sin(theta - theta_g) against positive motion."""
+    return p.tau_g * math.sin(theta - p.theta_g)
+
+
+EFFECT = Effect(
+    name="mechanical.gravity_load",
+    text="A torque that depends on the angle: the base is not level.",
+    residual="a missing torque that depends on the angle alone, one period a turn; drift at rest",
+    source="component of weight along the tilted base: m g l sin(tilt) sin(theta - theta_g)",
+    key="tau_g",
+    parameters={
+        "tau_g": Variable(
+            "N.m",
+            "Amplitude of the gravity torque",
+            0.0,
+            -1e9,
+            1e9,
+            nominal=100.0,
+            source="off: level base in (4.27)",
+        ),
+        "theta_g": Variable(
+            "rad",
+            "Angle of rest, where the torque vanishes",
+            0.0,
+            -1e3,
+            1e3,
+            display="deg",
+            source="assumed; acts only where tau_g is on",
+        ),
+    },  # fmt: skip
+    free={
+        "tau_g": Free(starts=(100.0,), scale=150.0, floor=2.0),
+        "theta_g": Free(starts=(-2.0, 0.0, 2.0), scale=1.0),
+    },
+    fills={"load_torque": gravity_torque},
+)

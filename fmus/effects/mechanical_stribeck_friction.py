@@ -1,0 +1,48 @@
+"""Friction higher at standstill than in motion, falling with speed."""
+
+import math
+
+from fmus.contract import Effect, Free, Variable, equation
+
+
+@equation
+def stribeck_level(omega, m, p):
+    """tau_s exp(-(omega/omega_s)^2), on top of Coulomb friction."""
+    ratio = omega / p.omega_s
+    return p.tau_s * math.exp(-ratio * ratio)
+
+
+EFFECT = Effect(
+    name="mechanical.stribeck_friction",
+    text="Friction is higher at standstill than in motion and falls with speed.",
+    residual="a missing torque against motion that is largest near standstill; jerky start",
+    source="Armstrong-Helouvry et al., Automatica 30(7), 1994: tau_c + tau_s exp(-(omega/omega_s)^2)",
+    key="tau_s",
+    parameters={
+        "tau_s": Variable(
+            "N.m",
+            "Friction at standstill beyond Coulomb friction",
+            0.0,
+            0.0,
+            1e9,
+            nominal=100.0,
+            source="off: only tau_c in (4.27)",
+        ),
+        "omega_s": Variable(
+            "rad/s",
+            "Speed at which it has fallen to 1/e",
+            0.01,
+            1e-6,
+            1e3,
+            display="deg/s",
+            nominal=0.01,
+            source="assumed; acts only where tau_s > 0",
+        ),
+    },  # fmt: skip
+    free={
+        "tau_c": Free(starts=(30.0, 150.0), scale=100.0),
+        "tau_s": Free(starts=(100.0, 300.0), scale=150.0, floor=10.0),
+        "omega_s": Free(starts=(0.003, 0.01), scale=0.005),
+    },
+    fills={"friction_level": stribeck_level},
+)

@@ -1,0 +1,12 @@
+"""A wrong scale of the slew sensor."""
+
+from fmus.contract import Effect, Free
+
+EFFECT = Effect(
+    name="sensor.gain",
+    text="The slew sensor's scale is wrong.",
+    residual="a difference between sensor and tracker in proportion to the angle; without the tracker like a change of J, b and flow together",
+    source="(3.2): max engineering value / max voltage",
+    key="gain",
+    free={"gain": Free(starts=(0.95, 1.05), scale=0.05, floor=0.002)},
+)
