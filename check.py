@@ -32,7 +32,9 @@ def steps(fix: bool, slow: bool, pytest_arguments: list[str]) -> dict[str, list[
 
 def main() -> int:
     """Runs the steps and returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--fix", action="store_true", help="repair format and lint where ruff can")
     parser.add_argument("--slow", action="store_true", help="run the tests marked slow too")
     options, rest = parser.parse_known_args()
