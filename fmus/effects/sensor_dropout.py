@@ -1,14 +1,12 @@
 """Stale samples of the slew sensor, from lost packets."""
 
-import math
-
 from fmus.contract import Effect, Free, Variable, equation
 
 
 @equation
 def dropout_remember(x, x1, u, m, p, c):
     """Next number of the minimal standard generator, exact in doubles, and the reading that a lost packet would repeat."""
-    return math.fmod(16807.0 * m.dropout_seed, 2147483647.0), x1.slew
+    return (16807.0 * m.dropout_seed) % 2147483647.0, x1.slew
 
 
 @equation

@@ -1,0 +1,142 @@
+"""The compiled twin: the composed text of a block, compiled by numba and run over whole arrays.
+
+Blocks of a chain without feedback can be run one after the other over the whole time axis, so a fit that changes a
+parameter of one block runs again only that block and those behind it. Compiled code is cached on disk by the text's digest.
+"""
+
+import importlib.util
+import os
+import sys
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from platformdirs import user_cache_path
+
+from cosim.errors import ModelError
+from fmus import registry
+from fmus.compose import Composed, compose
+from fmus.contract import Buffer, Effect
+
+Array = NDArray[np.float64]
+
+RUN = '''
+@njit(cache=True, nogil=True)
+def run(x, m, p, c, inputs, outputs):
+    """One step a column: `inputs` (n_inputs, n) are the inputs of each step, `outputs` (n_outputs, n) what follows it."""
+    for k in range(outputs.shape[1]):
+        u = Input({columns})
+        x, m = advance(x, m, u, p, c)
+        y = output(x, u, m, p)
+{stores}
+    return x, m
+'''
+
+
+def compiled_text(composed: Composed) -> str:
+    """The composed text with numba's decorators and the loop over a log."""
+    text = composed.source.replace("import math\n", "import math\nfrom numba import njit\n", 1)
+    text = text.replace("\ndef ", "\n@njit(cache=True, nogil=True)\ndef ")
+    columns = ", ".join(f"inputs[{i}, k]" for i in range(len(composed.block.inputs)))
+    stores = "\n".join(f"        outputs[{i}, k] = y[{i}]" for i in range(len(composed.block.outputs)))
+    return text + RUN.format(columns=columns, stores=stores)
+
+
+def cache_folder() -> Path:
+    """Folder of generated modules and their compiled code: COSIM_CACHE, or the user's cache folder."""
+    return Path(os.environ.get("COSIM_CACHE") or user_cache_path("slew-cosim"))
+
+
+def load_compiled(composed: Composed) -> Any:
+    """The compiled module of a composed block; written to the cache folder and imported from there."""
+    name = f"compiled_{composed.block.name}_{composed.digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{name}.py"
+    text = compiled_text(composed)
+    if not file.exists() or file.read_text(encoding="utf-8") != text:
+        part = file.with_suffix(f".{os.getpid()}.part")
+        part.write_text(text, encoding="utf-8")
+        part.replace(file)  # at once, so that no other process reads half a file
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise ModelError(f"the compiled module {file} cannot be loaded")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+class CompiledBlock:
+    """A block with effects, compiled.
+
+    Attributes:
+        composed: what it was made from.
+        nominal: start value of every parameter, SI.
+    """
+
+    def __init__(self, composed: Composed) -> None:
+        self.composed = composed
+        self.module = load_compiled(composed)
+        self.nominal = {name: v.start for name, v in composed.parameters.items()}
+
+    def parameters(self, values: Mapping[str, float]) -> Any:
+        """Parameters of the block: nominal ones, those in `values` (SI) replaced.
+
+        Raises:
+            KeyError: a name that the block does not have; the message gives the closest.
+        """
+        for name in values:
+            if name not in self.nominal:
+                block = self.composed.block.name
+                raise KeyError(f"{block} has no '{name}'; {registry.suggestion(name, list(self.nominal))}")
+        return self.module.Parameters(*(float(values.get(name, v)) for name, v in self.nominal.items()))
+
+    def buffers(self) -> list[Array]:
+        """Fresh arrays for what block and effects remember."""
+        return [np.zeros(b.length) for b in self.composed.memory.values() if isinstance(b, Buffer)]
+
+    def run(self, inputs: Array, h: float, values: Mapping[str, float], first: Array | None = None) -> Array:
+        """Run over a whole log.
+
+        Args:
+            inputs: (n_inputs, n) inputs of each step: the value at the end of the step for a continuous signal, the held value for a
+                held one.
+            h: step, s.
+            values: parameters that differ from nominal, SI.
+            first: (n_inputs,) inputs at initialisation; by default the first column.
+
+        Returns:
+            (n_outputs, n + 1) outputs: at initialisation, then after each step.
+        """
+        module = self.module
+        p = self.parameters(values)
+        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
+        start_inputs = inputs[:, 0] if first is None else first
+        u = module.Input(*(float(v) for v in start_inputs))
+        # coefficients in CPython: compiled exp differs in the last bit now and then, and the FMU computes them there
+        x = module.start.py_func(u, p)
+        x = type(x)(*(float(v) for v in x))
+        c = module.coefficients.py_func(p, h)
+        c = type(c)(*(float(v) for v in c))
+        m = module.begin.py_func(x, u, p, self.buffers())
+        outputs = np.empty((len(self.composed.block.outputs), inputs.shape[1] + 1))
+        outputs[:, 0] = module.output.py_func(x, u, m, p)
+        after = np.empty((outputs.shape[0], inputs.shape[1]))
+        module.run(x, m, p, c, inputs, after)
+        outputs[:, 1:] = after
+        return outputs
+
+
+@cache
+def compiled_block(name: str, component: str | None = None, extra: tuple[Effect, ...] = ()) -> CompiledBlock:
+    """Block `name` with every effect of the library that acts on `component`, compiled once a process."""
+    effects = registry.effects_on(component or name)
+    return CompiledBlock(compose(registry.block(name), (*effects, *extra)))
+
+
