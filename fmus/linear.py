@@ -41,9 +41,11 @@ def expm2(m11: float, m12: float, m21: float, m22: float, t: float) -> tuple[flo
     d22 = m22 - mean
     square = d11 * d11 + m12 * m21  # of half the distance of the two eigenvalues
     if square > 0.0:
+        # the faster-growing exponential is taken out, so that a strongly damped pair cannot overflow
         root = math.sqrt(square)
-        c = math.cosh(root * t)
-        s = math.sinh(root * t) / root
+        mean = mean + root
+        c = 0.5 * (1.0 + math.exp(-2.0 * root * t))
+        s = -0.5 * math.expm1(-2.0 * root * t) / root
     elif square < 0.0:
         root = math.sqrt(-square)
         c = math.cos(root * t)
