@@ -1,0 +1,173 @@
+"""Run a package in one engine, in a process of its own: ``python benchmarks/engines.py ENGINE PACKAGE OUT.npz``.
+
+The engines differ in what they record and how; this brings their results to one form: named arrays of equal length and
+``time``, the time that the engine itself puts beside each row. `run_engine` starts the process.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+TOP = Path(__file__).resolve().parent.parent
+SIGNALS = ("dcv.spool", "continuity.p_load", "mechanical.theta", "sensor.slew", "observer.slew_estimate")
+PARAMETER_SET = "nominal"
+
+
+def run_fmpy(package: Path, steps: int, h: float, signals: Sequence[str]) -> tuple[dict[str, Array], float]:
+    """fmpy's simulate_ssp; the whole call is timed, since it cannot be split."""
+    from fmpy.ssp.simulation import simulate_ssp
+
+    began = time.perf_counter()
+    rows = simulate_ssp(str(package), stop_time=(steps - 0.5) * h, step_size=h)
+    seconds = time.perf_counter() - began
+    return {"time": rows["time"], **{name: rows[name] for name in signals}}, seconds
+
+
+def run_ecos(package: Path, steps: int, h: float, signals: Sequence[str]) -> tuple[dict[str, Array], float]:
+    """Ecos, with the parameter set applied by name; read through its interface, because its CSV has six digits."""
+    from ecospy import EcosLib, EcosSimulation
+
+    EcosLib.set_log_level("warn")
+    names = [name.replace(".", "::") for name in signals]
+    table = np.empty((steps + 1, len(names) + 1))
+    with EcosSimulation(h, ssp_path=str(package)) as simulation:
+        if not simulation.init(parameter_set=PARAMETER_SET):
+            raise RuntimeError(EcosLib.get_last_error())
+        read = simulation.get_real
+        table[0] = [simulation.get_time(), *map(read, names)]
+        began = time.perf_counter()
+        for k in range(1, steps + 1):
+            table[k] = [simulation.step(), *map(read, names)]
+        seconds = time.perf_counter() - began
+        simulation.terminate()
+    return {"time": table[:, 0], **dict(zip(signals, table[:, 1:].T, strict=True))}, seconds
+
+
+def run_libcosim(
+    package: Path, steps: int, h: float, signals: Sequence[str]
+) -> tuple[dict[str, Array], float]:
+    """libcosim, with the step that the package's own annotation asks for and its time series observer."""
+    from libcosimpy.CosimEnums import CosimVariableType
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+
+    log_output_level(CosimLogLevel.WARNING)
+    execution = CosimExecution.from_ssp_file(str(package))
+    observer = CosimObserver.create_time_series(buffer_size=steps + 1)
+    execution.add_observer(observer)
+    places = []
+    for name in signals:
+        slave, _, variable = name.partition(".")
+        index = execution.slave_index_from_instance_name(slave)
+        reference = next(v.reference for v in execution.slave_variables(index) if v.name.decode() == variable)
+        observer.start_time_series(index, reference, CosimVariableType.REAL)
+        places.append((index, reference))
+    began = time.perf_counter()
+    if not execution.step(steps):
+        raise RuntimeError("libcosim could not step")
+    seconds = time.perf_counter() - began
+    columns = [observer.time_series_real_samples(*place, 1, steps) for place in places]
+    stamps = np.array(columns[0][0], dtype=float) * 1e-9
+    values = {name: np.array(column[2], dtype=float) for name, column in zip(signals, columns, strict=True)}
+    return {"time": stamps, **values}, seconds
+
+
+ENGINES: dict[str, Callable[[Path, int, float, Sequence[str]], tuple[dict[str, Array], float]]] = {
+    "fmpy": run_fmpy,
+    "ecos": run_ecos,
+    "libcosim": run_libcosim,
+}
+
+
+def tbb_folder() -> Path:
+    """Folder of the libtbb that ecos needs, as the package tbb installs it."""
+    return Path(sys.prefix) / "lib"
+
+
+def run_engine(
+    engine: str,
+    package: Path,
+    *,
+    steps: int,
+    h: float = 1e-3,
+    signals: Sequence[str] = SIGNALS,
+    timeout: float = 300.0,
+    core: int | None = None,
+) -> tuple[dict[str, Array], float]:
+    """Run a package in an engine, in a process of its own.
+
+    Args:
+        engine: a name of `ENGINES`.
+        package: the .ssp file.
+        steps: how many steps.
+        h: step size, s.
+        signals: what to record, "component.variable".
+        timeout: s, for the whole process.
+        core: the only processor core to use, or None for all.
+
+    Returns:
+        Results by name, with "time", and the seconds that stepping took.
+
+    Raises:
+        RuntimeError: the process failed; the message holds what it wrote.
+    """
+    paths = [str(tbb_folder()), *filter(None, [os.environ.get("LD_LIBRARY_PATH")])]
+    environment: Mapping[str, str] = os.environ | {"LD_LIBRARY_PATH": os.pathsep.join(paths)}
+    with tempfile.TemporaryDirectory(prefix="engine_") as scratch:
+        out = Path(scratch, "out.npz")
+        command = [sys.executable, str(Path(__file__).resolve()), engine, str(package.resolve()), str(out)]
+        command += ["--steps", str(steps), "--step-size", repr(h), "--signals", *signals]
+        if core is not None:
+            command += ["--core", str(core)]
+        done = subprocess.run(
+            command,
+            env=environment,
+            cwd=scratch,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+        )
+        if done.returncode != 0 or not out.exists():
+            raise RuntimeError(
+                f"{engine} ended with {done.returncode}: {done.stderr[-2000:]}{done.stdout[-2000:]}"
+            )
+        with np.load(out) as stored:
+            results = {name: stored[name] for name in stored.files}
+    return results, float(results.pop("seconds"))
+
+
+def main() -> int:
+    """Runs one engine in this process and stores its results."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("engine", choices=sorted(ENGINES))
+    parser.add_argument("package", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--steps", type=int, required=True)
+    parser.add_argument("--step-size", type=float, default=1e-3)
+    parser.add_argument("--signals", nargs="+", default=list(SIGNALS))
+    parser.add_argument("--core", type=int)
+    options = parser.parse_args()
+    if options.core is not None:
+        os.sched_setaffinity(0, {options.core})
+    results, seconds = ENGINES[options.engine](
+        options.package, options.steps, options.step_size, options.signals
+    )
+    np.savez(options.out, seconds=np.array(seconds), **results)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,265 @@
+"""Write an SSP package: wiring (.ssd), parameter values (.ssv) and FMUs in one archive, the same byte for byte each time.
+
+The FMUs' own start values equal the .ssv, because some clients (fmpy's simulate_ssp) ignore parameter bindings. So a
+component whose values differ from its block's declarations has an FMU file of its own inside the package.
+"""
+
+import io
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+
+from lxml import etree
+
+from cosim.errors import ModelError, UsageError
+from cosim.ssp.stimulus import stop_time
+from cosim.units import base_exponents
+from fmus import registry
+from fmus.build import ARCHIVE_DATE, build_fmu, checked_starts, composed_block
+from fmus.compose import Composed
+from fmus.describe import number
+
+SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
+SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
+OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+NAMESPACES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "oms": OMS, "osp": OSP}
+PARAMETER_SET = "nominal"  # the same name everywhere: ecos applies the bindings of one name
+STIMULUS = "stimulus"
+# system-level outputs of an open package: the signals of a log, and where they come from
+OUTPUTS = {
+    "slew": "sensor",
+    "spool": "dcv",
+    "p_a": "continuity",
+    "p_b": "continuity",
+    "p_supply": "continuity",
+    "slew_estimate": "observer",
+    "slew_rate_estimate": "observer",
+}
+Values = Mapping[str, Mapping[str, float]]
+
+
+def write_ssp(
+    ssd_path: Path,
+    destination: Path,
+    *,
+    stimulus: bytes | None = None,
+    values: Values | None = None,
+    open: bool = False,
+) -> Path:
+    """Write a package from a wiring file and the .ssv files it binds.
+
+    Args:
+        ssd_path: the wiring of the closed system; the sources of its parameter bindings are relative to it.
+        destination: the .ssp file to write.
+        stimulus: CSV that the stimulus plays (`cosim.ssp.stimulus.stimulus_csv`); the experiment ends with it.
+        values: what differs from the .ssv files: component -> parameter -> value in the parameter's SI unit. Parameters
+            of effects are among them.
+        open: leave the stimulus out; the system then has an input ``u`` and the signals of a log as outputs.
+
+    Returns:
+        `destination`.
+
+    Raises:
+        UsageError: a component or parameter of `values` does not exist, or a value is out of range.
+        ModelError: the wiring or an .ssv file is bad, or a closed package has no stimulus.
+        DataError: the stimulus is bad.
+    """
+    document = read_xml(ssd_path)
+    if open:
+        open_system(document, ssd_path)
+    else:
+        if stimulus is None:
+            raise ModelError(
+                f"{destination.name}: a closed package needs a stimulus, or write it with open=True"
+            )
+        set_stop_time(document, stop_time(stimulus))
+    components = document.findall(".//ssd:Component", NAMESPACES)
+    wanted = {name: dict(parameters) for name, parameters in (values or {}).items()}
+    known = [component.get("name", "") for component in components]
+    for name in wanted:
+        if name not in known:
+            raise UsageError(f"{ssd_path.name} has no component '{name}'; {registry.suggestion(name, known)}")
+    entries: dict[str, bytes] = {}
+    for component in components:
+        add_component(entries, component, ssd_path, wanted.get(component.get("name", ""), {}), stimulus)
+    entries["SystemStructure.ssd"] = xml_bytes(document)
+    return write_archive(entries, destination)
+
+
+def add_component(
+    entries: dict[str, bytes],
+    component: etree._Element,
+    ssd_path: Path,
+    values: Mapping[str, float],
+    stimulus: bytes | None,
+) -> None:
+    """Put a component's FMU and .ssv into `entries`, and bind that .ssv in the component's element."""
+    name, source = component.get("name", ""), component.get("source", "")
+    stem = PurePosixPath(source).stem
+    binding = component.find("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES)
+    if binding is None or not binding.get("source"):
+        raise ModelError(
+            f"{ssd_path.name}: component '{name}' binds no .ssv file; give it one ParameterBinding with a source"
+        )
+    try:
+        composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
+    except KeyError as error:
+        raise ModelError(f"{ssd_path.name}: component '{name}' runs {source}: {error.args[0]}") from None
+    starts = checked_starts(composed, read_values(ssd_path.parent / binding.get("source", "")) | dict(values))
+    binding.set("source", f"resources/{name}.ssv")
+    entries[f"resources/{name}.ssv"] = values_xml(composed, starts)
+    fmu = fmu_bytes(stem, changed(composed, starts), stimulus if stem == STIMULUS else None)
+    if entries.setdefault(source, fmu) != fmu:
+        raise ModelError(
+            f"{ssd_path.name}: two components with different values run '{source}'; give each a file of its own"
+        )
+
+
+def changed(composed: Composed, starts: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    """The start values that differ from their declarations, in order of the declarations."""
+    declared = composed.parameters
+    return tuple((n, starts[n]) for n in declared if n in starts and starts[n] != declared[n].start)
+
+
+@lru_cache(maxsize=64)
+def fmu_bytes(stem: str, starts: tuple[tuple[str, float], ...] = (), stimulus: bytes | None = None) -> bytes:
+    """The FMU of a component, built once for the same content.
+
+    Args:
+        stem: file name without suffix: a block's name, or a component's that runs another block's FMU.
+        starts: start values that differ from the declarations, SI.
+        stimulus: CSV that a stimulus plays.
+    """
+    resources = {"stimulus.csv": stimulus} if stimulus is not None else None
+    composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
+    with tempfile.TemporaryDirectory(prefix="fmu_") as scratch:
+        return build_fmu(composed, Path(scratch, f"{stem}.fmu"), dict(starts), resources).read_bytes()
+
+
+def read_xml(file: Path) -> etree._Element:
+    """The root of an XML file, without blanks between elements.
+
+    Raises:
+        ModelError: there is no such file, or it is not well-formed.
+    """
+    try:
+        parser = etree.XMLParser(remove_blank_text=True, resolve_entities=False)
+        return etree.parse(file, parser).getroot()
+    except OSError:
+        raise ModelError(f"there is no file '{file}'") from None
+    except etree.XMLSyntaxError as error:
+        raise ModelError(f"'{file}' is not well-formed XML: {error}") from None
+
+
+def read_values(file: Path) -> dict[str, float]:
+    """Parameter values of an .ssv file, in the order of the file; its units are those of the declarations.
+
+    Raises:
+        ModelError: the file is bad or a parameter is no number.
+    """
+    values: dict[str, float] = {}
+    for parameter in read_xml(file).findall("ssv:Parameters/ssv:Parameter", NAMESPACES):
+        name = parameter.get("name", "")
+        try:
+            values[name] = float(parameter[0].get("value", ""))
+        except (IndexError, ValueError):
+            raise ModelError(f"'{file}': parameter '{name}' has no number as its value") from None
+    return values
+
+
+def values_xml(composed: Composed, values: Mapping[str, float]) -> bytes:
+    """The .ssv of a component: `values` with the units of their declarations."""
+    root = etree.Element(
+        f"{{{SSV}}}ParameterSet", nsmap={"ssv": SSV, "ssc": SSC}, version="1.0", name=PARAMETER_SET
+    )
+    parameters = etree.SubElement(root, f"{{{SSV}}}Parameters")
+    used = set()
+    for name, variable in composed.parameters.items():
+        if name not in values:
+            continue
+        node = etree.SubElement(parameters, f"{{{SSV}}}Parameter", name=name)
+        text = number(values[name], variable)
+        if variable.kind == "integer":
+            etree.SubElement(node, f"{{{SSV}}}Integer", value=text)
+        else:
+            etree.SubElement(node, f"{{{SSV}}}Real", value=text, unit=variable.unit)
+            used.add(variable.unit)
+    units = etree.SubElement(root, f"{{{SSV}}}Units")
+    for unit in sorted(used or {"1"}):
+        exponents, scale = base_exponents(unit)
+        base = {name: str(power) for name, power in sorted(exponents.items())}
+        if scale != 1.0:
+            base["factor"] = repr(scale)
+        etree.SubElement(etree.SubElement(units, f"{{{SSC}}}Unit", name=unit), f"{{{SSC}}}BaseUnit", base)
+    return xml_bytes(root)
+
+
+def set_stop_time(document: etree._Element, time: float) -> None:
+    """Let the default experiment end at `time`, s."""
+    experiment = document.find("ssd:DefaultExperiment", NAMESPACES)
+    if experiment is not None:
+        experiment.set("stopTime", f"{time:g}")
+
+
+def open_system(document: etree._Element, ssd_path: Path) -> None:
+    """Turn a closed system into an open one: no stimulus, system-level input ``u`` and the outputs of `OUTPUTS` that exist.
+
+    Raises:
+        ModelError: there is no stimulus to leave out.
+    """
+    system = document.find("ssd:System", NAMESPACES)
+    found = {c.get("name"): c for c in document.findall(".//ssd:Component", NAMESPACES)}
+    if system is None or STIMULUS not in found:
+        raise ModelError(
+            f"{ssd_path.name} has no component '{STIMULUS}', so no open package can be derived from it"
+        )
+    connections = system.find("ssd:Connections", NAMESPACES)
+    command = found[STIMULUS].find("ssd:Connectors/ssd:Connector", NAMESPACES)
+    found[STIMULUS].getparent().remove(found[STIMULUS])
+    connectors = etree.Element(f"{{{SSD}}}Connectors")
+    system.insert(0, connectors)
+    add_connector(connectors, "u", "input", command)
+    for connection in connections.findall("ssd:Connection[@startElement='stimulus']", NAMESPACES):
+        del connection.attrib["startElement"]
+    for name, element in OUTPUTS.items():
+        inner = None
+        if element in found:
+            inner = found[element].find(f"ssd:Connectors/ssd:Connector[@name='{name}']", NAMESPACES)
+        if inner is not None:
+            add_connector(connectors, name, "output", inner)
+            ends = {"startElement": element, "startConnector": name, "endConnector": name}
+            etree.SubElement(connections, f"{{{SSD}}}Connection", ends)
+
+
+def add_connector(connectors: etree._Element, name: str, kind: str, like: etree._Element) -> None:
+    """Add a connector with the type and unit of another."""
+    connector = etree.SubElement(connectors, f"{{{SSD}}}Connector", name=name, kind=kind)
+    etree.SubElement(connector, like[0].tag, dict(like[0].attrib))
+
+
+def xml_bytes(root: etree._Element) -> bytes:
+    """The element as an indented file; the literal prefixes ssd:, ssc:, ssv: stay, because ecos and libcosim look for them."""
+    etree.indent(root, "  ")
+    text: bytes = etree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text + b"\n"
+
+
+def write_archive(entries: Mapping[str, bytes], destination: Path) -> Path:
+    """Write a zip archive with fixed dates and rights, all at once; FMUs are compressed already."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name in sorted(entries):
+            info = zipfile.ZipInfo(name, ARCHIVE_DATE)
+            info.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
+            info.external_attr = 0o644 << 16
+            info.create_system = 3  # the same on every platform
+            archive.writestr(info, entries[name])
+    destination.parent.mkdir(parents=True, exist_ok=True)
+    temporary = destination.with_name(destination.name + ".part")
+    temporary.write_bytes(buffer.getvalue())
+    temporary.replace(destination)
+    return destination
