@@ -148,18 +148,27 @@ def _report(run: "RigRun", out: Path, truth: Path, tracker: Path | None, json: b
 
 
 def _list_effects(json: bool) -> None:
-    """Print every effect with its parameters, moderate sizes and ranges."""
-    from cosim.console import emit_json, stdout_console, table
+    """Print every effect with its parameters: off value, moderate size, range, meaning."""
+    from cosim.console import emit_json, stdout_console
     from cosim.rig import EFFECTS, PARAMETERS
     from cosim.rig.parameters import nominal_value
 
-    rows = [
-        (effect, name.split(".")[1], PARAMETERS[name].unit, nominal_value(name), value,
-         f"{PARAMETERS[name].low:g} .. {PARAMETERS[name].high:g}", PARAMETERS[name].text)
-        for effect, item in EFFECTS.items() for name, value in item.moderate.items()
-    ]  # fmt: skip
-    headers = ("effect", "parameter", "unit", "off", "moderate", "range", "meaning")
+    rows = []
+    for effect, item in EFFECTS.items():
+        for name, moderate in item.moderate.items():
+            unit, low, high = PARAMETERS[name].unit, PARAMETERS[name].low, PARAMETERS[name].high
+            rows.append({"effect": effect, "parameter": name.split(".")[1], "unit": unit, "off": nominal_value(name),
+                         "moderate": moderate, "low": low, "high": high, "meaning": PARAMETERS[name].text})  # fmt: skip
     if json:
-        emit_json({"effects": [dict(zip(headers, row, strict=True)) for row in rows]})
-    else:
-        stdout_console().print(table("Effects of the virtual rig", headers, rows))
+        emit_json({"effects": rows})
+        return
+    console, last = stdout_console(), ""
+    console.print(
+        "Effects: parameter, off -> moderate size, allowed range, meaning. All in SI units.", markup=False
+    )
+    for row in rows:
+        if row["effect"] != last:
+            last = str(row["effect"])
+            console.print(last, markup=False, style="bold", soft_wrap=True)
+        line = "  {parameter:8} {off:.6g} -> {moderate:.6g} {unit}  ({low:g} .. {high:g})  {meaning}"
+        console.print(line.format(**row), markup=False, soft_wrap=True)

@@ -91,18 +91,50 @@ def _rub(s: State, t: float, h: float, held: Moment, p: Plant) -> State:
 
 
 @compiled
+def _step(s: State, t: float, h: float, held: Moment, p: Plant) -> State:
+    """A substep of `h` seconds without regard to the spool's stops."""
+    if held.slide == FREE or held.slide == BRISTLE:
+        return runge_kutta(s, t, h, held, p)
+    return _rub(s, t, h, held, p)
+
+
+@compiled
+def _time_to_stop(s: State, t: float, h: float, held: Moment, p: Plant) -> float:
+    """Seconds, at most `h`, until the spool meets a stop that it has passed after `h`: regula falsi (Illinois)."""
+    new = runge_kutta(s, t, h, held, p)
+    stop = p.dcv.x_max if new.x > p.dcv.x_max else p.dcv.x_min
+    low, high, below, above = 0.0, h, s.x - stop, new.x - stop
+    middle = h
+    for _ in range(5):
+        middle = low + (high - low) * below / (below - above)
+        beyond = runge_kutta(s, t, middle, held, p).x - stop
+        if beyond * above > 0.0:
+            high, above, below = middle, beyond, 0.5 * below
+        else:
+            low, below, above = middle, beyond, 0.5 * above
+    return middle
+
+
+@compiled
 def _span(s: State, t: float, length: float, count: int, held: Moment, p: Plant) -> tuple[State, float]:
     """`count` substeps over `length` seconds at one demand; returns the state and the seen angle [rad]."""
-    h = length / count
-    seen = held.seen
+    seen, half, low, high = held.seen, 0.5 * p.mechanical.gap, p.dcv.x_min, p.dcv.x_max
     for i in range(count):
-        now = Moment(held.demand, seen, held.slide, held.sigma0, held.sigma1)
-        if held.slide == FREE or held.slide == BRISTLE:
-            s = runge_kutta(s, t + i * h, h, now, p)
-        else:
-            s = _rub(s, t + i * h, h, now, p)
-        s = _stopped(s, p)
-        seen = play(s.theta, seen, 0.5 * p.mechanical.gap)
+        now, left = t + i * (length / count), length / count
+        hits = 0
+        while left > 1e-15:
+            moment = Moment(held.demand, seen, held.slide, held.sigma0, held.sigma1)
+            new = _step(s, now, left, moment, p)
+            part = left
+            if hits < 3 and (new.x > high > s.x or new.x < low < s.x):
+                part = _time_to_stop(s, now, left, moment, p)
+                end = _step(s, now, part, moment, p)
+                stop = high if new.x > high else low
+                new = State(stop, 0.0, *end[2:])
+                hits += 1
+            s = _stopped(new, p)
+            seen = play(s.theta, seen, half)
+            now, left = now + part, left - part
     return s, seen
 
 
