@@ -23,7 +23,7 @@ PARAMETER_SET = "nominal"
 
 
 def run_fmpy(package: Path, steps: int, h: float, signals: Sequence[str]) -> tuple[dict[str, Array], float]:
-    """fmpy's simulate_ssp; the whole call is timed, since it cannot be split."""
+    """The simulate_ssp of fmpy; the whole call is timed, since it cannot be split."""
     from fmpy.ssp.simulation import simulate_ssp
 
     began = time.perf_counter()
@@ -94,6 +94,14 @@ def tbb_folder() -> Path:
     return Path(sys.prefix) / "lib"
 
 
+def environment() -> Mapping[str, str]:
+    """The environment of this process, with what ecos and this package need to be found."""
+    extended = dict(os.environ)
+    for name, folder in {"LD_LIBRARY_PATH": tbb_folder(), "PYTHONPATH": TOP}.items():
+        extended[name] = os.pathsep.join([str(folder), *filter(None, [os.environ.get(name)])])
+    return extended
+
+
 def run_engine(
     engine: str,
     package: Path,
@@ -121,8 +129,6 @@ def run_engine(
     Raises:
         RuntimeError: the process failed; the message holds what it wrote.
     """
-    paths = [str(tbb_folder()), *filter(None, [os.environ.get("LD_LIBRARY_PATH")])]
-    environment: Mapping[str, str] = os.environ | {"LD_LIBRARY_PATH": os.pathsep.join(paths)}
     with tempfile.TemporaryDirectory(prefix="engine_") as scratch:
         out = Path(scratch, "out.npz")
         command = [sys.executable, str(Path(__file__).resolve()), engine, str(package.resolve()), str(out)]
@@ -131,7 +137,7 @@ def run_engine(
             command += ["--core", str(core)]
         done = subprocess.run(
             command,
-            env=environment,
+            env=environment(),
             cwd=scratch,
             capture_output=True,
             text=True,

@@ -3,7 +3,6 @@
 import csv
 import io
 import math
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray

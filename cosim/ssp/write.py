@@ -242,7 +242,7 @@ def add_connector(connectors: etree._Element, name: str, kind: str, like: etree.
 
 
 def xml_bytes(root: etree._Element) -> bytes:
-    """The element as an indented file; the literal prefixes ssd:, ssc:, ssv: stay, because ecos and libcosim look for them."""
+    """The element as an indented file; its prefixes stay, because ecos and libcosim look for ssd:, ssc:, ssv: literally."""
     etree.indent(root, "  ")
     text: bytes = etree.tostring(root, encoding="UTF-8", xml_declaration=True)
     return text + b"\n"
