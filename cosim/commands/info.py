@@ -1,0 +1,169 @@
+"""``cosim info``: what a file holds: a log, a tracker's record, an FMU or a system."""
+
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cosim import console
+from cosim.errors import DataError, ModelError
+
+if TYPE_CHECKING:
+    from cosim.logs import Log, Tracker
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command ``info``."""
+    app.command()(info)
+
+
+def info(
+    file: Annotated[Path, typer.Argument(help="A log, a tracker's record, an .fmu or an .ssp.")],
+    mapping: Annotated[
+        Path | None, typer.Option(help="Mapping file (TOML), for a log whose columns have other names.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Show what a file holds: signals, units, ranges, sampling and damage of a log; the main facts of a model.
+
+    Exit code 3: the file is bad; 5: its type needs an optional dependency.
+    """
+    if not file.is_file():
+        raise DataError(f"{file}: {'this is a folder' if file.is_dir() else 'there is no such file'}")
+    kind = file.suffix.lower()
+    if kind in (".fmu", ".ssp"):
+        facts = _fmu_facts(file) if kind == ".fmu" else _ssp_facts(file)
+        rows = facts.get("variables") or facts.get("files") or []
+    else:
+        facts = log_facts(file, mapping)
+        rows = facts["signals"]
+    if as_json:
+        console.emit_json(facts)
+        return
+    output = console.stdout_console()
+    for key, value in facts.items():
+        if not isinstance(value, (list, dict)):
+            output.print(f"{key}: {value}", soft_wrap=True, markup=False)
+    if rows:
+        output.print(console.table("", list(rows[0]), [list(row.values()) for row in rows]))
+    for warning in facts.get("warnings", ()):
+        console.warn(warning)
+
+
+def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:
+    """What a log or a tracker's record holds, as plain data; ranges are in the units in which people read them.
+
+    Raises:
+        DataError: the file or the mapping is bad.
+        MissingExtraError: its type needs an optional dependency.
+    """
+    from cosim.logs import load_log, load_mapping, load_tracker
+    from cosim.logs.load import open_source
+
+    chosen = load_mapping(mapping) if mapping else None
+    if chosen is not None:
+        tracker = "slew_external" in chosen.signals
+    else:
+        tracker = any("slew_external" in (label.name, label.alias) for label in open_source(path).labels)
+    record: Log | Tracker = load_tracker(path, chosen) if tracker else load_log(path, chosen)
+    unit = getattr(record, "time_unit", "s")
+    facts = {
+        "file": path,
+        "kind": "tracker" if tracker else "log",
+        "origin": "synthetic" if record.synthetic else "measured",
+        "sha256": record.sha256,
+        "samples": len(record),
+        "time_unit": unit,
+        "start": float(record.time[0]),
+        "duration": record.duration,
+        "step": record.step,
+        "uniform": record.uniform,
+        "gaps": len(record.gaps),
+    }
+    if getattr(record, "model", None):
+        facts["model"] = record.model  # type: ignore[union-attr]
+    return facts | {"signals": _signal_rows(record), "warnings": list(record.warnings)}
+
+
+def _signal_rows(record: "Log | Tracker") -> list[dict[str, Any]]:
+    from cosim.logs import Log
+    from cosim.signals import SIGNALS
+
+    if not isinstance(record, Log):
+        signal = SIGNALS["slew_external"]
+        columns = [
+            ("slew_external", signal.unit, record.slew_external / signal.to_si, int((~record.valid).sum()))
+        ]
+    else:
+        columns = [
+            (name, record.display[name], record.in_display_units(name), int((~record.valid_mask(name)).sum()))
+            for name in record.signals
+        ]
+    return [
+        {
+            "signal": name,
+            "unit": unit,
+            "min": float(values.min()),
+            "mean": float(values.mean()),
+            "max": float(values.max()),
+            "filled": filled,
+        }
+        for name, unit, values, filled in columns
+    ]
+
+
+def _fmu_facts(path: Path) -> dict[str, Any]:
+    """The main facts of an FMU's model description.
+
+    Raises:
+        ModelError: it is no FMU.
+    """
+    import fmpy
+
+    try:
+        model = fmpy.read_model_description(str(path), validate=False)
+    except Exception as error:  # fmpy raises what its XML, zip and own parts raise
+        raise ModelError(f"{path}: cannot be read as an FMU: {' '.join(str(error).split())[:300]}") from None
+    simulation = model.coSimulation
+    return {
+        "file": path,
+        "kind": "fmu",
+        "name": model.modelName,
+        "description": model.description,
+        "fmi_version": model.fmiVersion,
+        "type": "co-simulation" if simulation is not None else "model exchange",
+        "guid": model.guid,
+        "generation_tool": model.generationTool,
+        "generation_date": model.generationDateAndTime,
+        "platforms": ", ".join(fmpy.supported_platforms(str(path))),
+        "variables": [
+            {
+                "variable": variable.name,
+                "causality": variable.causality,
+                "variability": variable.variability,
+                "unit": variable.unit
+                or (variable.declaredType.unit if variable.declaredType else None)
+                or "",
+                "start": variable.start if variable.start is not None else "",
+                "description": variable.description or "",
+            }
+            for variable in model.modelVariables
+        ],
+    }
+
+
+def _ssp_facts(path: Path) -> dict[str, Any]:
+    """The files in a system package.
+
+    Raises:
+        ModelError: it is no package.
+    """
+    try:
+        with zipfile.ZipFile(path) as package:
+            files = [{"file": item.filename, "bytes": item.file_size} for item in package.infolist()]
+    except (zipfile.BadZipFile, OSError) as error:
+        raise ModelError(f"{path}: cannot be read as an SSP package: {error}") from None
+    if not any(item["file"] == "SystemStructure.ssd" for item in files):
+        raise ModelError(f"{path}: holds no SystemStructure.ssd, so it is no SSP package")
+    return {"file": path, "kind": "ssp", "files": files}

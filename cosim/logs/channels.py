@@ -1,0 +1,114 @@
+"""Files of measurement channels that each have a clock: ASAM MDF 4 (.mf4) and LabVIEW TDMS (.tdms)."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import DataError, MissingExtraError
+from cosim.logs.source import Array, Label, Source, parse_label, translated
+
+
+class MdfSource(Source):
+    """An MDF file (.mf4, .mdf), through asammdf.
+
+    Raises:
+        MissingExtraError: asammdf is not installed.
+        DataError: the file is damaged or has no channel.
+    """
+
+    row_word = "sample"
+
+    def __init__(self, path: Path) -> None:
+        try:
+            from asammdf import MDF
+        except ImportError:
+            raise MissingExtraError(f"reading {path.name}", "mf4") from None
+        with translated(path, "MDF"), MDF(path) as file:
+            self._places = [
+                (g, c)
+                for g, group in enumerate(file.groups)
+                for c in range(len(group.channels))
+                if c != file.masters_db.get(g)
+            ]
+            heads = [(file.groups[g].channels[c].name, _mdf_unit(file, g, c)) for g, c in self._places]
+        if not heads:
+            raise DataError(f"{path}: holds no channel")
+        super().__init__(path, [parse_label(name, unit) for name, unit in heads])
+        self._clocks: dict[int, Array] = {}
+
+    def read(self, indices: Sequence[int]) -> list[Array]:
+        """See `Source.read`."""
+        from asammdf import MDF
+
+        columns = []
+        with translated(self.path, "MDF"), MDF(self.path) as file:
+            for k in indices:
+                group, channel = self._places[k]
+                signal = file.get(group=group, index=channel)
+                columns.append(_float_copy(self, k, signal.samples))
+                self._clocks[k] = np.array(signal.timestamps, dtype=np.float64)
+        return columns
+
+    def clock(self, index: int) -> Array | None:
+        """See `Source.clock`."""
+        if index not in self._clocks:
+            self.read([index])
+        return self._clocks[index]
+
+
+def _mdf_unit(file: Any, group: int, channel: int) -> str:
+    return str(file.get_channel_unit(group=group, index=channel) or "")
+
+
+class TdmsSource(Source):
+    """A TDMS file, through npTDMS; channels with a waveform's start and increment have their clock from it.
+
+    Raises:
+        MissingExtraError: npTDMS is not installed.
+        DataError: the file is damaged or has no channel.
+    """
+
+    row_word = "sample"
+
+    def __init__(self, path: Path) -> None:
+        try:
+            from nptdms import TdmsFile
+        except ImportError:
+            raise MissingExtraError(f"reading {path.name}", "tdms") from None
+        with translated(path, "TDMS"):
+            self._channels = [
+                channel for group in TdmsFile.read(path).groups() for channel in group.channels()
+            ]
+        if not self._channels:
+            raise DataError(f"{path}: holds no channel")
+        groups = Counter(channel.group_name for channel in self._channels)
+        labels = []
+        for channel in self._channels:
+            unit = str(channel.properties.get("unit_string", ""))
+            prefix = f"{channel.group_name}/" if len(groups) > 1 else ""
+            labels.append(parse_label(channel.name, unit, prefix))
+        super().__init__(path, labels)
+
+    def read(self, indices: Sequence[int]) -> list[Array]:
+        """See `Source.read`."""
+        with translated(self.path, "TDMS"):
+            return [_float_copy(self, k, self._channels[k][:]) for k in indices]
+
+    def clock(self, index: int) -> Array | None:
+        """See `Source.clock`."""
+        channel = self._channels[index]
+        if "wf_increment" not in channel.properties:
+            return None
+        with translated(self.path, "TDMS"):
+            return np.asarray(channel.time_track(), dtype=np.float64)
+
+
+def _float_copy(source: Source, index: int, values: Any) -> Array:
+    label: Label = source.labels[index]
+    samples = np.asarray(values)
+    if samples.dtype.kind not in "fiub" or samples.ndim != 1:
+        raise DataError(f"{source.path}: channel '{label.text}' holds no plain numbers")
+    return samples.astype(np.float64)

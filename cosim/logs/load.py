@@ -1,0 +1,260 @@
+"""Loads a log or a tracker's record: open, choose columns, convert to SI, mend, check."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import DataError
+from cosim.logs.channels import MdfSource, TdmsSource
+from cosim.logs.choose import Pick, choose, choose_mapped
+from cosim.logs.log import Gap, Log, Tracker
+from cosim.logs.mapping import Mapping, load_mapping
+from cosim.logs.mat import MatSource
+from cosim.logs.parquet import ParquetSource
+from cosim.logs.repair import TimeRepair, fill, sampling
+from cosim.logs.source import Array, Source, digest
+from cosim.logs.text import TextSource
+from cosim.signals import LOG_SIGNALS, SIGNALS, SYNTHETIC_COLUMN, TRACKER_SIGNALS, conversion
+
+_TEXT = (".csv", ".txt", ".tsv", ".dat")
+_BINARY: dict[str, Callable[[Path], Source]] = {
+    ".parquet": ParquetSource,
+    ".pq": ParquetSource,
+    ".mat": MatSource,
+    ".mf4": MdfSource,
+    ".mdf": MdfSource,
+    ".tdms": TdmsSource,
+}
+SUFFIXES: tuple[str, ...] = (*_TEXT, *_BINARY)
+"""File types that can be loaded."""
+
+
+def load_log(
+    path: Path | str, mapping: Mapping | Path | str | None = None, *, select: Sequence[str] | None = None
+) -> Log:
+    """Loads a log.
+
+    Args:
+        path: CSV (.csv, .txt, .tsv, .dat), .mat, .parquet, .mf4 or .tdms file.
+        mapping: mapping or its file, for a file whose columns have other names; only what it names is read.
+        select: load only these signals.
+
+    Returns:
+        The signals in SI on a strictly increasing time; what was mended is in `Log.warnings`.
+
+    Raises:
+        DataError: the file or mapping is bad beyond mending; the message names file, row and column.
+        UsageError: `select` names an unknown signal.
+        MissingExtraError: the file type needs an optional dependency.
+    """
+    chosen = mapping if isinstance(mapping, Mapping) or mapping is None else load_mapping(mapping)
+    raw = _load(Path(path), chosen, LOG_SIGNALS, select)
+    return Log(
+        time=raw.time,
+        source=raw.source,
+        warnings=tuple(raw.warnings),
+        synthetic=raw.synthetic,
+        sha256=raw.sha256,
+        signals=raw.signals,
+        units={pick.name: pick.si for pick in raw.picks if pick.name in raw.signals},
+        display={pick.name: pick.unit for pick in raw.picks if pick.name in raw.signals},
+        held=frozenset(pick.name for pick in raw.picks if pick.held and pick.name in raw.signals),
+        valid=raw.valid,
+        gaps=raw.gaps,
+        time_unit=raw.time_unit,
+        model=chosen.model_reference if chosen else None,
+    )
+
+
+def load_tracker(path: Path | str, mapping: Mapping | Path | str | None = None) -> Tracker:
+    """Loads the record of an external tracker: `time` and `slew_external`, on its own clock, neither shifted nor resampled.
+
+    Raises:
+        DataError: the file or mapping is bad beyond mending, or has no `slew_external`.
+        MissingExtraError: the file type needs an optional dependency.
+    """
+    chosen = mapping if isinstance(mapping, Mapping) or mapping is None else load_mapping(mapping)
+    if chosen is not None and "slew_external" not in chosen.signals:
+        raise DataError(
+            f"{chosen.path or 'the mapping'}: has no signal 'slew_external', which a tracker's file must hold"
+        )
+    raw = _load(Path(path), chosen, TRACKER_SIGNALS, ["slew_external"] if chosen else None)
+    if "slew_external" not in raw.signals:
+        raise DataError(f"{raw.source}: 'slew_external' has no value at all")
+    return Tracker(
+        time=raw.time,
+        source=raw.source,
+        warnings=tuple(raw.warnings),
+        synthetic=raw.synthetic,
+        sha256=raw.sha256,
+        slew_external=raw.signals["slew_external"],
+        valid=raw.valid.get("slew_external", np.ones(len(raw.time), dtype=bool)),
+        gaps=raw.gaps,
+    )
+
+
+@dataclass
+class _Raw:
+    source: Path
+    picks: list[Pick]
+    sha256: str
+    time: Array
+    time_unit: str
+    signals: dict[str, Array]
+    valid: dict[str, NDArray[np.bool_]]
+    gaps: tuple[Gap, ...]
+    synthetic: bool
+    warnings: list[str]
+
+
+def open_source(path: Path, mapping: Mapping | None = None) -> Source:
+    """Opens a file of measured data by its suffix, without reading its columns.
+
+    Raises:
+        DataError: it is missing, of an unknown type, or damaged.
+        MissingExtraError: its type needs an optional dependency.
+    """
+    if not path.is_file():
+        raise DataError(f"{path}: {'this is a folder' if path.is_dir() else 'there is no such file'}")
+    suffix = path.suffix.lower()
+    try:
+        if suffix in _TEXT:
+            options = mapping.file.model_dump() if mapping else {}
+            return TextSource(path, **options)
+        if suffix in _BINARY:
+            return _BINARY[suffix](path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror or error}") from None
+    raise DataError(f"{path}: a log is one of {', '.join(SUFFIXES)}; '{suffix}' is none of them")
+
+
+def _load(path: Path, mapping: Mapping | None, known: Sequence[str], select: Sequence[str] | None) -> _Raw:
+    source = open_source(path, mapping)
+    if mapping is None:
+        picks, notes = choose(source, known, select)
+    else:
+        picks, notes = choose_mapped(source, mapping, select), []
+    columns = dict(zip((p.name for p in picks), source.read([p.index for p in picks]), strict=True))
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is infinite, and mended as missing
+        for pick in picks:
+            _scale(columns[pick.name], pick)
+    mark = columns.pop(SYNTHETIC_COLUMN, None)
+    synthetic = bool(mark is not None and (mark == 1.0).any())
+    time, unit, aligned = _time(source, picks, columns, mapping)
+    _same_length(source, time, columns)
+    columns.pop("time", None)
+    repair = TimeRepair(time, list(columns.values()), lambda k: f"{path}: {source.at(k)}")
+    time = repair.time
+    if repair.keep is not None:
+        columns = {name: values[repair.keep] for name, values in columns.items()}
+
+    def place(k: int) -> str:
+        return source.at(int(k if repair.keep is None else repair.keep[k]))
+
+    gaps, timing = sampling(time, place, unit)
+    valid, mended = _mend(path, time, columns, {pick.name: pick for pick in picks}, place)
+    if not columns:
+        raise DataError(f"{path}: no signal has any value")
+    warnings = [*source.warnings, *notes, *aligned, *repair.warnings, *timing, *mended]
+    return _Raw(path, picks, digest(path), time, unit, columns, valid, gaps, synthetic, warnings)
+
+
+def _scale(values: Array, pick: Pick) -> None:
+    if pick.scale != 1.0:
+        values *= pick.scale
+    if pick.shift:
+        values += pick.shift
+
+
+def _time(
+    source: Source, picks: list[Pick], columns: dict[str, Array], mapping: Mapping | None
+) -> tuple[Array, str, list[str]]:
+    """The stamps [s], their unit, and sentences on columns brought to a common clock (in place)."""
+    if mapping is not None and mapping.time.step is not None:
+        count = max(map(len, columns.values()))
+        scale = 1.0 if mapping.time.unit == "sample" else conversion(mapping.time.unit or "s", "s")
+        return (
+            np.arange(count, dtype=np.float64) * (mapping.time.step * scale),
+            "sample" if mapping.time.unit == "sample" else "s",
+            [],
+        )
+    if "time" in columns and source.clock(next(p.index for p in picks if p.name == "time")) is None:
+        return columns["time"], "s", []
+    clocks = {p.name: source.clock(p.index) for p in picks if p.name in columns and p.name != "time"}
+    stamps = {name: clock for name, clock in clocks.items() if clock is not None}
+    if len(stamps) < len(clocks) or not stamps:
+        raise DataError(
+            f"{source.path}: there is no time column: add 'time [s]', or name the column or the step in a mapping"
+        )
+    return _align(source, stamps, columns, {p.name for p in picks if p.held})
+
+
+def _align(
+    source: Source, stamps: dict[str, Array], columns: dict[str, Array], held: set[str]
+) -> tuple[Array, str, list[str]]:
+    """Brings channels with clocks of their own to the clock of the one with the most samples."""
+    master = max(stamps, key=lambda name: len(stamps[name]))
+    time = stamps[master]
+    moved = []
+    for name, clock in stamps.items():
+        if len(clock) != len(columns[name]):
+            raise DataError(
+                f"{source.path}: '{name}' has {len(columns[name])} values and {len(clock)} time stamps"
+            )
+        if len(clock) == len(time) and np.array_equal(clock, time):
+            continue
+        if not len(clock) or not np.isfinite(clock).all() or (np.diff(clock) <= 0).any():
+            raise DataError(f"{source.path}: the time stamps of '{name}' are not increasing")
+        if name in held:
+            values = columns[name][np.maximum(np.searchsorted(clock, time, "right") - 1, 0)]
+        else:
+            values = np.interp(time, clock, columns[name])
+        values[(time < clock[0]) | (time > clock[-1])] = np.nan
+        columns[name] = values
+        moved.append(f"'{name}'")
+    note = f"{', '.join(moved)}: on a clock of their own, brought to that of '{master}'"
+    return time, "s", [note] if moved else []
+
+
+def _same_length(source: Source, time: Array, columns: dict[str, Array]) -> None:
+    for name, values in columns.items():
+        if len(values) != len(time):
+            raise DataError(f"{source.path}: '{name}' has {len(values)} values, time has {len(time)}")
+
+
+def _mend(
+    path: Path, time: Array, columns: dict[str, Array], picks: dict[str, Pick], place: Callable[[int], str]
+) -> tuple[dict[str, NDArray[np.bool_]], list[str]]:
+    """Fills missing values, drops empty signals and checks ranges; changes `columns` in place."""
+    valid: dict[str, NDArray[np.bool_]] = {}
+    notes = []
+    for name in list(columns):
+        values = columns[name]
+        if not np.isfinite(values).any():
+            del columns[name]
+            notes.append(f"{name}: no value at all; treated as missing")
+            continue
+        mask, note = fill(name, time, values, picks[name].held, lambda k: f"{path}: {place(k)}")
+        if mask is not None:
+            valid[name] = mask
+            notes.append(note)
+        notes += _range_note(name, values, place)
+    return valid, notes
+
+
+def _range_note(name: str, values: Array, place: Callable[[int], str]) -> list[str]:
+    signal = SIGNALS.get(name)
+    if signal is None:
+        return []
+    low, high = float(values.min()), float(values.max())
+    if signal.low <= low and high <= signal.high:
+        return []
+    first = int(np.argmax((values < signal.low) | (values > signal.high)))
+    shown = [f"{value / signal.to_si:.6g}" for value in (low, high, signal.low, signal.high)]
+    return [
+        f"{name}: values from {shown[0]} to {shown[1]} {signal.unit}, plausible are {shown[2]} to {shown[3]}: check unit"
+        f" and scaling (first: {place(first)})"
+    ]

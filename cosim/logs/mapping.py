@@ -1,0 +1,213 @@
+"""Mapping files (TOML): which column of a foreign file is which signal, in which unit, and the model to use.
+
+    model = "simplified"
+    [time]
+    column = "Time"
+    unit = "s"
+    [signals.u]
+    column = "Swing Cmd"
+    unit = "1"
+    zero = 7.4695
+    gain = 0.3952
+
+A value is ``sign * gain * (reading - zero) + offset`` in `unit`.
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveInt,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from cosim.errors import DataError, UsageError
+from cosim.logs.source import closest
+from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
+
+Column = Annotated[str, Field(min_length=1)] | PositiveInt
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+_RESERVED = ("time", "p_load", SYNTHETIC_COLUMN)
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class FileFormat(_Strict):
+    """How a text file is written.
+
+    Attributes:
+        separator: column separator; by default found in the header.
+        decimal: decimal sign; by default found in the cells.
+        header: False where the file starts with data; its columns are then 1, 2, ...
+    """
+
+    separator: Literal[",", ";", "\t", "|", " "] | None = None
+    decimal: Literal[".", ","] | None = None
+    header: bool = True
+
+    @model_validator(mode="after")
+    def _distinct(self) -> "FileFormat":
+        if self.separator is not None and self.separator == self.decimal:
+            raise ValueError("separator and decimal are the same sign")
+        return self
+
+
+class TimeColumn(_Strict):
+    """Where time comes from: a column, or a fixed interval between samples.
+
+    Attributes:
+        column: heading, or position counted from 1.
+        step: interval between samples in `unit`, for a file without a time column.
+        unit: unit of the column or step; ``sample`` to work in samples, where the interval is not known.
+    """
+
+    column: Column | None = None
+    step: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    unit: str | None = None
+
+    @model_validator(mode="after")
+    def _one_of(self) -> "TimeColumn":
+        if (self.column is None) == (self.step is None):
+            raise ValueError("give either the column or the step")
+        if self.unit == "sample" and self.step is None:
+            raise ValueError("unit 'sample' goes with a step, such as step = 1")
+        if self.unit not in (None, "sample"):
+            _convertible(self.unit or "", "s")
+        return self
+
+
+class SignalColumn(_Strict):
+    """Where one signal comes from.
+
+    Attributes:
+        column: heading, or position counted from 1.
+        unit: unit of the value after the scaling; by default the one in the heading.
+        gain: factor on the reading, or the name of a single number stored in the file (MAT files).
+        zero: reading that means zero.
+        offset: added after the scaling, in `unit`.
+        sign: -1 where the file counts the other way.
+        held: whether the value is constant between samples; by default as for the canonical signal, else False.
+        text: what it is.
+    """
+
+    column: Column
+    unit: str | None = None
+    gain: Finite | Annotated[str, Field(min_length=1)] = 1.0
+    zero: Finite = 0.0
+    offset: Finite = 0.0
+    sign: Literal[1, -1] = 1
+    held: bool | None = None
+    text: str = ""
+
+    @field_validator("unit")
+    @classmethod
+    def _readable(cls, unit: str | None) -> str | None:
+        if unit is not None:
+            _convertible(unit, None)
+        return unit
+
+    @field_validator("gain")
+    @classmethod
+    def _not_zero(cls, gain: float | str) -> float | str:
+        if gain == 0:
+            raise ValueError("a gain of 0 leaves nothing of the signal")
+        return gain
+
+
+class Mapping(_Strict):
+    """A mapping file.
+
+    Attributes:
+        name: short name of the data set.
+        description: where it comes from, what is known about it.
+        model: name of a built-in model, or path of an .ssp or .ssv relative to the mapping file.
+        file: how a text file is written.
+        time: where time comes from.
+        signals: signal -> where it comes from; names may be our own (``slew``) or the mapping's (``force``).
+        path: the mapping file, None for a mapping made in memory.
+    """
+
+    name: str = ""
+    description: str = ""
+    model: str | None = None
+    file: FileFormat = FileFormat()
+    time: TimeColumn
+    signals: Annotated[dict[str, SignalColumn], Field(min_length=1)]
+    path: Path | None = Field(default=None, exclude=True)
+
+    @field_validator("signals")
+    @classmethod
+    def _names(cls, signals: dict[str, SignalColumn]) -> dict[str, SignalColumn]:
+        for name, column in signals.items():
+            if not name.isidentifier() or name in _RESERVED:
+                raise ValueError(f"'{name}' cannot be the name of a signal: use letters, digits and _")
+            if name in SIGNALS and column.unit is not None:
+                _convertible(column.unit, SIGNALS[name].si, f"signal '{name}': ")
+        return signals
+
+    @property
+    def model_reference(self) -> str | None:
+        """The model's name, or the absolute path of its file."""
+        if self.model is None or not self.model.lower().endswith((".ssp", ".ssv")):
+            return self.model
+        folder = self.path.parent if self.path else Path()
+        return str((folder / self.model).resolve())
+
+
+def _convertible(unit: str, target: str | None, prefix: str = "") -> None:
+    try:
+        check_spelling(unit)
+        if target is not None:
+            conversion(unit, target)
+    except UsageError as error:
+        raise ValueError(f"{prefix}{error}") from None
+
+
+def load_mapping(path: Path | str) -> Mapping:
+    """Reads a mapping file.
+
+    Raises:
+        DataError: it is missing, is no TOML, or a key or value in it is wrong; the message names the key.
+    """
+    path = Path(path)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(
+            f"{path}: the mapping cannot be read: {getattr(error, 'strerror', None) or error}"
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{path}: the mapping is not valid TOML: {error}") from None
+    if "path" in content:
+        raise DataError(f"{path}: 'path' is not a key of a mapping; known: {', '.join(_keys(Mapping))}")
+    try:
+        return Mapping.model_validate({**content, "path": path.resolve()})
+    except ValidationError as error:
+        raise DataError(f"{path}: " + "; ".join(_explain(dict(item)) for item in error.errors())) from None
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [key for key in model.model_fields if key != "path"]
+
+
+def _explain(item: dict[str, object]) -> str:
+    """One pydantic error as a sentence with the key's path."""
+    location = [str(part) for part in item["loc"]]  # type: ignore[attr-defined]
+    where = ".".join(part for part in location if "[" not in part and part not in ("str", "float", "int"))
+    if item["type"] == "extra_forbidden":
+        models: dict[str, type[BaseModel]] = {"file": FileFormat, "time": TimeColumn, "signals": SignalColumn}
+        known = _keys(models[location[0]] if len(location) > 1 else Mapping)
+        hint = closest(location[-1], known) or f"; known: {', '.join(known)}"
+        return f"'{where}' is not a key of a mapping{hint}"
+    if item["type"] == "missing":
+        return f"'{where}' is missing"
+    message = str(item["msg"]).removeprefix("Value error, ")
+    return f"'{where}': {message}" if where else message

@@ -1,0 +1,213 @@
+"""MATLAB files v4, v5, v7 and v7.3, through mat-io: plain matrices, vectors, structs, timeseries, tables.
+
+A file is flattened into columns named by their path: ``slew``, ``log.slew``, ``data(:,2)``. A matrix takes the names
+of its columns from a list of texts beside it (``names``), units come from a list or struct beside them (``units``).
+"""
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import DataError
+from cosim.logs.source import Array, Label, Source, parse_label, translated
+
+_NAMES = ("names", "columns", "headers", "labels", "signals")
+_UNITS = ("units", "unit")
+_DEPTH = 6
+
+
+@dataclass(frozen=True)
+class _Entry:
+    label: Label
+    values: Any  # numeric ndarray (n,), as stored
+    clock: Array | None = None
+
+
+class MatSource(Source):
+    """A .mat file.
+
+    Raises:
+        DataError: the file is damaged or holds no column of numbers.
+    """
+
+    row_word = "sample"
+
+    def __init__(self, path: Path) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # mat-io 1.0 sets a pandas option that pandas 3 deprecates
+            import matio
+        notes: list[str] = []
+        with translated(path, "MAT", notes):
+            content = matio.load_from_mat(str(path))
+            constants: dict[str, float] = {}
+            self._entries = list(_flatten(content, "", constants, 0))
+        if not self._entries:
+            raise DataError(f"{path}: holds no column of numbers")
+        super().__init__(path, [entry.label for entry in self._entries], constants)
+        self.warnings += notes
+
+    def read(self, indices: Sequence[int]) -> list[Array]:
+        """See `Source.read`."""
+        return [np.array(self._entries[k].values, dtype=np.float64) for k in indices]
+
+    def clock(self, index: int) -> Array | None:
+        """See `Source.clock`: the stamps of a timeseries or a Simulink structure with time."""
+        return self._entries[index].clock
+
+
+def _flatten(
+    content: Mapping[str, Any], path: str, constants: dict[str, float], depth: int, clock: Array | None = None
+) -> Iterator[_Entry]:
+    """The columns in a mapping of names to MATLAB values; single numbers go to `constants`."""
+    names = next((found for key in _NAMES if (found := _texts(content.get(key)))), [])
+    units = next((content[key] for key in _UNITS if key in content), None)
+    if clock is None and "signals" in content and "time" in content:  # Simulink's structure with time
+        clock = _vector(content["time"])
+    for key, value in content.items():
+        if key.startswith("__") or depth > _DEPTH:
+            continue
+        if hasattr(value, "properties") and hasattr(value, "classname"):
+            yield from _object(value, f"{path}{key}", constants, depth)
+        elif hasattr(value, "columns") and hasattr(value, "attrs"):  # table, as a pandas.DataFrame
+            frame = {str(name): value[name].to_numpy() for name in value.columns}
+            yield from _flatten(frame, f"{path}{key}.", constants, depth + 1)
+        elif isinstance(value, np.ndarray):
+            yield from _array(value, key, path, names, units, constants, depth, clock)
+
+
+def _array(
+    value: np.ndarray[Any, Any],
+    key: str,
+    path: str,
+    names: list[str],
+    units: Any,
+    constants: dict[str, float],
+    depth: int,
+    clock: Array | None,
+) -> Iterator[_Entry]:
+    if value.dtype.names is not None:
+        yield from _structs(value, key, path, constants, depth, clock)
+    elif (
+        value.dtype == object
+        and value.size
+        and all(isinstance(item, np.ndarray) and item.dtype.names for item in value.flat)
+    ):  # a cell of structs
+        for number, item in enumerate(value.flat, 1):
+            yield from _structs(
+                item, f"{key}{{{number}}}" if value.size > 1 else key, path, constants, depth, clock
+            )
+    elif value.dtype.kind in "fiub":
+        yield from _numbers(value, key, path, names, units, constants, clock)
+
+
+def _structs(
+    value: np.ndarray[Any, Any],
+    key: str,
+    path: str,
+    constants: dict[str, float],
+    depth: int,
+    clock: Array | None,
+) -> Iterator[_Entry]:
+    for number, item in enumerate(value.flat, 1):
+        name = f"{path}{key}({number})" if value.size > 1 else f"{path}{key}"
+        fields = {str(field): item[field] for field in value.dtype.names or ()}
+        label = "".join(_texts(fields.get("label"))[:1])
+        values = fields.get("values")
+        if label and clock is not None and isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
+            yield _Entry(parse_label(label, path=f"{name}."), values.ravel(), clock)
+        else:
+            yield from _flatten(fields, f"{name}.", constants, depth + 1, clock)
+
+
+def _numbers(
+    value: np.ndarray[Any, Any],
+    key: str,
+    path: str,
+    names: list[str],
+    units: Any,
+    constants: dict[str, float],
+    clock: Array | None,
+) -> Iterator[_Entry]:
+    if value.size == 1:
+        constants[path + key] = float(value.flat[0])
+        return
+    if value.ndim > 2 or value.shape.count(1):
+        value = value.squeeze()
+    if value.ndim == 1 and value.size:
+        yield _Entry(parse_label(key, _unit_of(units, key, -1), path), value, clock)
+    elif value.ndim == 2 and value.size:
+        if len(names) not in (0, value.shape[1]) and len(names) == value.shape[0]:
+            value = value.T
+        named = len(names) == value.shape[1]
+        for k, column in enumerate(value.T):
+            heading = names[k] if named else f"{key}(:,{k + 1})"
+            yield _Entry(parse_label(heading, _unit_of(units, heading, k), path), column, clock)
+
+
+def _object(value: Any, path: str, constants: dict[str, float], depth: int) -> Iterator[_Entry]:
+    """A timeseries: data and stamps under the names with which MATLAB saves them; other objects are passed over."""
+    fields = value.properties if isinstance(value.properties, Mapping) else {}
+    if value.classname != "timeseries":
+        return
+    data = _vector(_first(fields, "Data_", "Data"))
+    stamps = _vector(_first(fields, "Time_", "Time"))
+    about = _properties(_first(fields, "TimeInfo"))
+    if stamps.size != data.size:  # equidistant: only start, increment and length are stored
+        start, step = (_vector(_first(about, name, name.rstrip("_"))) for name in ("Start_", "Increment_"))
+        if not (start.size and step.size):
+            raise DataError(f"timeseries '{path}' has {data.size} values and {stamps.size} time stamps")
+        stamps = start[0] + step[0] * np.arange(data.size)
+    scale = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0, "hours": 3600.0}
+    unit = "".join(_texts(_first(about, "Units"))[:1]) or "seconds"
+    if unit not in scale:
+        raise DataError(f"timeseries '{path}' has its time in '{unit}': save it in seconds")
+    measured = "".join(_texts(_first(_properties(_first(fields, "DataInfo")), "Units"))[:1])
+    folder, _, leaf = path.rpartition(".")
+    yield _Entry(parse_label(leaf, measured, f"{folder}." if folder else ""), data, stamps * scale[unit])
+
+
+def _first(fields: Mapping[str, Any], *names: str) -> Any:
+    return next((fields[name] for name in names if name in fields), None)
+
+
+def _properties(value: Any) -> Mapping[str, Any]:
+    while isinstance(value, np.ndarray) and value.dtype == object and value.size == 1:
+        value = value.flat[0]
+    if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
+        return {name: value.flat[0][name] for name in value.dtype.names}
+    found = getattr(value, "properties", value)
+    return found if isinstance(found, Mapping) else {}
+
+
+def _vector(value: Any) -> Array:
+    """A numeric value as float64 (n,); empty for anything else."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
+        return np.empty(0)
+    return np.asarray(value, dtype=np.float64).ravel()
+
+
+def _texts(value: Any) -> list[str]:
+    """A cell or a character matrix of texts as a list; empty for anything else."""
+    if isinstance(value, str):
+        return [value.strip()]
+    if not isinstance(value, np.ndarray):
+        return []
+    if value.dtype.kind == "U":
+        return [str(item).strip() for item in value.flat]
+    if value.dtype == object:
+        parts = [_texts(item) for item in value.flat]
+        return [part[0] for part in parts] if parts and all(len(part) == 1 for part in parts) else []
+    return []
+
+
+def _unit_of(units: Any, name: str, position: int) -> str | None:
+    """The unit of a column from a struct of units by name, or from a list in the columns' order."""
+    by_name = _properties(units)
+    if name in by_name:
+        return "".join(_texts(by_name[name])[:1])
+    listed = _texts(units)
+    return listed[position] if 0 <= position < len(listed) else None

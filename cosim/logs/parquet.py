@@ -1,0 +1,58 @@
+"""Parquet files, read batch by batch into float64 columns."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cosim.errors import DataError
+from cosim.logs.source import Array, Source, parse_label, translated
+
+
+class ParquetSource(Source):
+    """A Parquet file; a column's unit is in its name, or in the field's metadata under ``unit``.
+
+    Raises:
+        DataError: the file is damaged, empty, or two columns have the same name.
+    """
+
+    def __init__(self, path: Path) -> None:
+        with translated(path, "Parquet"), pq.ParquetFile(path) as file:
+            schema, self._rows = file.schema_arrow, file.metadata.num_rows
+        double = sorted({name for name in schema.names if schema.names.count(name) > 1})
+        if double:
+            raise DataError(f"{path}: more than one column is named '{double[0]}': rename one")
+        if not self._rows:
+            raise DataError(f"{path}: there is no data row")
+        units = [(field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for field in schema]
+        super().__init__(path, [parse_label(f.name, unit) for f, unit in zip(schema, units, strict=True)])
+        self._schema = schema
+
+    def read(self, indices: Sequence[int]) -> list[Array]:
+        """See `Source.read`."""
+        names = [self._schema.names[k] for k in indices]
+        for name in names:
+            self._check_type(name)
+        columns = {name: np.empty(self._rows) for name in names}
+        filled = 0
+        with translated(self.path, "Parquet"), pq.ParquetFile(self.path) as file:
+            for batch in file.iter_batches(batch_size=1 << 18, columns=list(columns), use_threads=False):
+                for name, target in columns.items():
+                    values = batch.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False)
+                    target[filled : filled + len(batch)] = values
+                filled += len(batch)
+        return [columns[name] for name in names]
+
+    def _check_type(self, name: str) -> None:
+        kind = self._schema.field(name).type
+        numeric = (
+            pa.types.is_integer,
+            pa.types.is_floating,
+            pa.types.is_boolean,
+            pa.types.is_decimal,
+            pa.types.is_null,
+        )
+        if not any(test(kind) for test in numeric):
+            raise DataError(f"{self.path}: column '{name}' is of type {kind}, not numbers")

@@ -1,0 +1,135 @@
+"""What every file format offers to the loader: labelled columns of float64, read only when chosen."""
+
+import contextlib
+import hashlib
+import re
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import CosimError, DataError
+
+Array = NDArray[np.float64]
+
+_HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<round>[^()]*)\))?\s*")
+_BLOCK = 1 << 22
+
+
+@dataclass(frozen=True)
+class Label:
+    """Heading of one column.
+
+    Attributes:
+        text: as it stands in the file, for messages and mappings.
+        name: the name without the unit; in files with folders or structs the whole path.
+        unit: unit as written, None where there is none.
+        alias: last part of the path, where the format has paths.
+    """
+
+    text: str
+    name: str
+    unit: str | None
+    alias: str | None = None
+
+    def called(self, name: str) -> bool:
+        """Whether `name` is this column's text, name or alias."""
+        return name in (self.text, self.name, self.alias)
+
+
+def parse_label(text: str, unit: str | None = None, path: str = "") -> Label:
+    """A label from a heading such as ``slew [deg]``.
+
+    Args:
+        text: the heading.
+        unit: unit known from elsewhere in the file, used where the heading has none.
+        path: folder or struct it lies in, with its separator at the end.
+    """
+    found = _HEADER.fullmatch(text.strip())
+    if found is None:  # a line break within the name
+        return Label(text, " ".join(text.split()), unit)
+    name = found["name"]
+    written = found["unit"] if found["unit"] is not None else found["round"]
+    if found["round"] is not None and (not name or ":" in written):  # MATLAB's data(:,2) is an index, no unit
+        name, written = text.strip(), None
+    chosen = (written or "").strip() or (unit or "").strip() or None
+    return Label(path + text.strip(), path + name, chosen, name if path else None)
+
+
+class Source(ABC):
+    """An opened file.
+
+    Attributes:
+        path: the file.
+        labels: its columns, in their order.
+        constants: single numbers stored beside the columns (MAT files), which a mapping may use as gains.
+        warnings: what the reader had to do to the file.
+    """
+
+    row_word = "row"
+
+    def __init__(
+        self, path: Path, labels: Sequence[Label], constants: dict[str, float] | None = None
+    ) -> None:
+        self.path = path
+        self.labels = tuple(labels)
+        self.constants = constants or {}
+        self.warnings: list[str] = []
+
+    @abstractmethod
+    def read(self, indices: Sequence[int]) -> list[Array]:
+        """The columns with these indices, each float64 (n,), owned by the caller; missing values are NaN.
+
+        Raises:
+            DataError: a value cannot be read, with its row and column.
+        """
+
+    def clock(self, index: int) -> Array | None:
+        """The time stamps [s] that belong to one column alone, or None where all share a time column."""
+        return None
+
+    def row(self, index: int) -> int:
+        """Number, as an editor or the writing program would count it, of the row with this index from 0."""
+        return index + 1
+
+    def at(self, index: int) -> str:
+        """``row 12``, for messages."""
+        return f"{self.row_word} {self.row(index)}"
+
+
+def closest(name: str, known: Sequence[str]) -> str:
+    """``; did you mean 'slew'?`` where a known name is near, else empty."""
+    lowered = {candidate.lower(): candidate for candidate in known}
+    near = get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.6)
+    return f"; did you mean '{lowered[near[0]]}'?" if near else ""
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextlib.contextmanager
+def translated(path: Path, kind: str, notes: list[str] | None = None) -> Iterator[None]:
+    """Turns whatever a format library raises on a damaged file into a `DataError`, and its warnings into notes.
+
+    Raises:
+        DataError: the library failed.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yield
+        except CosimError:
+            raise
+        except Exception as error:  # a parser that meets damaged bytes fails in any way
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            raise DataError(f"{path}: cannot be read as a {kind} file: {reason}") from None
+    if notes is not None:
+        notes += list(dict.fromkeys(" ".join(str(item.message).split())[:200] for item in caught))

@@ -1,0 +1,230 @@
+"""CSV files: by pyarrow in blocks, straight into float64 columns; a second, careful pass finds out what is wrong.
+
+Rows are counted as an editor counts lines: the header is line 1.
+"""
+
+import csv
+import io
+from array import array
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv as arrow_csv
+
+from cosim.errors import DataError
+from cosim.logs.source import Array, Label, Source, parse_label
+from cosim.logs.window import Window, survey
+
+_MISSING = [
+    "",
+    "NaN",
+    "nan",
+    "NAN",
+    "-nan",
+    "NA",
+    "N/A",
+    "n/a",
+    "#N/A",
+    "null",
+    "NULL",
+    "None",
+    "-",
+    "1.#QNAN",
+    "1.#IND",
+]
+_BLOCK = 1 << 22
+
+
+class _DecimalCommaError(Exception):
+    """A cell looks like 1,5: the file is to be read again with a decimal comma."""
+
+
+class TextSource(Source):
+    """A CSV file.
+
+    Args:
+        path: the file.
+        separator: column separator; by default the one in the header (``;`` before tab before ``,``).
+        decimal: decimal sign; by default a point, or a comma where the cells show one.
+        header: False for a file that starts with data; its columns are then named ``1``, ``2``, ...
+
+    Raises:
+        DataError: the file is empty, is no text, or has no data rows.
+    """
+
+    row_word = "row"
+
+    def __init__(
+        self, path: Path, separator: str | None = None, decimal: str | None = None, header: bool = True
+    ) -> None:
+        self._survey = survey(path)
+        first = self._survey.first_line
+        self._separator = separator or next((sign for sign in (";", "\t") if sign in first), ",")
+        self._decimal = decimal
+        try:
+            cells = next(csv.reader([first], delimiter=self._separator), [])
+        except csv.Error as error:
+            raise DataError(f"{path}: the header row cannot be read: {error}") from None
+        self._width = len(cells)
+        self._header = header
+        if header and cells and all(_is_number(cell, ".") or _is_number(cell, ",") for cell in cells):
+            raise DataError(
+                f"{path}: row 1 holds numbers, not names: a log starts with a header such as 'time [s],slew [deg]'"
+            )
+        super().__init__(
+            path,
+            [parse_label(cell) if header else Label(str(k), str(k), None) for k, cell in enumerate(cells, 1)],
+        )
+        self._end = self._survey.end
+        self._rows: int | None = None
+        self._check_end()
+        if self._survey.header_lines >= self._survey.lines and header:
+            raise DataError(f"{path}: there is a header but no data row")
+
+    def read(self, indices: Sequence[int]) -> list[Array]:
+        """See `Source.read`."""
+        decimal = self._decimal or "."
+        try:
+            return self._read_as(indices, decimal)
+        except _DecimalCommaError:
+            columns = self._read_as(indices, ",")
+            self.warnings.append("numbers were read with a decimal comma")
+            return columns
+
+    def row(self, index: int) -> int:
+        """See `Source.row`; blank lines are counted."""
+        before = self._survey.header_lines if self._header else 0
+        if self._rows == self._survey.lines - before:
+            return index + before + 1
+        with self._window() as file:
+            seen = -1
+            for number, line in enumerate(_text(file), 1):
+                seen += bool(line.strip()) and number > before
+                if seen == index:
+                    return number
+        return index + before + 1
+
+    def _read_as(self, indices: Sequence[int], decimal: str) -> list[Array]:
+        try:
+            return self._read_fast(indices, decimal)
+        except (pa.ArrowException, UnicodeError):
+            return self._read_carefully(indices, decimal)
+
+    def _read_fast(self, indices: Sequence[int], decimal: str) -> list[Array]:
+        names = [f"c{k}" for k in range(self._width)]
+        wanted = [names[k] for k in dict.fromkeys(indices)]
+        columns = {name: np.empty(self._survey.lines + 1) for name in wanted}
+        filled = 0
+        with self._window() as file:
+            reader = arrow_csv.open_csv(
+                pa.PythonFile(file, mode="r"),
+                read_options=arrow_csv.ReadOptions(
+                    column_names=names,
+                    skip_rows=self._survey.header_lines if self._header else 0,
+                    block_size=_BLOCK,
+                ),
+                parse_options=arrow_csv.ParseOptions(delimiter=self._separator),
+                convert_options=arrow_csv.ConvertOptions(
+                    column_types=dict.fromkeys(wanted, pa.float64()),
+                    include_columns=wanted,
+                    null_values=_MISSING,
+                    decimal_point=decimal,
+                    check_utf8=False,
+                ),
+            )
+            for batch in reader:
+                for name, values in zip(wanted, batch.columns, strict=True):
+                    columns[name][filled : filled + len(values)] = values.to_numpy(zero_copy_only=False)
+                filled += len(batch)
+        self._rows = filled
+        # only pages that were written are in memory, so the unused end costs nothing
+        return [columns[names[k]][:filled] for k in indices]
+
+    def _read_carefully(self, indices: Sequence[int], decimal: str) -> list[Array]:
+        """Cell by cell: either names the bad one, or reads what pyarrow is too strict for (``+1.5``)."""
+        columns = {k: array("d") for k in indices}
+        self._rows = 0
+        with self._window() as file:
+            reader = csv.reader(_text(file), delimiter=self._separator)
+            for line, cells in self._rows_of(reader):
+                if len(cells) != self._width:
+                    raise DataError(self._width_message(line, cells))
+                for k, values in columns.items():
+                    values.append(self._number(cells[k], decimal, line, k))
+                self._rows += 1
+        return [np.frombuffer(columns[k], dtype=float) if columns[k] else np.empty(0) for k in indices]
+
+    def _rows_of(self, reader: Iterator[list[str]]) -> Iterator[tuple[int, list[str]]]:
+        line = 0
+        while True:
+            try:
+                cells = next(reader, None)
+            except csv.Error as error:
+                raise DataError(f"{self.path}: row {line + 1} cannot be read: {error}") from None
+            line = reader.line_num  # type: ignore[attr-defined]
+            if cells is None:
+                return
+            if cells and (line > self._survey.header_lines or not self._header):
+                yield line, cells
+
+    def _number(self, cell: str, decimal: str, line: int, k: int) -> float:
+        text = cell.strip()
+        if text in _MISSING:
+            return float("nan")
+        if _is_number(text, decimal):
+            return float(text.replace(",", "."))
+        if self._decimal is None and decimal == "." and _is_number(text, ","):
+            raise _DecimalCommaError
+        shown = text if len(text) <= 30 else text[:30] + "..."
+        raise DataError(
+            f"{self.path}: row {line}, column '{self.labels[k].text}': '{shown}' is not a number"
+            " (a missing value is an empty cell or NaN)"
+        )
+
+    def _width_message(self, line: int, cells: list[str]) -> str:
+        text = f"{self.path}: row {line} has {len(cells)} cells where the header has {self._width}"
+        if self._separator == "," and len(cells) > self._width:
+            text += "; with a decimal comma the columns need another separator: save with ';'"
+        return text + "; mend or delete the row"
+
+    def _check_end(self) -> None:
+        """Leaves out a last line that was cut short while being written."""
+        last = self._survey.last_line
+        if self._survey.ends_cleanly or self._survey.lines <= self._survey.header_lines:
+            return
+        try:
+            cells = next(csv.reader([last], delimiter=self._separator), [])
+        except csv.Error:
+            cells = []
+        texts = [cell.strip() for cell in cells]
+        whole = len(texts) == self._width and texts[-1] != ""
+        plain = all(cell in _MISSING or _is_number(cell, ".") or _is_number(cell, ",") for cell in texts[-1:])
+        if whole and plain:
+            self.warnings.append("the file does not end with a line end: the last number may be cut short")
+            return
+        self._end = self._survey.last_start
+        number = self._survey.lines
+        self._survey = self._survey.without_last()
+        self.warnings.append(
+            f"the last line (row {number}) was cut short ({len(cells)} of {self._width} cells) and left out"
+        )
+
+    def _window(self) -> Window:
+        return Window(self.path, self._survey.start, self._end)
+
+
+def _text(file: Window) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BufferedReader(file, _BLOCK), encoding="utf-8", errors="replace", newline="")
+
+
+def _is_number(text: str, decimal: str) -> bool:
+    """Whether the text is a plain number with this decimal sign; Python's float alone takes 1_000 and Arabic digits."""
+    if not text.isascii() or "_" in text or (decimal == "," and "." in text):
+        return False
+    try:
+        float(text.replace(",", ".") if decimal == "," else text)
+    except ValueError:
+        return False
+    return True
