@@ -1,0 +1,146 @@
+"""Archives from strangers: an .ssp or .fmu is unpacked only when no entry can leave its folder or fill the disk."""
+
+import io
+import os
+import re
+import stat
+import tempfile
+import zipfile
+from pathlib import Path
+
+from cosim.errors import ModelError
+from cosim.paths import unsafe_characters
+
+LARGEST = 4 << 30  # bytes, unpacked: far above any FMU met in practice
+SUSPICIOUS_SIZE = 64 << 20  # below this size any ratio is harmless
+LARGEST_RATIO = 200  # deflate reaches about 10 on code and tables, 1000 on a bomb
+MOST_ENTRIES = 100_000
+
+
+def open_archive(source: Path | bytes, what: str) -> zipfile.ZipFile:
+    """An archive whose entries are all safe to unpack.
+
+    Args:
+        source: the file, or its bytes.
+        what: its name, for messages.
+
+    Raises:
+        ModelError: it is missing, no archive, damaged, or an entry is unsafe.
+    """
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(source) if isinstance(source, bytes) else source)
+    except FileNotFoundError:
+        raise ModelError(f"{what} does not exist") from None
+    except (zipfile.BadZipFile, OSError, EOFError) as error:
+        raise ModelError(f"{what} is not a readable zip archive ({error}): build or copy it again") from None
+    try:
+        _check_entries(archive, what)
+    except ModelError:
+        archive.close()
+        raise
+    return archive
+
+
+def _check_entries(archive: zipfile.ZipFile, what: str) -> None:
+    entries = archive.infolist()
+    if len(entries) > MOST_ENTRIES:
+        raise ModelError(f"{what} has {len(entries)} entries; more than {MOST_ENTRIES} are refused")
+    seen: set[str] = set()
+    for entry in entries:
+        check_name(entry.orig_filename, what)
+        if stat.S_ISLNK(entry.external_attr >> 16):
+            raise ModelError(f"{what}: the entry '{entry.filename}' is a symbolic link, which is refused")
+        if entry.flag_bits & 0x1:
+            raise ModelError(
+                f"{what}: the entry '{entry.filename}' is encrypted: pack it again without a password"
+            )
+        if entry.filename in seen:
+            raise ModelError(f"{what} has two entries named '{entry.filename}': pack it again")
+        seen.add(entry.filename)
+    full, packed = sum(e.file_size for e in entries), sum(e.compress_size for e in entries)
+    if full > LARGEST or (full > SUSPICIOUS_SIZE and full > LARGEST_RATIO * max(packed, 1)):
+        raise ModelError(
+            f"{what} would unpack from {packed / 1e6:.3g} MB to {full / 1e6:.3g} MB, which is refused as a zip bomb"
+        )
+
+
+def check_name(name: str, what: str) -> None:
+    """Refuse an entry's name or a reference that points outside its archive.
+
+    Raises:
+        ModelError: it is absolute, has a drive letter, ``..``, a backslash or a NUL.
+    """
+    bad = name.startswith("/") or re.match(r"[A-Za-z]:", name) or "\\" in name or "\0" in name
+    if bad or ".." in name.split("/") or not name.strip("/"):
+        raise ModelError(
+            f"{what}: '{name}' points outside the archive or is no portable path, which is refused"
+        )
+
+
+def read_entry(archive: zipfile.ZipFile, name: str, what: str) -> bytes:
+    """Bytes of one entry.
+
+    Raises:
+        ModelError: there is no such entry, or it is damaged.
+    """
+    check_name(name, what)
+    try:
+        return archive.read(name)
+    except KeyError:
+        raise ModelError(f"{what} has no entry '{name}'") from None
+    except (zipfile.BadZipFile, OSError, EOFError, NotImplementedError, ValueError) as error:
+        raise ModelError(f"{what}: the entry '{name}' is damaged ({error}): build or copy it again") from None
+    except Exception as error:  # zlib.error has no common base with the others
+        raise ModelError(f"{what}: the entry '{name}' cannot be unpacked: {error}") from None
+
+
+def unpack(archive: zipfile.ZipFile, folder: Path, what: str) -> None:
+    """Unpack a checked archive into `folder`.
+
+    Raises:
+        ModelError: an entry is damaged, or collides with another one on this file system.
+    """
+    for entry in archive.infolist():
+        target = folder / entry.filename
+        try:
+            if entry.is_dir():
+                target.mkdir(parents=True, exist_ok=True)
+                continue
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("xb") as stream:
+                stream.write(read_entry(archive, entry.filename, what))
+        except OSError as error:
+            raise ModelError(f"{what}: '{entry.filename}' cannot be unpacked to {folder}: {error}") from None
+        mode = entry.external_attr >> 16
+        if os.name == "posix" and mode & 0o100:  # an executable that the FMU starts itself
+            target.chmod(0o755)
+
+
+def scratch_folder() -> "tuple[tempfile.TemporaryDirectory[str], str]":
+    """A temporary folder under whose path an FMU can run, and a note (empty if the usual place will do).
+
+    A pythonfmu FMU unpacked under a path with ``#``, ``%``, ``+``, ``(`` or a non-ASCII letter crashes the process.
+
+    Raises:
+        ModelError: no safe folder can be written to.
+    """
+    usual = Path(tempfile.gettempdir())
+    others = (
+        [os.environ.get(name, "") for name in ("PUBLIC", "PROGRAMDATA")]
+        if os.name == "nt"
+        else ["/tmp", "/var/tmp"]
+    )
+    for parent in (usual, *(Path(other) for other in others if other)):
+        if unsafe_characters(parent) or not os.access(parent, os.W_OK):
+            continue
+        folder = tempfile.TemporaryDirectory(prefix="cosim_", dir=parent, ignore_cleanup_errors=True)
+        if parent == usual:
+            return folder, ""
+        return folder, (
+            f"the temporary folder {usual} has characters that crash FMUs ({unsafe_characters(usual)}); "
+            f"unpacked to {parent} instead"
+        )
+    raise ModelError(
+        f"FMUs crash under the temporary folder {usual} because of '{unsafe_characters(usual)}' in its path: "
+        "set TMPDIR (Windows: TEMP) to a plain ASCII path without # % + ("
+    )

@@ -1,0 +1,145 @@
+"""Everything that is wrong with an .ssp or .fmu file: the standards' schemas, then what a schema cannot see."""
+
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal
+
+from fmpy.validation import validate_fmu
+from lxml import etree
+
+from cosim.errors import ModelError
+from cosim.paths import unsafe_characters
+from cosim.ssp.archive import open_archive, read_entry
+from cosim.ssp.parameters import local_source
+from cosim.ssp.read import DESCRIPTION, read_fmu, read_ssp
+from cosim.ssp.system import System
+from cosim.ssp.xml import SSD, parse, schema_problems
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One finding.
+
+    Attributes:
+        severity: "error": the file breaks the standard or cannot be run; "warning": some clients stumble over it.
+        where: the file or element.
+        text: what is wrong, and the remedy.
+    """
+
+    severity: Literal["error", "warning"]
+    where: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.severity}: {self.where}: {self.text}"
+
+
+def check_ssp(path: Path) -> list[Problem]:
+    """Check an SSP package: schemas of wiring and values, every FMU, and the system as a whole.
+
+    Returns:
+        The problems found; none for a package that every client accepts.
+    """
+    try:
+        with open_archive(path, str(path)) as archive:
+            problems = list(_schema_findings(archive))
+    except ModelError as error:
+        return [Problem("error", path.name, str(error))]
+    try:
+        with read_ssp(path) as system:
+            problems += [Problem("warning", path.name, note) for note in system.notes]
+            problems += _fmu_findings(system)
+            problems += _name_findings(system)
+    except ModelError as error:
+        problems.append(Problem("error", path.name, str(error)))
+    return problems + _path_findings(path)
+
+
+def check_fmu(path: Path) -> list[Problem]:
+    """Check an FMU: the schema and rules of FMI (by fmpy), and whether it can run here.
+
+    Returns:
+        The problems found; none for an FMU that every client accepts.
+    """
+    try:
+        with read_fmu(path) as system:
+            problems = _fmu_findings(system)
+            problems += [Problem("warning", path.name, note) for note in system.notes]
+    except ModelError as error:
+        return [Problem("error", path.name, str(error))]
+    return problems + _path_findings(path)
+
+
+def _schema_findings(archive: zipfile.ZipFile) -> Iterator[Problem]:
+    root = parse(read_entry(archive, DESCRIPTION, "the package"), DESCRIPTION)
+    yield from (Problem("error", DESCRIPTION, text) for text in schema_problems(root))
+    for node in root.iter("{http://ssp-standard.org/SSP1/SystemStructureParameterValues}ParameterSet"):
+        # the schema of the wiring lets any content through here
+        yield from (
+            Problem("error", f"{DESCRIPTION}, inline values", t) for t in schema_problems(_detached(node))
+        )
+    for name in sorted(set(_sources(root))):
+        values = parse(read_entry(archive, name, "the package"), name)
+        yield from (Problem("error", name, text) for text in schema_problems(values))
+    for connector in root.iter(f"{SSD}Connector"):
+        if not any(isinstance(c.tag, str) and "SystemStructureCommon" in c.tag for c in connector):
+            yield Problem(
+                "warning",
+                DESCRIPTION,
+                f"connector '{connector.get('name')}' has no type child; libcosim and ecos want one",
+            )
+
+
+def _sources(root: etree._Element) -> Iterator[str]:
+    for binding in root.iter(f"{SSD}ParameterBinding"):
+        if binding.get("source") and binding.get("sourceBase", "SSD") == "SSD":
+            yield local_source(binding.get("source"), "a parameter binding")
+
+
+def _detached(node: etree._Element) -> etree._Element:
+    return etree.fromstring(etree.tostring(node, with_tail=False))
+
+
+def _fmu_findings(system: System) -> list[Problem]:
+    fmus = {c.fmu.folder: c.fmu for c in system.components.values()}.values()
+    return [Problem("error", fmu.source, text) for fmu in fmus for text in validate_fmu(str(fmu.folder))]
+
+
+def _name_findings(system: System) -> list[Problem]:
+    names = sorted(system.components)
+    found = []
+    for first, second in pairwise(names):
+        if second.startswith(first):
+            found.append(
+                Problem(
+                    "warning",
+                    system.name,
+                    f"'{first}' is the start of '{second}': fmpy mixes their variables up; rename one",
+                )
+            )
+    found += [
+        Problem(
+            "warning",
+            system.name,
+            f"component '{name}' is no plain identifier, which some clients refuse: rename it",
+        )
+        for name in names
+        if not name.isidentifier()
+    ]
+    return found
+
+
+def _path_findings(path: Path) -> list[Problem]:
+    bad = unsafe_characters(path)
+    if not bad:
+        return []
+    return [
+        Problem(
+            "warning",
+            path.name,
+            f"clients that unpack beside the file crash with pythonfmu FMUs because of '{bad}' in its path: move it",
+        )
+    ]

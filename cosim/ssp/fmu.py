@@ -1,0 +1,177 @@
+"""Reads an FMU: what it is, what its variables are, and whether this machine can run it."""
+
+import hashlib
+import math
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import fmpy
+from fmpy.model_description import ModelDescription, ModelVariable
+
+from cosim.errors import ModelError
+from cosim.ssp.archive import read_entry, unpack
+from cosim.ssp.quantities import UnitDefinition, from_xml
+from cosim.ssp.system import Fmu, Value, Variable
+from cosim.ssp.xml import parse
+
+# FMI 2.0 table in section 2.2.7: the default of `initial` by causality, then variability
+_INITIAL = {
+    "parameter": {"fixed": "exact", "tunable": "exact"},
+    "output": {"constant": "exact"},
+    "local": {"constant": "exact"},
+}
+
+
+def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, implementation: str = "any") -> Fmu:
+    """Check an FMU, unpack it and read its description.
+
+    Args:
+        archive: the checked archive of the FMU.
+        source: its name, for messages.
+        folder: an empty folder to unpack it to.
+        implementation: what the system asks for: any, CoSimulation or ModelExchange.
+
+    Raises:
+        ModelError: it is no FMI 2.0 co-simulation FMU, has no binary for this platform, or is damaged.
+    """
+    root = parse(read_entry(archive, "modelDescription.xml", source), f"{source}: modelDescription.xml")
+    version = root.get("fmiVersion", "")
+    if version != "2.0":
+        raise ModelError(
+            f"{source} is an FMI {version or '(no version)'} FMU; only FMI 2.0 can be run: export it as FMI 2.0"
+        )
+    co_simulation = root.find("CoSimulation")
+    if co_simulation is None:
+        raise ModelError(f"{source} is for model exchange only: export it for co-simulation")
+    if implementation == "ModelExchange":
+        raise ModelError(
+            f"{source}: the system asks for model exchange, which is not supported: ask for CoSimulation"
+        )
+    _check_binary(archive, source, co_simulation.get("modelIdentifier", ""))
+    unpack(archive, folder, source)
+    try:
+        description = fmpy.read_model_description(str(folder), validate=False)
+    except Exception as error:  # fmpy raises bare exceptions
+        raise ModelError(f"{source}: the model description cannot be read: {error}") from None
+    return _fmu(description, source, folder, _units(root))
+
+
+def _units(root: Any) -> dict[str, UnitDefinition]:
+    node = root.find("UnitDefinitions")
+    return {} if node is None else from_xml(node)
+
+
+def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str) -> None:
+    names = archive.namelist()
+    wanted = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
+    if wanted in names:
+        return
+    platforms = sorted(
+        {name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1}
+    )
+    if platforms:
+        raise ModelError(
+            f"{source} has no binary for this platform ({fmpy.platform}), only for {', '.join(platforms)}: "
+            f"'{wanted}' is missing; export it for {fmpy.platform}"
+        )
+    raise ModelError(f"{source} has no binary at all ('{wanted}' is missing): export it with binaries")
+
+
+def _fmu(
+    description: ModelDescription, source: str, folder: Path, units: Mapping[str, UnitDefinition]
+) -> Fmu:
+    shown = {
+        (unit.name, display.name): (float(display.factor), float(display.offset))
+        for unit in description.unitDefinitions
+        for display in unit.displayUnits
+    }
+    variables: dict[str, Variable] = {}
+    for item in description.modelVariables:
+        if item.name in variables:
+            raise ModelError(f"{source} declares the variable '{item.name}' twice")
+        variables[item.name] = _variable(item, shown, source)
+    dependencies = {
+        unknown.variable.name: frozenset(v.name for v in unknown.dependencies)
+        for unknown in description.outputs
+        if unknown.dependencies is not None
+    }
+    experiment, slave = description.defaultExperiment, description.coSimulation
+    step = experiment.stepSize if experiment is not None else None
+    return Fmu(
+        source=source,
+        folder=folder,
+        guid=description.guid,
+        identifier=slave.modelIdentifier,
+        variables=variables,
+        dependencies=dependencies,
+        units=units,
+        step_size=float(step) if step else None,
+        variable_steps=bool(slave.canHandleVariableCommunicationStepSize),
+        module=_python_module(folder),
+    )
+
+
+def _variable(
+    item: ModelVariable, shown: Mapping[tuple[Any, Any], tuple[float, float]], source: str
+) -> Variable:
+    causality = item.causality or "local"
+    variability = item.variability or "continuous"
+    declared = item.declaredType
+    unit = item.unit or (declared.unit if declared else None) or ""
+    display = item.displayUnit or (declared.displayUnit if declared else None) or ""
+    factor, offset = shown.get((unit, display), (1.0, 0.0))
+    if (unit, display) not in shown:
+        display = ""  # a display unit without definition cannot be converted to
+    low, high = (getattr(item, b) or (getattr(declared, b) if declared else None) for b in ("min", "max"))
+    try:
+        return Variable(
+            name=item.name,
+            reference=int(item.valueReference),
+            kind=item.type,
+            causality=causality,
+            variability=variability,
+            initial=item.initial or _INITIAL.get(causality, {}).get(variability, "calculated"),
+            start=parse_value(item.type, item.start) if item.start is not None else None,
+            unit=unit,
+            display_unit=display,
+            display_factor=factor,
+            display_offset=offset,
+            low=-math.inf if low is None else float(low),
+            high=math.inf if high is None else float(high),
+        )
+    except ValueError as error:
+        raise ModelError(f"{source}: the variable '{item.name}' has a bad number: {error}") from None
+
+
+def parse_value(kind: str, text: str) -> Value:
+    """A value as XML writes it.
+
+    Args:
+        kind: Real, Integer, Enumeration, Boolean or String.
+        text: the attribute.
+
+    Raises:
+        ValueError: the text is no value of that kind.
+    """
+    if kind == "Real":
+        return float(text)
+    if kind in ("Integer", "Enumeration"):
+        return int(text)
+    if kind == "Boolean":
+        if text.strip() not in ("true", "false", "1", "0"):
+            raise ValueError(f"'{text}' is not true or false")
+        return text.strip() in ("true", "1")
+    return text
+
+
+def _python_module(folder: Path) -> tuple[str, str] | None:
+    """Name and digest of the module a pythonfmu FMU imports; Python shares modules by name within a process."""
+    marker = folder / "resources" / "slavemodule.txt"
+    if not marker.is_file():
+        return None
+    name = marker.read_text(encoding="utf-8", errors="replace").strip()
+    script = folder / "resources" / f"{name}.py"
+    content = script.read_bytes() if script.is_file() else b""
+    return name, hashlib.sha256(content).hexdigest()

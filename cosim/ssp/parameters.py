@@ -1,0 +1,182 @@
+"""Parameter values: .ssv files and the bindings of an SSD, with SSP 1.0's rules of precedence."""
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+
+from lxml import etree
+
+from cosim.errors import ModelError
+from cosim.ssp.archive import read_entry
+from cosim.ssp.fmu import parse_value
+from cosim.ssp.quantities import UnitDefinition, convert, from_xml
+from cosim.ssp.system import Fmu, Value, Variable
+from cosim.ssp.xml import SSC, SSD, SSV, parse
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """One value of a parameter set, as written: the unit may differ from that of the variable it is for."""
+
+    name: str
+    kind: str
+    value: Value
+    unit: str
+    units: Mapping[str, UnitDefinition]
+    set_name: str
+
+
+def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
+    """The values of an ``ssv:ParameterSet``.
+
+    Raises:
+        ModelError: it is no parameter set, holds a value that cannot be read, or a name twice.
+    """
+    if root.tag != f"{SSV}ParameterSet":
+        raise ModelError(f"{what} is no SSP 1.0 parameter set: its root element is {root.tag}")
+    node = root.find(f"{SSV}Units")
+    units = {} if node is None else from_xml(node)
+    label = root.get("name", "")
+    found: dict[str, ParameterValue] = {}
+    for parameter in root.iterfind(f"{SSV}Parameters/{SSV}Parameter"):
+        name = parameter.get("name", "")
+        item = next(
+            (child for child in parameter if isinstance(child.tag, str) and child.get("value") is not None),
+            None,
+        )
+        if not name or item is None:
+            raise ModelError(f"{what}: the parameter '{name}' has no name or no value")
+        kind = etree.QName(item).localname
+        if kind not in ("Real", "Integer", "Boolean", "String"):
+            raise ModelError(f"{what}: the parameter '{name}' is of type {kind}, which is not supported")
+        if name in found:
+            raise ModelError(f"{what}: the parameter '{name}' is given twice")
+        try:
+            value = parse_value(kind, item.get("value", ""))
+        except ValueError as error:
+            raise ModelError(f"{what}: the parameter '{name}' has a bad value: {error}") from None
+        found[name] = ParameterValue(name, kind, value, item.get("unit", ""), units, label)
+    return list(found.values())
+
+
+def read_ssv(path: Path) -> list[ParameterValue]:
+    """The values of an .ssv file; names are ``component.variable`` or those of system connectors.
+
+    Raises:
+        ModelError: the file is missing or no parameter set.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ModelError(f"{path} cannot be read: {error.strerror or error}") from None
+    return read_set(parse(data, str(path)), str(path))
+
+
+def bindings(
+    element: etree._Element, archive: zipfile.ZipFile, fmu: zipfile.ZipFile | None, what: str
+) -> list[tuple[str, list[ParameterValue]]]:
+    """Parameter sets bound to a component or system, later ones taking priority.
+
+    Args:
+        element: the Component or System.
+        archive: the SSP.
+        fmu: the component's own archive, for sources inside it.
+        what: the element's name, for messages.
+
+    Returns:
+        (name of the set, its values with the binding's prefix put before their names) in the order of the file.
+
+    Raises:
+        ModelError: a source is missing, remote, of another type, or mapped by an .ssm.
+    """
+    found = []
+    for binding in element.iterfind(f"{SSD}ParameterBindings/{SSD}ParameterBinding"):
+        if binding.get("type", "application/x-ssp-parameter-set") != "application/x-ssp-parameter-set":
+            raise ModelError(f"{what}: parameter bindings of type {binding.get('type')} are not supported")
+        if binding.find(f"{SSD}ParameterMapping") is not None:
+            raise ModelError(
+                f"{what}: parameter mappings (.ssm) are not supported: write the values under the variables' own names"
+            )
+        root, label = _binding_root(binding, archive, fmu, what)
+        prefix = binding.get("prefix", "")
+        values = [
+            ParameterValue(prefix + v.name, v.kind, v.value, v.unit, v.units, v.set_name)
+            for v in read_set(root, label)
+        ]
+        found.append((root.get("name", ""), values))
+    return found
+
+
+def _binding_root(
+    binding: etree._Element, archive: zipfile.ZipFile, fmu: zipfile.ZipFile | None, what: str
+) -> tuple[etree._Element, str]:
+    source = binding.get("source")
+    if source is None:
+        inline = binding.find(f"{SSD}ParameterValues/{SSV}ParameterSet")
+        if inline is None:
+            raise ModelError(f"{what}: a parameter binding has neither a source nor values")
+        return inline, f"{what}: inline values"
+    name = local_source(source, what)
+    if binding.get("sourceBase", "SSD") == "component":
+        if fmu is None:
+            raise ModelError(
+                f"{what}: the parameter source '{source}' is relative to a component, but there is none"
+            )
+        return parse(read_entry(fmu, name, what), f"{what}: {name}"), f"{what}: {name}"
+    return parse(read_entry(archive, name, what), name), name
+
+
+def local_source(source: str, what: str) -> str:
+    """Archive entry that a relative URI names.
+
+    Raises:
+        ModelError: the URI has a scheme, or is a reference within the document.
+    """
+    if "://" in source or source.startswith(("#", "/")) or source.split(":")[0] in ("http", "https", "file"):
+        raise ModelError(
+            f"{what}: the source '{source}' is not inside the archive: only relative paths are supported"
+        )
+    return unquote(source).removeprefix("./")
+
+
+def fitted(value: ParameterValue, variable: Variable, fmu: Fmu, what: str) -> Value:
+    """A value as the FMU takes it: of the variable's type and in its unit.
+
+    Raises:
+        ModelError: the variable cannot be set, or type or dimension do not fit.
+    """
+    if not variable.can_be_set:
+        raise ModelError(
+            f"{what}: '{variable.name}' is a {variable.variability} {variable.causality} and cannot be given a start value"
+        )
+    number = value.value
+    if variable.kind == "Real" and value.kind in ("Real", "Integer"):
+        try:
+            return convert(float(number), value.unit, value.units, variable.unit, fmu.units)
+        except ModelError as error:
+            raise ModelError(f"{what}: '{variable.name}' = {number!r} {value.unit}: {error}") from None
+    if variable.kind in ("Integer", "Enumeration") and value.kind == "Real" and float(number).is_integer():
+        return int(number)
+    if value.kind == variable.kind or (value.kind == "Integer" and variable.kind == "Enumeration"):
+        return number
+    raise ModelError(
+        f"{what}: '{variable.name}' is of type {variable.kind}, but {number!r} is of type {value.kind}"
+    )
+
+
+def linear(connection: etree._Element, what: str) -> tuple[float, float]:
+    """Factor and offset of a connection's transformation: (1, 0) if it has none.
+
+    Raises:
+        ModelError: it has a transformation of another kind.
+    """
+    for child in connection:
+        if child.tag == f"{SSC}LinearTransformation":
+            return float(child.get("factor", "1")), float(child.get("offset", "0"))
+        if isinstance(child.tag, str) and child.tag.endswith("Transformation"):
+            raise ModelError(
+                f"{what}: a {etree.QName(child).localname} is not supported: only linear ones are"
+            )
+    return 1.0, 0.0

@@ -1,0 +1,92 @@
+"""Units of foreign files: two units agree when their definitions do, whatever they are called."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from lxml import etree
+
+from cosim.errors import ModelError, UsageError
+from cosim.units import base_exponents
+
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+@dataclass(frozen=True)
+class UnitDefinition:
+    """A unit by its SI exponents: SI value = factor * value + offset (FMI 2.0, section 2.2.2).
+
+    Attributes:
+        exponents: powers of BASE_UNITS, shape (8,).
+    """
+
+    name: str
+    exponents: tuple[int, ...]
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def agrees_with(self, other: "UnitDefinition") -> bool:
+        """Whether numbers in both units mean the same."""
+        return (
+            self.exponents == other.exponents
+            and abs(self.factor - other.factor) <= 1e-12 * abs(self.factor)
+            and abs(self.offset - other.offset) <= 1e-9
+        )
+
+
+def from_xml(parent: etree._Element) -> dict[str, UnitDefinition]:
+    """Unit definitions below ``Units`` (SSP) or ``UnitDefinitions`` (FMI), whatever the namespace."""
+    found = {}
+    for unit in parent.iterfind("{*}Unit"):
+        base = unit.find("{*}BaseUnit")
+        if base is None:
+            continue
+        powers = tuple(int(base.get(name, "0")) for name in BASE_UNITS)
+        scale, shift = float(base.get("factor", "1")), float(base.get("offset", "0"))
+        found[unit.get("name", "")] = UnitDefinition(unit.get("name", ""), powers, scale, shift)
+    return found
+
+
+def definition(name: str, known: Mapping[str, UnitDefinition]) -> UnitDefinition | None:
+    """Definition of a unit: the file's own, else what the name means by itself, else None."""
+    if name in known:
+        return known[name]
+    try:
+        exponents, scale = base_exponents(name)
+    except (UsageError, KeyError):
+        return None
+    return UnitDefinition(name, tuple(exponents.get(base, 0) for base in BASE_UNITS), scale)
+
+
+def agree(
+    first: str,
+    first_known: Mapping[str, UnitDefinition],
+    second: str,
+    second_known: Mapping[str, UnitDefinition],
+) -> bool:
+    """Whether two units mean the same; a side that declares none agrees with everything."""
+    if not first or not second:
+        return True
+    one, two = definition(first, first_known), definition(second, second_known)
+    if one is None or two is None:
+        return first == second
+    return one.agrees_with(two)
+
+
+def convert(
+    value: float,
+    unit: str,
+    known: Mapping[str, UnitDefinition],
+    target: str,
+    target_known: Mapping[str, UnitDefinition],
+) -> float:
+    """A number in `unit` as one in `target`; unchanged where either is not declared.
+
+    Raises:
+        ModelError: the units have different dimensions, or one is unknown.
+    """
+    if agree(unit, known, target, target_known):
+        return value
+    one, two = definition(unit, known), definition(target, target_known)
+    if one is None or two is None or one.exponents != two.exponents:
+        raise ModelError(f"unit '{unit}' cannot be converted to '{target}'")
+    return (one.factor * value + one.offset - two.offset) / two.factor
