@@ -81,13 +81,10 @@ def rig(
         tracker=tracker is not None,
         command_file=played,
     )
-    try:
-        write(run, out)
-        if tracker is not None:
-            write_tracker(run, tracker)
-        truth = write_truth(run, out)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from None
+    write(run, out)
+    if tracker is not None:
+        write_tracker(run, tracker)
+    truth = write_truth(run, out)
     _report(run, out, truth, tracker, json)
 
 

@@ -10,7 +10,7 @@ from cosim.rig.hidden import Hidden
 from cosim.rig.noise import Noise
 from cosim.rig.parameters import EFFECTS, PARAMETERS
 from cosim.rig.run import RigRun, make_log
-from cosim.rig.write import write, write_tracker, write_truth
+from cosim.rig.write import as_log, as_tracker, write, write_tracker, write_truth
 
 __all__ = [
     "EFFECTS",
@@ -18,6 +18,8 @@ __all__ = [
     "Hidden",
     "Noise",
     "RigRun",
+    "as_log",
+    "as_tracker",
     "make_log",
     "write",
     "write_tracker",

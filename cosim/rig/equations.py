@@ -164,7 +164,7 @@ def rates(s: State, t: float, held: Moment, p: Plant) -> State:
     sensed = 0.0
     if p.sensor.tau_l != 0.0:
         seen = play(s.theta, held.seen, 0.5 * p.mechanical.gap)
-        sensed = (p.sensor.gain * seen + p.sensor.bias + p.sensor.drift * t - s.sensed) / p.sensor.tau_l
+        sensed = (seen - s.sensed) / p.sensor.tau_l
     return State(v, a, load, supply, omega, alpha, boom_omega, boom_alpha, bristle, sensed)
 
 

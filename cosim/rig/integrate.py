@@ -161,8 +161,7 @@ def valve_demand(u: NDArray[np.float64], p: Plant) -> NDArray[np.float64]:
 def _at_rest(p: Plant) -> State:
     """The state at the start of the log: everything at rest, the boom above the column, the lag settled."""
     theta = p.mechanical.theta_0
-    sensed = p.sensor.gain * theta + p.sensor.bias
-    return State(0.0, 0.0, 0.0, p.continuity.p_s, theta, 0.0, theta, 0.0, 0.0, sensed)
+    return State(0.0, 0.0, 0.0, p.continuity.p_s, theta, 0.0, theta, 0.0, 0.0, theta)
 
 
 def _source_digest() -> int:

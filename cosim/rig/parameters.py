@@ -85,7 +85,7 @@ class Mechanical(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """Slew sensor: slew = gain theta + bias + drift t, then lag, rounding and lost packets."""
+    """Slew sensor: slew = gain theta + bias + drift t of the lagging angle, then rounding and lost packets."""
 
     bias: float = 0.0
     gain: float = 1.0

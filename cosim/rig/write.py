@@ -1,31 +1,28 @@
-"""Synthetic logs as files: CSV, Parquet or MAT by the suffix, with the truth beside them."""
+"""Synthetic logs in the program's own form and as files, with the truth beside them."""
 
+import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from scipy.io import savemat
 
 from cosim.errors import UsageError
+from cosim.logs.log import Log, Tracker
+from cosim.logs.write import WRITABLE, write_log
 from cosim.rig.run import RigRun
-from cosim.units import factor
+from cosim.signals import SIGNALS
 
-SUFFIXES = (".csv", ".parquet", ".mat")
-COLUMNS: dict[
-    str, tuple[str, str, int]
-] = {  # signal -> SI unit, unit in the file, decimals (far below the noise)
-    "time": ("s", "s", 6),
-    "u": ("1", "1", 9),
-    "spool": ("m", "mm", 6),
-    "p_supply": ("Pa", "bar", 5),
-    "p_a": ("Pa", "bar", 5),
-    "p_b": ("Pa", "bar", 5),
-    "slew": ("rad", "deg", 6),
-    "slew_estimate": ("rad", "deg", 6),
-    "slew_rate_estimate": ("rad/s", "deg/s", 6),
-    "slew_external": ("rad", "deg", 6),
+DECIMALS: dict[str, int] = {  # in the log's units; each last digit is at most a thousandth of the noise
+    "u": 9,
+    "spool": 6,
+    "p_supply": 5,
+    "p_a": 5,
+    "p_b": 5,
+    "slew": 6,
+    "slew_estimate": 6,
+    "slew_rate_estimate": 6,
+    "slew_external": 6,
 }
 
 
@@ -33,40 +30,54 @@ def check_suffix(path: Path) -> None:
     """Refuse a file type that cannot be written, before any work is done.
 
     Raises:
-        UsageError: the suffix is not one of SUFFIXES.
+        UsageError: a log cannot be written with this suffix.
     """
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in WRITABLE:
         raise UsageError(
-            f"{path}: a log is written as {', '.join(SUFFIXES)}; '{path.suffix}' is none of them"
+            f"{path}: a log is written as {', '.join(WRITABLE)}; '{path.suffix}' is none of them"
         )
 
 
-def table(signals: dict[str, NDArray[np.float64]]) -> pd.DataFrame:
-    """Signals (SI, ``time`` among them) as a table with ``name [unit]`` headers and the mark ``synthetic [1]``."""
-    columns = {}
-    for name, values in signals.items():
-        si, unit, decimals = COLUMNS[name]
-        columns[f"{name} [{unit}]"] = np.round(values * factor(si, unit), decimals)
-    frame = pd.DataFrame(columns)
-    frame["synthetic [1]"] = np.ones(len(frame), dtype=np.int64)
-    return frame
+def as_log(run: RigRun) -> Log:
+    """The log of `run` (SI, every digit) as `cosim.logs.load_log` would give it, marked as synthetic."""
+    signals = run.signals
+    return Log(
+        time=run.time,
+        source=Path("synthetic"),
+        warnings=(),
+        synthetic=True,
+        sha256="",
+        signals=signals,
+        units={name: SIGNALS[name].si for name in signals},
+        display={name: SIGNALS[name].unit for name in signals},
+        held=frozenset(name for name in signals if SIGNALS[name].held),
+    )
 
 
-def _write_table(frame: pd.DataFrame, path: Path) -> None:
-    check_suffix(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    kind = path.suffix.lower()
-    if kind == ".csv":
-        frame.to_csv(path, index=False, lineterminator="\n")
-    elif kind == ".parquet":
-        frame.to_parquet(path, index=False)
-    else:
-        names = [column.split(" [")[0] for column in frame.columns]
-        units = [column.split(" [")[1].rstrip("]") for column in frame.columns]
-        savemat(
-            path,
-            {"data": frame.to_numpy(dtype=float), "names": np.array(names, dtype=object), "units": units},
-        )
+def as_tracker(run: RigRun) -> Tracker:
+    """The tracker's record of `run` (SI, every digit), marked as synthetic.
+
+    Raises:
+        UsageError: the run has no tracker record.
+    """
+    if run.tracker is None:
+        raise UsageError("this run has no tracker record: make it with tracker=True")
+    stamps, angle = run.tracker
+    return Tracker(
+        time=stamps,
+        source=Path("synthetic"),
+        warnings=(),
+        synthetic=True,
+        sha256="",
+        slew_external=angle,
+        valid=np.ones(stamps.size, dtype=bool),
+    )
+
+
+def _rounded(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """SI values with the digits that the file keeps."""
+    scale = SIGNALS[name].to_si
+    return np.asarray(np.round(values / scale, DECIMALS[name]) * scale)
 
 
 def write(run: RigRun, path: Path) -> None:
@@ -74,8 +85,11 @@ def write(run: RigRun, path: Path) -> None:
 
     Raises:
         UsageError: the suffix is none of these.
+        DataError: the file cannot be written.
     """
-    _write_table(table({"time": run.time, **run.signals}), path)
+    log = as_log(run)
+    signals = {name: _rounded(name, values) for name, values in log.signals.items()}
+    write_log(dataclasses.replace(log, time=np.round(run.time, 6), signals=signals), path)
 
 
 def write_tracker(run: RigRun, path: Path) -> None:
@@ -83,20 +97,15 @@ def write_tracker(run: RigRun, path: Path) -> None:
 
     Raises:
         UsageError: the run has no tracker record, or the suffix cannot be written.
+        DataError: the file cannot be written.
     """
-    if run.tracker is None:
-        raise UsageError("this run has no tracker record: make it with tracker=True")
-    stamps, angle = run.tracker
-    _write_table(table({"time": stamps, "slew_external": angle}), path)
-
-
-def truth_path(log: Path) -> Path:
-    """Where the truth about the log lies: ``<log>.truth.json``."""
-    return log.with_name(log.name + ".truth.json")
+    record = as_tracker(run)
+    angle = _rounded("slew_external", record.slew_external)
+    write_log(dataclasses.replace(record, time=np.round(record.time, 6), slew_external=angle), path)
 
 
 def write_truth(run: RigRun, log: Path) -> Path:
-    """Write what was hidden in the log at `log` beside it, and return that path."""
-    path = truth_path(log)
+    """Write what was hidden in the log at `log` to ``<log>.truth.json`` beside it, and return that path."""
+    path = log.with_name(log.name + ".truth.json")
     path.write_text(json.dumps(run.truth, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     return path

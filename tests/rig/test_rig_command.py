@@ -5,15 +5,17 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.io import loadmat
 from typer.testing import CliRunner
 
 from cosim.cli import make_app
-from cosim.errors import CosimError, UsageError
-from cosim.rig import EFFECTS, make_log, write, write_tracker
+from cosim.errors import CosimError, DataError, UsageError
+from cosim.logs import load_log, load_tracker
+from cosim.rig import EFFECTS, as_log, make_log, write, write_tracker
 from cosim.rig.parameters import DEG
 
 HEADERS = ["time [s]", "u [1]", "spool [mm]", "p_supply [bar]", "p_a [bar]", "p_b [bar]", "slew [deg]"]
+# half of the last digit a file keeps, SI; angles have six decimals of a degree
+ROUNDING = {"u": 1e-9, "spool": 0.51e-9, "p_supply": 0.51, "p_a": 0.51, "p_b": 0.51}
 SHORT = ["--excitation", "steps", "--duration", "5 s"]
 
 
@@ -76,7 +78,7 @@ def test_options_reach_the_log(tmp_path):
     call("--out", log, *options, *SHORT)
     table = pd.read_csv(log)
     run = make_log("steps", 5.0, settings={"dcv.K": 2e-3}, noise=0, start=30 * DEG, amplitude=0.5)
-    assert table["slew [deg]"][0] == 30.0
+    assert table["slew [deg]"][0] == pytest.approx(30.0, abs=1e-9)
     assert np.allclose(table["spool [mm]"], run.spool * 1e3, atol=1e-6)
 
 
@@ -98,10 +100,29 @@ def test_played_log_sets_its_own_length(tmp_path):
     assert tables[0]["u [1]"].tolist() == tables[1]["u [1]"].tolist()
 
 
-def test_mat_file_carries_the_mark(tmp_path):
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "mat"])
+def test_our_own_reader_takes_every_format(tmp_path, suffix):
+    path, record = tmp_path / f"log.{suffix}", tmp_path / f"tracker.{suffix}"
+    run = make_log("steps", 3.0, observer=True, tracker=True)
+    write(run, path)
+    write_tracker(run, record)
+    log, tracker = load_log(path), load_tracker(record)
+    assert log.synthetic
+    assert tracker.synthetic
+    assert log.warnings == ()
+    assert list(log.signals) == list(run.signals)
+    for name, values in run.signals.items():
+        assert np.allclose(log[name], values, rtol=0, atol=ROUNDING.get(name, 0.51e-6 * DEG)), name
+    assert np.allclose(log.time, run.time, atol=1e-9)
+    assert np.allclose(tracker.slew_external, run.tracker[1], rtol=0, atol=0.51e-6 * DEG)
+
+
+def test_log_in_memory_is_the_run():
     run = make_log("steps", 3.0)
-    write(run, tmp_path / "log.mat")
-    assert loadmat(tmp_path / "log.mat")
+    log = as_log(run)
+    assert log.synthetic
+    assert np.array_equal(log.p_load, run.p_a - run.p_b)
+    assert log.held == {"u"}
 
 
 def test_effects_are_listed():
@@ -132,7 +153,7 @@ def test_mistakes_are_usage_errors(arguments, word, tmp_path, monkeypatch):
 
 def test_unwritable_place_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match="cannot be written"):
+    with pytest.raises(DataError, match="cannot be written"):
         call("--out", tmp_path / "file" / "log.csv", *SHORT)
 
 

@@ -25,7 +25,7 @@ def test_scale_bias_and_drift_are_a_straight_line_of_the_angle():
 
 def test_lag_is_first_order_of_what_the_sensor_sees():
     run = clean(U, "sensor.lag:tau_l=80 ms", "mechanical.backlash:gap=0.3 deg", "sensor.gain:gain=1.1")
-    seen = 1.1 * run.true["seen"]
+    seen = 1.1 * run.true["seen"]  # lag and gain commute
     assert np.max(np.abs(run.slew - follows([1.0], [0.08, 1.0], seen - seen[0], seen[0]))) < ANGLE
     assert np.max(np.abs(run.slew - seen)) > 100 * ANGLE
 
