@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,8 +154,8 @@ def run_engine(
     return results, float(results.pop("seconds"))
 
 
-def main() -> int:
-    """Runs one engine in this process and stores its results."""
+def main() -> NoReturn:
+    """Runs one engine in this process, stores its results and ends the process."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -172,8 +173,11 @@ def main() -> int:
         options.package, options.steps, options.step_size, options.signals
     )
     np.savez(options.out, seconds=np.array(seconds), **results)
-    return 0
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # pythonfmu 0.7.0 releases its interpreter guard twice at the end of a process, which now and then aborts it
+    os._exit(0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

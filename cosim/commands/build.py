@@ -1,0 +1,75 @@
+"""``cosim build``: all FMUs and packages."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cosim import console
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command ``build``."""
+    app.command()(build)
+
+
+def build(
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder to build into [default: COSIM_BUILD, or build/ in the checkout]."),
+    ] = None,
+    with_stimulus: Annotated[
+        Path | None, typer.Option(help="A log whose command u the closed packages play.", metavar="FILE")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="Mapping file (TOML) for a log whose columns have other names.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Build the FMU of each block and the packages of the systems, closed and open.
+
+    A closed package plays a command of 20 s (two periods of a sine, then steps) unless --with-stimulus names a log.
+    """
+    from cosim.paths import build_folder
+    from cosim.ssp.build import build_everything
+
+    began = time.perf_counter()
+    folder = (out or build_folder()).absolute()
+    stimulus = stimulus_of(with_stimulus, mapping)
+    messages = console.stderr_console() if as_json else console.stdout_console()
+
+    def report(file: Path) -> None:
+        size = file.stat().st_size / 1024
+        messages.print(f"  {file.relative_to(folder)}  {size:.0f} KiB", markup=False, soft_wrap=True)
+
+    files = build_everything(folder, stimulus, report)
+    seconds = time.perf_counter() - began
+    number = sum(map(len, files.values()))
+    messages.print(f"built {number} files in {seconds:.1f} s: {folder}", markup=False, soft_wrap=True)
+    if as_json:
+        console.emit_json({"folder": folder, "seconds": seconds, **files})
+
+
+def stimulus_of(log: Path | None, mapping: Path | None) -> bytes:
+    """The CSV to play: the command of a log, from its first sample on, or the default one.
+
+    Raises:
+        DataError: the log is bad, or has no command or no time.
+        UsageError: a mapping without a log.
+    """
+    from cosim.errors import DataError, UsageError
+    from cosim.ssp.stimulus import default_command, stimulus_csv
+
+    if log is None:
+        if mapping is not None:
+            raise UsageError("--mapping says how to read a log, so it needs --with-stimulus")
+        return stimulus_csv(*default_command())
+    from cosim.logs import load_log
+
+    loaded = load_log(log, mapping, select=["u"])
+    for warning in loaded.warnings:
+        console.warn(warning)
+    if loaded.time_unit != "s":
+        raise DataError(f"'{log}' has no time, so its command cannot be played: add a column 'time [s]'")
+    return stimulus_csv(loaded.time - loaded.time[0], loaded["u"])

@@ -1,0 +1,62 @@
+"""Build everything: the FMU of each block, and the closed and open packages of the three systems (CONTRACT section 1)."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+from cosim.errors import UsageError
+from cosim.paths import ssp_folder
+from cosim.ssp.write import STIMULUS, fmu_bytes, write_ssp
+from fmus.registry import BLOCKS
+
+SYSTEMS = ("simplified", "full_order", "physical")
+Report = Callable[[Path], None]
+
+
+def build_everything(out: Path, stimulus: bytes, report: Report = lambda file: None) -> dict[str, list[Path]]:
+    """Build all FMUs and packages into a folder.
+
+    Args:
+        out: the folder; it receives ``fmus`` and ``ssp``. Files of the same names are replaced.
+        stimulus: CSV that the stimulus plays (`cosim.ssp.stimulus.stimulus_csv`).
+        report: called with each file once it is there.
+
+    Returns:
+        The files by folder name.
+
+    Raises:
+        DataError: the stimulus is bad.
+        UsageError: the folder cannot be made.
+        ModelError: the wiring is bad, or pythonfmu could not build an FMU.
+    """
+    files: dict[str, list[Path]] = {"fmus": [], "ssp": []}
+    try:
+        for name in files:
+            (out / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot build into '{out}' ({error.strerror}); name another folder") from None
+    # each FMU is built by a process of its own, so threads are enough to keep all cores busy
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        fmus = {
+            name: pool.submit(fmu_bytes, name, (), stimulus if name == STIMULUS else None) for name in BLOCKS
+        }
+        for name, fmu in fmus.items():
+            files["fmus"].append(write_file(out / "fmus" / f"{name}.fmu", fmu))
+            report(files["fmus"][-1])
+    for name in SYSTEMS:
+        for suffix, is_open in (("", False), ("_open", True)):
+            package = out / "ssp" / f"{name}{suffix}.ssp"
+            write_ssp(
+                ssp_folder() / f"{name}.ssd", package, stimulus=None if is_open else stimulus, open=is_open
+            )
+            files["ssp"].append(package)
+            report(package)
+    return files
+
+
+def write_file(destination: Path, content: "Future[bytes]") -> Path:
+    """Write a file all at once, when its content is there."""
+    temporary = destination.with_name(destination.name + ".part")
+    temporary.write_bytes(content.result())
+    return temporary.replace(destination)
