@@ -67,7 +67,7 @@ def stimulus_of(log: Path | None, mapping: Path | None) -> bytes:
         return stimulus_csv(*default_command())
     from cosim.logs import load_log
 
-    loaded = load_log(log, mapping, select=["u"])
+    loaded = load_log(log, mapping)
     for warning in loaded.warnings:
         console.warn(warning)
     if loaded.time_unit != "s":
