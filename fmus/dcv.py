@@ -7,6 +7,7 @@ The demand is held over a step. Between events the solution is exact for any ste
 left, stop hit) is located inside the step.
 """
 
+import math
 import sys
 from typing import Annotated, NamedTuple
 
@@ -76,20 +77,74 @@ def rest_position(demand: float, p: Parameters) -> float:
 
 @equation
 def inside(spool: float, rate: float, p: Parameters) -> bool:
-    """True where neither a stop nor the speed limit is exceeded."""
-    return p.x_min <= spool <= p.x_max and -p.v_max <= rate <= p.v_max
+    """True where neither a stop nor the speed limit is exceeded by more than rounding."""
+    grace = 1e-12 * (p.x_max - p.x_min)
+    fast = p.v_max * (1.0 + 1e-12)
+    return p.x_min - grace <= spool <= p.x_max + grace and -fast <= rate <= fast
 
 
 @equation
-def exit_time(spool: float, rate: float, rest: float, dt: float, p: Parameters) -> float:
-    """Time within dt just after the free motion leaves the admissible region, by bisection to rounding."""
+def unlimited(spool: float, rate: float, rest: float, p: Parameters) -> bool:
+    """True if the free motion from here never meets a limit: its energy only falls, which bounds deviation and speed."""
+    e = spool - rest
+    reach = math.sqrt(e * e + rate * rate / (p.w0 * p.w0))
+    return inside(rest + reach, p.w0 * reach, p) and inside(rest - reach, 0.0, p)
+
+
+@equation
+def turning_time(e: float, v: float, dt: float, p: Parameters) -> float:
+    """Time within dt <= 1/w0 at which v, the derivative of e, changes sign in free motion, by bisection; dt if it does not."""
+    _, _, a21, a22 = transition(dt, p)
+    if v * (a21 * e + a22 * v) >= 0.0:
+        return dt
     low = 0.0
     high = dt
     for _ in range(60):
         t = 0.5 * (low + high)
-        a11, a12, a21, a22 = transition(t, p)
-        e = spool - rest
-        if inside(rest + a11 * e + a12 * rate, a21 * e + a22 * rate, p):
+        _, _, a21, a22 = transition(t, p)
+        if v * (a21 * e + a22 * v) > 0.0:
+            low = t
+        else:
+            high = t
+    return high
+
+
+@equation
+def moved(spool: float, rate: float, rest: float, t: float, p: Parameters) -> tuple[float, float]:
+    """Spool and speed after t seconds of free motion."""
+    a11, a12, a21, a22 = transition(t, p)
+    e = spool - rest
+    return rest + a11 * e + a12 * rate, a21 * e + a22 * rate
+
+
+@equation
+def is_inside_after(spool: float, rate: float, rest: float, t: float, p: Parameters) -> bool:
+    """True where t seconds of free motion end inside the limits."""
+    x, v = moved(spool, rate, rest, t, p)
+    return inside(x, v, p)
+
+
+@equation
+def exit_time(spool: float, rate: float, rest: float, dt: float, p: Parameters) -> float:
+    """Time just after the free motion first leaves the limits, or dt if it stays inside; dt <= 1/w0.
+
+    Between the turning points of position and speed both are monotone, so it is enough to look there and at the end.
+    """
+    e = spool - rest
+    force = -p.w0 * p.w0 * e - 2.0 * p.zeta * p.w0 * rate
+    one = turning_time(e, rate, dt, p)
+    two = turning_time(rate, force, dt, p)
+    high = min(one, two)
+    if is_inside_after(spool, rate, rest, high, p):
+        high = max(one, two)
+        if is_inside_after(spool, rate, rest, high, p):
+            high = dt
+            if is_inside_after(spool, rate, rest, high, p):
+                return dt
+    low = 0.0
+    for _ in range(60):
+        t = 0.5 * (low + high)
+        if is_inside_after(spool, rate, rest, t, p):
             low = t
         else:
             high = t
@@ -105,33 +160,38 @@ def sliding_time(spool: float, rate: float, rest: float, p: Parameters) -> float
 
 
 @equation
+def settled(spool: float, rate: float, p: Parameters) -> State:
+    """Clamped to the limits; a stop takes the speed into it."""
+    rate = min(p.v_max, max(-p.v_max, rate))
+    if spool >= p.x_max:
+        return State(p.x_max, min(rate, 0.0))
+    if spool <= p.x_min:
+        return State(p.x_min, max(rate, 0.0))
+    return State(spool, rate)
+
+
+@equation
 def constrained(spool: float, rate: float, rest: float, h: float, p: Parameters) -> State:
-    """The motion over h with stops and speed limit, event by event."""
+    """The motion over h with stops and speed limit, event by event, in pieces that hold one turning point at most."""
     left = h
-    for _ in range(12):
+    for _ in range(100000):
         if rate == 0.0 and ((spool >= p.x_max and rest >= p.x_max) or (spool <= p.x_min and rest <= p.x_min)):
             return State(spool, 0.0)  # pressed against a stop
         if abs(rate) >= p.v_max:
-            rate = p.v_max if rate > 0.0 else -p.v_max
             dt = min(left, sliding_time(spool, rate, rest, p))
             if dt > 1e-9 * h:
-                spool = spool + rate * dt
+                spool, rate = settled(spool + rate * dt, rate, p)
                 left = left - dt
-        if not left > 0.0:
-            return State(spool, rate)
-        a11, a12, a21, a22 = transition(left, p)
-        e = spool - rest
-        spool1, rate1 = rest + a11 * e + a12 * rate, a21 * e + a22 * rate
-        if not inside(spool1, rate1, p):
-            dt = exit_time(spool, rate, rest, left, p)
-            a11, a12, a21, a22 = transition(dt, p)
-            spool1, rate1 = rest + a11 * e + a12 * rate, a21 * e + a22 * rate
-            left = left - dt
-        else:
-            left = 0.0
-        spool = min(p.x_max, max(p.x_min, spool1))
-        rate = rate1 if spool == spool1 else 0.0  # a stop takes the speed
-        rate = min(p.v_max, max(-p.v_max, rate))
+                if left > 0.0:
+                    continue
+                return State(spool, rate)
+        if unlimited(spool, rate, rest, p):
+            spool, rate = moved(spool, rate, rest, left, p)
+            return settled(spool, rate, p)
+        dt = exit_time(spool, rate, rest, min(left, 1.0 / p.w0), p)
+        spool, rate = moved(spool, rate, rest, dt, p)
+        spool, rate = settled(spool, rate, p)
+        left = left - dt
         if not left > 0.0:
             return State(spool, rate)
     return State(spool, rate)
@@ -155,11 +215,15 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
     """(4.16) over one step of length c.h."""
     rest = rest_position(delayed_demand(u.demand, m, p), p)
     e = x.spool - rest
-    spool = rest + c.a11 * e + c.a12 * x.spool_rate
-    rate = c.a21 * e + c.a22 * x.spool_rate
-    if p.x_min < spool < p.x_max and -p.v_max < rate < p.v_max and -p.v_max < x.spool_rate < p.v_max:
-        return State(spool, rate)
-    return constrained(x.spool, x.spool_rate, rest, c.h, p)
+    v = x.spool_rate
+    spool = rest + c.a11 * e + c.a12 * v
+    rate = c.a21 * e + c.a22 * v
+    if p.x_min < spool < p.x_max and -p.v_max < rate < p.v_max:
+        # no limit in between: the spool did not turn and energy bounds its speed, or nothing can be met at all
+        slow = p.w0 * p.w0 * e * e + v * v < p.v_max * p.v_max
+        if (slow and v * rate >= 0.0 and p.w0 * c.h <= 1.0) or unlimited(x.spool, v, rest, p):
+            return State(spool, rate)
+    return constrained(x.spool, v, rest, c.h, p)
 
 
 @equation

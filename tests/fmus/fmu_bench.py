@@ -1,5 +1,6 @@
 """Drives composed blocks from Python, and exact references that do not use the blocks' own formulas."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -74,7 +75,7 @@ def ramp_response(
     over = expm(block * h)[:n]
     x, rows = np.asarray(x0, float), []
     hold = np.asarray(held)
-    for old, new in zip(inputs[:-1], inputs[1:], strict=True):
+    for old, new in itertools.pairwise(inputs):
         begin = np.where(hold, new, old)
         x = over @ np.concatenate([x, begin, new - begin])
         rows.append(x)
@@ -88,7 +89,7 @@ def orders(errors: Sequence[float]) -> np.ndarray:
 
 
 def with_fill(block: str, slot: str, fill: Any, **parameters: Any) -> Composed:
-    """Block `block` with one effect made for a test, whose term acts in `slot`; it is on where its first parameter is not 0."""
+    """Block `block` with one effect made for a test, acting in `slot`; on where its first parameter is not 0."""
     effect = Effect(
         name=f"{block}.trial",
         text="made for a test",

@@ -47,7 +47,12 @@ def test_exact_for_a_held_command_and_a_slew_on_straight_lines(h: float) -> None
     inputs = np.column_stack([rng.uniform(-1, 1, 60), rng.uniform(0, 1, 60)])
     L = np.radians(L_SOURCE) * (180 / math.pi) ** 2  # per rad
     states = ramp_response(
-        A - np.outer(L, C_RAD), np.column_stack([B, L]), [0.0, inputs[0, 1] / C_RAD[1]], inputs, h, [True, False]
+        A - np.outer(L, C_RAD),
+        np.column_stack([B, L]),
+        [0.0, inputs[0, 1] / C_RAD[1]],
+        inputs,
+        h,
+        [True, False],
     )
     found = run(BLOCK, h, inputs[0]).play(inputs[1:])
     expected = C_RAD[1] * states[:, ::-1]

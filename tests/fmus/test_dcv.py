@@ -1,0 +1,168 @@
+"""Directional control valve (4.16), (5.3): exactness, stops, speed limit, events.
+
+The reference for events is scipy's solve_ivp at tight tolerance, one call per phase (free, at a stop, at the speed
+limit) with its own event functions.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from fmu_bench import bare, ramp_response, run
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+BLOCK = bare("dcv")
+K, W0, ZETA, STOP = 2.375e-3, 25.23, 0.545, 2.6e-3
+
+
+def reference(
+    demand: float, t: float, x: float = 0.0, v: float = 0.0, **given_values: float
+) -> tuple[float, float]:
+    """(spool, speed) after t seconds under a constant demand, phase by phase."""
+    p = {"K": K, "w0": W0, "zeta": ZETA, "v_max": 1.0, "x_min": -STOP, "x_max": STOP} | given_values
+    low, high, v_max = p["x_min"], p["x_max"], p["v_max"]
+    rest = p["K"] * demand
+
+    def force(x: float, v: float) -> float:
+        return p["w0"] ** 2 * (rest - x) - 2 * p["zeta"] * p["w0"] * v
+
+    now = 0.0
+    while t - now > 1e-14:
+        if ((x >= high and rest >= high) or (x <= low and rest <= low)) and v * (rest - x) >= 0.0:
+            return (high if x >= high else low), 0.0
+        saturated = abs(v) >= v_max * (1 - 1e-12) and force(x, v) * v > 1e-9 * v * v
+
+        def rates(_: float, y: np.ndarray, saturated: bool = saturated) -> list[float]:
+            return [y[1], 0.0 if saturated else force(y[0], y[1])]
+
+        events = [lambda _, y: high - y[0], lambda _, y: y[0] - low]
+        events.append(
+            (lambda _, y: force(y[0], y[1]) * math.copysign(1, y[1]))
+            if saturated
+            else (lambda _, y: v_max - abs(y[1]))
+        )
+        for event in events:
+            event.terminal, event.direction = True, -1
+        found = solve_ivp(
+            rates, (now, t), [x, v], "DOP853", rtol=1e-12, atol=1e-15, events=events, max_step=0.02
+        )
+        now, (x, v) = found.t[-1], found.y[:, -1]
+        if found.status == 1:
+            if len(found.t_events[0]):
+                x, v = high, 0.0
+            elif len(found.t_events[1]):
+                x, v = low, 0.0
+            elif not saturated:
+                v = math.copysign(v_max, v)
+    return x, v
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.2, ZETA, 1.0, 1.5, 50.0])
+@pytest.mark.parametrize("h", [1e-3, 0.05, 2.0])
+def test_exact_for_a_held_demand(zeta: float, h: float) -> None:
+    """Under-, critically and overdamped, for any step, as long as nothing limits."""
+    demand = np.random.default_rng(6).uniform(-1, 1, (60, 1))
+    A = np.array([[0.0, 1.0], [-(W0**2), -2 * zeta * W0]])
+    expected = ramp_response(A, np.array([[0.0], [K * W0**2]]), [0.0, 0.0], demand, h, [True])
+    found = run(BLOCK, h, demand[0], {"zeta": zeta, "x_min": -1.0, "x_max": 1.0, "v_max": 100.0}).play(
+        demand[1:]
+    )
+    size = K * np.array([1.0, W0])
+    # without damping nothing is forgotten: rounding of sine and cosine adds up over 60 steps
+    assert np.abs((found - expected) / size).max() < 1e-11 * max(1.0, W0 * h)
+
+
+def test_step_response_of_5_3() -> None:
+    """Peak time pi/(w0 sqrt(1 - zeta^2)) and overshoot exp(-pi zeta/sqrt(1 - zeta^2)), from any textbook."""
+    damped = math.sqrt(1 - ZETA**2)
+    peak = math.pi / (W0 * damped)
+    spool, rate = run(BLOCK, peak, [0.0], {"x_max": 1.0}).step(1.0)
+    assert spool == pytest.approx(K * (1 + math.exp(-math.pi * ZETA / damped)), rel=1e-14)
+    assert abs(rate) < 1e-15 * K * W0 * 10
+
+
+def test_full_command_meets_the_stop_and_rests_at_its_gain() -> None:
+    """The overshoot of 13 % would reach 2.68 mm: the stop at 2.6 mm is hit, and left again, for every full step."""
+    outputs = run(BLOCK, 1e-3, [0.0]).play([[1.0]] * 2000)
+    # it hits and leaves the stop within one step, so no sample shows the stop itself; 1 ms from it at most
+    assert STOP - K * (W0 * 1e-3) ** 2 < outputs[:, 0].max() <= STOP
+    # two seconds on, exp(-13.75 * 2) = 1e-12 of it is left
+    assert outputs[-1] == pytest.approx((K, 0.0), abs=1e-12 * K * W0)
+
+
+@settings(max_examples=60)
+@given(
+    demands=st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=25),
+    h=st.sampled_from([1e-3, 0.01, 0.1, 1.0]),
+    zeta=st.sampled_from([0.0, 0.545, 1.0, 3.0]),
+    v_max=st.sampled_from([1.0, 0.05, 0.01]),
+    x_max=st.floats(0.0, 2.6e-3),
+)
+def test_stops_and_speed_limit_are_never_exceeded(
+    demands: list[float], h: float, zeta: float, v_max: float, x_max: float
+) -> None:
+    limits = {"zeta": zeta, "v_max": v_max, "x_max": x_max}
+    outputs = run(BLOCK, h, [0.0], limits).play([[d] for d in demands])
+    assert np.all((outputs[:, 0] >= -STOP) & (outputs[:, 0] <= x_max))
+    assert np.all(np.abs(outputs[:, 1]) <= v_max)
+    pressed = outputs[:, 0] == x_max
+    assert np.all(outputs[pressed, 1] <= 0.0), "a spool at its stop does not move into it"
+    assert np.all(outputs[outputs[:, 0] == -STOP, 1] >= 0.0)
+
+
+@pytest.mark.parametrize(
+    ("demand", "limits"),
+    [
+        (1.0, {}),
+        (-3.0, {}),
+        (1.0, {"v_max": 0.02}),
+        (-1.0, {"v_max": 0.005}),
+        (2.0, {"v_max": 0.01}),
+        (1.0, {"x_max": 1e-3}),
+        (1.05, {"zeta": 0.05}),
+        (1.0, {"zeta": 0.05, "v_max": 0.03, "x_max": 4e-3}),
+    ],
+)
+@pytest.mark.parametrize("h", [1e-3, 7e-3, 0.03, 0.4])
+def test_events_against_a_fine_integration(demand: float, limits: dict[str, float], h: float) -> None:
+    """The instants at which stop or limit are met lie inside steps; the state at each step's end must not show it."""
+    n = max(1, min(40, round(0.4 / h)))
+    found = run(BLOCK, h, [0.0], limits).play([[demand]] * n)
+    for k in sorted({1, n // 3, n // 2, n} - {0}):
+        x, v = reference(demand, k * h, **limits)
+        # solve_ivp's events are good to about 1e-12 of the travel; a missed one would show as 1e-2
+        assert found[k - 1] == pytest.approx((x, v), abs=1e-9 * K), f"after {k} steps"
+
+
+@settings(max_examples=40)
+@given(
+    st.floats(-2.0, 2.0), st.floats(-2.5e-3, 2.5e-3), st.floats(-0.04, 0.04), st.floats(0.01, 0.5),
+    st.integers(2, 12), st.sampled_from([0.1, 0.545, 1.2]), st.sampled_from([1.0, 0.04]),
+)  # fmt: skip
+def test_one_step_equals_many_with_events(
+    demand: float, x: float, v: float, h: float, n: int, zeta: float, v_max: float
+) -> None:
+    """Wherever the instants of the events fall, the way the time is cut does not matter."""
+    limits = {"zeta": zeta, "v_max": v_max}
+    whole = run(BLOCK, h, [0.0], limits, spool=x, spool_rate=v).step(demand)
+    parts = run(BLOCK, h / n, [0.0], limits, spool=x, spool_rate=v).play([[demand]] * n)[-1]
+    # near a grazing contact an event of the size of rounding may be seen or not: sqrt(eps) of the travel
+    assert whole == pytest.approx(tuple(parts), abs=3e-8 * K * np.array([1.0, W0]).max())
+
+
+def test_pressed_against_the_stop_it_leaves_when_the_demand_turns() -> None:
+    r = run(BLOCK, 0.01, [0.0])
+    r.play([[2.0]] * 50)
+    assert r.x == (STOP, 0.0)
+    assert r.step(0.5)[0] == pytest.approx(reference(0.5, 0.01, x=STOP)[0], rel=1e-10)
+
+
+def test_the_neutral_may_be_shifted() -> None:
+    """dcv.offset: x_0 adds to where the spool rests, the stops stay."""
+    r = run(BLOCK, 0.5, [0.0], {"x_0": 3e-4})
+    assert r.x.spool == 3e-4
+    assert r.step(0.0) == pytest.approx((3e-4, 0.0), abs=1e-15)
+    assert r.play([[0.5]] * 4)[-1, 0] == pytest.approx(0.5 * K + 3e-4, rel=1e-12)
+    assert r.play([[1.0]] * 4)[-1, 0] == STOP
