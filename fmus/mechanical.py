@@ -115,14 +115,16 @@ def slide(
 
 
 @equation
-def stopping_time(omega: float, t0: float, slope: float, h: float, J: float, b: float) -> float:
-    """Time within h at which the velocity reaches zero (it changes sign over h), by bisection to rounding."""
+def stopping_time(
+    omega: float, direction: float, t0: float, slope: float, h: float, J: float, b: float
+) -> float:
+    """Time within h at which a motion in `direction` comes to rest (it has turned by h), by bisection to rounding."""
     low = 0.0
     high = h
     for _ in range(60):
         t = 0.5 * (low + high)
         _, w = slide(0.0, omega, t0, t0 + slope * t, t, J, b)
-        if w * omega > 0.0:
+        if w * direction > 0.0:
             low = t
         else:
             high = t
@@ -157,9 +159,7 @@ def with_dry_friction(theta: float, omega: float, t0: float, t1: float, m: NoMem
         angle, speed = slide(theta, omega, t0 - level, t1 - level, left, c.J, p.b)
         if speed * direction >= 0.0:
             return angle, speed
-        if omega == 0.0:
-            return theta, 0.0  # too weak to move after all
-        dt = stopping_time(omega, t0 - level, slope, left, c.J, p.b)
+        dt = stopping_time(omega, direction, t0 - level, slope, left, c.J, p.b)
         theta, _ = slide(theta, omega, t0 - level, t0 - level + slope * dt, dt, c.J, p.b)
         omega = 0.0
         t0 = t0 + slope * dt
@@ -191,8 +191,15 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
     """(4.27) over one step of length c.h."""
     torque = p.A * p.r * u.p_load
     t0 = x.torque - load_torque(0.0, x.theta, x.omega, x, m, p, c)
-    if friction_level(0.0, m, p) > 0.0:
-        t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, x.omega, x, m, p, c)
+    holding = friction_level(0.0, m, p)
+    if holding > 0.0:
+        drag = max(-holding, min(holding, t0))
+        if x.omega != 0.0:
+            drag = math.copysign(friction_level(x.omega, m, p), x.omega)
+        ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * (t0 - drag)
+        if ahead * x.omega < 0.0:
+            ahead = 0.0  # it stops on the way
+        t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
         theta, omega = with_dry_friction(x.theta, x.omega, t0, t1, m, p, c)
         return State(theta, omega, torque)
     ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
