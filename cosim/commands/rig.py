@@ -6,7 +6,42 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from cosim.rig import Noise, RigRun
+    from cosim.rig import Noise, Recipe, RigRun
+
+
+Text = str | None
+Texts = list[str] | None
+Out = Annotated[Path, typer.Option("--out", "-o", help="Log to write: .csv, .parquet or .mat.")]
+Excitation = Annotated[
+    str, typer.Option(help="mixed, sweep, steps, small_steps, triangle, multisine, chirp or file.")
+]
+Played = Annotated[
+    Path | None,
+    typer.Option("--input", help="CSV with a time in s and a u column, for the excitation 'file'."),
+]
+Duration = Annotated[Text, typer.Option(help="Length of the log; '60 s', or that of the played file.")]
+Amplitude = Annotated[float, typer.Option(help="Of the command, 0 to 1.")]
+Seed = Annotated[int, typer.Option(help="The same seed gives the same file.")]
+Start = Annotated[
+    Text, typer.Option(help="Slew angle at the start, such as '10 deg' (a bare number is in rad).")
+]
+Hide = Annotated[
+    Texts,
+    typer.Option(help="Effect to hide, such as 'mechanical.coulomb_friction:tau_c=300 N.m'; repeatable."),
+]
+Settings = Annotated[
+    Texts,
+    typer.Option("--set", help="Nominal number that is off, such as 'mechanical.J=800 kg.m2'; repeatable."),
+]
+Friction = Annotated[str, typer.Option(help="sharp, or lugre (bristles with the same curve).")]
+NoiseScale = Annotated[float, typer.Option(help="Factor on the usual noise; 0 is none.")]
+NoiseKind = Annotated[str, typer.Option(help="white, ar1 or pink.")]
+NoiseTime = Annotated[str, typer.Option(help="Correlation time of ar1.")]
+NoiseSize = Annotated[Texts, typer.Option(help="Noise of one signal, such as 'slew=0.02 deg'; repeatable.")]
+WithObserver = Annotated[bool, typer.Option("--observer", help="Add the observer's estimates.")]
+TrackerFile = Annotated[Path | None, typer.Option(help="File for the optical tracker's record.")]
+ListEffects = Annotated[bool, typer.Option("--effects", help="List what can be hidden, and stop.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (path, truth) and nothing else.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -15,64 +50,39 @@ def register(app: typer.Typer) -> None:
 
 
 def rig(
-    out: Annotated[Path, typer.Option("--out", "-o", help="Log to write: .csv, .parquet or .mat.")] = Path(
-        "synthetic.csv"
-    ),
-    excitation: Annotated[
-        str, typer.Option(help="mixed, sweep, steps, small_steps, triangle, multisine, chirp or file.")
-    ] = "mixed",
-    played: Annotated[
-        Path | None,
-        typer.Option("--input", help="CSV with 'time [s]' and 'u [1]' for the excitation 'file'."),
-    ] = None,
-    duration: Annotated[str, typer.Option(help="Length of the log, such as '60 s'.")] = "60 s",
-    amplitude: Annotated[float, typer.Option(help="Of the command, 0 to 1.")] = 1.0,
-    seed: Annotated[int, typer.Option(help="The same seed gives the same file.")] = 1,
-    start: Annotated[
-        str | None, typer.Option(help="Slew angle at the start, such as '10 deg' (a bare number is in rad).")
-    ] = None,
-    hide: Annotated[
-        list[str] | None,
-        typer.Option(help="Effect to hide, such as 'mechanical.coulomb_friction:tau_c=300 N.m'; repeatable."),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="Nominal number that is off, such as 'mechanical.J=800 kg.m2'."),
-    ] = None,
-    friction: Annotated[str, typer.Option(help="sharp, or lugre (bristles with the same curve).")] = "sharp",
-    noise: Annotated[float, typer.Option(help="Factor on the usual noise; 0 is none.")] = 1.0,
-    noise_kind: Annotated[str, typer.Option(help="white, ar1 or pink.")] = "white",
-    noise_time: Annotated[str, typer.Option(help="Correlation time of ar1.")] = "10 ms",
-    noise_size: Annotated[
-        list[str] | None, typer.Option(help="Noise of one signal, such as 'slew=0.02 deg'; repeatable.")
-    ] = None,
-    observer: Annotated[bool, typer.Option(help="Add the observer's estimates.")] = False,
-    tracker: Annotated[Path | None, typer.Option(help="File for the optical tracker's record.")] = None,
-    effects: Annotated[bool, typer.Option("--effects", help="List what can be hidden, and stop.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object (path, truth) and nothing else.")
-    ] = False,
+    out: Out = Path("synthetic.csv"),
+    excitation: Excitation = "mixed",
+    played: Played = None,
+    duration: Duration = None,
+    amplitude: Amplitude = 1.0,
+    seed: Seed = 1,
+    start: Start = None,
+    hide: Hide = None,
+    settings: Settings = None,
+    friction: Friction = "sharp",
+    noise: NoiseScale = 1.0,
+    noise_kind: NoiseKind = "white",
+    noise_time: NoiseTime = "10 ms",
+    noise_size: NoiseSize = None,
+    observer: WithObserver = False,
+    tracker: TrackerFile = None,
+    effects: ListEffects = False,
+    json: AsJson = False,
 ) -> None:
     """Make a synthetic log of the crane: nominal, or with effects hidden in it; the truth goes to <log>.truth.json."""
     if effects:
         _list_effects(json)
         return
-    from cosim.errors import UsageError
-    from cosim.rig import make_log
+    from cosim.rig import Recipe
     from cosim.rig.hidden import parse_setting
-    from cosim.rig.write import check_suffix, write, write_tracker, write_truth
     from cosim.units import parse_quantity
 
-    for path in filter(None, (out, tracker)):
-        check_suffix(path)
-    if tracker is not None and tracker.resolve() == out.resolve():
-        raise UsageError(f"log and tracker record would both be written to {out}: give two names")
-    run = make_log(
+    recipe = Recipe(
         excitation,
         _length(duration, excitation, played),
         hide or [],
-        settings=dict(parse_setting(text) for text in settings or []),
-        noise=_noise(noise, noise_kind, noise_time, noise_size or []),
+        dict(parse_setting(text) for text in settings or []),
+        _noise(noise, noise_kind, noise_time, noise_size or []),
         seed=seed,
         amplitude=amplitude,
         start=None if start is None else parse_quantity(start, "rad"),
@@ -81,23 +91,38 @@ def rig(
         tracker=tracker is not None,
         command_file=played,
     )
+    _write(recipe, out, tracker, json)
+
+
+def _write(recipe: "Recipe", out: Path, tracker: Path | None, json: bool) -> None:
+    """Make the log and write its files, after a check that they can be written."""
+    from cosim.errors import UsageError
+    from cosim.rig import make
+    from cosim.rig.write import check_suffix, write, write_tracker, write_truth
+
+    for path in filter(None, (out, tracker)):
+        check_suffix(path)
+    if tracker is not None and tracker.resolve() == out.resolve():
+        raise UsageError(f"log and tracker record would both be written to {out}: give two names")
+    run = make(recipe)
     write(run, out)
     if tracker is not None:
         write_tracker(run, tracker)
-    truth = write_truth(run, out)
-    _report(run, out, truth, tracker, json)
+    _report(run, out, write_truth(run, out), tracker, json)
 
 
-def _length(text: str, excitation: str, played: Path | None) -> float:
-    """Duration [s]: a played file's own length unless --duration is given otherwise than by default."""
+def _length(text: str | None, excitation: str, played: Path | None) -> float:
+    """Duration [s]: as told, else a played file's own length, else a minute."""
     from cosim.units import parse_quantity
 
-    if text == "60 s" and excitation == "file" and played is not None:
-        from cosim.rig.excitation import read_command
+    if text is not None:
+        return parse_quantity(text, "s")
+    if excitation != "file" or played is None:
+        return 60.0
+    from cosim.rig.excitation import read_command
 
-        stamps, _ = read_command(played)
-        return max(2, round(float(stamps[-1]) / 1e-3)) * 1e-3
-    return parse_quantity(text, "s")
+    stamps, _ = read_command(played)
+    return max(2, round(float(stamps[-1]) / 1e-3)) * 1e-3
 
 
 def _noise(scale: float, kind: str, time: str, sizes: list[str]) -> "Noise":
@@ -137,8 +162,7 @@ def _report(run: "RigRun", out: Path, truth: Path, tracker: Path | None, json: b
     if json:
         return
     console = stdout_console()
-    hidden = run.truth["hidden"]
-    names = ", ".join(item["effect"] for item in hidden) or "nothing"  # type: ignore[attr-defined]
+    names = ", ".join(effect["effect"] for effect in run.truth["hidden"]) or "nothing"
     console.print(f"synthetic log, {run.time[-1]:g} s, hidden in it: {names}", markup=False)
     for path in filter(None, (out, tracker, truth)):
         console.print(f"  {path}", markup=False, soft_wrap=True)

@@ -9,7 +9,8 @@ Nothing here comes from `fmus`: a test on these logs is not the model tested on 
 from cosim.rig.hidden import Hidden
 from cosim.rig.noise import Noise
 from cosim.rig.parameters import EFFECTS, PARAMETERS
-from cosim.rig.run import RigRun, make_log
+from cosim.rig.recipe import Recipe
+from cosim.rig.run import RigRun, make, make_log
 from cosim.rig.write import as_log, as_tracker, write, write_tracker, write_truth
 
 __all__ = [
@@ -17,9 +18,11 @@ __all__ = [
     "PARAMETERS",
     "Hidden",
     "Noise",
+    "Recipe",
     "RigRun",
     "as_log",
     "as_tracker",
+    "make",
     "make_log",
     "write",
     "write_tracker",

@@ -9,9 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-MS = 1e-3
-DEG = math.pi / 180.0
-BAR = 1e5
+MS, BAR, DEG = 1e-3, 1e5, math.pi / 180.0
 STEP = 1e-3  # s, the clock of the real-time target (SYSTEM section 1)
 
 
@@ -153,8 +151,7 @@ class Parameter:
         return self.low <= value <= self.high or (self.or_zero and value == 0.0)
 
 
-_D = "docs/design.md"
-_U = "docs/rig.md, unknown causes"
+_D, _U = "docs/design.md", "docs/rig.md, unknown causes"
 PI = math.pi
 
 PARAMETERS: dict[str, Parameter] = {

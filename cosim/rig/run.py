@@ -4,24 +4,19 @@ import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import SimulationError, UsageError
-from cosim.rig import excitation as excitations
-from cosim.rig.hidden import Hidden, assemble, changed
-from cosim.rig.integrate import SUBSTEPS, simulate
-from cosim.rig.noise import Noise
-from cosim.rig.parameters import DEG, NOMINAL, PARAMETERS, STEP, Plant
-from cosim.rig.sensing import SEAM_ANGLE, observe, slew_signal, track
+from cosim.errors import SimulationError
+from cosim.rig.hidden import Hidden, changed
+from cosim.rig.integrate import simulate
+from cosim.rig.parameters import DEG, NOMINAL, PARAMETERS, Plant
+from cosim.rig.recipe import SLEW_RANGE, Recipe
+from cosim.rig.sensing import observe, slew_signal, track
 
 Array = NDArray[np.float64]
-
-SLEW_RANGE = (-20.0 * DEG, 270.0 * DEG)  # Table 3.8
-SLEW_SPEED = 2.27 * DEG  # rad/s per unit command at low frequency (SYSTEM section 7)
-FRICTIONS = ("sharp", "lugre")
 
 
 @dataclass(frozen=True)
@@ -36,6 +31,7 @@ class RigRun:
         true: the noise-free signals ``spool, p_load, p_supply, theta, omega, seen, sensed, boom``.
         tracker: stamps on the tracker's own clock [s] and angles [rad] (m,), or None when not asked for.
         truth: everything that was hidden and chosen, as plain data; ``truth["synthetic"]`` is True.
+        notes: what the user should know about this log.
     """
 
     time: Array
@@ -49,7 +45,8 @@ class RigRun:
     slew_rate_estimate: Array | None
     true: Mapping[str, Array]
     tracker: tuple[Array, Array] | None
-    truth: dict[str, object] = field(repr=False)
+    truth: dict[str, Any] = field(repr=False)
+    notes: list[str]
 
     @property
     def signals(self) -> dict[str, Array]:
@@ -57,82 +54,45 @@ class RigRun:
         names = ("u", "spool", "p_supply", "p_a", "p_b", "slew", "slew_estimate", "slew_rate_estimate")
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
-    @property
-    def notes(self) -> list[str]:
-        """What the user should know about this log."""
-        return list(self.truth["notes"])  # type: ignore[call-overload]
-
 
 def make_log(
     excitation: str | Array = "mixed",
     duration: float = 60.0,
     hidden: Iterable[Hidden | str] = (),
-    *,
-    settings: Mapping[str, float] | None = None,
-    noise: Noise | float = 1.0,
-    seed: int = 1,
-    amplitude: float = 1.0,
-    start: float | None = None,
-    friction: str = "sharp",
-    observer: bool = False,
-    tracker: bool = False,
-    command_file: Path | None = None,
-    substeps: int = SUBSTEPS,
+    **options: Any,
 ) -> RigRun:
     """One synthetic log of the crane.
 
     Args:
-        excitation: a name of `cosim.rig.excitation.EXCITATIONS`, ``file`` (plays `command_file`), or the command itself,
-            (n,) [1] at 1 kHz, which then also sets the duration.
-        duration: [s], a whole number of milliseconds.
+        excitation: a name, or the command itself (n,) [1] at 1 kHz.
+        duration: [s].
         hidden: effects to hide, as `Hidden` or in the form ``effect:name=value unit``.
-        settings: ``component.parameter`` -> value (SI) of nominal numbers that are off.
-        noise: a `Noise`, or a factor on the default sizes (0: none).
-        seed: of excitation, noise and dropout; the same seed gives the same numbers.
-        amplitude: of the command, 0 .. 1.
-        start: slew angle [rad] at the start; None chooses it so that the travel is centred on the seam at 12 deg, or
-            as near as the range -20 .. 270 deg allows.
-        friction: ``sharp``, or ``lugre`` for bristles with the same steady-state curve.
-        observer: add the observer's estimates.
-        tracker: add the optical tracker's record.
-        command_file: CSV for the excitation ``file``.
-        substeps: integration steps in a millisecond.
+        **options: the other attributes of `Recipe`, where all are explained.
 
     Raises:
         UsageError: a name, number or combination that makes no sense.
         DataError: the command file is bad.
         SimulationError: the crane's motion is no longer finite.
     """
-    if friction not in FRICTIONS:
-        raise UsageError(f"unknown friction '{friction}': known are {', '.join(FRICTIONS)}")
-    if substeps < 1:
-        raise UsageError(f"{substeps} substeps a millisecond: at least 1 is needed")
-    noise = noise if isinstance(noise, Noise) else Noise(scale=float(noise))
-    effects = [Hidden.parse(item) if isinstance(item, str) else item for item in hidden]
-    time, u = _command(excitation, duration, amplitude, seed, command_file)
-    numbers = dict(settings or {})
-    if start is not None and "mechanical.theta_0" in numbers:
-        raise UsageError("the start angle is given twice: as start and as mechanical.theta_0")
-    numbers.setdefault("mechanical.theta_0", _start(u) if start is None else start)
-    plant = assemble(effects, numbers)
-    true = simulate(u, plant, lugre=friction == "lugre", substeps=substeps)
+    return make(Recipe(excitation, duration, hidden, **options))
+
+
+def make(recipe: Recipe) -> RigRun:
+    """One synthetic log after a recipe; raises what `make_log` does."""
+    time, u = recipe.command()
+    plant = recipe.plant(u)
+    true = simulate(u, plant, lugre=recipe.friction == "lugre", substeps=recipe.substeps)
     if not all(np.isfinite(values).all() for values in true.values()):
         raise SimulationError("the crane's motion is not finite with these parameters: try more substeps")
+    noise, seed = recipe.sensor_noise(), recipe.seed
     slew = slew_signal(true, plant, noise, seed)
-    estimates = observe(u, slew) if observer else (None, None)
-    truth: dict[str, object] = {
-        "synthetic": True,
-        "hidden": [effect.truth() for effect in effects],
-        "settings": {n: {"value": float(v), "unit": PARAMETERS[n].unit} for n, v in (settings or {}).items()},
+    estimates = observe(u, slew) if recipe.observer else (None, None)
+    notes = _notes(true, plant, recipe.tracker)
+    truth = recipe.truth() | {
         "not_nominal": {n: {"value": v, "unit": PARAMETERS[n].unit} for n, v in changed(plant).items()},
-        "excitation": _described(excitation, amplitude, command_file),
         "duration": {"value": float(time[-1]), "unit": "s"},
         "start": {"value": plant.mechanical.theta_0, "unit": "rad"},
-        "seed": seed,
-        "friction": friction,
-        "noise": noise.truth(),
-        "substeps": substeps,
-        "notes": _notes(true, plant, tracker),
+        "notes": notes,
         "versions": _versions(),
     }
     return RigRun(
@@ -146,66 +106,26 @@ def make_log(
         slew_estimate=estimates[0],
         slew_rate_estimate=estimates[1],
         true=true,
-        tracker=track(true["seen"], plant, noise, seed) if tracker else None,
+        tracker=track(true["seen"], plant, noise, seed) if recipe.tracker else None,
         truth=truth,
+        notes=notes,
     )
-
-
-def _command(
-    excitation: str | Array, duration: float, amplitude: float, seed: int, path: Path | None
-) -> tuple[Array, Array]:
-    """Times [s] and command [1] of a log, (n,) each."""
-    if not isinstance(excitation, str):
-        u = np.ascontiguousarray(excitation, dtype=np.float64)
-        if u.ndim != 1 or u.size < 2:
-            raise UsageError("a command given as numbers must be one row of at least two samples at 1 kHz")
-        if not (np.abs(u) <= 1.0).all():
-            raise UsageError("a command given as numbers must lie within -1 .. 1")
-        return np.arange(u.size, dtype=np.float64) * STEP, u
-    if path is not None and excitation != "file":
-        raise UsageError(f"a command file is played by the excitation 'file' only, not by '{excitation}'")
-    count = round(duration / STEP) if 0.0 < duration < 1e6 else 0
-    if count < 2 or abs(count * STEP - duration) > 1e-6:
-        raise UsageError(
-            f"duration {duration:g} s must be a whole number of milliseconds, at least 2 and below 1e6 s"
-        )
-    time = np.arange(count + 1, dtype=np.float64) * STEP
-    return time, np.ascontiguousarray(excitations.command(excitation, time, amplitude, seed, path))
-
-
-def _start(u: Array) -> float:
-    """Start angle [rad] that centres the travel expected of `u` on the seam, as far as the sensor's range allows."""
-    travel = np.cumsum(u) * STEP * SLEW_SPEED
-    low, high = float(travel.min()), float(travel.max())
-    centred = SEAM_ANGLE - 0.5 * (low + high)
-    # a range that is too small for the travel is left at its upper end, and `_notes` says so
-    return max(min(centred, SLEW_RANGE[1] - high), SLEW_RANGE[0] - low)
 
 
 def _notes(true: Mapping[str, Array], plant: Plant, tracker: bool) -> list[str]:
     """Plain sentences about what a reader of the log might trip over."""
     notes = []
-    low, high = float(true["seen"].min()) / DEG, float(true["seen"].max()) / DEG
-    if low < SLEW_RANGE[0] / DEG - 1e-9 or high > SLEW_RANGE[1] / DEG + 1e-9:
+    low, high = float(true["seen"].min()), float(true["seen"].max())
+    if low < SLEW_RANGE[0] - 1e-9 or high > SLEW_RANGE[1] + 1e-9:
         notes.append(
-            f"the slew angle runs from {low:.1f} to {high:.1f} deg and leaves the sensor's range -20 .. 270 deg: "
-            "use a smaller amplitude, a shorter log or another start"
+            f"the slew angle runs from {low / DEG:.1f} to {high / DEG:.1f} deg and leaves the sensor's range "
+            "-20 .. 270 deg: use a smaller amplitude, a shorter log or another start"
         )
     if plant.tracker != NOMINAL.tracker and not tracker:
         notes.append(
             "an effect of the tracker is hidden, but no tracker record is made: ask for one (--tracker FILE)"
         )
     return notes
-
-
-def _described(excitation: str | Array, amplitude: float, path: Path | None) -> dict[str, object]:
-    """The excitation as plain data; a file by its name alone."""
-    if not isinstance(excitation, str):
-        return {"name": "samples"}
-    described: dict[str, object] = {"name": excitation, "amplitude": amplitude}
-    if path is not None:
-        described["file"] = path.name
-    return described
 
 
 def _versions() -> dict[str, str]:
