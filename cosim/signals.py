@@ -79,10 +79,8 @@ SYNTHETIC_COLUMN = "synthetic"
 """Column (unit 1, value 1 in every row) that marks a log made by our virtual rig, in every file format."""
 
 
-_FACTOR = r"(?:[^\W\d_]+|%|\N{DEGREE SIGN}[A-Za-z]?)(?:\^?-?\d{1,2}|[²³])?"
-_UNIT = re.compile(
-    rf"(?:1|{_FACTOR})(?:[ ]?[./*·][ ]?{_FACTOR})*".replace(r"\N{DEGREE SIGN}", "\N{DEGREE SIGN}")
-)
+_FACTOR = r"(?:[A-Za-zµμΩ]+|%|°[A-Za-z]?)(?:\^?-?\d{1,2}|[²³])?"
+_UNIT = re.compile(rf"(?:1|{_FACTOR})(?: ?[./*] ?{_FACTOR})*")
 
 
 def check_spelling(unit: str) -> None:

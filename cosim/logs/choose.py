@@ -9,6 +9,8 @@ from cosim.logs.source import Label, Source, closest
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
 from cosim.units import base_exponents
 
+_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
 
 @dataclass(frozen=True)
 class Pick:
@@ -164,9 +166,8 @@ def _si_name(source: Source, label: Label, unit: str) -> str:
         raise DataError(f"{source.path}: column '{label.text}': {error}") from None
     if factor == 1.0:
         return unit
-    return (
-        ".".join(f"{name}{power if power != 1 else ''}" for name, power in exponents.items() if power) or "1"
-    )
+    powers = [(name, exponents[name]) for name in _BASE if exponents.get(name)]
+    return ".".join(f"{name}{power}" if power != 1 else name for name, power in powers) or "1"
 
 
 def _gain(source: Source, name: str, gain: float | str) -> float:

@@ -1,0 +1,206 @@
+"""Damaged logs: each either loads with a warning that says what was done, or stops with file, row and column."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from log_files import HEADER, rows
+
+from cosim.errors import DataError
+from cosim.logs import Gap, load_log
+
+
+def replaced(lines, changes):
+    return [changes.get(k, line) for k, line in enumerate(lines)]
+
+
+@pytest.mark.parametrize(
+    ("tail", "samples", "warning"),
+    [
+        ("0.030,1", 30, r"the last line \(row 32\) was cut short \(2 of 3 cells\) and left out"),
+        ("0.0", 30, r"row 32.*1 of 3 cells"),
+        ("0.030,1,", 30, r"row 32.*3 of 3 cells"),
+        ("0.030,1,1e", 30, r"row 32.*cut short"),
+        ("0.030,1,15", 31, r"does not end with a line end: the last number may be cut short"),
+    ],
+)
+def test_a_cut_last_line(write, tail, samples, warning):
+    path = write(HEADER + "\n".join(rows()) + "\n" + tail)
+    log = load_log(path)
+    assert len(log) == samples
+    assert len(log.warnings) == 1
+    np.testing.assert_allclose(log["slew"][:30], np.radians(0.5 * np.arange(30)), rtol=1e-15)
+    assert re.search(warning, log.warnings[0])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "is empty"),
+        ("\n\n  \n", "is empty"),
+        (HEADER, "a header but no data row"),
+        (HEADER.strip(), "a header but no data row"),
+        (HEADER + "0.0,1,2\n", "only one usable row"),
+        ("0,1,2\n1,2,3\n", "row 1 holds numbers, not names"),
+        (b"\x00\x01\x02" * 50, "no text file"),
+        (b"x" * (1 << 20) + b"y" * 10, "no line end in the first megabyte"),
+        (HEADER + "0,1,2\n1,abc,2\n2,1,1\n", r"row 3, column 'u \[1\]': 'abc' is not a number"),
+        (HEADER + "0,1,2\n1,1\n2,1,1\n", r"row 3 has 2 cells where the header has 3"),
+        (HEADER + "0,1,2\n1,1,1,1\n2,1,1\n", r"row 3 has 4 cells where the header has 3"),
+        (HEADER + "0,1,2\n\n\n1,1,1_000\n2,1,1\n", r"row 5, column 'slew \[deg\]': '1_000' is not a number"),
+        (HEADER + '0,1,2\n1,1,"1\n2,1,1\n', r"row"),
+    ],
+)
+def test_files_beyond_mending(write, content, message):
+    path = write(content)
+    with pytest.raises(DataError, match=message) as caught:
+        load_log(path)
+    assert str(path) in str(caught.value)
+
+
+def test_utf16_names_the_remedy(write):
+    with pytest.raises(DataError, match="UTF-16: save it as UTF-8"):
+        load_log(write(HEADER + "\n".join(rows()), encoding="utf-16"))
+
+
+@pytest.mark.parametrize("cell", ["", "NaN", "nan", "inf", "-inf", "NA", "null", "1e999"])
+def test_missing_values_are_filled_and_marked(load, cell):
+    log = load(replaced(rows(), {10: f"0.010,0,{cell}", 11: f"0.011,1,{cell}"}))
+    np.testing.assert_allclose(log["slew"], np.radians(0.5 * np.arange(30)), rtol=1e-12)  # straight line
+    assert np.flatnonzero(~log.valid_mask("slew")).tolist() == [10, 11]
+    assert log.valid_mask("u").all()
+    (warning,) = log.warnings
+    assert "slew: 2 missing values in 1 place filled by straight lines" in warning
+    assert "row 12" in warning
+
+
+def test_a_missing_command_is_held(load):
+    log = load(replaced(rows(), {10: "0.010,,5.0", 11: "0.011,,5.5"}))
+    assert log["u"][9:13].tolist() == [1, 1, 1, 0]
+    assert np.flatnonzero(~log.valid_mask("u")).tolist() == [10, 11]
+    assert "u: 2 missing values in 1 place filled by the value before" in log.warnings[0]
+
+
+def test_a_command_missing_for_long_is_refused(load):
+    lines = replaced(rows(300), {k: f"{k / 1000:.3f},,0" for k in range(50, 160)})
+    with pytest.raises(DataError, match=r"row 52, column 'u': 110 values are missing in a row \(0.111 s\)"):
+        load(lines)
+
+
+def test_missing_at_the_ends_keeps_the_nearest_value(load):
+    log = load(replaced(rows(), {0: "0.000,,", 29: "0.029,1,"}))
+    assert log["u"][0] == 1
+    assert log["slew"][0] == log["slew"][1]
+    assert log["slew"][29] == log["slew"][28]
+
+
+def test_an_empty_column_counts_as_missing(load):
+    log = load([f"{k / 1000:.3f},{k % 2}," for k in range(20)])
+    assert list(log.signals) == ["u"]
+    assert "slew: no value at all" in log.warnings[0]
+    with pytest.raises(DataError, match=r"no signal 'slew': without it the mechanics cannot be judged"):
+        log.require("slew", "the mechanics")
+    with pytest.raises(DataError, match="no signal has any value"):
+        load([f"{k / 1000:.3f},," for k in range(20)])
+
+
+def test_missing_samples_are_counted_and_remembered(load):
+    lines = rows(60)
+    log = load(lines[:10] + lines[13:40] + lines[41:])
+    assert len(log) == 56
+    assert log.gaps == (Gap(0.009, 0.013), Gap(0.039, 0.041))
+    assert not log.uniform
+    assert log.warnings == ("4 samples missing in 2 places (longest 0.004 s; first after row 11)",)
+
+
+def test_rows_that_come_late_are_put_back(load):
+    lines = rows()
+    lines.insert(5, lines.pop(8))  # one packet overtakes three
+    log = load(lines)
+    assert log.uniform
+    np.testing.assert_allclose(log["slew"], np.radians(0.5 * np.arange(30)), rtol=1e-15)
+    assert log.warnings == ("1 row came late, by up to 3 places, put back in order (first: row 8)",)
+
+
+@pytest.mark.parametrize("back", [40, 200])
+def test_a_clock_that_was_set_back_is_refused(load, back):
+    lines = rows(400) + [f"{(400 - back + k) / 1000 + 0.0003:.4f},0,1" for k in range(300)]
+    with pytest.raises(DataError, match=r"row 402, column time: time goes back from 0.399 to"):
+        load(lines)
+
+
+def test_repeated_rows_are_dropped(load):
+    lines = rows()
+    log = load(lines[:7] + lines[5:])
+    assert len(log) == 30
+    assert log.uniform
+    assert log.warnings[1] == "2 repeated rows left out, the first kept (first: row 9)"
+
+
+def test_one_row_twice_is_dropped(load):
+    lines = rows()
+    log = load(lines[:7] + lines[6:])
+    assert log.uniform
+    assert log.warnings == ("1 repeated row left out, the first kept (first: row 9)",)
+
+
+def test_a_repeated_stamp_with_other_values_keeps_the_first(load):
+    lines = rows()
+    log = load([*lines[:7], "0.006,0,99", *lines[7:]])
+    assert log["slew"][6] == pytest.approx(math.radians(3.0))
+    assert log.warnings == ("1 differing row at a repeated stamp left out, the first kept (first: row 9)",)
+
+
+def test_a_clock_that_stands_still_is_refused(load):
+    with pytest.raises(
+        DataError, match=r"row 3, column time: time stands still at 0 s .* 'time.step' in a mapping"
+    ):
+        load([f"0.000,{k % 2},{k}" for k in range(40)])
+    with pytest.raises(DataError, match="only one usable row"):
+        load(["0.0,1,2"] * 5)
+
+
+def test_unusable_stamps(load):
+    lines = rows(400)
+    log = load(replaced(lines, {100: ",1,50"}))
+    assert len(log) == 399
+    assert "1 row without a usable time stamp left out (first: row 102)" in log.warnings[0]
+    assert log.gaps == (Gap(0.099, 0.101),)
+    with pytest.raises(DataError, match=r"row 12, column time: no usable time stamp; so have 30 of 400 rows"):
+        load(replaced(lines, dict.fromkeys(range(10, 40), "nan,1,50")))
+
+
+def test_jitter_and_irregular_sampling_are_told(load):
+    random = np.random.default_rng(3)
+    stamps = np.arange(200) / 1000 + random.uniform(-2e-5, 2e-5, 200)
+    log = load([f"{t:.7f},0,1" for t in stamps])
+    assert log.warnings[0].startswith("jitter: intervals from 0.0009")
+    assert not log.uniform
+    stamps = np.cumsum(random.uniform(0.02, 0.09, 200))
+    stamps[100:] += 5.0
+    log = load([f"{t:.7f},0,1" for t in stamps])
+    assert log.warnings[0].startswith("pauses of more than ten median intervals in 1 place (longest 5.")
+    assert log.warnings[1].startswith("irregular sampling: intervals from 0.02")
+    assert len(log.gaps) == 1
+
+
+def test_rows_are_counted_as_an_editor_does(load):
+    lines = rows()
+    lines[20] = "0.020,0,4000"
+    log = load(["", lines[0], "", *lines[1:]])
+    assert "row 24" in log.warnings[0]  # header, two blank lines, twenty rows before it
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.mat", "x.parquet"])
+def test_a_missing_file_and_a_folder(tmp_path, name):
+    with pytest.raises(DataError, match="there is no such file"):
+        load_log(tmp_path / name)
+    (tmp_path / name).mkdir()
+    with pytest.raises(DataError, match="this is a folder"):
+        load_log(tmp_path / name)
+
+
+def test_an_unknown_file_type_lists_those_known(write):
+    with pytest.raises(DataError, match=r"'.xlsx' is none of them"):
+        load_log(write("x", "log.xlsx"))

@@ -1,0 +1,286 @@
+"""The same log through every file format, and the shapes MATLAB files come in."""
+
+import dataclasses
+import importlib.util
+import warnings
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from log_files import csv_text, full_log_columns
+from scipy.io import savemat
+
+from cosim.errors import DataError, MissingExtraError
+from cosim.logs import load_log, write_log
+from cosim.signals import LOG_SIGNALS
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # mat-io sets a pandas option that pandas 3 deprecates
+    import matio
+    from matio.utils.matclass import MatlabOpaque
+
+
+@pytest.fixture
+def reference(write):
+    return load_log(write(csv_text(full_log_columns())))
+
+
+def assert_same(log, reference):
+    assert set(log.signals) == set(reference.signals)
+    np.testing.assert_allclose(log.time, reference.time, rtol=1e-15, atol=0)
+    for name in reference.signals:
+        # one rounding to the log unit and one back
+        np.testing.assert_allclose(log[name], reference[name], rtol=5e-16, atol=0)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+@pytest.mark.parametrize("synthetic", [False, True])
+def test_written_and_read_again(reference, tmp_path, suffix, synthetic):
+    log = dataclasses.replace(reference, synthetic=synthetic)
+    again = load_log(write_log(log, tmp_path / "new" / f"again{suffix}"))
+    assert_same(again, reference)
+    assert again.synthetic is synthetic
+    assert again.warnings == ()
+    assert again.units == reference.units
+    assert set(again.signals) == set(LOG_SIGNALS)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+def test_filled_values_are_written_as_missing(load, tmp_path, suffix):
+    log = load([f"{k / 1000:.3f},{k % 2},{'' if k in (3, 4) else k}" for k in range(20)])
+    again = load_log(write_log(log, tmp_path / f"again{suffix}"))
+    assert np.flatnonzero(~again.valid_mask("slew")).tolist() == [3, 4]
+    assert again.valid_mask("u").all()
+
+
+def names_and_units():
+    columns = full_log_columns()
+    names, units = zip(*columns, strict=True)
+    return columns, list(names), list(units)
+
+
+def matrix(columns, names, units):
+    cell = np.array(names, dtype=object)
+    return {
+        "data": np.column_stack(list(columns.values())),
+        "names": cell,
+        "units": np.array(units, dtype=object),
+    }
+
+
+def wide_matrix(columns, names, units):
+    heads = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    return {"data": np.vstack(list(columns.values())), "names": heads}
+
+
+def vectors(columns, names, units):
+    values = dict(zip(names, columns.values(), strict=True))
+    return {**values, "units": dict(zip(names, units, strict=True))}
+
+
+def struct(columns, names, units):
+    return {"log": {**vectors(columns, names, units), "gain": 2.0, "remark": "by hand"}}
+
+
+def with_time(columns, names, units):
+    """Simulink's structure with time."""
+    signals = np.array(
+        [
+            {"values": values.reshape(-1, 1), "dimensions": 1.0, "label": f"{name} [{unit}]"}
+            for (name, unit), values in columns.items()
+            if name != "time"
+        ],
+        dtype=object,
+    )
+    return {"out": {"time": columns["time", "s"], "signals": signals}}
+
+
+@pytest.mark.parametrize("shape", [matrix, wide_matrix, vectors, struct, with_time])
+def test_shapes_of_mat_files(reference, tmp_path, shape):
+    path = tmp_path / "log.mat"
+    savemat(path, shape(*names_and_units()), oned_as="column")
+    assert_same(load_log(path), reference)
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+def test_versions_of_mat_files(reference, tmp_path, version):
+    path = tmp_path / "log.mat"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        matio.save_to_mat(str(path), struct(*names_and_units()), version=version)
+    assert_same(load_log(path), reference)
+
+
+def test_mat_file_version_4(reference, tmp_path):
+    columns, names, units = names_and_units()
+    path = tmp_path / "log.mat"
+    head = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    savemat(path, {"data": np.column_stack(list(columns.values())), "names": np.array(head)}, format="4")
+    assert_same(load_log(path), reference)
+
+
+def timeseries(values, unit, stamps=None, start=0.0, step=0.001):
+    """A timeseries with the property names under which MATLAB saves one; equidistant stamps are left implicit."""
+    info = {"Units": np.array(["seconds"]), "Start_": np.array([[start]]), "Increment_": np.array([[step]])}
+    measured = {"Units": np.array([unit])}
+    return MatlabOpaque(
+        {
+            "Data_": np.asarray(values).reshape(-1, 1),
+            "Time_": np.empty((0, 0)) if stamps is None else np.asarray(stamps).reshape(-1, 1),
+            "TimeInfo": MatlabOpaque(info, "tsdata.timemetadata"),
+            "DataInfo": MatlabOpaque(measured, "tsdata.datametadata"),
+        },
+        "timeseries",
+    )
+
+
+@pytest.fixture
+def save_objects(tmp_path):
+    def save(content, version):
+        path = tmp_path / "objects.mat"
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            matio.save_to_mat(str(path), content, version=version)
+        return path
+
+    return save
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+@pytest.mark.parametrize("implicit", [True, False])
+def test_timeseries(reference, save_objects, version, implicit):
+    stamps = None if implicit else reference.time
+    columns = full_log_columns()
+    content = {
+        name: timeseries(values, unit, stamps) for (name, unit), values in columns.items() if name != "time"
+    }
+    assert_same(load_log(save_objects(content, version)), reference)
+
+
+def test_timeseries_of_different_rates_share_the_finest_clock(save_objects):
+    time = np.arange(200) / 1000
+    content = {
+        "u": timeseries(np.sign(np.sin(40 * time[::10])), "1", time[::10]),
+        "slew": timeseries(30 * time, "deg", time),
+    }
+    log = load_log(save_objects(content, "v7"))
+    assert len(log) == 200
+    np.testing.assert_array_equal(log["u"][:191:10], np.sign(np.sin(40 * time[:191:10])))
+    np.testing.assert_array_equal(log["u"][5], log["u"][0])  # held
+    assert log.warnings[0] == "'u': on a clock of their own, brought to that of 'slew'"
+    assert not log.valid_mask("u")[191:].any()
+
+
+def test_mat_columns_of_different_length(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(path, {"time": np.arange(5.0), "u": np.ones(4), "units": {"time": "s", "u": "1"}})
+    with pytest.raises(DataError, match="'u' has 4 values, time has 5"):
+        load_log(path)
+
+
+def test_mat_without_units_names_the_column(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(path, {"time": np.arange(5.0), "u": np.ones(5)})
+    with pytest.raises(DataError, match="column 'time' has no unit"):
+        load_log(path)
+
+
+def test_mat_without_columns(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(path, {"text": "hello", "number": 1.0})
+    with pytest.raises(DataError, match="holds no column of numbers"):
+        load_log(path)
+
+
+def test_parquet_of_other_types(tmp_path):
+    path = tmp_path / "log.parquet"
+    field = pa.field("slew", pa.float32(), metadata={"unit": "deg"})
+    schema = pa.schema([pa.field("time [s]", pa.float64()), pa.field("u [%]", pa.int16()), field])
+    table = pa.table([[0.0, 0.1, 0.2, 0.3], [0, 100, None, -100], [0.0, 0.5, 1.0, 1.5]], schema=schema)
+    pq.write_table(table, path)
+    log = load_log(path)
+    np.testing.assert_array_equal(log["u"], [0, 1, 1, -1])
+    assert not log.valid_mask("u")[2]
+    np.testing.assert_allclose(log["slew"], np.radians([0, 0.5, 1.0, 1.5]), rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (
+            {"time [s]": [0.0, 1.0], "u [1]": ["a", "b"]},
+            r"column 'u \[1\]' is of type (large_)?string, not numbers",
+        ),
+        ({"time [s]": pa.array([], pa.float64()), "u [1]": pa.array([], pa.float64())}, "no data row"),
+    ],
+)
+def test_parquet_beyond_mending(tmp_path, columns, message):
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table(columns), path)
+    with pytest.raises(DataError, match=message):
+        load_log(path)
+
+
+def test_parquet_with_a_name_twice(tmp_path):
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table([[0.0], [1.0]], names=["u [1]", "u [1]"]), path)
+    with pytest.raises(DataError, match=r"more than one column is named 'u \[1\]'"):
+        load_log(path)
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".parquet"])
+@pytest.mark.parametrize("content", [b"", b"PAR1" * 100, b"MATLAB 5.0 MAT-file" * 20, bytes(200)])
+def test_damaged_binary_files(write, suffix, content):
+    with pytest.raises(DataError, match=r"log"):
+        load_log(write(content, f"log{suffix}"))
+
+
+@pytest.mark.parametrize(
+    ("suffix", "extra", "module"), [(".mf4", "mf4", "asammdf"), (".tdms", "tdms", "nptdms")]
+)
+def test_a_missing_extra_is_named(write, suffix, extra, module):
+    if importlib.util.find_spec(module):
+        with pytest.raises(DataError, match=r"cannot be read as|holds no channel"):
+            load_log(write(b"no such format", f"log{suffix}"))
+    else:
+        with pytest.raises(MissingExtraError, match=rf"slew-cosim\[{extra}\]"):
+            load_log(write(b"no such format", f"log{suffix}"))
+
+
+def test_mf4(reference, tmp_path):
+    asammdf = pytest.importorskip("asammdf", reason="extra mf4 is not installed")
+    columns = full_log_columns()
+    time = columns["time", "s"]
+    path = tmp_path / "log.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        file.append(
+            [
+                asammdf.Signal(samples=values, timestamps=time, name=name, unit=unit)
+                for (name, unit), values in columns.items()
+                if name != "time"
+            ]
+        )
+        file.save(path)
+    assert_same(load_log(path), reference)
+
+
+@pytest.mark.parametrize("waveform", [True, False])
+def test_tdms(reference, tmp_path, waveform):
+    nptdms = pytest.importorskip("nptdms", reason="extra tdms is not installed")
+    path = tmp_path / "log.tdms"
+    clock = {"wf_increment": 0.001, "wf_start_offset": 0.0, "wf_samples": 1} if waveform else {}
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("rig", name, values, properties={"unit_string": unit, **clock})
+                for (name, unit), values in full_log_columns().items()
+                if name != "time" or not waveform
+            ]
+        )
+    log = load_log(path)
+    if waveform:
+        np.testing.assert_allclose(log.time, reference.time, rtol=1e-12)
+        np.testing.assert_array_equal(log["slew"], reference["slew"])
+    else:
+        assert_same(log, reference)

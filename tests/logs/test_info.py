@@ -1,0 +1,75 @@
+"""``cosim info``, run as a program: stdout and exit codes are what a caller sees."""
+
+import json
+import subprocess
+import sys
+import zipfile
+
+import pytest
+from log_files import TOP, csv_text, full_log_columns
+
+
+def run(*words):
+    command = [sys.executable, "-m", "cosim", "info", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=120, cwd=TOP)
+
+
+def test_a_log_as_json(write):
+    columns = {**full_log_columns(), ("synthetic", "1"): [1.0] * 400, ("torque", "N.m"): [0.0] * 400}
+    path = write(csv_text(columns))
+    result = run(path, "--json")
+    assert result.returncode == 0, result.stderr
+    facts = json.loads(result.stdout)
+    assert facts["kind"] == "log"
+    assert facts["origin"] == "synthetic"
+    assert facts["samples"] == 400
+    assert facts["uniform"] is True
+    assert facts["step"] == pytest.approx(0.001)
+    assert facts["warnings"] == ["ignored columns: 'torque [N.m]'"]
+    rows = {row["signal"]: row for row in facts["signals"]}
+    assert list(rows) == [name for name, _ in full_log_columns() if name != "time"]
+    assert rows["p_a"]["unit"] == "bar"
+    assert rows["p_a"]["max"] == pytest.approx(full_log_columns()["p_a", "bar"].max())
+
+
+def test_a_log_for_people(write):
+    result = run(write(csv_text({**full_log_columns(), ("torque", "N.m"): [0.0] * 400})))
+    assert result.returncode == 0, result.stderr
+    assert "origin: measured" in result.stdout
+    assert "slew_rate_estimate" in result.stdout
+    assert "warning: ignored columns: 'torque [N.m]'" in result.stderr
+
+
+def test_a_tracker_and_a_mapping(write):
+    text = "t;phi\n" + "".join(f"{k / 80};{k / 100}\n" for k in range(20))
+    mapping = '[time]\ncolumn = "t"\nunit = "s"\n[signals.slew_external]\ncolumn = "phi"\nunit = "rad"\n'
+    result = run(write(text), "--mapping", write(mapping, "map.toml"), "--json")
+    assert result.returncode == 0, result.stderr
+    facts = json.loads(result.stdout)
+    assert facts["kind"] == "tracker"
+    assert facts["signals"][0]["max"] == pytest.approx(0.19 * 57.29577951)
+
+
+def test_a_bad_log_gives_exit_code_3_and_one_json_object(write):
+    result = run(write("time [s],slew [deg]\n0,1\n1,x\n2,3\n"), "--json")
+    assert result.returncode == 3
+    assert "row 3, column 'slew [deg]': 'x' is not a number" in json.loads(result.stdout)["error"]
+    assert "Traceback" not in result.stderr
+
+
+def test_a_system_package(tmp_path):
+    path = tmp_path / "crane.ssp"
+    with zipfile.ZipFile(path, "w") as package:
+        package.writestr("SystemStructure.ssd", "<x/>")
+    facts = json.loads(run(path, "--json").stdout)
+    assert facts["files"] == [{"file": "SystemStructure.ssd", "bytes": 4}]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "message"), [("ssp", "as an SSP package"), ("fmu", "as an FMU"), ("csv", "row 1")]
+)
+def test_files_that_are_not_what_they_say(write, suffix, message):
+    result = run(write("1,2\n3,4\n", f"bad.{suffix}"))
+    assert result.returncode == 3
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr

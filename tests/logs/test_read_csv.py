@@ -1,0 +1,164 @@
+"""CSV files that are whole: encodings, separators, units, unknown columns, the mark of a synthetic log."""
+
+import math
+
+import numpy as np
+import pytest
+from log_files import HEADER, rows
+
+from cosim.errors import DataError, UsageError
+from cosim.logs import load_log
+
+
+def test_a_clean_log_is_read_in_si(load):
+    log = load(rows())
+    assert log.warnings == ()
+    assert list(log.signals) == ["u", "slew"]
+    np.testing.assert_allclose(log.time, np.arange(30) * 0.001, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(log["slew"], np.radians(0.5 * np.arange(30)), rtol=1e-15)
+    assert log.units == {"u": "1", "slew": "rad"}
+    assert log.uniform
+    assert log.step == pytest.approx(0.001)
+    assert log.held == {"u"}
+    assert not log.synthetic
+    assert len(log.sha256) == 64
+
+
+@pytest.mark.parametrize(
+    "variant",
+    [
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text.replace("\n", "\r"),
+        lambda text: "\ufeff" + text,
+        lambda text: text.replace(",", "\t"),
+        lambda text: text.replace(",", ";"),
+        lambda text: text.replace(",", " , "),
+        lambda text: "\n\n" + text.replace("0.003", "\n0.003"),
+        lambda text: text.replace("deg", "°"),
+        lambda text: text.replace("[deg]", "(deg)"),
+        lambda text: ",".join(f'"{cell}"' for cell in HEADER.strip().split(",")) + text[len(HEADER) - 1 :],
+        lambda text: text.replace("0.003,1,1.5", "+0.003,1,+1.5e0"),
+    ],
+    ids=[
+        "crlf",
+        "cr",
+        "bom",
+        "tab",
+        "semicolon",
+        "blanks",
+        "blank lines",
+        "degree sign",
+        "round",
+        "quoted",
+        "plus",
+    ],
+)
+def test_spellings_of_the_same_log(load, write, variant):
+    plain = load(rows())
+    log = load_log(write(variant(HEADER + "\n".join(rows()) + "\n"), "variant.csv"))
+    assert log.warnings == ()
+    np.testing.assert_array_equal(log.time, plain.time)
+    np.testing.assert_array_equal(log["slew"], plain["slew"])
+
+
+def test_windows_1252_degree_sign(write):
+    log = load_log(write(HEADER.replace("deg", "°") + "\n".join(rows()) + "\n", encoding="cp1252"))
+    assert log["slew"][2] == pytest.approx(math.radians(1.0))
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_comma_is_found_and_told(write, separator):
+    text = (HEADER + "\n".join(rows()) + "\n").replace(",", separator).replace(".", ",")
+    log = load_log(write(text))
+    assert log["slew"][1] == pytest.approx(math.radians(0.5))
+    assert log.warnings == ("numbers were read with a decimal comma",)
+
+
+def test_decimal_comma_with_comma_separator_names_the_remedy(write):
+    path = write(HEADER + "\n".join(rows()).replace(".", ",") + "\n")
+    with pytest.raises(
+        DataError, match=r"row 2 has 5 cells where the header has 3; with a decimal comma .* ';'"
+    ):
+        load_log(path)
+
+
+@pytest.mark.parametrize(
+    ("heading", "message"),
+    [
+        ("slew", r"column 'slew' has no unit.*'slew \[deg\]'"),
+        ("slew [furlings]", r"column 'slew \[furlings\]': 'furlings' is not a unit"),
+        ("slew [1]", r"column 'slew \[1\]': unit '1' is not an angle"),
+        ("slew [bar]", r"column 'slew \[bar\]': unit 'bar' has the wrong dimension"),
+        ("slew [((]", r"column 'slew \[\(\(\]'"),
+    ],
+)
+def test_a_wrong_unit_names_the_column(write, heading, message):
+    path = write(HEADER.replace("slew [deg]", heading) + "\n".join(rows()) + "\n")
+    with pytest.raises(DataError, match=message):
+        load_log(path)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("%", 0.01), ("1", 1.0), ("", None), ("deg", None), ("V", None)]
+)
+def test_the_command_takes_numbers_and_percent_only(write, unit, factor):
+    path = write(HEADER.replace("u [1]", f"u [{unit}]") + "\n".join(rows()) + "\n")
+    if factor is None:
+        with pytest.raises(DataError, match=r"column 'u \["):
+            load_log(path)
+    else:
+        assert load_log(path)["u"].max() == factor
+
+
+def test_unknown_columns_are_listed_with_the_closest_name(load):
+    header = "time [s],u [1],Slew [deg],oil temperature [degC]\n"
+    log = load([f"{row},45" for row in rows()], header)
+    assert list(log.signals) == ["u"]
+    (warning,) = log.warnings
+    assert "'Slew [deg]'; did you mean 'slew'?" in warning
+    assert "'oil temperature [degC]'" in warning
+
+
+def test_text_in_an_ignored_column_does_no_harm(load):
+    log = load([f"{row},fine" for row in rows()], "time [s],u [1],slew [deg],remark\n")
+    assert len(log) == 30
+
+
+def test_the_same_signal_twice_is_refused(load):
+    with pytest.raises(DataError, match=r"columns 'u \[1\]' and 'u \[%\]' are both 'u'"):
+        load(rows(), "time [s],u [1],u [%]\n")
+
+
+def test_no_known_signal_lists_what_was_found(load):
+    with pytest.raises(DataError, match=r"no column is a known signal .*found 'a \[1\]', 'b \[deg\]'"):
+        load(rows(), "time [s],a [1],b [deg]\n")
+
+
+def test_no_time_column(load):
+    with pytest.raises(DataError, match="there is no time column"):
+        load(rows(), "clock [s],u [1],slew [deg]\n")
+
+
+def test_select_reads_only_what_is_asked_for(load):
+    # the unselected column is not even converted
+    log = load([row.replace("0.5", "abc") for row in rows()], select=["u"])
+    assert list(log.signals) == ["u"]
+    with pytest.raises(UsageError, match=r"no signal 'slow'; did you mean 'slew'\?"):
+        load(rows(), select=["slow"])
+
+
+@pytest.mark.parametrize(("mark", "synthetic"), [("1", True), ("1.0", True), ("0", False)])
+def test_the_mark_of_a_synthetic_log(load, mark, synthetic):
+    log = load([f"{row},{mark}" for row in rows()], "time [s],u [1],slew [deg],synthetic [1]\n")
+    assert log.synthetic is synthetic
+    assert "synthetic" not in log.signals
+    assert log.warnings == ()
+
+
+def test_values_out_of_range_are_told_with_their_place(load):
+    lines = rows()
+    lines[12] = "0.012,0,4000"
+    log = load(lines)
+    assert len(log.warnings) == 1
+    assert "slew: values from 0 to 4000 deg, plausible are -30 to 280" in log.warnings[0]
+    assert "row 14" in log.warnings[0]
