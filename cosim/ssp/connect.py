@@ -107,7 +107,7 @@ class _Wiring:
             )
         if not agree(connector.unit, self.units, variable.unit, fmu.units):
             self.problems.append(
-                f"connector {component}.{name} is in '{connector.unit}', but the FMU's variable in '{variable.unit}': correct it"
+                f"connector {component}.{name} is in '{connector.unit}', but its variable in '{variable.unit}': correct it"
             )
 
     def read(self) -> Connected:
@@ -181,7 +181,7 @@ class _Wiring:
         fmus = self.components[start.component].fmu, self.components[end.component].fmu
         if checked and not agree(source.unit, fmus[0].units, target.unit, fmus[1].units):
             raise ModelError(
-                f"{what}: units '{source.unit}' and '{target.unit}' differ, and masters disagree on who converts: make them equal"
+                f"{what}: units '{source.unit}' and '{target.unit}' differ, and no two masters convert alike: make them equal"
             )
         self.feed(end, str(start))
         self.wires.append(Wire(start, end, factor, offset))

@@ -1,0 +1,8 @@
+"""The master: simulates a system of FMUs by Gauss-Seidel over raw FMI calls, compiled or interpreted."""
+
+from cosim.master.convergence import estimate
+from cosim.master.inputs import time_grid
+from cosim.master.order import Order, step_order
+from cosim.master.runner import Runner
+
+__all__ = ["Order", "Runner", "estimate", "step_order", "time_grid"]

@@ -1,0 +1,280 @@
+"""Runs a plan over instances: initialisation, then the loop, compiled or interpreted with bitwise equal results."""
+
+import ctypes
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import SimulationError
+from cosim.master.instance import STATUS, DoStep, Instance, SetGetReal
+from cosim.master.plan import Plan
+
+Array = NDArray[np.float64]
+EngineName = Literal["compiled", "python"]
+CALLS = ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal")
+CHUNK = 1000  # steps between looks at the progress bar: about a tenth of a second
+MOST_SWEEPS = 200
+
+
+class Engine:
+    """One simulation: a plan, its instances and its numbers.
+
+    Attributes:
+        values: all numbers of a step (see `Plan`), shape (n_values,).
+        table: what the system's inputs hand over in each step, shape (n, n_series).
+        rows: recorded values, row k at time k, shape (n + 1, n_recorded).
+    """
+
+    def __init__(self, plan: Plan, instances: Sequence[Instance], time: Array, table: Array) -> None:
+        """Allocate everything the loop needs.
+
+        Args:
+            plan: the tables.
+            instances: in stepping order.
+            time: communication points [s], shape (n + 1,).
+            table: values of the system's inputs during each step, shape (n, n_series).
+        """
+        self.plan, self.instances, self.time = plan, instances, time
+        self.table = np.ascontiguousarray(table)
+        self.values = np.zeros(plan.n_values)
+        self.in_values = np.zeros(len(plan.in_source))
+        used = sorted({r.index for r in plan.recorded if r.index >= 0})
+        self.recorded = np.array(used, dtype=np.int64)
+        self.rows = np.empty((len(time), len(used)))
+        self.stop = np.zeros(1, dtype=np.int64)
+        self._scale = np.zeros(plan.n_values)  # largest value met of each number, while loops are iterated
+
+    # Initialisation: everything is of the same instant
+
+    def initialise(self, first_inputs: Array) -> None:
+        """Propagate start values in initialisation mode, to a fixed point where there are loops, and leave the mode.
+
+        Args:
+            first_inputs: values of the system's inputs at the start, shape (n_series,).
+
+        Raises:
+            SimulationError: a component fails, or a loop has no fixed point that repeated substitution finds.
+        """
+        plan = self.plan
+        self.values[plan.n_outputs : plan.n_outputs + plan.n_series] = first_inputs
+        places = [plan.order.names.index(name) for name in plan.initial.names]
+        for _ in range(MOST_SWEEPS):
+            before = self.values.copy()
+            for c in places:
+                self._exchange(c)
+            if not plan.initial.delayed or self._settled(before):
+                break
+        else:
+            moved = self._unsettled(before)
+            raise SimulationError(
+                f"the loop closed by {', '.join(map(str, plan.initial.delayed))} finds no common start values in "
+                f"{MOST_SWEEPS} sweeps (still moving: {moved}): break it with a component that has a state"
+            )
+        for c in places:
+            self._set_inputs(c)
+            self.instances[c].call("fmi2ExitInitializationMode")
+            self._get_outputs(c)
+        self.rows[0] = self.values[self.recorded]
+
+    def _exchange(self, c: int) -> None:
+        self._set_inputs(c)
+        self._get_outputs(c)
+
+    def _settled(self, before: Array) -> bool:
+        self._scale = np.maximum(self._scale, np.abs(self.values))
+        return bool(np.all(np.abs(self.values - before) <= 1e-13 * self._scale))
+
+    def _unsettled(self, before: Array) -> str:
+        change = np.abs(self.values - before)[: self.plan.n_outputs]
+        c = int(np.searchsorted(self.plan.out_start, int(np.nanargmax(change)), side="right")) - 1
+        return f"an output of '{self.plan.order.names[c]}'"
+
+    def _set_inputs(self, c: int) -> None:
+        plan = self.plan
+        part = slice(plan.in_start[c], plan.in_start[c + 1])
+        count = part.stop - part.start
+        if not count:
+            return
+        self.in_values[part] = (
+            plan.in_factor[part] * self.values[plan.in_initial[part]] + plan.in_offset[part]
+        )
+        references = plan.in_reference[part].ctypes.data_as(ctypes.POINTER(ctypes.c_uint))
+        new = self.in_values[part].ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        self.instances[c].call("fmi2SetReal", references, count, new)
+
+    def _get_outputs(self, c: int) -> None:
+        plan = self.plan
+        part = slice(plan.out_start[c], plan.out_start[c + 1])
+        count = part.stop - part.start
+        if count:
+            references = plan.out_reference[part].ctypes.data_as(ctypes.POINTER(ctypes.c_uint))
+            target = self.values[part].ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+            self.instances[c].call("fmi2GetReal", references, count, target)
+
+    # The loop
+
+    def run(
+        self, first: int, last: int, h: float, engine: EngineName, progress: Callable[[float], None] | None
+    ) -> None:
+        """Make the steps `first` to `last` with step size h [s].
+
+        Raises:
+            SimulationError: a component answered with Discard, Error or Fatal.
+            KeyboardInterrupt: Ctrl-C, after the step in progress.
+        """
+        step = self._compiled(h) if engine == "compiled" else self._interpreted(h)
+        with self._interruptible():
+            k = first
+            while k < last:
+                k, c, call, status = step(k, min(k + CHUNK, last))
+                if c >= 0:
+                    self._fail(k, c, call, status)
+                if self.stop[0]:
+                    raise KeyboardInterrupt
+                if progress is not None:
+                    progress(float(self.time[k] - self.time[0]))
+
+    def _fail(self, k: int, c: int, call: int, status: int) -> None:
+        instance = self.instances[c]
+        instance.failed(status)
+        label = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+        raise SimulationError(
+            instance.report(f"failed in {CALLS[call]} at t = {self.time[k]:.9g} s (status {label})")
+        )
+
+    @contextmanager
+    def _interruptible(self) -> Iterator[None]:
+        """Ctrl-C only sets a flag: raised inside an FMU it would break the FMU instead of ending the run."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def ask_to_stop(_number: int, _frame: FrameType | None) -> None:
+            self.stop[0] = 1
+
+        previous = signal.signal(signal.SIGINT, ask_to_stop)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, previous if previous is not None else signal.default_int_handler)
+
+    def _compiled(self, h: float) -> Callable[[int, int], tuple[int, int, int, int]]:
+        from cosim.master.compiled import Tables, advance
+
+        p = self.plan
+        components, setters, getters, steppers = (
+            np.array([getattr(instance, name) for instance in self.instances], dtype=np.int64)
+            for name in ("pointer", "set_real", "get_real", "do_step")
+        )
+        tables = Tables(
+            time=self.time,
+            stop=self.stop,
+            table=self.table,
+            values=self.values,
+            in_values=self.in_values,
+            rows=self.rows,
+            recorded=self.recorded,
+            components=components,
+            setters=setters,
+            getters=getters,
+            steppers=steppers,
+            in_start=p.in_start,
+            in_source=p.in_source,
+            in_factor=p.in_factor,
+            in_offset=p.in_offset,
+            out_start=p.out_start,
+            snapshots=p.snapshots,
+            n_outputs=p.n_outputs,
+            in_references=int(p.in_reference.ctypes.data),
+            out_references=int(p.out_reference.ctypes.data),
+            in_pointer=int(self.in_values.ctypes.data),
+            out_pointer=int(self.values.ctypes.data),
+        )
+
+        def step(first: int, last: int) -> tuple[int, int, int, int]:
+            return advance(first, last, h, tables)
+
+        return step
+
+    def _interpreted(self, h: float) -> Callable[[int, int], tuple[int, int, int, int]]:
+        """The same loop in Python, for machines without numba's compiler; the same calls with the same numbers."""
+        p = self.plan
+        pick = operations(p, self.instances, self.values, self.in_values, h)
+        n_series = p.n_series
+        copies = list(enumerate(map(int, p.snapshots)))
+        values, base = self.values, p.n_outputs
+
+        def step(first: int, last: int) -> tuple[int, int, int, int]:
+            for k in range(first, last):
+                if self.stop[0]:
+                    return k, -1, 0, 0
+                values[base : base + n_series] = self.table[k]
+                for d, source in copies:
+                    values[base + n_series + d] = values[source]
+                time = float(self.time[k])
+                for c, operate in enumerate(pick):
+                    call, status = operate(time)
+                    if status > 1:
+                        return k, c, call, status
+                self.rows[k + 1] = values[self.recorded]
+            return last, -1, 0, 0
+
+        return step
+
+
+def operations(
+    plan: Plan, instances: Sequence[Instance], values: Array, in_values: Array, h: float
+) -> list[Callable[[float], tuple[int, int]]]:
+    """For each component a function of the time that sets its inputs, makes a step and reads its outputs.
+
+    Returns:
+        Functions that answer (call, status); call is 0 for fmi2SetReal, 1 for fmi2DoStep, 2 for fmi2GetReal.
+    """
+    return [_operation(plan, c, instance, values, in_values, h) for c, instance in enumerate(instances)]
+
+
+def _operation(
+    plan: Plan, c: int, instance: Instance, values: Array, in_values: Array, h: float
+) -> Callable[[float], tuple[int, int]]:
+    a, b, m, n = (int(i) for i in (*plan.in_start[c : c + 2], *plan.out_start[c : c + 2]))
+    set_real, get_real, do_step = (
+        SetGetReal(instance.set_real),
+        SetGetReal(instance.get_real),
+        DoStep(instance.do_step),
+    )
+    component = instance.pointer
+    in_refs, out_refs = (
+        int(plan.in_reference.ctypes.data) + 4 * a,
+        int(plan.out_reference.ctypes.data) + 4 * m,
+    )
+    in_pointer, out_pointer = int(in_values.ctypes.data) + 8 * a, int(values.ctypes.data) + 8 * m
+    wires: list[tuple[int, int, float, float]] = [
+        (i, int(plan.in_source[i]), float(plan.in_factor[i]), float(plan.in_offset[i])) for i in range(a, b)
+    ]
+    # scalars of a memoryview are read and written faster than those of an array
+    source: Any = memoryview(values.data)
+    target: Any = memoryview(in_values.data)
+
+    def operate(time: float) -> tuple[int, int]:
+        if b > a:
+            for i, j, factor, offset in wires:
+                target[i] = factor * source[j] + offset
+            status = set_real(component, in_refs, b - a, in_pointer)
+            if status > 1:
+                return 0, status
+        status = do_step(component, time, h, 1)
+        if status > 1:
+            return 1, status
+        if n > m:
+            status = get_real(component, out_refs, n - m, out_pointer)
+            if status > 1:
+                return 2, status
+        return 1, 0
+
+    return operate

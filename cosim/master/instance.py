@@ -1,0 +1,224 @@
+"""One instance of an FMU: loaded once, reset between runs, its messages kept.
+
+Calls go to the C functions of the FMU's library by address; fmpy loads the library and formats the messages.
+"""
+
+import contextlib
+import ctypes
+import hashlib
+import importlib.util
+import sys
+from collections import deque
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import (
+    FMU2Slave,
+    defaultCallbacks,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
+from fmpy.logging import addLoggerProxy
+
+from cosim.errors import ModelError, SimulationError
+from cosim.ssp.system import Component, Fmu, Value, Variable
+
+STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+WARNING, DISCARD, FATAL = 1, 2, 4
+MOST_MESSAGES = 200
+
+SetGetReal = ctypes.CFUNCTYPE(
+    ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p
+)
+DoStep = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+
+# Python shares modules by name: which content each pythonfmu module of this process has
+_modules: dict[str, str] = {}
+
+
+class Message(NamedTuple):
+    """What an FMU logged: status 0 to 5 as in `STATUS`."""
+
+    status: int
+    category: str
+    text: str
+
+
+class Instance:
+    """An instantiated component.
+
+    Attributes:
+        name: of the component.
+        messages: the last messages of the FMU, oldest first; cleared by `fresh`.
+        pointer: address of the FMU's component, for the compiled loop.
+        set_real, get_real, do_step: addresses of its C functions.
+    """
+
+    def __init__(self, component: Component) -> None:
+        """Load the library and instantiate.
+
+        Raises:
+            ModelError: the library cannot be loaded, or another module of the process would run in its place.
+            SimulationError: the FMU refuses to be instantiated.
+        """
+        self.name, self.component = component.name, component
+        self.messages: deque[Message] = deque(maxlen=MOST_MESSAGES)
+        self.alive = False
+        self._used = False
+        fmu = component.fmu
+        _claim_module(fmu)
+        try:
+            self._slave = FMU2Slave(
+                guid=fmu.guid,
+                unzipDirectory=str(fmu.folder),
+                modelIdentifier=fmu.identifier,
+                instanceName=component.name,
+            )
+        except Exception as error:  # fmpy raises bare exceptions
+            raise ModelError(f"{fmu.source}: the library cannot be loaded: {error}") from None
+        self.set_real = self._address("fmi2SetReal")
+        self.get_real = self._address("fmi2GetReal")
+        self.do_step = self._address("fmi2DoStep")
+        # the struct and the Python function behind it must outlive the instance
+        self._logger = fmi2CallbackLoggerTYPE(self._log)
+        self._callbacks = fmi2CallbackFunctions()
+        self._callbacks.logger = self._logger
+        self._callbacks.allocateMemory = defaultCallbacks.allocateMemory
+        self._callbacks.freeMemory = defaultCallbacks.freeMemory
+        addLoggerProxy(ctypes.byref(self._callbacks))
+        self._instantiate()
+
+    def _address(self, name: str) -> int:
+        return ctypes.cast(getattr(self._slave.dll, name), ctypes.c_void_p).value or 0
+
+    def _log(self, _environment: Any, _name: bytes, status: int, category: bytes, text: bytes) -> None:
+        decoded = [(part or b"").decode("utf-8", "replace") for part in (category, text)]
+        self.messages.append(Message(status, *decoded))
+
+    def _instantiate(self) -> None:
+        try:
+            self._slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+        except Exception:  # fmpy raises a bare Exception for a null pointer
+            raise SimulationError(self.report("could not be instantiated")) from None
+        self.alive, self._used = True, False
+        self.pointer = int(self._slave.component)
+
+    def fresh(self) -> None:
+        """Bring the instance to where it was after instantiation; one that broke is replaced by a new one.
+
+        Raises:
+            SimulationError: the FMU cannot be reset.
+        """
+        self.messages.clear()
+        if not self.alive:
+            self._instantiate()
+        elif self._used:
+            self.call("fmi2Reset")
+        self._used = True
+
+    def call(self, function: str, *arguments: Any) -> None:
+        """Call a C function of the FMU with this component first.
+
+        Raises:
+            SimulationError: it answers with anything worse than a warning; the message holds what the FMU logged.
+        """
+        try:
+            getattr(self._slave, function)(self._slave.component, *arguments)
+        except FMICallException as error:
+            self.failed(error.status)
+            raise SimulationError(
+                self.report(f"failed in {function} (status {STATUS[error.status]})")
+            ) from None
+
+    def failed(self, status: int) -> None:
+        """Remember a bad status: after Fatal no function of the instance may be called again (FMI 2.0, 2.1.3)."""
+        if status >= FATAL:
+            self.alive = False
+
+    def report(self, what: str) -> str:
+        """A sentence about this component, with what it logged at a status worse than OK (else its last words)."""
+        bad = [m.text for m in self.messages if m.status >= WARNING] or [m.text for m in self.messages][-3:]
+        said = "; ".join(dict.fromkeys(text.strip() for text in bad))
+        return f"component '{self.name}' {what}" + (f": {said}" if said else "; the FMU logged nothing")
+
+    def refusals(self) -> list[str]:
+        """What the FMU logged at status Discard or worse."""
+        return [m.text.strip() for m in self.messages if m.status >= DISCARD]
+
+    def set_value(self, variable: Variable, value: Value) -> None:
+        """Give a variable a start value.
+
+        Raises:
+            SimulationError: the FMU refuses it, by its status or by an error in its log (pythonfmu has no other way).
+        """
+        known = len(self.refusals())
+        reference = (ctypes.c_uint * 1)(variable.reference)
+        function, array = _encoded(variable.kind, value)
+        what = f"refuses {variable.name} = {value!r} {variable.unit}".rstrip()
+        try:
+            getattr(self._slave, function)(self._slave.component, reference, 1, array)
+        except FMICallException as error:
+            self.failed(error.status)
+            raise SimulationError(self.report(what)) from None
+        if len(self.refusals()) > known:
+            raise SimulationError(self.report(what))
+        if variable.kind != "String" and not variable.low <= float(value) <= variable.high:
+            # most FMUs take anything: their description is then the only guard
+            raise SimulationError(
+                f"component '{self.name}' {what}: its description allows {variable.low:g} to {variable.high:g}"
+            )
+
+    def terminate(self) -> None:
+        """End a run; a failure here changes no result and is ignored."""
+        if self.alive:
+            with contextlib.suppress(FMICallException):
+                self._slave.terminate()
+
+    def close(self) -> None:
+        """Free the instance and its library; one that broke is abandoned, since freeing it could crash."""
+        if self.alive:
+            self.alive = False
+            self._slave.freeInstance()
+
+
+def _encoded(kind: str, value: Value) -> tuple[str, Any]:
+    """The C function that sets a variable of this kind, and the value as its array of one."""
+    if kind == "Real":
+        return "fmi2SetReal", (ctypes.c_double * 1)(float(value))
+    if kind == "Boolean":
+        return "fmi2SetBoolean", (ctypes.c_int * 1)(int(bool(value)))
+    if kind == "String":
+        return "fmi2SetString", (ctypes.c_char_p * 1)(str(value).encode("utf-8"))
+    return "fmi2SetInteger", (ctypes.c_int * 1)(int(value))
+
+
+def _claim_module(fmu: Fmu) -> None:
+    """Refuse a pythonfmu FMU whose module name another module of this process already has."""
+    if fmu.module is None:
+        return
+    name, digest = fmu.module
+    if _modules.get(name, digest) != digest:
+        raise ModelError(
+            f"{fmu.source}: another FMU of this process brought a Python module '{name}' with other code, which would run "
+            "in its place: give the scripts different names, or simulate in a process of its own"
+        )
+    if name not in _modules:
+        origin = _origin(name)
+        if origin is not None and hashlib.sha256(origin.read_bytes()).hexdigest() != digest:
+            raise ModelError(
+                f"{fmu.source}: the module {origin} of this Python would run in place of the FMU's own '{name}': "
+                "start from another folder, or clear PYTHONPATH"
+            )
+    _modules[name] = digest
+
+
+def _origin(name: str) -> Path | None:
+    """File that ``import name`` would load or has loaded in this process, or None."""
+    try:
+        loaded = sys.modules.get(name)
+        spec = loaded.__spec__ if loaded is not None else importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        return None
+    origin = Path(spec.origin) if spec is not None and spec.origin else None
+    return origin if origin is not None and origin.is_file() else None

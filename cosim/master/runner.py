@@ -1,0 +1,259 @@
+"""The master: loads a system once and simulates it as often as asked."""
+
+import time as clock
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import SimulationError, UsageError
+from cosim.master.convergence import estimate
+from cosim.master.engine import Engine, EngineName
+from cosim.master.inputs import Series, checked_value, sample, time_grid
+from cosim.master.instance import WARNING, Instance
+from cosim.master.plan import Plan, make_plan
+from cosim.results import DisplayUnit, Result
+from cosim.ssp.hints import did_you_mean
+from cosim.ssp.read import read_system, resolve, settable_names
+from cosim.ssp.system import Port, System, Value
+
+Array = NDArray[np.float64]
+HELD = ("u",)  # the valve command is held over each step, whatever its FMU declares
+
+
+class Runner:
+    """Simulates a system by a Gauss-Seidel master; a context manager, reused for many runs.
+
+        with Runner(Path("full_order.ssp")) as runner:
+            result = runner.run(10.0, 1e-3, parameters={"mechanical.J": 800.0})
+
+    Each step, every component gets its inputs, makes its step and hands on its outputs, sources before targets. A
+    connection hands over the value at the END of the step; one from an output of variability ``discrete`` that at its
+    START. Loops are broken as `cosim.master.order` says; Result.notes names the connection.
+
+    Attributes:
+        system: what is simulated.
+    """
+
+    def __init__(self, source: Path | str | System, *, parameter_set: str | None = None) -> None:
+        """Read the system, if a path is given, and instantiate its FMUs.
+
+        Args:
+            source: an .ssp or .fmu file, or a System (which the caller closes).
+            parameter_set: name of the only ParameterSet to apply.
+
+        Raises:
+            ModelError: the file is bad.
+            SimulationError: an FMU cannot be instantiated.
+        """
+        self._owns = not isinstance(source, System)
+        self.system = source if isinstance(source, System) else read_system(Path(source), parameter_set)
+        self._instances: dict[str, Instance] = {}
+        self._plans: dict[Any, Plan] = {}
+        self._closed = False
+        try:
+            for name, component in self.system.components.items():
+                self._instances[name] = Instance(component)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Free the FMUs, and delete what was unpacked for this Runner; safe to call twice."""
+        self._closed = True
+        for instance in self._instances.values():
+            instance.close()
+        self._instances.clear()
+        if self._owns:
+            self.system.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def run(
+        self,
+        stop_time: float,
+        step_size: float,
+        *,
+        parameters: Mapping[str, Value] | None = None,
+        inputs: Mapping[str, Series] | None = None,
+        hold: Collection[str] = HELD,
+        record: Sequence[str] | None = None,
+        start_time: float = 0.0,
+        partial_step: bool = False,
+        engine: EngineName = "compiled",
+        progress: Callable[[float], None] | None = None,
+    ) -> Result:
+        """Simulate once, from the start values.
+
+        Args:
+            stop_time: [s].
+            step_size: communication step [s].
+            parameters: start values by name, in the FMU's (SI) unit: ``component.variable``, or a connector of the system.
+            inputs: time series ``(times, values)`` or constants for inputs of the system or of a component
+                (``component.variable``; one that is connected follows the series instead). Held inputs are sampled at the
+                start of each step, the others at its end, linearly interpolated.
+            hold: inputs that are held even if their FMU does not declare them discrete.
+            record: signals to record; None for all Real outputs and driven inputs.
+            start_time: [s].
+            partial_step: let the last step be shorter where the stop time is no multiple of the step size.
+            engine: "compiled", or "python" (slower, bitwise the same numbers).
+            progress: called every 1000 steps with the simulated time since the start [s].
+
+        Raises:
+            UsageError: an unknown name, or an impossible time, step or series.
+            SimulationError: an FMU refused a value or failed; the message holds its own words.
+        """
+        if self._closed:
+            raise UsageError("this Runner is closed: make a new one")
+        grid, whole, notes = time_grid(start_time, stop_time, step_size, partial_step)
+        settings = self._settings(parameters or {})
+        given = dict(inputs or {})
+        plan = self._plan(tuple(given), tuple(sorted(hold)), None if record is None else tuple(record))
+        sampled = np.empty((len(grid), len(given)))
+        for k, (name, series) in enumerate(given.items()):
+            sampled[:, k] = sample(name, series, grid, plan.held[k])
+        table = np.where(np.array(plan.held, dtype=bool), sampled[:-1], sampled[1:])
+        instances = [self._instances[name] for name in plan.order.names]
+        loop = Engine(plan, instances, grid, table)
+        begun = clock.perf_counter()
+        try:
+            self._initialise(loop, settings, sampled[0])
+            begun = clock.perf_counter()
+            loop.run(0, whole, step_size, engine, progress)
+            if whole < len(grid) - 1:
+                loop.run(whole, whole + 1, float(grid[-1] - grid[-2]), engine, progress)
+        finally:
+            for instance in instances:
+                instance.terminate()
+        result = self._result(loop, sampled, step_size, notes, {str(p): v for p, v in settings.items()})
+        result.wall_time = clock.perf_counter() - begun
+        return result
+
+    def coupling_error(self, stop_time: float, step_size: float, **options: Any) -> Result:
+        """Simulate with step_size, half and a quarter of it, and estimate the error that the step size causes.
+
+        Args:
+            stop_time: [s].
+            step_size: the largest of the three steps [s].
+            **options: further arguments of `run`.
+
+        Returns:
+            The result with `step_size`, its ``errors`` filled for every recorded signal (Richardson's extrapolation with
+            the observed order, `cosim.master.convergence`).
+
+        Raises:
+            UsageError, SimulationError: as `run`.
+        """
+        runs = [self.run(stop_time, step_size / part, **options) for part in (1, 2, 4)]
+        result = runs[0]
+        result.errors = {
+            name: estimate(result.signals[name], runs[1].signals[name][::2], runs[2].signals[name][::4])
+            for name in result.signals
+        }
+        return result
+
+    # Helpers
+
+    def _plan(self, inputs: tuple[str, ...], hold: tuple[str, ...], record: tuple[str, ...] | None) -> Plan:
+        key = inputs, hold, record
+        if key not in self._plans:
+            self._plans[key] = make_plan(self.system, inputs, hold, record)
+        return self._plans[key]
+
+    def _settings(self, parameters: Mapping[str, Value]) -> dict[Port, Value]:
+        """The variables behind the names, each checked for type and right to be set."""
+        settings: dict[Port, Value] = {}
+        for name, value in parameters.items():
+            ports = resolve(self.system, name)
+            if not ports:
+                raise UsageError(
+                    f"there is no '{name}' to set{did_you_mean(name, settable_names(self.system))}"
+                )
+            for port in ports:
+                variable = self.system.variable(port)
+                if not variable.can_be_set:
+                    raise UsageError(
+                        f"'{name}' is a {variable.variability} {variable.causality} and cannot be set"
+                    )
+                settings[port] = checked_value(name, value, variable)
+        return settings
+
+    def _initialise(self, loop: Engine, settings: Mapping[Port, Value], first_inputs: Array) -> None:
+        for instance in loop.instances:
+            instance.fresh()
+            variables = instance.component.fmu.variables
+            own = {p.variable: v for p, v in settings.items() if p.component == instance.name}
+            for name, value in {**instance.component.starts, **own}.items():
+                instance.set_value(variables[name], value)
+        for instance in loop.instances:
+            instance.call("fmi2SetupExperiment", 0, 0.0, float(loop.time[0]), 1, float(loop.time[-1]))
+            instance.call("fmi2EnterInitializationMode")
+        loop.initialise(first_inputs)
+
+    def _result(
+        self, loop: Engine, sampled: Array, step_size: float, notes: list[str], parameters: dict[str, Value]
+    ) -> Result:
+        plan = loop.plan
+        place = {int(index): k for k, index in enumerate(loop.recorded)}
+        columns = np.ascontiguousarray(loop.rows.T)
+        self._check_finite(loop, columns)
+        signals, units, display = {}, {}, {}
+        for item in plan.recorded:
+            values = (
+                columns[place[item.index]]
+                if item.index >= 0
+                else np.ascontiguousarray(sampled[:, item.series])
+            )
+            if (item.factor, item.offset) != (1.0, 0.0):
+                values = item.factor * values + item.offset
+            signals[item.name] = values
+            if item.unit_of.component:
+                variable = self.system.variable(item.unit_of)
+                units[item.name] = variable.unit
+                if variable.display_unit:
+                    display[item.name] = DisplayUnit(
+                        variable.display_unit, variable.display_factor, variable.display_offset
+                    )
+        messages = [
+            f"{i.name}: {m.text.strip()}" for i in loop.instances for m in i.messages if m.status >= WARNING
+        ]
+        return Result(
+            model=self.system.name,
+            time=loop.time,
+            signals=signals,
+            units=units,
+            display=display,
+            aliases={name: str(port) for name, port in self.system.outputs.items()},
+            notes=[*self.system.notes, *plan.notes, *notes],
+            messages=messages,
+            step_size=step_size,
+            parameters=parameters,
+        )
+
+    def _check_finite(self, loop: Engine, columns: Array) -> None:
+        """NaN passes through every FMU without a word; here it ends.
+
+        Raises:
+            SimulationError: a recorded output is NaN or infinite.
+        """
+        if np.isfinite(columns).all():
+            return
+        bad = {}
+        for item in loop.plan.recorded:
+            if item.index >= 0:
+                wrong = np.flatnonzero(
+                    ~np.isfinite(loop.rows[:, int(np.searchsorted(loop.recorded, item.index))])
+                )
+                if len(wrong):
+                    bad[item.name] = int(wrong[0])
+        name = min(bad, key=lambda n: bad[n])
+        raise SimulationError(f"'{name}' is not a finite number from t = {loop.time[bad[name]]:.9g} s on")
