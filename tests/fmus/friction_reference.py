@@ -58,7 +58,8 @@ def reference(
 
             event = breaks if sign == 0.0 else stops
             event.terminal, event.direction = True, -1
-            found = solve_ivp(rates, (now, t1), [theta, omega], "DOP853", rtol=1e-12, atol=1e-14, events=event, max_step=0.02)  # fmt: skip
+            tight = {"rtol": 1e-12, "atol": 1e-14, "max_step": 0.02}
+            found = solve_ivp(rates, (now, t1), [theta, omega], "DOP853", events=event, **tight)
             now, (theta, omega) = found.t[-1], found.y[:, -1]
             if sign == 0.0 or found.status == 1:
                 omega = 0.0
