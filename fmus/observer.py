@@ -117,6 +117,5 @@ BLOCK = Block(
     name="observer",
     title="Observer of slew angle and velocity",
     module=sys.modules[__name__],
-    feedthrough={"slew_estimate": ("slew",)},
     helpers=(expm2,),
 )
