@@ -117,11 +117,11 @@ def test_feedthrough_is_what_is_declared(block: Block) -> None:
         after = []
         for inputs in (base, moved):
             # feedthrough of these blocks acts at communication points: same state before, one vanishing step
-            again = run(composed, 1e-12, base, buffers=TABLES.get(block.name))
+            again = run(composed, 1e-7, base, buffers=TABLES.get(block.name))
             again.x = r.x
             after.append(again.step(*inputs))
         for output, one, other in zip(block.outputs, *after, strict=True):
-            jumps = abs(one - other) > 1e-6 * block.outputs[output].nominal
+            jumps = abs(one - other) > 1e-3 * block.outputs[output].nominal
             assert jumps == (name in block.feedthrough.get(output, ())), (name, output)
 
 
