@@ -10,6 +10,8 @@ import pyarrow.parquet as pq
 from cosim.errors import DataError
 from cosim.logs.source import Array, Source, parse_label, translated
 
+_BATCH = 1 << 17
+
 
 class ParquetSource(Source):
     """A Parquet file; a column's unit is in its name, or in the field's metadata under ``unit``.
@@ -35,15 +37,20 @@ class ParquetSource(Source):
         names = [self._schema.names[k] for k in indices]
         for name in names:
             self._check_type(name)
-        columns = {name: np.empty(self._rows) for name in names}
-        filled = 0
         with translated(self.path, "Parquet"), pq.ParquetFile(self.path) as file:
-            for batch in file.iter_batches(batch_size=1 << 18, columns=list(columns), use_threads=False):
-                for name, target in columns.items():
-                    values = batch.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False)
-                    target[filled : filled + len(batch)] = values
-                filled += len(batch)
-        return [columns[name] for name in names]
+            # one column at a time: the decoder's buffers then stay small beside the result
+            return [self._column(file, name) for name in names]
+
+    def _column(self, file: pq.ParquetFile, name: str) -> Array:
+        column = np.empty(self._rows)
+        filled = 0
+        for batch in file.iter_batches(batch_size=_BATCH, columns=[name], use_threads=False):
+            values = batch.column(0).cast(pa.float64()).to_numpy(zero_copy_only=False)
+            column[filled : filled + len(values)] = values
+            filled += len(values)
+        if filled != self._rows:
+            raise DataError(f"{self.path}: column '{name}' has {filled} of the {self._rows} rows announced")
+        return column
 
     def _check_type(self, name: str) -> None:
         kind = self._schema.field(name).type

@@ -15,6 +15,8 @@ from cosim.signals import SIGNALS, SYNTHETIC_COLUMN
 WRITABLE: tuple[str, ...] = (".csv", ".parquet", ".mat")
 """File types that can be written."""
 
+_ROW_GROUP = 1 << 17  # small enough that a reader's buffers do not count
+
 
 def write_log(log: Log | Tracker, path: Path | str) -> Path:
     """Writes a log or a tracker's record; the suffix chooses the format. Filled values are written as missing.
@@ -46,7 +48,7 @@ def write_log(log: Log | Tracker, path: Path | str) -> Path:
             if suffix == ".csv":
                 _write_csv(table, path)
             else:
-                pq.write_table(table, path)
+                pq.write_table(table, path, row_group_size=_ROW_GROUP)
     except OSError as error:
         raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
