@@ -44,8 +44,8 @@ class _Record:
 
     @cached_property
     def step(self) -> float:
-        """Median interval between samples [s]."""
-        return float(np.median(np.diff(self.time)))
+        """Median interval between samples [s], to 12 digits: a difference of two stamps carries no more."""
+        return float(f"{np.median(np.diff(self.time)):.12g}")
 
     @cached_property
     def uniform(self) -> bool:

@@ -5,12 +5,13 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from cosim.errors import DataError, UsageError
 from cosim.logs.log import Log, Tracker
 from cosim.logs.source import Array
-from cosim.signals import SIGNALS, SYNTHETIC_COLUMN
+from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
 
 WRITABLE: tuple[str, ...] = (".csv", ".parquet", ".mat")
 """File types that can be written."""
@@ -60,16 +61,25 @@ def _columns(log: Log | Tracker) -> dict[tuple[str, str], Array]:
     columns: dict[tuple[str, str], Array] = {("time", "s"): log.time}
     if isinstance(log, Tracker):
         unit = SIGNALS["slew_external"].unit
-        angle = log.slew_external / SIGNALS["slew_external"].to_si
-        columns["slew_external", unit] = np.where(log.valid, angle, np.nan)
+        columns["slew_external", unit] = _displayed(log.slew_external, unit, "rad", log.valid)
     else:
-        for name in log.signals:
-            values = log.in_display_units(name)
-            masked = np.where(log.valid[name], values, np.nan) if name in log.valid else values
-            columns[name, log.display[name]] = masked
+        for name, values in log.signals.items():
+            unit = log.display[name]
+            columns[name, unit] = _displayed(values, unit, log.units[name], log.valid.get(name))
     if log.synthetic:
         columns[SYNTHETIC_COLUMN, "1"] = np.ones(len(log.time))
     return columns
+
+
+def _displayed(values: Array, unit: str, si: str, valid: NDArray[np.bool_] | None) -> Array:
+    """SI values in the file's unit, NaN where not valid; of several numbers that read back to the same, the roundest."""
+    scale = conversion(unit, si)
+    shown = values / scale
+    if scale != 1.0:
+        for decimals in (12, 9, 6):
+            rounder = np.round(shown, decimals)
+            np.copyto(shown, rounder, where=rounder * scale == values)
+    return shown if valid is None else np.where(valid, shown, np.nan)
 
 
 def _write_csv(table: pa.Table, path: Path) -> None:

@@ -57,6 +57,39 @@ def test_a_bad_log_gives_exit_code_3_and_one_json_object(write):
     assert "Traceback" not in result.stderr
 
 
+DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="valve" guid="{1}" generationTool="by hand">
+  <CoSimulation modelIdentifier="valve"/>
+  <ModelVariables>
+    <ScalarVariable name="K" valueReference="0" causality="parameter" variability="fixed" description="gain">
+      <Real start="2.5"/>
+    </ScalarVariable>
+  </ModelVariables>
+  <ModelStructure/>
+</fmiModelDescription>
+"""
+
+
+def test_a_component(tmp_path):
+    path = tmp_path / "valve.fmu"
+    with zipfile.ZipFile(path, "w") as package:
+        package.writestr("modelDescription.xml", DESCRIPTION)
+        package.writestr("binaries/linux64/valve.so", "")
+    result = run(path, "--json")
+    assert result.returncode == 0, result.stderr
+    facts = json.loads(result.stdout)
+    assert (facts["name"], facts["type"], facts["platforms"]) == ("valve", "co-simulation", "linux64")
+    (variable,) = facts["variables"]
+    assert variable == {
+        "variable": "K",
+        "causality": "parameter",
+        "variability": "fixed",
+        "unit": "",
+        "start": "2.5",
+        "description": "gain",
+    }
+
+
 def test_a_system_package(tmp_path):
     path = tmp_path / "crane.ssp"
     with zipfile.ZipFile(path, "w") as package:

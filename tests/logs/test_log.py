@@ -96,6 +96,19 @@ def test_a_straight_line_stays_one_on_any_grid(tmp_path_factory, step, start, sl
     np.testing.assert_allclose(log["spool"], slope * log.time * 1e-3, rtol=1e-9, atol=1e-15)
 
 
+def test_round_numbers_stay_round(write, tmp_path):
+    random = np.random.default_rng(11)
+    columns = {
+        key: np.round(values, int(random.integers(3, 9))) for key, values in full_log_columns().items()
+    }
+    log = load_log(write(csv_text(columns)))
+    again = load_log(write_log(log, tmp_path / "again.csv"))
+    for name in log.signals:
+        np.testing.assert_array_equal(again[name], log[name])  # bit by bit
+    cells = (tmp_path / "again.csv").read_text().replace("\n", ",").split(",")
+    assert max(map(len, cells[len(columns) :])) <= 13  # 3 digits, the point, 8 decimals, a sign
+
+
 def test_what_cannot_be_written(log, tmp_path):
     with pytest.raises(UsageError, match=r"'.xlsx' is none of them"):
         write_log(log, tmp_path / "log.xlsx")
