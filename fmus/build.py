@@ -31,6 +31,7 @@ def script(composed: Composed, starts: Mapping[str, float]) -> str:
         "starts": tuple(starts.get(n, v.start) for n, _, v in rows),
         "lows": tuple(v.low for _, _, v in rows),
         "highs": tuple(v.high for _, _, v in rows),
+        "integers": tuple(i for i, (_, _, v) in enumerate(rows) if v.kind == "integer"),
         "n_inputs": len(composed.inputs),
         "n_outputs": len(composed.outputs),
         "takes_time": composed.takes_time,
@@ -61,6 +62,8 @@ def checked_starts(composed: Composed, starts: Mapping[str, float]) -> dict[str,
             raise UsageError(
                 f"{composed.block.name}.{name} = {value!r} {unit} is not within {low:g} to {high:g} {unit}"
             )
+        if known[name].kind == "integer" and value != int(value):
+            raise UsageError(f"{composed.block.name}.{name} = {value!r} is not a whole number")
     return {name: float(value) for name, value in starts.items()}
 
 

@@ -37,7 +37,7 @@ class BlockSlave(Fmi2Slave):
     starts: tuple = ()
     lows: tuple = ()
     highs: tuple = ()
-    integers: frozenset = frozenset()
+    integers: tuple = ()
     n_inputs = 0
     n_outputs = 0
     takes_time = False
@@ -47,6 +47,7 @@ class BlockSlave(Fmi2Slave):
         super().__init__(**kwargs)
         self.mode = "instantiated"
         self.failed = False
+        self.model = type(self).__module__  # unique: it holds a digest of this text
         self.values = list(self.starts)
         self.time = 0.0
         self.loaded = {}
@@ -67,7 +68,7 @@ class BlockSlave(Fmi2Slave):
         name = self.names[vr]
         if self.n_inputs <= vr < self.n_inputs + self.n_outputs:
             self.refuse(f"{name} is an output and cannot be set")
-        elif vr >= self.n_inputs and self.mode == "running":
+        elif vr >= self.n_inputs and self.mode in ("running", "terminated"):
             self.refuse(
                 f"parameter {name} is fixed and cannot be set to {value!r} after initialisation; reset first"
             )
@@ -87,7 +88,10 @@ class BlockSlave(Fmi2Slave):
         def set_real(refs, new):
             for r, v in zip(refs, new):
                 if 0 <= r < len(values) and not first <= r < last and lows[r] <= v <= highs[r]:
-                    values[r] = v
+                    if r in self.integers:
+                        self.refuse(f"{self.names[r]} is an Integer and cannot be set with fmi2SetReal")
+                    else:
+                        values[r] = v
                 else:
                     self.refuse_value(r, v)
 
@@ -134,10 +138,13 @@ class BlockSlave(Fmi2Slave):
             try:
                 if not -1e-12 * h < step - h < 1e-12 * h:  # masters pass steps with rounding jitter
                     if not 0.0 < step < 1e6:
-                        self.refuse(f"step size {step!r} s is refused: it must be positive")
+                        self.refuse(f"step size {step!r} s is refused: it must be positive and below 1e6")
                         return False
                     c = coefficients(p, step)
                     h = step
+                if takes_time and not -1e9 < time < 1e9:
+                    self.refuse(f"communication time {time!r} s is refused: it must be a number within 1e9")
+                    return False
                 inputs = (*values[:n], time + step) if takes_time else values[:n]
                 u = new_input(Input, inputs)
                 x, m = advance(x, m, u, p, c)
@@ -166,9 +173,17 @@ class BlockSlave(Fmi2Slave):
     # Life cycle
 
     def setup_experiment(self, start_time, stop_time, tolerance):
-        self.time = start_time
+        if self.mode != "instantiated":
+            self.refuse("fmi2SetupExperiment after fmi2EnterInitializationMode; reset first")
+        elif not -1e9 < start_time < 1e9:
+            self.refuse(f"start time {start_time!r} s is refused: it must be a number within 1e9")
+        else:
+            self.time = start_time
 
     def enter_initialization_mode(self):
+        if self.mode != "instantiated":
+            self.refuse(f"fmi2EnterInitializationMode while {self.mode}; reset first")
+            return
         self.mode = "initialising"
         self.begin()
 
@@ -215,12 +230,19 @@ class BlockSlave(Fmi2Slave):
         return [i for i, (_, resource) in enumerate(self.buffers) if resource]
 
     def terminate(self):
-        """Nothing to end; the last values stay readable."""
+        """The last values stay readable; steps are over until a reset."""
+        self.mode = "terminated"
+        self.do_step = self.step_after_end
+
+    def step_after_end(self, time, step):
+        self.refuse("fmi2DoStep after fmi2Terminate; reset first")
+        return False
 
     # Whole state, saved and restored
 
     def _get_fmu_state(self):
-        state = {"mode": self.mode, "failed": self.failed, "values": list(self.values), "time": self.time}
+        state = {"model": self.model, "mode": self.mode, "failed": self.failed, "time": self.time}
+        state["values"] = list(self.values)
         if self.get_running is not None:
             x, m, h = self.get_running()
             state["x"], state["h"] = list(x), h
@@ -230,22 +252,44 @@ class BlockSlave(Fmi2Slave):
         return state
 
     def _set_fmu_state(self, state):
+        if not isinstance(state, dict) or state.get("model") != self.model:
+            self.refuse(f"the state cannot be restored: it was not saved by {self.model}")
+            return
         try:
-            _, Parameters, State, Memory, *_ = self.equations
-            self.mode, self.failed, self.time = state["mode"], state["failed"], state["time"]
-            self.values[:] = state["values"]
-            if "x" in state:
-                self.p = Parameters(*self.values[self.n_inputs + self.n_outputs :])
-                self.x, self.h = State(*state["x"]), state["h"]
-                saved = [list(v) if isinstance(v, list) else v for v in state["m"]]
-                for i in self.tables():
-                    saved[i] = self.buffer(*self.buffers[i])
-                self.m = Memory(*saved)
-                self.install_running()
-            else:
-                self.install_setup()
+            self.restore(state)
         except Exception as error:
-            self.refuse(f"the state cannot be restored: {error}")
+            self.refuse(f"the state cannot be restored: {error!r}")
+
+    def restore(self, state):
+        """Everything is read before anything is changed, so that a damaged state changes nothing."""
+        _, Parameters, State, Memory, *_ = self.equations
+        mode, failed, time = state["mode"], state["failed"] is True, float(state["time"])
+        values = [float(v) for v in state["values"]]
+        if len(values) != len(self.values) or mode not in (
+            "instantiated",
+            "initialising",
+            "running",
+            "terminated",
+        ):
+            raise ValueError("it does not fit")
+        if "x" in state:
+            x, h = State(*map(float, state["x"])), float(state["h"])
+            saved = list(state["m"])
+            for i in self.tables():
+                saved[i] = self.buffer(*self.buffers[i])
+            m = Memory(*([float(e) for e in v] if isinstance(v, list) else float(v) for v in saved))
+            if not all(v - v == 0.0 for v in (*values, *x, h)) or h <= 0.0:
+                raise ValueError("it holds values that are no numbers")
+            self.x, self.m, self.h = x, m, h
+            self.p = Parameters(*values[self.n_inputs + self.n_outputs :])
+        self.mode, self.failed, self.time = mode, failed, time
+        self.values[:] = values
+        if "x" in state:
+            self.install_running()
+        else:
+            self.install_setup()
+        if mode == "terminated":
+            self.terminate()
 
     @staticmethod
     def _fmu_state_to_bytes(state):
@@ -255,16 +299,36 @@ class BlockSlave(Fmi2Slave):
     def _fmu_state_from_bytes(state):
         try:
             return json.loads(bytes(state).decode("utf-8"))
-        except ValueError:
-            return {}
+        except (ValueError, RecursionError):
+            return {}  # refused when it is to be restored
 
     # Other types: Integers are whole numbers in the same list; there are no Booleans and Strings
 
     def get_integer(self, refs):
-        return [int(v) if v == v else 0 for v in self.get_real(refs)]
+        return [int(v) if self.is_integer(r) else 0 for r, v in zip(refs, self.read(refs))]
 
     def set_integer(self, refs, values):
-        self.set_real(refs, [float(v) for v in values])
+        first = self.n_inputs + self.n_outputs
+        for r, v in zip(refs, values):
+            if self.is_integer(r):
+                if (
+                    self.mode in ("instantiated", "initialising")
+                    and r >= first
+                    and self.lows[r] <= v <= self.highs[r]
+                ):
+                    self.values[r] = float(v)
+                else:
+                    self.refuse_value(r, v)
+
+    def is_integer(self, r):
+        """True for an Integer variable; otherwise the call is refused."""
+        if r in self.integers:
+            return True
+        if 0 <= r < len(self.names):
+            self.refuse(f"{self.names[r]} is a Real, not an Integer")
+        else:
+            self.refuse(f"there is no variable with value reference {r}")
+        return False
 
     def get_boolean(self, refs):
         self.refuse("there is no Boolean variable")
