@@ -219,10 +219,14 @@ class BlockSlave(Fmi2Slave):
         tables = self.loaded
         if resource not in tables:
             file, _, column = resource.partition(":")
-            with open(os.path.join(self.resources, file), newline="", encoding="utf-8") as stream:
-                rows = csv.reader(stream)
-                next(rows)
+            try:
+                with open(os.path.join(self.resources, file), newline="", encoding="utf-8") as stream:
+                    rows = list(csv.reader(stream))[1:]
                 tables[resource] = [float(row[int(column)]) for row in rows]
+            except (OSError, ValueError, IndexError) as error:
+                raise ValueError(f"{file} cannot be read: {error}") from None
+            if not tables[resource]:
+                raise ValueError(f"{file} has no rows below its header")
         return tables[resource]
 
     def tables(self):

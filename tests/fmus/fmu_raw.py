@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmpy import read_model_description
+from fmpy import calloc, free, read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import (
     FMU2Slave,
@@ -13,7 +13,6 @@ from fmpy.fmi2 import (
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
 )
-from fmpy.util import calloc, free
 
 STIMULUS = b"time,u\n0,0\n0.1,1\n0.35,-0.5\n0.6,0.25\n"
 OK, DISCARD, ERROR, FATAL = 0, 2, 3, 4
