@@ -72,7 +72,7 @@ def run_ecos_csv(
     header = [cell.strip().partition("[")[0] for cell in file.read_text().partition("\n")[0].split(",")]
     table = np.loadtxt(file, delimiter=",", skiprows=1)
     columns = {name: table[:, header.index(name.replace(".", "::"))] for name in signals}
-    return {"time": np.arange(steps + 1) * h, **columns}, seconds  # its stamps have six digits too
+    return {"time": h * np.arange(steps + 1.0), **columns}, seconds  # its stamps have six digits too
 
 
 def run_cosim(package: Path, steps: int, h: float, signals: Sequence[str]) -> tuple[dict[str, Array], float]:
@@ -208,7 +208,7 @@ def main() -> NoReturn:
     results, seconds = ENGINES[options.engine](
         options.package, options.steps, options.step_size, options.signals
     )
-    np.savez(options.out, seconds=np.array(seconds), **results)
+    np.savez(options.out, **results | {"seconds": np.array(seconds)})
     sys.stdout.flush()
     sys.stderr.flush()
     # pythonfmu 0.7.0 releases its interpreter guard twice at the end of a process, which now and then aborts it
