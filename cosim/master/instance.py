@@ -3,16 +3,19 @@
 Calls go to the C functions of the FMU's library by address; fmpy loads the library and formats the messages.
 """
 
+import atexit
 import contextlib
 import ctypes
 import hashlib
 import importlib.util
+import itertools
 import sys
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmpy.fmi1 import FMICallException
+from fmpy.fmi1 import FMICallException, printLogMessage
 from fmpy.fmi2 import (
     FMU2Slave,
     defaultCallbacks,
@@ -43,6 +46,55 @@ class Message(NamedTuple):
     status: int
     category: str
     text: str
+
+
+# fmpy's proxy that formats messages knows only the last logger it was given, so there is one for all instances; the FMU
+# hands back the number of the instance as its environment
+_listeners: dict[int, deque[Message]] = {}
+_numbers = itertools.count(1)
+
+
+# pythonfmu 0.7.0 releases the same memory twice when the process ends, which now and then aborts it; its own release
+# function, called in time, prevents that
+_unsettled: dict[int, Callable[[], None]] = {}
+
+
+def _remember(number: int, library: Any) -> None:
+    if hasattr(library, "finalizePythonInterpreter"):
+        release = library.finalizePythonInterpreter
+        release.restype, release.argtypes = None, ()
+        _unsettled[number] = release
+
+
+@atexit.register
+def _settle() -> None:
+    """What Runners that nobody closed would have done."""
+    for release in _unsettled.values():
+        release()
+    _unsettled.clear()
+
+
+def _listen(environment: int | None, name: bytes, status: int, category: bytes, text: bytes) -> None:
+    messages = _listeners.get(environment or 0)
+    if messages is None:
+        if environment is None:  # an FMU that fmpy itself runs in this process
+            printLogMessage(environment, name, status, category, text)
+        return
+    decoded = [(part or b"").decode("utf-8", "replace") for part in (category, text)]
+    messages.append(Message(status, *decoded))
+
+
+_logger = fmi2CallbackLoggerTYPE(_listen)
+
+
+def _callbacks(number: int) -> fmi2CallbackFunctions:
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = _logger
+    callbacks.allocateMemory = defaultCallbacks.allocateMemory
+    callbacks.freeMemory = defaultCallbacks.freeMemory
+    callbacks.componentEnvironment = number
+    addLoggerProxy(ctypes.byref(callbacks))
+    return callbacks
 
 
 class Instance:
@@ -80,21 +132,14 @@ class Instance:
         self.set_real = self._address("fmi2SetReal")
         self.get_real = self._address("fmi2GetReal")
         self.do_step = self._address("fmi2DoStep")
-        # the struct and the Python function behind it must outlive the instance
-        self._logger = fmi2CallbackLoggerTYPE(self._log)
-        self._callbacks = fmi2CallbackFunctions()
-        self._callbacks.logger = self._logger
-        self._callbacks.allocateMemory = defaultCallbacks.allocateMemory
-        self._callbacks.freeMemory = defaultCallbacks.freeMemory
-        addLoggerProxy(ctypes.byref(self._callbacks))
+        self._number = next(_numbers)
+        _listeners[self._number] = self.messages
+        self._callbacks = _callbacks(self._number)  # must outlive the instance
+        _remember(self._number, self._slave.dll)
         self._instantiate()
 
     def _address(self, name: str) -> int:
         return ctypes.cast(getattr(self._slave.dll, name), ctypes.c_void_p).value or 0
-
-    def _log(self, _environment: Any, _name: bytes, status: int, category: bytes, text: bytes) -> None:
-        decoded = [(part or b"").decode("utf-8", "replace") for part in (category, text)]
-        self.messages.append(Message(status, *decoded))
 
     def _instantiate(self) -> None:
         try:
@@ -102,6 +147,7 @@ class Instance:
         except Exception:  # fmpy raises a bare Exception for a null pointer
             raise SimulationError(self.report("could not be instantiated")) from None
         self.alive, self._used = True, False
+        _keep_module(self.component.fmu)
         self.pointer = int(self._slave.component)
 
     def fresh(self) -> None:
@@ -177,9 +223,16 @@ class Instance:
 
     def close(self) -> None:
         """Free the instance and its library; one that broke is abandoned, since freeing it could crash."""
+        _listeners.pop(self._number, None)
+        settle = _unsettled.pop(self._number, None)
         if self.alive:
             self.alive = False
-            self._slave.freeInstance()
+            self._slave.fmi2FreeInstance(self._slave.component)
+            if settle is not None:
+                settle()
+            self._slave.freeLibrary()
+        elif settle is not None:
+            settle()
 
 
 def _encoded(kind: str, value: Value) -> tuple[str, Any]:
@@ -211,6 +264,16 @@ def _claim_module(fmu: Fmu) -> None:
                 "start from another folder, or clear PYTHONPATH"
             )
     _modules[name] = digest
+
+
+def _keep_module(fmu: Fmu) -> None:
+    """Make up for pythonfmu 0.7.0, which drops one reference too many to a module's globals at each instantiation.
+
+    Without this the process crashes at its end, or when old classes are collected (seen with valid FMUs of others).
+    """
+    module = sys.modules.get(fmu.module[0]) if fmu.module is not None else None
+    if module is not None:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(module.__dict__))
 
 
 def _origin(name: str) -> Path | None:

@@ -13,7 +13,7 @@ from lxml import etree
 from cosim.errors import ModelError
 from cosim.paths import unsafe_characters
 from cosim.ssp.archive import open_archive, read_entry
-from cosim.ssp.parameters import local_source
+from cosim.ssp.parameters import local_source, read_ssv, units_of
 from cosim.ssp.read import DESCRIPTION, read_fmu, read_ssp
 from cosim.ssp.system import System
 from cosim.ssp.xml import SSD, parse, schema_problems
@@ -71,6 +71,26 @@ def check_fmu(path: Path) -> list[Problem]:
     except ModelError as error:
         return [Problem("error", path.name, str(error))]
     return problems + _path_findings(path)
+
+
+def check_ssv(path: Path) -> list[Problem]:
+    """Check a parameter set against its schema, and that its values can be read.
+
+    Returns:
+        The problems found.
+    """
+    try:
+        values = read_ssv(path)
+        root = parse(path.read_bytes(), path.name)
+        known = units_of(root)
+    except ModelError as error:
+        return [Problem("error", path.name, str(error))]
+    found = [Problem("error", path.name, text) for text in schema_problems(root)]
+    for value in values:
+        if value.unit and value.unit not in known:
+            text = f"the unit '{value.unit}' of '{value.name}' is not defined in Units, which SSP 1.0 demands"
+            found.append(Problem("warning", path.name, text))
+    return found
 
 
 def _schema_findings(archive: zipfile.ZipFile) -> Iterator[Problem]:

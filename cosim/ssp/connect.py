@@ -181,7 +181,7 @@ class _Wiring:
         fmus = self.components[start.component].fmu, self.components[end.component].fmu
         if checked and not agree(source.unit, fmus[0].units, target.unit, fmus[1].units):
             raise ModelError(
-                f"{what}: units '{source.unit}' and '{target.unit}' differ, and no two masters convert alike: make them equal"
+                f"{what}: units '{source.unit}' and '{target.unit}' differ, and masters convert differently: make them equal"
             )
         self.feed(end, str(start))
         self.wires.append(Wire(start, end, factor, offset))

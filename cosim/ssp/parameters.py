@@ -28,6 +28,12 @@ class ParameterValue:
     set_name: str
 
 
+def units_of(root: etree._Element) -> dict[str, UnitDefinition]:
+    """Units that a parameter set defines, by name."""
+    node = root.find(f"{SSV}Units")
+    return {} if node is None else from_xml(node)
+
+
 def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
     """The values of an ``ssv:ParameterSet``.
 
@@ -36,8 +42,7 @@ def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
     """
     if root.tag != f"{SSV}ParameterSet":
         raise ModelError(f"{what} is no SSP 1.0 parameter set: its root element is {root.tag}")
-    node = root.find(f"{SSV}Units")
-    units = {} if node is None else from_xml(node)
+    units = units_of(root)
     label = root.get("name", "")
     found: dict[str, ParameterValue] = {}
     for parameter in root.iterfind(f"{SSV}Parameters/{SSV}Parameter"):

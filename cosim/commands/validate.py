@@ -1,0 +1,51 @@
+"""``cosim validate``: check an FMU or a system package against its standard."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim import console
+
+if TYPE_CHECKING:
+    from cosim.ssp import Problem
+
+_BAD_FILE = 3
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command ``validate``."""
+    app.command()(validate)
+
+
+def validate(
+    files: Annotated[list[Path], typer.Argument(help="FMUs (.fmu), systems (.ssp), parameter sets (.ssv).")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Check files against FMI 2.0 and SSP 1.0, and for what makes clients stumble.
+
+    Exit code 0: no errors (there may be warnings); 3: a file breaks its standard or cannot be run here.
+    """
+    found = {str(file): _problems(file) for file in files}
+    bad = any(problem.severity == "error" for problems in found.values() for problem in problems)
+    if as_json:
+        console.emit_json({"valid": not bad, "files": found})
+    else:
+        output = console.stdout_console()
+        for file, problems in found.items():
+            state = "invalid" if any(p.severity == "error" for p in problems) else "valid"
+            output.print(f"{file}: {state}", markup=False, soft_wrap=True)
+            for problem in problems:
+                output.print(f"  {problem}", markup=False, soft_wrap=True)
+    if bad:
+        raise typer.Exit(_BAD_FILE)
+
+
+def _problems(file: Path) -> "list[Problem]":
+    from cosim.errors import UsageError
+    from cosim.ssp import check_fmu, check_ssp, check_ssv
+
+    checks = {".ssp": check_ssp, ".fmu": check_fmu, ".ssv": check_ssv}
+    if file.suffix.lower() not in checks:
+        raise UsageError(f"{file}: only {', '.join(checks)} files can be checked")
+    return checks[file.suffix.lower()](file)
