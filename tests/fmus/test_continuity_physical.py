@@ -50,6 +50,22 @@ def test_mass_balance(p_a: float, p_b: float, x: float, omega: float) -> None:
     assert stored == pytest.approx(q_a + q_b, abs=1e-12 * (abs(q_a) + abs(q_b) + 1e-3))
 
 
+@given(pressure, pressure, st.floats(1e5, P_S), spool, velocity, st.floats(0.0, 1e11), st.floats(0.01, 1.0))
+def test_rates_are_4_19_and_4_20(
+    p_a: float, p_b: float, p_s: float, x: float, omega: float, R_s: float, tau_p: float
+) -> None:
+    p = P._replace(R_s=R_s, tau_p=tau_p)
+    q_a, q_b = EQ.port_flows(p_a, p_b, p_s, x, p)
+    piston, leak = p.A * p.r * omega, p.C_L * (p_a - p_b)
+    drawn = q_a if x >= 0 else q_b
+    expected = (
+        7e8 / 4.5e-3 * (q_a - piston - leak),
+        7e8 / 4.5e-3 * (q_b + piston + leak),
+        (P_S - R_s * drawn - p_s) / tau_p,
+    )
+    assert EQ.rates(p_a, p_b, p_s, x, omega, p) == pytest.approx(expected, rel=1e-11, abs=1e-2)
+
+
 @given(st.lists(st.tuples(spool, velocity), min_size=1, max_size=15))
 def test_mirror_images(rows: list[tuple[float, float]]) -> None:
     """Spool and motion turned round exchange the ports: equal areas on both sides."""

@@ -105,7 +105,7 @@ def test_an_initialisation_mode_reads_what_was_set(unpacked) -> None:
 
 
 def test_300_instances_in_one_process() -> None:
-    """pythonfmu's loader drops references of the module at each instantiation; without a remedy this crashes."""
+    """pythonfmu's loader miscounts references of the module at each instantiation (see slave.py); it must not add up."""
     done = subprocess.run(
         [sys.executable, str(HERE / "fmu_scenarios.py"), "many", "300"], capture_output=True, text=True, check=False
     )  # fmt: skip
@@ -215,6 +215,19 @@ def test_a_state_heals_a_failed_step(unpacked) -> None:
     slave.restore_bytes(data)
     assert slave.get("spool") == good
     assert slave.step(0.01) == OK
+    slave.close()
+
+
+def test_a_failed_state_stays_failed(unpacked) -> None:
+    """Saved after a refusal, a state does not become good by being restored."""
+    slave = Instance(unpacked["dcv"]).initialise()
+    slave.fmu.setReal([slave.vr["demand"]], [math.inf])
+    data = slave.state_bytes()
+    slave.fmu.reset()
+    slave.initialise()
+    assert slave.step(0.0) == OK
+    slave.restore_bytes(data)
+    assert slave.step(0.0) == DISCARD
     slave.close()
 
 
