@@ -1,0 +1,182 @@
+"""``cosim compare``: a model beside a log."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cosim import console
+
+if TYPE_CHECKING:
+    from cosim.compare import CompareTable, Comparison
+    from cosim.logs import Mapping
+
+DEFAULT_MODEL = "full_order"
+MISSED = 1
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command ``compare``."""
+    app.command()(compare)
+
+
+def compare(
+    log: Annotated[Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4 or .tdms.", metavar="LOG")],
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="simplified, full_order, physical, or an .ssp, .fmu or .ssd file "
+            "[default: the mapping's, or full_order]."
+        ),
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="Mapping file (TOML) for a log with other names.", metavar="FILE")
+    ] = None,
+    parameter_set: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="An .ssv with names such as mechanical.J; repeatable, before --set.", metavar="FILE"
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
+    ] = None,
+    step_size: Annotated[
+        str | None, typer.Option(help="Such as '1 ms' [default: the log's own, uniform].")
+    ] = None,
+    threshold: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Largest RMSE of a signal, such as slew=0.5deg; exit code 1 if missed; repeatable."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for pictures and series.", metavar="DIR")
+    ] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Write the series as CSV instead of Parquet.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Simulate a model on a log's command and show what it gets wrong, per signal and per block.
+
+    A block is driven by what was measured before it, so an error shows where it arises.
+    """
+    missed = compare_log(
+        log,
+        model=model,
+        mapping=mapping,
+        parameter_sets=parameter_set or [],
+        settings=settings or [],
+        step_size=step_size,
+        thresholds=threshold or [],
+        out=out,
+        csv=csv,
+        as_json=as_json,
+    )
+    if missed:
+        raise typer.Exit(MISSED)
+
+
+def compare_log(
+    file: Path,
+    *,
+    model: str | None = None,
+    mapping: Path | None = None,
+    parameter_sets: list[Path] | None = None,
+    settings: list[str] | None = None,
+    step_size: str | None = None,
+    thresholds: list[str] | None = None,
+    out: Path | None = None,
+    csv: bool = False,
+    as_json: bool = False,
+) -> bool:
+    """Do what the command does; `demo` uses it too.
+
+    Returns:
+        Whether a threshold was missed.
+
+    Raises:
+        DataError, ModelError, UsageError, SimulationError: whatever is wrong with log, model, request or run.
+    """
+    from cosim.compare import Comparator, CompareTable, load_mapping, open_model
+    from cosim.compare.limits import check_limits, read_limits
+    from cosim.compare.present import as_data
+    from cosim.logs import load_log
+    from cosim.units import parse_quantity
+
+    names, table = load_mapping(mapping) if mapping is not None else (None, CompareTable())
+    step = parse_quantity(step_size, "s") if step_size else None
+    loaded = load_log(file, names)
+    source = open_model(*_reference(model, names, table))
+    with Comparator(loaded, source, table=table, step=step) as comparator:
+        limits = read_limits(thresholds or [], comparator)
+        from cosim.commands.simulate import parameters
+
+        files = [*table.parameter_files, *(parameter_sets or [])]
+        given = parameters(comparator.system, files, settings or [])
+        with console.progress(f"comparing with {comparator.system.name}", 1.0):
+            comparison = comparator.run(given)
+    results = check_limits(comparison, limits)
+    written = write_files(comparison, out, csv) if out is not None else {}
+    if as_json:
+        for note in comparison.notes:
+            console.warn(note)
+        console.emit_json({**as_data(comparison, source), "thresholds": results, "files": written})
+    else:
+        _show(comparison, results, written)
+    return any(not result["passed"] for result in results)
+
+
+def write_files(comparison: "Comparison", folder: Path, csv: bool) -> dict[str, Path]:
+    """Write pictures and series; returns name -> file.
+
+    Raises:
+        UsageError: the folder cannot be written to.
+    """
+    from cosim.compare.picture import write_pictures
+    from cosim.compare.present import write_series
+    from cosim.errors import UsageError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        written = write_pictures(comparison, folder)
+        written["series"] = write_series(comparison, folder / f"series.{'csv' if csv else 'parquet'}")
+    except OSError as error:
+        raise UsageError(
+            f"cannot write into '{folder}' ({error.strerror or error}); name another folder"
+        ) from None
+    return written
+
+
+def _reference(
+    model: str | None, mapping: "Mapping | None", table: "CompareTable"
+) -> tuple[str, Path | None]:
+    """The model's name or file, and the folder where a file that the mapping names may lie."""
+    if model is not None:
+        return model, None
+    if mapping is not None and mapping.model is not None:
+        return mapping.model, table.folder if mapping.path is None else mapping.path.parent
+    return DEFAULT_MODEL, None
+
+
+def _show(comparison: "Comparison", results: list[dict[str, Any]], written: dict[str, Path]) -> None:
+    from cosim.compare.present import explanations, tables
+
+    output = console.stdout_console()
+    log = comparison.log
+    kind = "synthetic log" if log.synthetic else "log"
+    span = comparison.time[-1] - comparison.time[0]
+    line = f"{log.source} ({kind}, {span:.6g} s at {comparison.step:.6g} s) and model {comparison.model}, simulated"
+    output.print(line, markup=False, soft_wrap=True)
+    for note in comparison.notes:
+        console.warn(note)
+    for table in tables(comparison):
+        if table.rows:
+            output.print(table)
+    for text in explanations(comparison):
+        output.print(text, markup=False, soft_wrap=True)
+    for result in results:
+        state, name, unit = "kept" if result["passed"] else "MISSED", result["signal"], result["unit"]
+        text = f"RMSE of {name} {result['rmse']:.4g} {unit}, limit {result['limit']:.4g} {unit}"
+        output.print(f"threshold {state}: {text}", markup=False, soft_wrap=True)
+    for file in written.values():
+        output.print(f"written: {file}", markup=False, soft_wrap=True)

@@ -1,0 +1,69 @@
+"""``cosim demo``: builds what is missing and compares the nominal model with a synthetic log."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cosim import console
+
+LOG = "synthetic_demo.csv"
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command ``demo``."""
+    app.command()(demo)
+
+
+def demo(
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            help="Folder for pictures and series [default: demo/ in the build folder].",
+            metavar="DIR",
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Build what is missing, and compare the nominal model with a synthetic log in which something is hidden."""
+    from cosim.commands.compare import compare_log
+    from cosim.paths import build_folder, examples_folder
+
+    folder = build_folder()
+    messages = console.stderr_console() if as_json else console.stdout_console()
+    build_missing(folder)
+    log = examples_folder() / LOG
+    messages.print(
+        f"{LOG} is synthetic: made by the virtual rig (`cosim rig`), with dry friction in the mechanics that the nominal "
+        "model does not have.",
+        markup=False,
+        soft_wrap=True,
+    )
+    compare_log(log, out=out or folder / "demo", as_json=as_json)
+
+
+def build_missing(folder: Path) -> None:
+    """Build all FMUs and packages unless all are there.
+
+    Raises:
+        UsageError: the folder cannot be made.
+    """
+    from cosim.ssp.build import SYSTEMS, build_everything
+    from cosim.ssp.stimulus import default_command, stimulus_csv
+    from fmus.registry import BLOCKS
+
+    wanted = [folder / "fmus" / f"{name}.fmu" for name in BLOCKS]
+    wanted += [folder / "ssp" / f"{name}{suffix}.ssp" for name in SYSTEMS for suffix in ("", "_open")]
+    missing = [file for file in wanted if not file.is_file()]
+    if missing:
+        with console.progress("building FMUs and packages", len(wanted)) as advance:
+            done: list[Path] = []
+
+            def report(file: Path) -> None:
+                done.append(file)
+                advance(len(done))
+
+            build_everything(folder, stimulus_csv(*default_command()), report)
+        console.stderr_console().print(f"built {len(wanted)} files in {folder}", markup=False, soft_wrap=True)

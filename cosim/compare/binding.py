@@ -1,0 +1,172 @@
+"""Which variables of a system the signals of a log stand for."""
+
+from dataclasses import dataclass, replace
+
+from cosim.compare.mapping import CompareTable
+from cosim.errors import DataError, UsageError
+from cosim.signals import SIGNALS, conversion
+from cosim.ssp.hints import did_you_mean
+from cosim.ssp.system import Port, System, Wire
+from cosim.units import parse_quantity, parse_unit
+
+# our names (docs/design.md); a system without such a component simply has no such signal
+DEFAULTS = {
+    "u": "stimulus.u",
+    "spool": "dcv.spool",
+    "p_load": "continuity.p_load",
+    "p_a": "continuity.p_a",
+    "p_b": "continuity.p_b",
+    "p_supply": "continuity.p_supply",
+    "slew": "sensor.slew",
+    "slew_estimate": "observer.slew_estimate",
+    "slew_rate_estimate": "observer.slew_rate_estimate",
+}
+START_PARAMETER, START_SIGNAL = "theta_0", "slew"
+# what is measured of a signal that is not measured itself (4.21)
+DERIVED = {"p_load": (("p_a", 1.0), ("p_b", -1.0))}
+
+
+@dataclass(frozen=True)
+class Binding:
+    """A signal and what it stands for.
+
+    Attributes:
+        signal: its name in the log.
+        unit: its unit in the log (SI).
+        port: the component's output that it measures; None for an input of the system.
+        parts: the measured value as a sum of factor * variable, where it differs from `port`.
+        wires: the connections that hand the signal on.
+        gain: the variable per signal.
+        command: nothing in the model makes this signal, so the log must.
+    """
+
+    signal: str
+    unit: str
+    port: Port | None
+    parts: tuple[tuple[Port, float], ...]
+    wires: tuple[Wire, ...]
+    gain: float
+    command: bool
+
+
+def bind(system: System, units: dict[str, str], table: CompareTable) -> dict[str, Binding]:
+    """The binding of every signal that the system has, in the log or not.
+
+    Args:
+        system: the model.
+        units: SI unit of each signal of the log.
+        table: what the mapping file says.
+
+    Raises:
+        UsageError: the table names a variable that does not exist, or a unit does not fit.
+        DataError: it names a signal that the log does not hold.
+    """
+    found: dict[str, Binding] = {}
+    for name, target in table.signals.items():
+        if name not in units:
+            raise DataError(
+                f"compare.signals names '{name}', which the log does not hold{did_you_mean(name, units)}"
+            )
+        found[name] = _bound(system, name, units[name], target.variable, target.factor)
+    taken = {b.port for b in found.values() if b.port} | {w.target for b in found.values() for w in b.wires}
+    names = [*system.inputs, *system.outputs, *(n for n in DEFAULTS if _exists(system, DEFAULTS[n]))]
+    for name in dict.fromkeys(names):
+        unit = units.get(name) or (SIGNALS[name].si if name in SIGNALS else None)
+        if name in found or (unit is None and name not in system.inputs):
+            continue
+        connector = name in system.inputs or name in system.outputs
+        bound = _bound(system, name, unit, name if connector else DEFAULTS[name], None)
+        if bound.port not in taken and not any(w.target in taken for w in bound.wires):
+            found[name] = bound
+    for name, parts in DERIVED.items():
+        if name in found and all(part in found for part, _ in parts):
+            ports = tuple((found[part].port, factor) for part, factor in parts)
+            sum_of = tuple((port, factor) for port, factor in ports if port is not None)
+            found[name] = replace(found[name], parts=sum_of)
+    order = [*DEFAULTS, *found]  # along the signal flow
+    return {name: found[name] for name in dict.fromkeys(order) if name in found}
+
+
+def start_values(system: System, table: CompareTable, bindings: dict[str, Binding]) -> dict[str, str]:
+    """``component.parameter`` -> signal whose first value it takes.
+
+    Raises:
+        UsageError: the table names an unknown parameter or signal.
+    """
+    for parameter, signal in table.start.items():
+        component, _, name = parameter.partition(".")
+        if component not in system.components or name not in system.components[component].fmu.variables:
+            raise UsageError(f"compare.start names '{parameter}', which '{system.name}' does not have")
+        if signal not in bindings:
+            raise UsageError(f"compare.start names the signal '{signal}'{did_you_mean(signal, bindings)}")
+    if START_SIGNAL not in bindings:
+        return dict(table.start)
+    ours = [c for c, component in system.components.items() if START_PARAMETER in component.fmu.variables]
+    return {f"{c}.{START_PARAMETER}": START_SIGNAL for c in ours} | table.start
+
+
+def _exists(system: System, text: str) -> bool:
+    component, _, variable = text.partition(".")
+    return component in system.components and variable in system.components[component].fmu.variables
+
+
+def _bound(system: System, signal: str, unit: str | None, text: str, factor: str | None) -> Binding:
+    """A signal's binding to a connector or ``component.variable``."""
+    if text in system.inputs:
+        item = system.inputs[text]
+        gain = _gain(signal, unit or item.unit, item.unit, factor)
+        return Binding(signal, unit or item.unit, None, (), item.targets, gain, True)
+    if text not in system.outputs and not _exists(system, text):
+        known = [f"{c.name}.{name}" for c in system.components.values() for name in c.fmu.variables]
+        hint = did_you_mean(text, [*system.inputs, *system.outputs, *known])
+        raise UsageError(f"'{system.name}' has no '{text}' for the signal '{signal}'{hint}")
+    component, _, variable = text.partition(".")
+    port = system.outputs[text] if text in system.outputs else Port(component, variable)
+    declared = system.variable(port)
+    gain = _gain(signal, unit or declared.unit, declared.unit, factor)
+    if declared.causality == "input":
+        return _into(system, signal, unit or declared.unit, port, gain)
+    if declared.causality != "output" or declared.kind != "Real":
+        raise UsageError(
+            f"'{port}' is a {declared.causality} of type {declared.kind}: '{signal}' needs a Real output or input"
+        )
+    wires = tuple(w for w in system.wires if w.source == port)
+    variables = system.components[port.component].fmu.variables.values()
+    source = not any(v.causality == "input" for v in variables)
+    return Binding(signal, unit or declared.unit, port, ((port, 1.0),), wires, gain, source)
+
+
+def _into(system: System, signal: str, unit: str, port: Port, gain: float) -> Binding:
+    """A signal measured at a component's input: at the output behind it, or a command where nothing makes it."""
+    wire = next((w for w in system.wires if w.target == port), None)
+    if wire is None:
+        return Binding(signal, unit, None, (), (Wire(Port("", signal), port),), gain, True)
+    if wire.offset:
+        raise UsageError(
+            f"'{signal}': {wire} has an offset, so name the output {wire.source} instead of {port}"
+        )
+    wires = tuple(w for w in system.wires if w.source == wire.source)
+    return Binding(signal, unit, wire.source, ((wire.source, 1.0),), wires, gain / wire.factor, False)
+
+
+def _gain(signal: str, unit: str, target: str, factor: str | None) -> float:
+    """The variable's number per number of the signal."""
+    if factor is not None:
+        ratio = f"({target or '1'})/({unit or '1'})"
+        try:
+            gain = parse_quantity(factor, ratio)
+        except UsageError as error:
+            raise UsageError(f"compare.signals.{signal}: factor: {error}") from None
+        if gain == 0.0:
+            raise UsageError(f"compare.signals.{signal}: a factor of 0 leaves nothing of the signal")
+        return gain
+    if (target or "1") == (unit or "1"):
+        return 1.0
+    parse_unit(unit)
+    try:
+        return conversion(unit, target or "1")
+    except UsageError as error:
+        raise UsageError(
+            f"signal '{signal}' [{unit}] does not fit the model's [{target or '1'}]: {error}; "
+            "in a mapping, compare.signals can give a factor"
+        ) from None

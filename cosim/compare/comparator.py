@@ -1,0 +1,302 @@
+"""Runs a system of FMUs on a log, whole and block by block, as often as asked."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compare.binding import Binding, bind, start_values
+from cosim.compare.mapping import CompareTable
+from cosim.compare.metrics import Score, noise_floor, score
+from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
+from cosim.compare.prepare import first_value, on_grid
+from cosim.compare.wiring import Group, Upstream, groups, separating, upstream
+from cosim.errors import DataError, UsageError
+from cosim.logs.log import Log
+from cosim.master import Runner
+from cosim.master.inputs import Series
+from cosim.signals import SIGNALS
+from cosim.ssp.hints import did_you_mean
+from cosim.ssp.read import read_system, resolve, settable_names
+from cosim.ssp.system import Port, System, Value
+
+Array = NDArray[np.float64]
+HANDED_ON = 1e-6  # relative difference up to which a block hands on what its sensors show
+
+
+class Comparator:
+    """A log and a system, ready to be compared with one set of parameters after the other; a context manager.
+
+    Attributes:
+        log: on a uniform step.
+        step: [s].
+        bindings: what each signal of the model stands for, in the log or not.
+        measured: those that the log holds.
+        notes: what was done to the log, and what is left out.
+    """
+
+    def __init__(
+        self,
+        log: Log,
+        source: Path | System,
+        *,
+        table: CompareTable | None = None,
+        step: float | None = None,
+        parameter_set: str | None = None,
+    ) -> None:
+        """Load the system and prepare the log.
+
+        Args:
+            log: measured.
+            source: an .ssp or .fmu file, or a System (which the caller closes).
+            table: which variable each signal stands for, beyond the known names.
+            step: communication step [s]; by default that of the log.
+            parameter_set: name of the only ParameterSet to apply.
+
+        Raises:
+            ModelError, SimulationError: the system is bad or cannot be instantiated.
+            DataError, UsageError: the table or step does not fit; log and model have no signal in common.
+        """
+        table = table or CompareTable()
+        self.log, self.step, self.notes = on_grid(log, step)
+        self.time = np.arange(len(self.log)) * self.step
+        self.system = source if isinstance(source, System) else read_system(source, parameter_set)
+        self._owned = None if isinstance(source, System) else self.system
+        try:
+            self.bindings = bind(self.system, self.log.units, table)
+            self.measured = tuple(name for name in self.bindings if name in self.log)
+            self.starts = start_values(self.system, table, self.bindings)
+            self._check()
+            self.runner = Runner(self._needed())
+        except BaseException:
+            self._close_system()
+            raise
+        self.floors = {
+            n: noise_floor(log[n], log.step) for n in self.measured
+        }  # as measured, before any resampling
+
+    def close(self) -> None:
+        """Free the FMUs; safe to call twice."""
+        self.runner.close()
+        self._close_system()
+
+    def _close_system(self) -> None:
+        if self._owned is not None:
+            self._owned.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """Measured signals that nothing in the model makes."""
+        return tuple(name for name in self.measured if self.bindings[name].command)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Measured signals that the model makes."""
+        return tuple(name for name in self.measured if not self.bindings[name].command)
+
+    def simulate(
+        self, parameters: Mapping[str, Value] | None = None, drive: tuple[str, ...] | None = None
+    ) -> dict[str, Array]:
+        """Run the system once.
+
+        Args:
+            parameters: ``component.variable`` -> start value (SI); start angles follow the log unless given here.
+            drive: measured signals to drive it by; by default the command.
+
+        Returns:
+            signal -> simulated values (n,) in the signal's SI unit.
+
+        Raises:
+            UsageError: an unknown name.
+            SimulationError: an FMU failed.
+        """
+        return self._signals(self._run(parameters or {}, self.command if drive is None else drive))
+
+    def run(self, parameters: Mapping[str, Value] | None = None) -> Comparison:
+        """Compare: the whole driven by the command, then every block by what was measured.
+
+        Args:
+            parameters: ``component.variable`` -> start value (SI).
+
+        Raises:
+            UsageError: an unknown name.
+            SimulationError: an FMU failed.
+        """
+        given = dict(parameters or {})
+        notes = list(self.notes)
+        lacking = sorted({m for n in self.outputs for m in self._upstream(n, self.command).missing})
+        whole = self._run(given, self.command)
+        simulated = self._signals(whole)
+        signals = {
+            name: self._outcome(name, simulated[name], free_offset=False)
+            for name in self.outputs
+            if not self._upstream(name, self.command).missing
+        }
+        if lacking:
+            names = ", ".join(map(repr, lacking))
+            notes.append(f"the log has no {names}: what follows from it cannot be simulated from the command")
+        cut = self._cut(whole, notes) if not lacking else self.measured
+        found, not_judged = groups(self.system, self.bindings, cut)
+        found = [group for group in found if set(group.signals) & set(self.outputs)]
+        single = self._signals(self._run(given, cut)) if found else {}
+        for group in found:
+            for name, (before, behind) in separating(self.system, self.bindings, cut, group).items():
+                pair = f"{before.component} and {behind.component}"
+                notes.append(f"'{name}' is not measured, so {pair} are judged together")
+        return Comparison(
+            log=self.log,
+            model=self.system.name,
+            step=self.step,
+            time=self.log.time[0] + self.time,
+            command=self.command,
+            signals=signals,
+            blocks=[self._block(group, single) for group in found],
+            not_judged=not_judged,
+            parameters={**self._start_values(), **given},
+            notes=notes,
+        )
+
+    # Helpers
+
+    def _check(self) -> None:
+        if not self.outputs:
+            raise DataError(
+                f"{self.log.source}: the log holds nothing that '{self.system.name}' simulates: it holds "
+                f"{', '.join(self.log.signals)}, the model {', '.join(self.bindings) or 'no known signal'}; a mapping's "
+                "table [compare] says which variable a signal stands for"
+            )
+        parts = {"p_a", "p_b"} if "p_load" in self.bindings else set()
+        left = [name for name in self.log.signals if name not in self.bindings and name not in parts]
+        if left:
+            self.notes.append(f"'{self.system.name}' has no {', '.join(left)}: not compared")
+
+    def _needed(self) -> System:
+        """The part of the system that makes a measured signal: the rest would only cost time."""
+        ways = [self._upstream(name, self.command) for name in self.outputs]
+        names = {component for way in ways for component in way.components}
+        return dataclasses.replace(
+            self.system,
+            components={name: c for name, c in self.system.components.items() if name in names},
+            wires=tuple(w for w in self.system.wires if {w.source.component, w.target.component} <= names),
+            inputs={},
+            outputs={},
+            parameters={},
+            notes=[],
+            folder=None,
+        )
+
+    def _upstream(self, name: str, cut: tuple[str, ...]) -> Upstream:
+        return upstream(self.system, self.bindings[name], self.bindings, cut)
+
+    def _start_values(self) -> dict[str, float]:
+        """Start parameter -> value, from the first samples of the signal it starts with."""
+        values = {}
+        for parameter, name in self.starts.items():
+            if name in self.log:
+                drives = [self.log[n] for n in self.command]
+                first, moving = first_value(self.log[name], self.log.valid_mask(name), drives, self.step)
+                values[parameter] = first * self.bindings[name].gain
+                note = f"'{name}' already moves when the log begins, but the model starts at rest: judge it later"
+                if moving and note not in self.notes:
+                    self.notes.append(note)
+        return values
+
+    def _run(self, parameters: Mapping[str, Value], drive: tuple[str, ...]) -> dict[Port, Array]:
+        inputs: dict[str, Series] = {}
+        hold: list[str] = []
+        for name in drive:
+            binding = self.bindings[name]
+            for wire in binding.wires:
+                target = str(wire.target)
+                if wire.target.component not in self.runner.system.components:
+                    continue
+                values = wire.factor * binding.gain * self.log[name] + wire.offset
+                inputs[target] = (self.time, values)
+                if name in self.log.held or (name in SIGNALS and SIGNALS[name].held):
+                    hold.append(target)
+        ports = {port for n in self.outputs for port, _ in self.bindings[n].parts}
+        ports |= {p for n in self.outputs if (p := self.bindings[n].port) is not None}
+        result = self.runner.run(
+            float(self.time[-1]),
+            self.step,
+            parameters=self._settings({**self._start_values(), **parameters}),
+            inputs=inputs,
+            hold=hold,
+            record=[str(port) for port in sorted(ports)],
+        )
+        for message in result.messages:
+            if message not in self.notes:
+                self.notes.append(message)
+        return {port: result.signals[str(port)] for port in ports}
+
+    def _settings(self, parameters: Mapping[str, Value]) -> dict[str, Value]:
+        """Start values of the components that run, under the components' own names.
+
+        Raises:
+            UsageError: a name is unknown.
+        """
+        settings: dict[str, Value] = {}
+        for name, value in parameters.items():
+            ports = resolve(self.system, name)
+            if not ports:
+                raise UsageError(
+                    f"there is no '{name}' to set{did_you_mean(name, settable_names(self.system))}"
+                )
+            settings |= {str(p): value for p in ports if p.component in self.runner.system.components}
+        return settings
+
+    def _signals(self, recorded: Mapping[Port, Array]) -> dict[str, Array]:
+        return {name: _measured_value(self.bindings[name], recorded) for name in self.outputs}
+
+    def _cut(self, whole: Mapping[Port, Array], notes: list[str]) -> tuple[str, ...]:
+        """The signals to cut at: not where a block hands on something else than its sensors show."""
+        kept = []
+        for name in self.measured:
+            binding = self.bindings[name]
+            if binding.port is not None and not binding.command:
+                handed = whole[binding.port] / binding.gain
+                shown = _measured_value(binding, whole)
+                if np.max(np.abs(handed - shown)) > HANDED_ON * max(float(np.max(np.abs(shown))), 1e-300):
+                    notes.append(
+                        f"{binding.port} hands on something else than the sensors of '{name}' show: the blocks behind it "
+                        "are judged together with it"
+                    )
+                    continue
+            kept.append(name)
+        return tuple(kept)
+
+    def _block(self, group: Group, simulated: Mapping[str, Array]) -> BlockOutcome:
+        outcomes = {name: self._outcome(name, simulated[name], free_offset=True) for name in group.signals}
+        return BlockOutcome(group.name, group.components, group.driven_by, outcomes)
+
+    def _outcome(self, name: str, simulated: Array, *, free_offset: bool) -> SignalOutcome:
+        measured, valid = self.log[name], self.log.valid_mask(name)
+        drifts = name in self.starts.values()
+        rated: Score = score(
+            measured,
+            simulated,
+            self.log.time[0] + self.time,
+            valid,
+            self.floors[name],
+            drifts=drifts,
+            free_offset=free_offset and drifts,
+        )
+        return SignalOutcome(name, rated, measured, simulated, valid)
+
+
+def _measured_value(binding: Binding, recorded: Mapping[Port, Array]) -> Array:
+    """What the sensors show of a signal, in its unit."""
+    total = sum(factor * recorded[port] for port, factor in binding.parts)
+    return np.asarray(total) / binding.gain

@@ -1,0 +1,101 @@
+"""The table ``[compare]`` of a mapping file: which variable of the model a signal stands for.
+
+[compare]
+parameters = ["axis.ssv"]
+
+[compare.signals.position]
+variable = "mechanical.theta"
+factor = "1 rad/m"
+
+[compare.start]
+"mechanical.theta_0" = "position"
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from cosim.errors import DataError
+from cosim.logs.mapping import Mapping
+from cosim.logs.mapping import load_mapping as load_plain
+
+TABLE = "compare"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Target(_Strict):
+    """What a signal stands for.
+
+    Attributes:
+        variable: ``component.variable``, or a connector of the system.
+        factor: the variable per signal, a number with a unit such as ``1 Pa/N``; by default the unit is converted.
+    """
+
+    variable: Annotated[str, Field(min_length=1)]
+    factor: str | None = None
+
+
+class CompareTable(_Strict):
+    """The table ``[compare]``.
+
+    Attributes:
+        parameters: .ssv files to apply, relative to the mapping file.
+        signals: signal -> variable of the model, before the names that are known anyway.
+        start: ``component.parameter`` -> the signal whose first value it takes.
+        folder: where the mapping file lies.
+    """
+
+    parameters: tuple[str, ...] = ()
+    signals: dict[str, Target] = {}
+    start: dict[str, str] = {}
+    folder: Path = Field(default=Path(), exclude=True)
+
+    @property
+    def parameter_files(self) -> tuple[Path, ...]:
+        """The .ssv files."""
+        return tuple(self.folder / name for name in self.parameters)
+
+
+def load_mapping(path: Path) -> tuple[Mapping, CompareTable]:
+    """Reads a mapping file that may hold a table ``[compare]``.
+
+    Raises:
+        DataError: it is missing, is no TOML, or a key or value in it is wrong; the message names the key.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return load_plain(path), CompareTable()  # raises, in the words of the log's rules
+    if TABLE not in content or TABLE in Mapping.model_fields:
+        return load_plain(path), _table(content.get(TABLE, {}), path)
+    table = _table(content.pop(TABLE), path)
+    try:
+        return Mapping.model_validate({**content, "path": path.resolve()}), table
+    except ValidationError as error:
+        raise DataError(f"{path}: {_sentences(error)}") from None
+
+
+def _table(content: object, path: Path) -> CompareTable:
+    if not isinstance(content, dict) or "folder" in content:
+        raise DataError(f"{path}: '{TABLE}' must be a table with the keys parameters, signals, start")
+    try:
+        return CompareTable.model_validate({**content, "folder": path.resolve().parent})
+    except ValidationError as error:
+        raise DataError(f"{path}: {_sentences(error, TABLE)}") from None
+
+
+def _sentences(error: ValidationError, *where: str) -> str:
+    """Every fault with the path of its key."""
+    found = []
+    for item in error.errors():
+        key = ".".join([*where, *map(str, item["loc"])])
+        known = (
+            "; known keys: see docs/compare.md and docs/logs.md" if item["type"] == "extra_forbidden" else ""
+        )
+        found.append(f"'{key}': {item['msg'].removeprefix('Value error, ')}{known}")
+    return "; ".join(found)

@@ -1,0 +1,140 @@
+"""How far a simulated signal is from a measured one, and how far the measurement's own noise reaches."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+WINDOW = 5.0  # s, over which an integrating signal is judged with a free offset
+NOISE_WINDOW = 0.2  # s, in which a signal's motion passes for a cubic
+NOISE_SAMPLES = 16  # at least this many samples in such a window
+QUIET = 1.3  # windows with up to this many times the residual of the quietest tenth show noise alone
+STAND_OUT = 1.5  # a signal whose spread is below this many times its noise is constant
+
+
+@dataclass(frozen=True)
+class Score:
+    """A signal's error, measured minus simulated; numbers in the signal's unit.
+
+    Attributes:
+        rmse: root mean square error, a constant offset removed where `offset` is given.
+        fit_percent: ``100 (1 - |y - yhat| / |y - mean(y)|)`` (MATLAB's NRMSE fit) of the same error; None for a
+            constant measurement.
+        max_error: largest absolute error, at `max_time` [s].
+        noise_floor: standard deviation of the measurement's noise, see `noise_floor`.
+        rmse_windows: root mean square error with a free offset in every window of `WINDOW`; None where not asked for.
+        offset: constant that was removed; None where none was.
+        constant: the measurement does not stand out from its noise, so the fit says nothing.
+        samples: number of measured samples compared.
+    """
+
+    rmse: float
+    fit_percent: float | None
+    max_error: float
+    max_time: float
+    noise_floor: float
+    rmse_windows: float | None
+    offset: float | None
+    constant: bool
+    samples: int
+
+    @property
+    def ratio(self) -> float | None:
+        """Error in units of the noise: of the windows where they are asked for; None without noise."""
+        error = self.rmse if self.rmse_windows is None else self.rmse_windows
+        return error / self.noise_floor if self.noise_floor > 0.0 else None
+
+
+def rms(values: Array) -> float:
+    """Root mean square of values (n,), n >= 1."""
+    return math.sqrt(float(np.mean(np.square(values))))
+
+
+def fit_percent(measured: Array, simulated: Array) -> float | None:
+    """``100 (1 - |y - yhat| / |y - mean(y)|)`` with Euclidean norms, for (n,) each (SYSTEM section 8).
+
+    None where y is constant.
+    """
+    spread = float(np.linalg.norm(measured - measured.mean()))
+    if spread == 0.0:
+        return None
+    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
+
+
+def score(
+    measured: Array,
+    simulated: Array,
+    time: Array,
+    valid: Mask,
+    floor: float,
+    *,
+    drifts: bool,
+    free_offset: bool,
+) -> Score:
+    """Compare two signals.
+
+    Args:
+        measured: (n,).
+        simulated: (n,) in the same unit.
+        time: (n,) [s], uniform.
+        valid: (n,) False where the measurement was filled in.
+        floor: noise of the measurement.
+        drifts: also judge it in windows, each with a free offset.
+        free_offset: remove a constant offset from the whole.
+    """
+    y, error, stamps = measured[valid], (measured - simulated)[valid], time[valid]
+    offset = float(error.mean()) if free_offset else None
+    if offset is not None:
+        error = error - offset
+    worst = int(np.argmax(np.abs(error)))
+    return Score(
+        rmse=rms(error),
+        fit_percent=fit_percent(y, y - error),
+        max_error=float(abs(error[worst])),
+        max_time=float(stamps[worst]),
+        noise_floor=floor,
+        rmse_windows=windowed_rms(error, stamps) if drifts else None,
+        offset=offset,
+        constant=bool(np.std(y) <= STAND_OUT * floor),
+        samples=len(y),
+    )
+
+
+def windowed_rms(error: Array, time: Array, window: float = WINDOW) -> float:
+    """Root mean square of an error (n,) whose mean is removed in each of the equal windows of about `window` s."""
+    count = max(1, round(float(time[-1] - time[0]) / window))
+    parts = [part - part.mean() for part in np.array_split(error, min(count, len(error)))]
+    return rms(np.concatenate(parts))
+
+
+def noise_floor(values: Array, step: float) -> float:
+    """Standard deviation of the noise of a measured signal (n,), in its unit.
+
+    Spread about a cubic in windows of `NOISE_WINDOW`, taken where the signal is quietest, and at least the spread that
+    rounding to its resolution causes. Noise slower than a window is not counted.
+
+    Args:
+        values: as measured, one every `step` s.
+        step: [s].
+    """
+    size = max(round(NOISE_WINDOW / step), NOISE_SAMPLES)
+    rounding = _resolution(values) / math.sqrt(12.0)
+    if len(values) < size:
+        return rounding
+    rows = values[: len(values) // size * size].reshape(-1, size)
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 4))
+    rest = rows - (rows @ basis) @ basis.T
+    spread = np.sqrt(np.sum(np.square(rest), axis=1) / (size - basis.shape[1]))
+    quietest = np.quantile(spread, 0.1, method="higher")
+    return max(rms(spread[spread <= QUIET * quietest]), rounding)
+
+
+def _resolution(values: Array) -> float:
+    """Smallest difference between two values of a signal, larger than rounding of the numbers themselves."""
+    levels = np.diff(np.unique(values))
+    levels = levels[levels > 1e-9 * max(float(np.ptp(values)), float(np.abs(values).max()) * 1e-3)]
+    return float(levels.min()) if len(levels) else 0.0

@@ -1,0 +1,146 @@
+"""Pictures of a comparison: signals with their error, blocks with their residual and the noise it should stay within."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+SMOOTH = 0.1  # s, over which the residual is averaged for the dark line
+MEASURED, SIMULATED, ERROR, BAND = "#7f8c8d", "#c0392b", "#2c3e50", "#f5d76e"
+STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "agg.path.chunksize": 20000,
+}
+
+
+def write_pictures(comparison: Comparison, folder: Path) -> dict[str, Path]:
+    """Write ``signals.png`` and ``blocks.png``, as far as there is something to show.
+
+    Returns:
+        ``signals``, ``blocks`` -> file.
+    """
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figures = {"signals": signals_figure, "blocks": blocks_figure}
+    written = {}
+    with mpl.rc_context(STYLE):
+        for name, draw in figures.items():
+            if comparison.signals if name == "signals" else comparison.blocks:
+                figure = draw(comparison)
+                FigureCanvasAgg(figure)
+                written[name] = folder / f"{name}.png"
+                figure.savefig(written[name], dpi=110)
+    return written
+
+
+def signals_figure(comparison: Comparison) -> "Figure":
+    """Of every signal: measured and simulated above, error with the noise band below."""
+    found = list(comparison.signals.values())
+    figure, columns, rows = _figure(len(found), 3.4)
+    heights = [2.0, 1.0] * rows
+    grid = figure.add_gridspec(2 * rows, columns, height_ratios=heights)
+    for k, outcome in enumerate(found):
+        row, column = divmod(k, columns)
+        upper = figure.add_subplot(grid[2 * row, column])
+        lower = figure.add_subplot(grid[2 * row + 1, column], sharex=upper)
+        _overlay(upper, comparison, outcome)
+        _residual(lower, comparison, outcome, "error")
+        upper.tick_params(labelbottom=False)
+    _frame(figure, comparison, f"driven by {', '.join(comparison.command)} alone")
+    return figure
+
+
+def blocks_figure(comparison: Comparison) -> "Figure":
+    """Of every block: its residual when it is driven by what was measured, with the noise band."""
+    found = [(block, outcome) for block in comparison.blocks for outcome in block.signals.values()]
+    figure, columns, rows = _figure(len(found), 2.5)
+    grid = figure.add_gridspec(rows, columns)
+    for k, (block, outcome) in enumerate(found):
+        axes = figure.add_subplot(grid[divmod(k, columns)])
+        _residual(axes, comparison, outcome, "residual")
+        axes.set_title(_block_title(block, outcome), loc="left")
+    _frame(figure, comparison, "each block driven by what was measured")
+    return figure
+
+
+def _figure(count: int, height: float) -> "tuple[Figure, int, int]":
+    from matplotlib.figure import Figure
+
+    columns = 1 if count == 1 else 2
+    rows = -(-count // columns)
+    width = 9.0 if columns == 1 else 14.0
+    return Figure(figsize=(width, height * rows + 1.0), layout="constrained"), columns, rows
+
+
+def _frame(figure: "Figure", comparison: Comparison, how: str) -> None:
+    """Title, and one legend for all axes."""
+    log = comparison.log
+    kind = "synthetic log" if log.synthetic else "measured log"
+    entries: dict[str, Artist] = {}
+    for axes in figure.axes[:2]:
+        handles, labels = axes.get_legend_handles_labels()
+        entries |= dict(zip(labels, handles, strict=True))
+    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=len(entries))
+    figure.suptitle(f"{log.source.name} ({kind}) and model {comparison.model}, {how}", fontsize=11)
+
+
+def _overlay(axes: "Axes", comparison: Comparison, outcome: SignalOutcome) -> None:
+    unit, scale = comparison.shown(outcome.signal)
+    measured = np.where(outcome.valid, outcome.measured * scale, np.nan)
+    axes.plot(comparison.time, measured, color=MEASURED, linewidth=1.3, label="measured")
+    axes.plot(comparison.time, outcome.simulated * scale, color=SIMULATED, linewidth=0.9, label="simulated")
+    axes.set_ylabel(f"{outcome.signal} [{unit}]")
+    score = outcome.score
+    fit = (
+        "constant within its noise"
+        if score.constant or score.fit_percent is None
+        else f"fit {score.fit_percent:.1f} %"
+    )
+    axes.set_title(f"{outcome.signal}: RMSE {score.rmse * scale:.3g} {unit}, {fit}", loc="left")
+
+
+def _residual(axes: "Axes", comparison: Comparison, outcome: SignalOutcome, label: str) -> None:
+    unit, scale = comparison.shown(outcome.signal)
+    error = np.where(outcome.valid, outcome.error * scale, np.nan)
+    floor = outcome.score.noise_floor * scale
+    axes.axhspan(-2.0 * floor, 2.0 * floor, color=BAND, alpha=0.6, linewidth=0.0, label="sensor noise, ±2 sd")
+    axes.plot(comparison.time, error, color=MEASURED, linewidth=0.4, alpha=0.7, label="every sample")
+    mean = _smoothed(error, comparison.step)
+    axes.plot(comparison.time, mean, color=ERROR, linewidth=1.0, label=f"mean over {SMOOTH:g} s")
+    axes.set_ylabel(f"{label} [{unit}]")
+    axes.set_xlabel("time [s]")
+    axes.margins(x=0.01)
+
+
+def _smoothed(values: Array, step: float) -> Array:
+    """Moving average over `SMOOTH` that leaves missing samples out."""
+    width = min(max(1, round(SMOOTH / step)), len(values))
+    kernel = np.ones(width)
+    known = np.isfinite(values)
+    count = np.convolve(known.astype(np.float64), kernel, "same")
+    total = np.convolve(np.where(known, values, 0.0), kernel, "same")
+    return np.where(count > 0.0, total / np.maximum(count, 1.0), np.nan)
+
+
+def _block_title(block: BlockOutcome, outcome: SignalOutcome) -> str:
+    ratio = outcome.score.ratio
+    text = "" if ratio is None else f", {ratio:.3g} x noise"
+    return f"{block.name}: {outcome.signal} from measured {', '.join(block.driven_by)}{text}"

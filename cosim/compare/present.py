@@ -1,0 +1,175 @@
+"""A comparison for people (tables), programs (plain data) and other tools (a table of series)."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compare.metrics import WINDOW
+from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+SIGNALS_TITLE = "Signals (model driven by the command alone)"
+BLOCKS_TITLE = "Blocks (each driven by what was measured)"
+_NUMBERS = ("RMSE", "fit %", "largest", f"RMSE {WINDOW:g} s*", "noise", "x noise")
+
+
+def tables(comparison: Comparison) -> "list[Table]":
+    """The two tables, without rows where nothing can be judged; they fit a terminal of 80 columns."""
+    signals = [_cells(comparison, found) for found in comparison.signals.values()]
+    blocks: list[list[str]] = []
+    for block in comparison.blocks:
+        blocks.append([f"{block.name}, driven by {', '.join(block.driven_by)}"] + [""] * (len(_NUMBERS) - 1))
+        for found in block.signals.values():
+            name, *numbers = _cells(comparison, found)
+            blocks.append([f"  {name}", *numbers[:2], *numbers[3:]])
+    short = [name for name in _NUMBERS if name != "largest"]
+    return [
+        _table(SIGNALS_TITLE, "signal", _NUMBERS, signals),
+        _table(BLOCKS_TITLE, "block, signal", short, blocks),
+    ]
+
+
+def _table(title: str, first: str, numbers: Sequence[str], rows: list[list[str]]) -> "Table":
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
+    from rich.table import Table
+
+    result = Table(title=title, box=SIMPLE_HEAD, title_justify="left", padding=(0, 0, 0, 1))
+    result.add_column(first, overflow="fold")
+    for name in numbers:
+        result.add_column(name, justify="right", no_wrap=True)
+    for row in rows:
+        result.add_row(*(escape(cell) for cell in row))
+    return result
+
+
+def explanations(comparison: Comparison) -> list[str]:
+    """What stands below the tables, one sentence each."""
+    lines = []
+    outcomes = [*comparison.signals.values(), *(s for b in comparison.blocks for s in b.signals.values())]
+    if any(found.score.rmse_windows is not None for found in outcomes):
+        lines.append(
+            f"* root mean square error in windows of {WINDOW:g} s, each with a free offset, since integrating blocks let "
+            "noise drift; 'x noise' is of it. Under Blocks, RMSE and fit of these signals have one free offset as well."
+        )
+    if any(found.score.constant for found in outcomes):
+        lines.append("A fit of 'constant' means that the signal does not stand out from its noise.")
+    worst = comparison.worst
+    if worst is not None and worst[1].score.ratio is not None:
+        block, found = worst
+        lines.append(
+            f"Largest block error against noise: {block.name}, in {found.signal}, {found.score.ratio:.3g} times its noise."
+        )
+    lines += [f"Not judged: {' + '.join(item.components)}: {item.why}." for item in comparison.not_judged]
+    return lines
+
+
+def _cells(comparison: Comparison, found: SignalOutcome) -> list[str]:
+    """``signal [unit]`` and the columns of `_NUMBERS`."""
+    unit, scale = comparison.shown(found.signal)
+    score = found.score
+    fit = "constant" if score.constant or score.fit_percent is None else f"{score.fit_percent:.2f}"
+    windows = "" if score.rmse_windows is None else f"{score.rmse_windows * scale:.3g}"
+    ratio = "-" if score.ratio is None else f"{score.ratio:.3g}"
+    rmse, largest, noise = (f"{x * scale:.3g}" for x in (score.rmse, score.max_error, score.noise_floor))
+    return [f"{found.signal} [{unit}]", rmse, fit, largest, windows, noise, ratio]
+
+
+def as_data(comparison: Comparison, source: Path | None = None) -> dict[str, Any]:
+    """The comparison as plain data without arrays; numbers of a signal are in its ``unit``.
+
+    Args:
+        comparison: what was found.
+        source: the model's file.
+    """
+    log = comparison.log
+    return {
+        "log": {
+            "path": log.source,
+            "synthetic": log.synthetic,
+            "sha256": log.sha256,
+            "samples": len(log),
+            "duration": comparison.time[-1] - comparison.time[0],
+            "step_size": comparison.step,
+        },
+        "model": {"name": comparison.model, "path": source, "parameters": comparison.parameters},
+        "command": comparison.command,
+        "signals": {name: _numbers(comparison, found) for name, found in comparison.signals.items()},
+        "blocks": [_block(comparison, block) for block in comparison.blocks],
+        "not_judged": comparison.not_judged,
+        "window": WINDOW,
+        "notes": comparison.notes,
+    }
+
+
+def _block(comparison: Comparison, block: BlockOutcome) -> dict[str, Any]:
+    return {
+        "block": block.name,
+        "components": block.components,
+        "driven_by": block.driven_by,
+        "signals": {name: _numbers(comparison, found) for name, found in block.signals.items()},
+    }
+
+
+def _numbers(comparison: Comparison, found: SignalOutcome) -> dict[str, Any]:
+    unit, scale = comparison.shown(found.signal)
+    score = found.score
+    return {
+        "unit": unit,
+        "rmse": score.rmse * scale,
+        "fit_percent": score.fit_percent,
+        "max_error": score.max_error * scale,
+        "max_error_time": score.max_time,
+        "rmse_windows": None if score.rmse_windows is None else score.rmse_windows * scale,
+        "offset": None if score.offset is None else score.offset * scale,
+        "noise_floor": score.noise_floor * scale,
+        "error_to_noise": score.ratio,
+        "constant": score.constant,
+        "samples": score.samples,
+    }
+
+
+def series(comparison: Comparison) -> dict[str, NDArray[np.float64]]:
+    """Columns ``name [unit]`` (n,): time, then of each signal what was measured, simulated, and simulated block by block.
+
+    A sample that was filled in is NaN in the measured column.
+    """
+    columns: dict[str, NDArray[np.float64]] = {"time [s]": comparison.time}
+    single = {name: found for block in comparison.blocks for name, found in block.signals.items()}
+    for name in dict.fromkeys([*comparison.signals, *single]):
+        found = comparison.signals.get(name) or single[name]
+        unit, scale = comparison.shown(name)
+        columns[f"{name}_measured [{unit}]"] = np.where(found.valid, found.measured * scale, np.nan)
+        if name in comparison.signals:
+            columns[f"{name}_simulated [{unit}]"] = comparison.signals[name].simulated * scale
+        if name in single:
+            shifted = single[name].simulated + (single[name].score.offset or 0.0)
+            columns[f"{name}_by_block [{unit}]"] = shifted * scale
+    return columns
+
+
+def write_series(comparison: Comparison, path: Path) -> Path:
+    """Write `series` as Parquet or CSV by the suffix; the Parquet file carries model, log and parameters as metadata."""
+    import pyarrow as pa
+
+    from cosim.console import to_jsonable
+
+    columns = pa.table(series(comparison))
+    if path.suffix == ".parquet":
+        import pyarrow.parquet
+
+        about = json.dumps(
+            to_jsonable({k: v for k, v in as_data(comparison).items() if k in ("log", "model", "notes")})
+        )
+        pyarrow.parquet.write_table(columns.replace_schema_metadata({"cosim": about}), path)
+    else:
+        import pyarrow.csv
+
+        pyarrow.csv.write_csv(columns, path)
+    return path
