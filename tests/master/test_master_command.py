@@ -1,0 +1,119 @@
+"""`cosim simulate`: options, units, files, and the exit codes of CONTRACT section 3."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import toy_fmus
+from typer.testing import CliRunner, Result
+
+from cosim.cli import make_app
+from cosim.errors import ModelError, SimulationError, UsageError
+
+TOP = Path(__file__).resolve().parents[2]
+WIRES = ["w.y -> g.u", "g.y -> l.u"]
+
+
+@pytest.fixture(scope="module")
+def chain(toys: Any) -> Path:
+    return toys.ssp({"w": "wave", "g": "gain", "l": "lag"}, WIRES, stop=0.5)
+
+
+def simulate(*arguments: object) -> Result:
+    return CliRunner().invoke(make_app(), ["simulate", *map(str, arguments)], catch_exceptions=False)
+
+
+def test_json_holds_signals_and_facts_and_nothing_else_is_on_stdout(chain: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "cosim",
+        "simulate",
+        str(chain),
+        "--set",
+        "g.k=3",
+        "--estimate-error",
+        "--json",
+    ]
+    done = subprocess.run(command, cwd=TOP, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert (found["label"], found["steps"], found["stop_time"]) == ("simulated", 500, 0.5)
+    assert found["parameters"] == {"g.k": 3.0}
+    assert found["signals"]["g.y"]["final"] == pytest.approx(3.0 * np.sin(0.5), rel=1e-12)
+    assert found["signals"]["l.y"]["order"] == pytest.approx(2.0, abs=0.01)
+
+
+def test_values_take_units_and_come_from_files_too(chain: Path, tmp_path: Path) -> None:
+    values = tmp_path / "v.ssv"
+    values.write_text(toy_fmus.ssv({"g.k": 5.0, "w.a": 2.0}), encoding="utf-8")
+    out = tmp_path / "out.csv"
+    done = simulate(
+        chain, "--parameter-set", values, "--set", "w.a=0.5", "--stop-time", "200 ms", "--step-size", "10 ms",
+        "--record", "g.y", "--out", out,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    frame = pd.read_csv(out)
+    assert list(frame) == ["time [s]", "g.y [m]"]
+    assert len(frame) == 21
+    assert frame["g.y [m]"].iloc[-1] == pytest.approx(5.0 * 0.5 * np.sin(0.2), rel=1e-12)
+
+
+def test_inputs_come_from_a_table_in_any_unit(toys: Any, tmp_path: Path) -> None:
+    file = tmp_path / "in.csv"
+    t = np.arange(101) * 0.01
+    pd.DataFrame({"time [ms]": t * 1e3, "level [mm]": 1e3 * t}).to_csv(file, index=False)
+    path = toys.ssp({"g": "gain"}, ["level -> g.u"], units={"level": "m", "g.u": "m"})
+    out = tmp_path / "out.parquet"
+    done = simulate(path, "--input", file, "--step-size", "10 ms", "--out", out)
+    assert done.exit_code == 0, done.output
+    frame = pd.read_parquet(out)
+    assert len(frame) == 101
+    assert np.allclose(frame["g.y [m]"], 2.0 * t, atol=1e-15)
+    pd.DataFrame({"time [s]": t, "level": t}).to_csv(file, index=False)
+    with pytest.raises(Exception, match=r"'level' has no unit: head it 'level \[m\]'"):
+        simulate(path, "--input", file)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (["--set", "g.kk=1"], UsageError, r"closest: 'g\.k'"),
+        (["--set", "g.k"], UsageError, "should read name=value"),
+        (["--set", "g.u=3 s"], UsageError, "wrong dimension"),
+        (["--set", "g.n=two"], UsageError, "no Integer"),
+        (["--stop-time", "3 m"], UsageError, "--stop-time"),
+        (["--step-size", "0.3"], UsageError, "no multiple"),
+        (["--out", "x.xlsx"], UsageError, "none of them"),
+        (["--record", "g.z"], UsageError, "no variable"),
+        (["--mapping", "m.toml"], UsageError, "needs --input"),
+        (["--input", "in.csv"], UsageError, "has no inputs"),
+        (["--parameter-set", "lost.ssv"], ModelError, "cannot be read"),
+    ],
+)
+def test_bad_requests_are_answered(
+    chain: Path, arguments: list[str], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        simulate(chain, *arguments)
+
+
+def test_models_are_files_or_known_names(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("COSIM_BUILD", str(tmp_path))
+    with pytest.raises(UsageError, match="one of simplified, full_order, physical"):
+        simulate("full_ordr")
+    with pytest.raises(ModelError, match=r"python build_fmus\.py"):
+        simulate("full_order")
+    with pytest.raises(ModelError, match="does not exist"):
+        simulate(tmp_path / "lost.ssp")
+
+
+def test_a_failed_simulation_has_exit_code_4(toys: Any) -> None:
+    with pytest.raises(SimulationError, match="refuses limit") as caught:
+        simulate(toys.fmu("grumbler"), "--set", "grumbler.limit=-1", "--stop-time", "1")
+    assert caught.value.exit_code == 4

@@ -1,0 +1,254 @@
+"""What a caller can ask of the Runner, and what it answers when the request or the FMU is bad."""
+
+import csv
+import gc
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.errors import ModelError, SimulationError, UsageError
+from cosim.master import Runner, time_grid
+from cosim.master.instance import _unsettled
+from cosim.results import Result
+
+TOP = Path(__file__).resolve().parents[2]
+
+
+@given(
+    steps=st.integers(1, 100_000),
+    h=st.sampled_from([1e-3, 0.1, 1 / 3, 7e-4, 2.0]),
+    start=st.sampled_from([0.0, 1.5, -3.0]),
+)
+def test_the_grid_is_computed_not_accumulated_and_ends_at_the_stop_time(
+    steps: int, h: float, start: float
+) -> None:
+    stop = start + steps * h
+    grid, whole, notes = time_grid(start, stop, h, partial=False)
+    assert (len(grid), whole, notes) == (steps + 1, steps, [])
+    assert grid[-1] == stop
+    k = steps // 2
+    assert grid[k] == start + k * h
+
+
+def test_a_stop_time_off_the_grid_is_refused_or_reached_by_a_shorter_step(toys: Any) -> None:
+    with pytest.raises(UsageError, match=r"stop at 0\.9 s or 1\.2 s"):
+        time_grid(0.0, 1.0, 0.3, partial=False)
+    with Runner(toys.fmu("wave")) as runner:
+        result = runner.run(1.0, 0.3, partial_step=True)
+    assert result.time[-1] == 1.0
+    assert len(result.time) == 5
+    assert result["wave.y"][-1] == pytest.approx(np.sin(1.0), rel=1e-12)
+    assert any("last step is 0.1 s" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    ("stop", "step"), [(0.0, 0.1), (-1.0, 0.1), (1.0, 0.0), (1.0, -0.1), (float("nan"), 0.1)]
+)
+def test_impossible_times_are_refused(stop: float, step: float) -> None:
+    with pytest.raises(UsageError, match="cannot simulate"):
+        time_grid(0.0, stop, step, partial=False)
+
+
+def test_runs_do_not_see_each_other(toys: Any) -> None:
+    with Runner(toys.ssp({"l": "lag", "i": "integrator"}, ["l.y -> i.u"])) as runner:
+        first = runner.run(1.0, 0.1, inputs={"l.u": 1.0})
+        other = runner.run(1.0, 0.1, inputs={"l.u": 1.0}, parameters={"l.T": 0.1, "i.start": 5.0})
+        again = runner.run(1.0, 0.1, inputs={"l.u": 1.0})
+    assert other["i.y"][0] == 5.0
+    assert not np.array_equal(first["l.y"], other["l.y"])
+    for name in first:
+        assert np.array_equal(first[name], again[name])
+
+
+def test_memory_stays_flat_over_many_runs(toys: Any) -> None:
+    process = psutil.Process()
+    with Runner(toys.ssp({"w": "wave", "l": "lag"}, ["w.y -> l.u"])) as runner:
+        for _ in range(200):
+            runner.run(0.2, 0.01)
+        gc.collect()
+        before = process.memory_info().rss
+        for _ in range(1000):
+            runner.run(0.2, 0.01)
+        gc.collect()
+        grown = process.memory_info().rss - before
+    assert grown < 2 << 20  # a fresh instance each run would cost some 10 MB
+
+
+def test_all_types_can_be_set_and_wrong_ones_are_refused(toys: Any) -> None:
+    with Runner(toys.fmu("gain")) as runner:
+        settings = {"gain.n": 3, "gain.on": True, "gain.label": "fancy", "gain.k": 2.0, "gain.u": 1.0}
+        assert runner.run(1.0, 0.5, parameters=settings)["gain.y"][-1] == 6.0
+        assert runner.run(1.0, 0.5, parameters={**settings, "gain.on": False})["gain.y"][-1] == 0.0
+        for name, value, message in [
+            ("gain.n", 2.5, "Integer"), ("gain.on", "yes", "Boolean"), ("gain.label", 1.0, "String"),
+            ("gain.k", "two", "Real"), ("gain.k", float("nan"), "finite"), ("gain.y", 1.0, "cannot be set"),
+            ("gain.kk", 1.0, r"no 'gain\.kk' to set \(closest: 'gain\.k'"),
+        ]:  # fmt: skip
+            with pytest.raises(UsageError, match=message):
+                runner.run(1.0, 0.5, parameters={name: value})
+
+
+def test_a_refused_value_shows_the_words_of_the_fmu_that_refused_it(toys: Any) -> None:
+    path = toys.ssp({"a": "grumbler", "b": "gain"}, ["a.y -> b.u"])
+    with (
+        Runner(path) as runner,
+        pytest.raises(SimulationError, match=r"'a' refuses limit = -1\.0: .*not be negative"),
+    ):
+        runner.run(1.0, 0.1, parameters={"a.limit": -1.0})
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_a_failing_step_names_component_time_status_and_reason(toys: Any, engine: Any) -> None:
+    with Runner(toys.ssp({"w": "wave", "a": "grumbler"}, ["w.y -> a.u"])) as runner:
+        discard = r"'a' failed in fmi2DoStep at t = 0\.5 s \(status Discard\): the grumbler will not go on"
+        fatal = r"'a' failed in fmi2DoStep at t = 0\.3 s \(status Fatal\): .*the grumbler fell over"
+        for name, at, message in (("a.refuse_at", 0.45, discard), ("a.raise_at", 0.25, fatal)):
+            with pytest.raises(SimulationError, match=f"(?s){message}"):
+                runner.run(1.0, 0.1, parameters={name: at}, engine=engine)
+            assert runner.run(1.0, 0.1, engine=engine)["a.y"][-1] == pytest.approx(1.0)
+
+
+def test_a_result_that_is_not_finite_is_an_error(toys: Any) -> None:
+    with (
+        Runner(toys.fmu("lag")) as runner,
+        pytest.raises(SimulationError, match=r"'lag\.y' is not a finite number"),
+    ):
+        runner.run(1.0, 0.1, parameters={"lag.start": 1e308, "lag.T": -0.05})
+
+
+@pytest.mark.parametrize(
+    ("series", "message"),
+    [
+        (([0.0, 1.0], [0.0, float("nan")]), "not finite at sample 1"),
+        (([0.0, 0.5, 0.5, 1.0], [0, 1, 2, 3]), r"does not increase from sample 1 \(0\.5 s\)"),
+        (([0.0, 0.5], [0, 1]), "ends at 0.5 s, before the stop time"),
+        (([0.2, 1.0], [0, 1]), "begins at 0.2 s"),
+        (([0.0, 1.0], [0, 1, 2]), "equally long"),
+        (float("inf"), "finite"),
+    ],
+)
+def test_bad_series_are_refused(toys: Any, series: Any, message: str) -> None:
+    with Runner(toys.fmu("lag")) as runner, pytest.raises(UsageError, match=message):
+        runner.run(1.0, 0.1, inputs={"u": series}, hold=())
+
+
+def test_a_held_series_may_end_one_interval_early(toys: Any) -> None:
+    t = np.arange(10) * 0.1
+    with Runner(toys.fmu("gain")) as runner:
+        result = runner.run(1.0, 0.1, inputs={"u": (t, t)})
+    assert result["gain.y"][-1] == pytest.approx(2 * 0.9)
+
+
+def test_unknown_and_doubled_inputs_are_refused(toys: Any) -> None:
+    with Runner(toys.fmu("gain")) as runner:
+        with pytest.raises(UsageError, match=r"no Real input 'v'"):
+            runner.run(1.0, 0.1, inputs={"v": 1.0})
+        with pytest.raises(UsageError, match="driven twice"):
+            runner.run(1.0, 0.1, inputs={"u": 1.0, "gain.u": 1.0})
+        with pytest.raises(UsageError, match="hold names 'x'"):
+            runner.run(1.0, 0.1, inputs={"u": 1.0}, hold=("x",))
+
+
+def test_what_to_record_is_chosen_by_name(toys: Any) -> None:
+    with Runner(toys.ssp({"w": "wave", "l": "lag"}, ["w.y -> l.u", "l.y -> out"])) as runner:
+        result = runner.run(1.0, 0.1, record=["out", "l.y", "l.u", "l.T"])
+        assert list(result) == ["out", "l.y", "l.u", "l.T"]
+        assert np.array_equal(result["out"], result["l.y"])
+        assert set(result["l.T"]) == {0.5}
+        everything = runner.run(1.0, 0.1)
+        assert np.array_equal(everything["w.y"], result["l.u"])
+        assert np.array_equal(everything["out"], result["out"])  # by the name of the system output too
+        with pytest.raises(UsageError, match=r"no variable 'l\.yy' to record \(closest: 'l\.y'"):
+            runner.run(1.0, 0.1, record=["l.yy"])
+        with pytest.raises(UsageError, match="was not recorded"):
+            everything["l.z"]
+
+
+def test_progress_comes_every_thousand_steps(toys: Any) -> None:
+    seen: list[float] = []
+    with Runner(toys.fmu("wave")) as runner:
+        runner.run(2.5, 1e-3, progress=seen.append)
+    assert seen == pytest.approx([1.0, 2.0, 2.5])
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_ctrl_c_ends_the_run_and_leaves_the_runner_usable(toys: Any, engine: Any) -> None:
+    with Runner(toys.fmu("wave")) as runner:
+        handler = signal.getsignal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            runner.run(10.0, 1e-3, engine=engine, progress=lambda t: signal.raise_signal(signal.SIGINT))
+        assert signal.getsignal(signal.SIGINT) is handler
+        assert len(runner.run(1.0, 0.1, engine=engine).time) == 11
+
+
+def test_two_modules_of_one_name_do_not_run_each_other_s_code(
+    toys: Any, build_toy: Any, tmp_path: Path
+) -> None:
+    other = build_toy("affine", tmp_path, name="toy_gain")
+    with (
+        Runner(toys.fmu("gain")),
+        pytest.raises(ModelError, match=r"another FMU of this process .* 'toy_gain'"),
+    ):
+        Runner(other)
+
+
+def test_a_closed_runner_says_so_and_has_cleaned_up(toys: Any) -> None:
+    runner = Runner(toys.fmu("wave"))
+    folder = runner.system.components["wave"].fmu.folder
+    assert folder.exists()
+    runner.close()
+    runner.close()
+    assert not folder.exists()
+    with pytest.raises(UsageError, match="closed"):
+        runner.run(1.0, 0.1)
+
+
+def test_a_process_that_ran_fmus_ends_cleanly(toys: Any) -> None:
+    """pythonfmu 0.7.0 releases memory twice at exit, which aborts every third process or so; the Runner prevents it."""
+    before = len(_unsettled)
+    with Runner(toys.fmu("wave")):
+        assert len(_unsettled) == before + 1
+    assert len(_unsettled) == before
+    code = (
+        "import sys; from cosim.master import Runner; r = Runner(sys.argv[1]); r.run(0.1, 0.01); "
+        "r2 = Runner(sys.argv[1]); r2.run(0.1, 0.01)"  # neither is closed
+    )
+    for _ in range(3):
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(toys.fmu("wave"))], cwd=TOP, capture_output=True, check=False
+        )
+        assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+def test_results_are_written_and_read_back_exactly(toys: Any, tmp_path: Path, suffix: str) -> None:
+    import pandas as pd
+    from scipy.io import loadmat
+
+    with Runner(toys.ssp({"w": "wave", "g": "gain"}, ["w.y -> g.u"])) as runner:
+        result: Result = runner.run(1.0, 0.01)
+    path = result.write(tmp_path / "deep" / f"out{suffix}")
+    if suffix == ".mat":
+        found = loadmat(path, simplify_cells=True)
+        heads = [f"{n} [{u}]" for n, u in zip(found["names"], found["units"], strict=True)]
+        table = dict(zip(heads, found["data"].T, strict=True))
+    else:
+        if suffix == ".csv":
+            head, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
+            frame = pd.DataFrame([[float(cell) for cell in row] for row in rows], columns=head)
+        else:
+            frame = pd.read_parquet(path)
+        table = {name: frame[name].to_numpy() for name in frame}
+    assert list(table) == ["time [s]", "w.y [1]", "g.y [m]"]
+    for name, values in result.columns().items():
+        assert np.array_equal(table[name], values), name
+    with pytest.raises(UsageError, match="none of them"):
+        result.write(tmp_path / "out.xlsx")

@@ -1,0 +1,218 @@
+"""Reading SSP packages of others: what is understood, and what is refused with which words."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import toy_fmus
+from toy_fmus import binding, ssv
+
+from cosim.errors import ModelError, UsageError
+from cosim.master import Runner
+from cosim.ssp import Port, read_ssp, read_ssv, read_system
+
+PAIR = {"w": "wave", "g": "gain"}
+
+
+def test_components_wires_and_connectors_are_found(toys: Any) -> None:
+    wires = ["w.y -> g.u", "g.y -> result", "level -> l.u"]
+    path = toys.ssp({**PAIR, "l": "lag"}, wires, units={"level": "m", "l.u": "m"})
+    with read_ssp(path) as system:
+        assert system.name == "toy"
+        assert list(system.components) == ["w", "g", "l"]
+        assert [str(w) for w in system.wires] == ["w.y -> g.u"]
+        assert system.inputs["level"].unit == "m"
+        assert [w.target for w in system.inputs["level"].targets] == [Port("l", "u")]
+        assert system.outputs == {"result": Port("g", "y")}
+        assert (system.start_time, system.stop_time) == (0.0, 1.0)
+        assert system.notes == []
+        gain = system.components["g"].fmu
+        assert gain.dependencies == {"y": frozenset({"u"})}
+        assert gain.variables["k"].can_be_set
+        assert not gain.variables["y"].can_be_set
+
+
+def test_a_connection_drawn_backwards_is_the_same_connection(toys: Any) -> None:
+    with read_ssp(toys.ssp(PAIR, ["g.u -> w.y"])) as system:
+        assert [str(w) for w in system.wires] == ["w.y -> g.u"]
+
+
+def test_unconnected_inputs_keep_their_start_value_and_are_noted(toys: Any) -> None:
+    inside = {"g": binding(ssv({"u": 3.0}))}
+    with Runner(toys.ssp({"g": "gain"}, [], inside=inside)) as runner:
+        result = runner.run(1.0, 0.5)
+    assert list(result["g.y"]) == [6.0, 6.0, 6.0]
+    assert result.notes == ["input g.u is not connected and keeps its start value 3.0 m"]
+
+
+def test_values_come_from_inline_sets_files_and_prefixes_the_system_winning(toys: Any) -> None:
+    later = binding(ssv({"n": 'Integer value="4"'}))
+    file = later.replace(
+        "<ssd:ParameterBinding>", "<ssd:ParameterBinding source='values/g.ssv'/><ssd:ParameterBinding>"
+    )
+    path = toys.ssp(
+        PAIR,
+        ["w.y -> g.u"],
+        inside={"g": file, "w": binding(ssv({"a": 1.5}))},
+        system_bindings=binding(ssv({"a": 2.5}), prefix="w."),
+        files={"values/g.ssv": ssv({"k": 7.0, "n": 'Integer value="3"', "label": 'String value="x"'})},
+    )
+    with read_ssp(path) as system:
+        assert system.components["g"].starts == {"k": 7.0, "n": 4, "label": "x"}
+        assert system.components["w"].starts == {"a": 2.5}
+        assert system.notes == []
+
+
+def test_one_parameter_set_can_be_chosen_by_name(toys: Any) -> None:
+    both = "<ssd:ParameterBindings>" + "".join(
+        f"<ssd:ParameterBinding><ssd:ParameterValues>{ssv({'k': k}, name)}</ssd:ParameterValues></ssd:ParameterBinding>"
+        for k, name in ((5.0, "cold"), (6.0, "warm"))
+    )
+    path = toys.ssp({"g": "gain"}, [], inside={"g": both + "</ssd:ParameterBindings>"})
+    for name, expected in (("cold", 5.0), ("warm", 6.0), (None, 6.0)):
+        with read_ssp(path, name) as system:
+            assert system.components["g"].starts["k"] == expected
+    with pytest.raises(ModelError, match="no parameter set named 'hot'; the system has 'cold', 'warm'"):
+        read_ssp(path, "hot")
+
+
+def test_values_are_converted_to_the_unit_of_the_variable(toys: Any) -> None:
+    inside = {"g": binding(ssv({"u": 25.0}, unit={"u": "mm"}))}
+    with read_ssp(toys.ssp({"g": "gain"}, [], inside=inside)) as system:
+        assert system.components["g"].starts["u"] == pytest.approx(0.025, rel=1e-15)
+    wrong = {"g": binding(ssv({"u": 25.0}, unit={"u": "s"}))}
+    with pytest.raises(ModelError, match=r"'u' = 25\.0 s: unit 's' cannot be converted to 'm'"):
+        read_ssp(toys.ssp({"g": "gain"}, [], inside=wrong))
+
+
+def test_a_value_for_nothing_is_noted_with_the_closest_name(toys: Any) -> None:
+    inside = {"g": binding(ssv({"lable": 'String value="x"'}))}
+    with read_ssp(toys.ssp(PAIR, ["w.y -> g.u"], inside=inside)) as system:
+        assert len(system.notes) == 1
+        assert "'lable' of the parameter set 'nominal' matches nothing in component 'g'" in system.notes[0]
+        assert "closest: 'label'" in system.notes[0]
+
+
+def test_system_inputs_and_parameters_take_values_by_their_names(toys: Any) -> None:
+    path = toys.ssp(
+        {"g": "gain", "h": "gain"},
+        ["level -> g.u", "level -> h.u", "factor -> g.k"],
+        kinds={"factor": "parameter", "g.k": "parameter"},
+        system_bindings=binding(ssv({"level": 2.0, "factor": 10.0})),
+    )
+    with Runner(path) as runner:
+        result = runner.run(1.0, 0.5)
+        assert (result["g.y"][-1], result["h.y"][-1]) == (20.0, 4.0)
+        result = runner.run(1.0, 0.5, parameters={"factor": 3.0, "level": 1.0})
+        assert (result["g.y"][-1], result["h.y"][-1]) == (3.0, 2.0)
+
+
+BAD_SYSTEMS: list[tuple[dict[str, str], list[str], dict[str, Any], str]] = [
+    (PAIR, ["w.y -> g.v"], {}, r"connector g\.v: resources/gain\.fmu has no such variable"),
+    (PAIR, ["w.y -> h.u"], {}, "there is no component 'h'"),
+    ({**PAIR, "v": "wave"}, ["w.y -> g.u", "v.y -> g.u"], {}, r"input g\.u has two sources, w\.y and v\.y"),
+    (PAIR, ["w.y -> g.u", "in -> g.u"], {}, r"two sources, w\.y and system input 'in'"),
+    (PAIR, ["w.y -> g.y"], {}, "joins kinds output and output"),
+    (PAIR, ["w.y -> g.u"], {"kinds": {"g.u": "output"}}, "is of kind output, but the FMU's variable is a input"),
+    (PAIR, ["w.y -> g.u"], {"units": {"g.u": "mm"}}, r"connector g\.u is in 'mm', but its variable in 'm'"),
+    (PAIR, ["in -> g.u"], {"units": {"in": "mm"}}, "units 'mm' and 'm' differ"),
+    (PAIR, ["w.y -> g.u", "g.y -> out", "w.y -> out"], {}, "two sources"),
+    ({"a.b": "gain"}, [], {}, "a dot in the name"),
+    (
+        PAIR, ["w.y -> g.u"],
+        {"connection_extra": {"w.y -> g.u": "<ssc:BooleanMappingTransformation><ssc:MapEntry source='true' target='false'/>"
+                                            "</ssc:BooleanMappingTransformation>"}},
+        "BooleanMappingTransformation is not supported",
+    ),
+    (
+        PAIR, ["w.y -> g.u"],
+        {"inside": {"g": "<ssd:ParameterBindings><ssd:ParameterBinding source='g.ssv'>"
+                         "<ssd:ParameterMapping source='g.ssm'/></ssd:ParameterBinding></ssd:ParameterBindings>"}},
+        r"\.ssm\) are not supported",
+    ),
+    (
+        PAIR, ["w.y -> g.u"],
+        {"inside": {"g": "<ssd:ParameterBindings><ssd:ParameterBinding source='https://x.example/g.ssv'/></ssd:ParameterBindings>"}},
+        "not inside the archive",
+    ),
+    (PAIR, [], {"inside": {"g": binding(ssv({"y": 1.0}))}}, "'y' is a continuous output and cannot be given"),
+    (PAIR, [], {"inside": {"g": binding(ssv({"n": 1.5}))}}, "'n' is of type Integer, but 1.5 is of type Real"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("components", "wires", "options", "message"), BAD_SYSTEMS)
+def test_bad_systems_are_refused_by_name(
+    toys: Any, components: Any, wires: Any, options: Any, message: str
+) -> None:
+    with pytest.raises(ModelError, match=message):
+        read_ssp(toys.ssp(components, wires, **options))
+
+
+def test_all_problems_are_named_at_once(toys: Any) -> None:
+    with pytest.raises(ModelError, match=r"(?s)h.*nosuch"):
+        read_ssp(toys.ssp(PAIR, ["w.y -> h.u", "w.nosuch -> g.u"]))
+
+
+def test_units_that_differ_in_name_only_agree_others_do_not(toys: Any) -> None:
+    # lag and gain declare m; wave declares no unit, which agrees with all
+    with read_ssp(
+        toys.ssp({"g": "gain", "l": "lag"}, ["g.y -> l.u"], units={"g.y": "m", "l.u": "m"})
+    ) as system:
+        assert len(system.wires) == 1
+
+
+def edited(toys: Any, old: str, new: str, tmp_path: Path) -> Path:
+    text = toy_fmus.ssd(PAIR, ["w.y -> g.u"])
+    assert old in text
+    fmus = {kind: toys.fmu(kind) for kind in ("wave", "gain")}
+    return toy_fmus.pack(tmp_path / "edited.ssp", text.replace(old, new), fmus)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name="g" ', 'name="w" ', "two components are named 'w'"),
+        ("<ssd:Elements>", "<ssd:Elements><ssd:System name='inner'/>", "'inner' is a System; only flat systems"),
+        ("resources/gain.fmu'", "resources/gain.fmu' type='application/x-ssp-package'", "only FMUs are supported"),
+        ("resources/gain.fmu'", "resources/lost.fmu'", r"no entry 'resources/lost\.fmu'"),
+        ("resources/gain.fmu'", "../gain.fmu'", "points outside the archive"),
+        ("resources/gain.fmu'", "file:///etc/gain.fmu'", "not inside the archive"),
+        ("resources/gain.fmu'", "resources/gain.fmu' implementation='ModelExchange'", "asks for model exchange"),
+        ('version="1.0" name', 'version="2.0" name', "version '2.0' is not supported"),
+        ("SystemStructureDescription\"", "SomethingElse\"", "no SSP 1.0 system"),
+        ("<ssd:Elements>", "<ssd:Elements", "not well-formed"),
+    ],
+)  # fmt: skip
+def test_bad_descriptions_are_refused(toys: Any, tmp_path: Path, old: str, new: str, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        read_ssp(edited(toys, old, new, tmp_path))
+
+
+def test_two_modules_of_one_name_and_other_content_in_one_system_are_refused(
+    toys: Any, build_toy: Any, tmp_path: Path
+) -> None:
+    other = build_toy("affine", tmp_path, name="toy_gain")
+    description = toy_fmus.ssd({"g": "gain", "o": "affine"}, ["g.y -> o.u"])
+    path = toy_fmus.pack(tmp_path / "clash.ssp", description, {"gain": toys.fmu("gain"), "affine": other})
+    with pytest.raises(ModelError, match="both bring a Python module 'toy_gain'"):
+        read_ssp(path)
+
+
+def test_ssv_files_are_read_with_units(tmp_path: Path) -> None:
+    file = tmp_path / "a.ssv"
+    file.write_text(ssv({"m.J": 900.0, "n": 'Integer value="3"'}, unit={"m.J": "kg.m2"}), encoding="utf-8")
+    values = {v.name: (v.value, v.unit) for v in read_ssv(file)}
+    assert values == {"m.J": (900.0, "kg.m2"), "n": (3, "")}
+    with pytest.raises(ModelError, match="cannot be read"):
+        read_ssv(tmp_path / "lost.ssv")
+    file.write_text(ssv({"a": 1.0}) + "<", encoding="utf-8")
+    with pytest.raises(ModelError, match="not well-formed"):
+        read_ssv(file)
+
+
+def test_an_fmu_alone_is_a_system_and_other_files_are_not(toys: Any, tmp_path: Path) -> None:
+    with read_system(toys.fmu("gain")) as system:
+        assert list(system.inputs) == ["u"]
+        assert system.outputs == {"y": Port("gain", "y")}
+    with pytest.raises(UsageError, match=r"neither an \.ssp nor an \.fmu"):
+        read_system(tmp_path / "x.zip")
