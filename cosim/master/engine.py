@@ -3,6 +3,7 @@
 import ctypes
 import signal
 import threading
+import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
@@ -29,6 +30,7 @@ class Engine:
         values: all numbers of a step (see `Plan`), shape (n_values,).
         table: what the system's inputs hand over in each step, shape (n, n_series).
         rows: recorded values, row k at time k, shape (n + 1, n_recorded).
+        wall_time: duration of the loop so far [s].
     """
 
     def __init__(self, plan: Plan, instances: Sequence[Instance], time: Array, table: Array) -> None:
@@ -48,6 +50,7 @@ class Engine:
         self.recorded = np.array(used, dtype=np.int64)
         self.rows = np.empty((len(time), len(used)))
         self.stop = np.zeros(1, dtype=np.int64)
+        self.wall_time = 0.0
         self._scale = np.zeros(plan.n_values)  # largest value met of each number, while loops are iterated
 
     # Initialisation: everything is of the same instant
@@ -129,6 +132,8 @@ class Engine:
             KeyboardInterrupt: Ctrl-C, after the step in progress.
         """
         step = self._compiled(h) if engine == "compiled" else self._interpreted(h)
+        step(first, first)  # loads the compiled code, which shall not count as time of the loop
+        begun = clock.perf_counter()
         with self._interruptible():
             k = first
             while k < last:
@@ -139,6 +144,7 @@ class Engine:
                     raise KeyboardInterrupt
                 if progress is not None:
                     progress(float(self.time[k] - self.time[0]))
+        self.wall_time += clock.perf_counter() - begun
 
     def _fail(self, k: int, c: int, call: int, status: int) -> None:
         instance = self.instances[c]

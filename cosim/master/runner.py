@@ -1,6 +1,5 @@
 """The master: loads a system once and simulates it as often as asked."""
 
-import time as clock
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -124,19 +123,15 @@ class Runner:
         table = np.where(np.array(plan.held, dtype=bool), sampled[:-1], sampled[1:])
         instances = [self._instances[name] for name in plan.order.names]
         loop = Engine(plan, instances, grid, table)
-        begun = clock.perf_counter()
         try:
             self._initialise(loop, settings, sampled[0])
-            begun = clock.perf_counter()
             loop.run(0, whole, step_size, engine, progress)
             if whole < len(grid) - 1:
                 loop.run(whole, whole + 1, float(grid[-1] - grid[-2]), engine, progress)
         finally:
             for instance in instances:
                 instance.terminate()
-        result = self._result(loop, sampled, step_size, notes, {str(p): v for p, v in settings.items()})
-        result.wall_time = clock.perf_counter() - begun
-        return result
+        return self._result(loop, sampled, step_size, notes, {str(p): v for p, v in settings.items()})
 
     def coupling_error(self, stop_time: float, step_size: float, **options: Any) -> Result:
         """Simulate with step_size, half and a quarter of it, and estimate the error that the step size causes.
@@ -161,7 +156,7 @@ class Runner:
                 # the runs cost 1, 2 and 4 sevenths of the whole
                 progress(((part - 1) * span + part * now) / 7.0)
 
-            shown = {"progress": advance} if progress is not None else {}
+            shown: dict[str, Any] = {"progress": advance} if progress is not None else {}
             runs.append(self.run(stop_time, step_size / part, **options, **shown))
         result = runs[0]
         result.errors = {
@@ -246,6 +241,7 @@ class Runner:
             messages=messages,
             step_size=step_size,
             parameters=parameters,
+            wall_time=loop.wall_time,
         )
 
     def _check_finite(self, loop: Engine, columns: Array) -> None:
