@@ -1,6 +1,6 @@
 """What a caller asks for, checked: the grid of communication points, start values, inputs as time series."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,6 +52,26 @@ def sample(name: str, series: Series, time: Array, held: bool) -> Array:
     if held:
         return values[np.searchsorted(stamps, time + slack, side="right") - 1]
     return np.interp(time, stamps, values)
+
+
+def sample_all(inputs: Mapping[str, Series], time: Array, held: Sequence[bool]) -> tuple[Array, Array]:
+    """All inputs at the communication points, and what they hand over in each step.
+
+    Args:
+        inputs: series by name.
+        time: communication points [s], shape (n + 1,).
+        held: for each input, whether its value at the START of a step counts, else that at its END.
+
+    Returns:
+        (values at `time`, shape (n + 1, inputs); values during each step, shape (n, inputs)).
+
+    Raises:
+        UsageError: as `sample`.
+    """
+    sampled = np.empty((len(time), len(inputs)))
+    for k, (name, series) in enumerate(inputs.items()):
+        sampled[:, k] = sample(name, series, time, held[k])
+    return sampled, np.where(np.array(held, dtype=bool), sampled[:-1], sampled[1:])
 
 
 def _checked(name: str, series: Sequence[ArrayLike] | tuple[ArrayLike, ArrayLike]) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cosim.errors import SimulationError, UsageError
 from cosim.master.convergence import estimate
 from cosim.master.engine import Engine, EngineName
-from cosim.master.inputs import Series, checked_value, sample, time_grid
+from cosim.master.inputs import Series, checked_value, sample_all, time_grid
 from cosim.master.instance import WARNING, Instance
 from cosim.master.plan import Plan, make_plan
 from cosim.results import DisplayUnit, Result
@@ -97,9 +97,8 @@ class Runner:
             stop_time: [s].
             step_size: communication step [s].
             parameters: start values by name, in the FMU's (SI) unit: ``component.variable``, or a connector of the system.
-            inputs: time series ``(times, values)`` or constants for inputs of the system or of a component
-                (``component.variable``; one that is connected follows the series instead). Held inputs are sampled at the
-                start of each step, the others at its end, linearly interpolated.
+            inputs: ``(times, values)`` or constants for inputs of the system or a component (in place of its connection).
+                Held ones are sampled at the start of each step, the others, linearly interpolated, at its end.
             hold: inputs that are held even if their FMU does not declare them discrete.
             record: signals to record; None for all Real outputs and driven inputs.
             start_time: [s].
@@ -117,10 +116,7 @@ class Runner:
         settings = self._settings(parameters or {})
         given = dict(inputs or {})
         plan = self._plan(tuple(given), tuple(sorted(hold)), None if record is None else tuple(record))
-        sampled = np.empty((len(grid), len(given)))
-        for k, (name, series) in enumerate(given.items()):
-            sampled[:, k] = sample(name, series, grid, plan.held[k])
-        table = np.where(np.array(plan.held, dtype=bool), sampled[:-1], sampled[1:])
+        sampled, table = sample_all(given, grid, plan.held)
         instances = [self._instances[name] for name in plan.order.names]
         loop = Engine(plan, instances, grid, table)
         try:

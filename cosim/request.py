@@ -1,0 +1,148 @@
+"""What a user asks of a simulation, in texts and files: model, parameters, inputs, times."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cosim.console import warn
+from cosim.errors import DataError, ModelError, UsageError
+from cosim.logs import load_log
+from cosim.logs.load import open_source
+from cosim.master.inputs import Series
+from cosim.paths import build_folder
+from cosim.signals import LOG_SIGNALS
+from cosim.ssp import System, read_ssv
+from cosim.ssp.build import SYSTEMS
+from cosim.ssp.fmu import parse_value
+from cosim.ssp.hints import did_you_mean
+from cosim.ssp.parameters import fitted
+from cosim.ssp.read import resolve, settable_names
+from cosim.units import factor, parse_quantity
+
+
+def model_path(model: str, with_input: bool = False) -> Path:
+    """The file of a model.
+
+    Args:
+        model: a file, or the name of one of our systems.
+        with_input: the system is to be driven from outside, so take the open package.
+
+    Raises:
+        UsageError: there is no such file or model.
+        ModelError: our systems are not built.
+    """
+    path = Path(model)
+    if model not in SYSTEMS:
+        if path.suffix.lower() in (".ssp", ".fmu"):
+            return path
+        raise UsageError(f"'{model}' is no model: give an .ssp or .fmu file, or one of {', '.join(SYSTEMS)}")
+    built = build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
+    if not built.is_file():
+        raise ModelError(
+            f"the model '{model}' is not built ('{built}' is missing): run `python build_fmus.py` first"
+        )
+    return built
+
+
+def parameters(system: System, files: list[Path], settings: list[str]) -> dict[str, Any]:
+    """Start values from .ssv files, then from ``name=value unit`` texts, in the units of the FMUs.
+
+    Raises:
+        UsageError: a text is malformed, or its name or unit unknown.
+        ModelError: a file is bad, or a value does not fit.
+    """
+    found: dict[str, Any] = {}
+    for file in files:
+        for value in read_ssv(file):
+            ports = resolve(system, value.name)
+            if not ports:
+                raise ModelError(
+                    f"{file}: there is no '{value.name}'{did_you_mean(value.name, settable_names(system))}"
+                )
+            for port in ports:
+                fmu = system.components[port.component].fmu
+                found[str(port)] = fitted(value, fmu.variables[port.variable], fmu, str(file))
+    for text in settings:
+        name, equals, value_text = (part.strip() for part in text.partition("="))
+        if not equals or not value_text:
+            raise UsageError(f"--set '{text}' should read name=value, such as mechanical.J=900 kg.m2")
+        ports = resolve(system, name)
+        if not ports:
+            raise UsageError(f"there is no '{name}' to set{did_you_mean(name, settable_names(system))}")
+        found[name] = _setting(name, value_text, system.variable(ports[0]))
+    return found
+
+
+def _setting(name: str, text: str, variable: Any) -> Any:
+
+    if variable.kind == "Real":
+        try:
+            return parse_quantity(text, variable.unit or "1")
+        except UsageError as error:
+            raise UsageError(f"--set {name}: {error}") from None
+    try:
+        return parse_value(variable.kind, text)
+    except ValueError:
+        raise UsageError(f"--set {name}: '{text}' is no {variable.kind}") from None
+
+
+def read_inputs(
+    file: Path, mapping: Path | None, system: System, step: float
+) -> tuple[Mapping[str, Series], float, float]:
+    """Time series for the system's inputs from a log, or from any table with ``name [unit]`` columns.
+
+    Returns:
+        (series by input in the input's unit, first time [s], last grid time within the data [s]).
+
+    Raises:
+        DataError: the file is bad.
+        UsageError: it has none of the system's inputs.
+    """
+    wanted = list(system.inputs)
+    if not wanted:
+        raise UsageError(
+            f"'{system.name}' has no inputs, so --input drives nothing: take its open package (*_open.ssp)"
+        )
+    if mapping is not None or set(wanted) <= set(LOG_SIGNALS):
+        log = load_log(file, mapping)
+        for warning in log.warnings:
+            warn(warning)
+        time, columns = log.time, {name: log[name] for name in wanted if name in log.signals}
+    else:
+        time, columns = _table(file, system)
+    if not columns:
+        raise UsageError(f"{file} has none of the inputs of '{system.name}': {', '.join(wanted)}")
+    first = float(time[0])
+    steps = int((float(time[-1]) - first) / step + 1e-6)
+    return {name: (time, values) for name, values in columns.items()}, first, first + steps * step
+
+
+def _table(file: Path, system: System) -> tuple[Any, dict[str, Any]]:
+    """Columns of a table that are inputs of the system, in their units."""
+    source = open_source(file)
+    units = {"time": "s"} | {item.name: item.unit or "1" for item in system.inputs.values()}
+    picked = {label.name: k for k, label in enumerate(source.labels) if label.name in units}
+    if "time" not in picked:
+        raise DataError(f"{file} has no column 'time [s]'")
+    data = dict(zip(picked, source.read(list(picked.values())), strict=True))
+    for name, k in picked.items():
+        unit = source.labels[k].unit
+        if unit is None:
+            raise DataError(f"{file}: the column '{name}' has no unit: head it '{name} [{units[name]}]'")
+        try:
+            data[name] = data[name] * factor(unit, units[name])
+        except UsageError as error:
+            raise DataError(f"{file}: column '{name}': {error}") from None
+    return data.pop("time"), data
+
+
+def seconds(text: str, option: str) -> float:
+    """A time [s] from an option such as ``--stop-time "200 ms"``.
+
+    Raises:
+        UsageError: it is no time; the message names the option.
+    """
+    try:
+        return parse_quantity(text, "s")
+    except UsageError as error:
+        raise UsageError(f"{option}: {error}") from None
