@@ -106,14 +106,11 @@ class Comparator:
         """Measured signals that the model makes."""
         return tuple(name for name in self.measured if not self.bindings[name].command)
 
-    def simulate(
-        self, parameters: Mapping[str, Value] | None = None, drive: tuple[str, ...] | None = None
-    ) -> dict[str, Array]:
-        """Run the system once.
+    def simulate(self, parameters: Mapping[str, Value] | None = None) -> dict[str, Array]:
+        """Run the system once, driven by the command alone.
 
         Args:
             parameters: ``component.variable`` -> start value (SI); start angles follow the log unless given here.
-            drive: measured signals to drive it by; by default the command.
 
         Returns:
             signal -> simulated values (n,) in the signal's SI unit.
@@ -122,7 +119,7 @@ class Comparator:
             UsageError: an unknown name.
             SimulationError: an FMU failed.
         """
-        return self._signals(self._run(parameters or {}, self.command if drive is None else drive))
+        return self._signals(self._run(parameters or {}, self.command))
 
     def run(self, parameters: Mapping[str, Value] | None = None) -> Comparison:
         """Compare: the whole driven by the command, then every block by what was measured.
@@ -136,23 +133,21 @@ class Comparator:
         """
         given = dict(parameters or {})
         notes = list(self.notes)
-        lacking = sorted({m for n in self.outputs for m in self._upstream(n, self.command).missing})
-        whole = self._run(given, self.command)
-        simulated = self._signals(whole)
-        signals = {
-            name: self._outcome(name, simulated[name], free_offset=False)
-            for name in self.outputs
-            if not self._upstream(name, self.command).missing
-        }
-        if lacking:
-            names = ", ".join(map(repr, lacking))
+        lacking = {name: self._upstream(name, self.command).missing for name in self.outputs}
+        possible = [name for name, missing in lacking.items() if not missing]
+        whole = self._run(given, self.command) if possible else {}
+        simulated = self._signals(whole) if possible else {}
+        signals = {name: self._outcome(name, simulated[name], free_offset=False) for name in possible}
+        if len(possible) < len(lacking):
+            names = ", ".join(sorted({repr(m) for missing in lacking.values() for m in missing}))
             notes.append(f"the log has no {names}: what follows from it cannot be simulated from the command")
-        cut = self._cut(whole, notes) if not lacking else self.measured
-        found, not_judged = groups(self.system, self.bindings, cut)
-        found = [group for group in found if set(group.signals) & set(self.outputs)]
+        cut = self._cut(whole, possible, notes)
+        found, not_judged = groups(self.system, self.bindings, self.measured, cut)
         single = self._signals(self._run(given, cut)) if found else {}
         for group in found:
-            for name, (before, behind) in separating(self.system, self.bindings, cut, group).items():
+            for name, (before, behind) in separating(
+                self.system, self.bindings, self.measured, group
+            ).items():
                 pair = f"{before.component} and {behind.component}"
                 notes.append(f"'{name}' is not measured, so {pair} are judged together")
         return Comparison(
@@ -260,12 +255,12 @@ class Comparator:
     def _signals(self, recorded: Mapping[Port, Array]) -> dict[str, Array]:
         return {name: _measured_value(self.bindings[name], recorded) for name in self.outputs}
 
-    def _cut(self, whole: Mapping[Port, Array], notes: list[str]) -> tuple[str, ...]:
+    def _cut(self, whole: Mapping[Port, Array], possible: list[str], notes: list[str]) -> tuple[str, ...]:
         """The signals to cut at: not where a block hands on something else than its sensors show."""
         kept = []
         for name in self.measured:
             binding = self.bindings[name]
-            if binding.port is not None and not binding.command:
+            if name in possible and binding.port is not None:
                 handed = whole[binding.port] / binding.gain
                 shown = _measured_value(binding, whole)
                 if np.max(np.abs(handed - shown)) > HANDED_ON * max(float(np.max(np.abs(shown))), 1e-300):

@@ -97,18 +97,17 @@ def score(
         max_error=float(abs(error[worst])),
         max_time=float(stamps[worst]),
         noise_floor=floor,
-        rmse_windows=windowed_rms(error, stamps) if drifts else None,
+        rmse_windows=rms(without_offsets(error, stamps)) if drifts else None,
         offset=offset,
         constant=bool(np.std(y) <= STAND_OUT * floor),
         samples=len(y),
     )
 
 
-def windowed_rms(error: Array, time: Array, window: float = WINDOW) -> float:
-    """Root mean square of an error (n,) whose mean is removed in each of the equal windows of about `window` s."""
+def without_offsets(error: Array, time: Array, window: float = WINDOW) -> Array:
+    """An error (n,) less its mean in each of the equal windows of about `window` s; `time` (n,) [s]."""
     count = max(1, round(float(time[-1] - time[0]) / window))
-    parts = [part - part.mean() for part in np.array_split(error, min(count, len(error)))]
-    return rms(np.concatenate(parts))
+    return np.concatenate([part - part.mean() for part in np.array_split(error, min(count, len(error)))])
 
 
 def noise_floor(values: Array, step: float) -> float:

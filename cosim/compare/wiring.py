@@ -97,7 +97,7 @@ def upstream(
 
 
 def groups(
-    system: System, bindings: Mapping[str, Binding], measured: Iterable[str]
+    system: System, bindings: Mapping[str, Binding], measured: Iterable[str], cut: Iterable[str]
 ) -> tuple[list[Group], list[NotJudged]]:
     """Cut the model at its measured signals.
 
@@ -105,18 +105,19 @@ def groups(
         system: the model.
         bindings: of all signals that the system has.
         measured: those that the log holds.
+        cut: those of them at which the model is cut.
 
     Returns:
         The groups that can be judged, and the blocks that cannot.
     """
-    names = set(measured)
+    names, stops = set(measured), set(cut)
     found: dict[tuple[str, ...], list[str]] = {}
     ways: dict[tuple[str, ...], Upstream] = {}
     blocked: dict[tuple[str, ...], Upstream] = {}
     for name, binding in bindings.items():
         if binding.command:
             continue
-        way = upstream(system, binding, bindings, names)
+        way = upstream(system, binding, bindings, stops)
         if name in names and not way.missing:
             found.setdefault(way.components, []).append(name)
             ways[way.components] = way
