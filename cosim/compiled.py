@@ -5,6 +5,7 @@ parameter of one block runs again only that block and those behind it. Compiled 
 """
 
 import importlib.util
+import inspect
 import os
 import sys
 from collections.abc import Mapping
@@ -36,13 +37,32 @@ def run(x, m, p, c, inputs, outputs):
 '''
 
 
+OVER = '''
+@njit(cache=True, nogil=True)
+def over_{slot}(values, m, p):
+    """The slot {slot} applied to each value of a row."""
+    result = np.empty_like(values)
+    for k in range(values.size):
+        result[k] = {slot}(values[k], m, p)
+    return result
+'''
+
+
 def compiled_text(composed: Composed) -> str:
-    """The composed text with numba's decorators and the loop over a log."""
-    text = composed.source.replace("import math\n", "import math\nfrom numba import njit\n", 1)
+    """The composed text with numba's decorators, the loop over a log, and one over a row for each slot that maps a value."""
+    text = composed.source.replace(
+        "import math\n", "import math\nimport numpy as np\nfrom numba import njit\n", 1
+    )
     text = text.replace("\ndef ", "\n@njit(cache=True, nogil=True)\ndef ")
     columns = ", ".join(f"inputs[{i}, k]" for i in range(len(composed.block.inputs)))
     stores = "\n".join(f"        outputs[{i}, k] = y[{i}]" for i in range(len(composed.block.outputs)))
-    return text + RUN.format(columns=columns, stores=stores)
+    maps = [
+        f.__name__
+        for f in composed.block.equations
+        if list(inspect.signature(f).parameters)[1:] == ["m", "p"]
+    ]
+    loops = "".join(OVER.format(slot=name) for name in maps if name in composed.block.slots)
+    return text + RUN.format(columns=columns, stores=stores) + loops
 
 
 def cache_folder() -> Path:
@@ -138,5 +158,3 @@ def compiled_block(name: str, component: str | None = None, extra: tuple[Effect,
     """Block `name` with every effect of the library that acts on `component`, compiled once a process."""
     effects = registry.effects_on(component or name)
     return CompiledBlock(compose(registry.block(name), (*effects, *extra)))
-
-

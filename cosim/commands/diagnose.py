@@ -1,0 +1,82 @@
+"""``cosim diagnose``: names what the simulation gets wrong in a log, extends the model and measures the gain."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    app.command()(diagnose)
+
+
+def diagnose(
+    log: Annotated[Path, typer.Argument(help="Measured data: CSV, .mat or Parquet.")],
+    model: Annotated[str, typer.Option(help="full_order or simplified.")] = "full_order",
+    mapping: Annotated[Path | None, typer.Option(help="TOML that names the columns.")] = None,
+    tolerance: Annotated[
+        float, typer.Option(help="Trust in the nominal parameters: one standard deviation, relative.")
+    ] = 0.01,
+    out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
+    from cosim.console import emit_json, stderr_console
+    from cosim.diagnosis.answer import answer
+    from cosim.diagnosis.experiment import proposal_for, write_command
+    from cosim.diagnosis.groups import MODELS
+    from cosim.diagnosis.story import diagnose as run
+    from cosim.logs import load_log
+
+    loaded = load_log(log, mapping)
+    for warning in loaded.warnings:
+        stderr_console().print(f"warning: {warning}", markup=False)
+    with stderr_console().status("diagnosis") as status:
+        found = run(
+            loaded, model=model, tolerance=tolerance, folder=out, report=lambda text: status.update(text)
+        )
+        proposal = proposal_for(MODELS[model], found.findings, found.causes, found.start, found.values)
+        if proposal is not None:
+            proposal = write_command(proposal, out)
+    result = answer(found, loaded, proposal)
+    (out / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
+    if as_json:
+        emit_json(result.model_dump())
+    else:
+        show(result, out)
+
+
+def show(result: object, out: Path) -> None:
+    """Print the answer for people."""
+    from cosim.console import stdout_console, table
+    from cosim.diagnosis.answer import Answer
+
+    assert isinstance(result, Answer)
+    kind = "synthetic log" if result.synthetic else "measured log"
+    stdout_console().print(f"verdict: {result.verdict} ({kind}, model {result.model})")
+    for cause in result.causes:
+        numbers = ", ".join(
+            f"{n} = {p.value:.4g} {p.unit} ({p.ci95[0]:.4g} to {p.ci95[1]:.4g})"
+            for n, p in cause.parameters.items()
+        )
+        stdout_console().print(f"cause: {cause.effect}: {numbers}", markup=False)
+        if cause.indistinguishable_from:
+            stdout_console().print(
+                f"  cannot be told from: {', '.join(cause.indistinguishable_from)}", markup=False
+            )
+    for rest in result.unexplained:
+        stdout_console().print(f"unexplained in {rest.block}: {rest.what}", markup=False)
+    rows = [
+        (s, f"{g.rmse_before:.4g}", f"{g.rmse_after:.4g}", f"{g.noise_floor:.4g}", g.unit)
+        for s, g in result.gain.items()
+    ]
+    stdout_console().print(
+        table("Held-out error, before and after", ["signal", "before", "after", "noise", "unit"], rows)
+    )
+    if result.next_experiment:
+        stdout_console().print(
+            f"next experiment: {result.next_experiment.why}: {result.next_experiment.excitation}",
+            markup=False,
+        )
+    stdout_console().print(f"written to {out}", markup=False)

@@ -1,0 +1,1 @@
+"""Names what a simulation gets wrong, from a log."""

@@ -1,0 +1,309 @@
+"""The diagnosis as JSON (CONTRACT section 4), in the units people read; its schema is published as docs/diagnosis.schema.json."""
+
+from importlib.metadata import version
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from cosim.diagnosis.experiment import Proposal
+from cosim.diagnosis.naming import declared
+from cosim.diagnosis.story import Diagnosis
+from cosim.diagnosis.verdict import Cause, names_of
+from cosim.logs import Log
+from cosim.packages import project_version
+from cosim.signals import SIGNALS
+from cosim.units import factor
+from fmus import registry
+
+
+class Model(BaseModel):
+    """Base of all parts: nothing that is not declared."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Signal(Model):
+    """Error of the nominal model, driven by the command alone."""
+
+    rmse: float
+    fit_percent: float
+    unit: str
+    noise_floor: float
+
+
+class Location(Model):
+    """One block driven by what was measured: its residual and what of it is systematic."""
+
+    block: str
+    signal: str
+    share: float
+    residual_rms: float
+    noise_floor: float
+    unit: str
+
+
+class Parameter(Model):
+    """An estimate with its 95 % interval."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+class Rival(Model):
+    """Another effect, and why it is not the cause."""
+
+    effect: str
+    why_not: str
+
+
+class NamedCause(Model):
+    """A named cause."""
+
+    effect: str
+    block: str
+    parameters: dict[str, Parameter]
+    evidence: dict[str, float]
+    rivals: list[Rival]
+    indistinguishable_from: list[str]
+
+
+class Packages(Model):
+    """Files of the extended model."""
+
+    ssp: str
+    ssv: str
+
+
+class SignalGain(Model):
+    """Error on held-out windows, before and after the extension."""
+
+    rmse_before: float
+    rmse_after: float
+    unit: str
+    noise_floor: float
+    fit_percent_before: float
+    fit_percent_after: float
+    ci95_of_ratio: tuple[float, float]
+
+
+class Unexplained(Model):
+    """Something systematic that no effect of the library explains."""
+
+    block: str
+    what: str
+    residual_rms: float
+    unit: str
+
+
+class NextExperiment(Model):
+    """What to measure next, and why."""
+
+    why: str
+    excitation: dict[str, float | str | list[float]]
+    predicted_gain: float
+    file: str | None = None
+
+
+class Answer(Model):
+    """The whole diagnosis."""
+
+    verdict: Literal["adequate", "explained", "partly_explained", "unexplained"]
+    synthetic: bool
+    model: str
+    signals: dict[str, Signal]
+    localisation: list[Location]
+    causes: list[NamedCause]
+    extended: Packages | None
+    gain: dict[str, SignalGain]
+    unexplained: list[Unexplained]
+    next_experiment: NextExperiment | None
+    not_exercised: list[str]
+    not_judged: dict[str, str]
+    nominal: dict[str, Parameter]
+    warnings: list[str]
+    made: dict[str, str]
+
+
+def shown(signal: str) -> tuple[str, float]:
+    """Display unit of a signal and the factor from SI to it."""
+    unit = SIGNALS[signal].unit if signal in SIGNALS else "1"
+    source = SIGNALS[signal].si if signal in SIGNALS else "1"
+    return unit, factor(source, unit)
+
+
+def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file: str = "") -> Answer:
+    """The diagnosis in the contract's form."""
+    return Answer(
+        verdict=diagnosis.verdict,  # type: ignore[arg-type]
+        synthetic=log.synthetic,
+        model=diagnosis.model,
+        signals=signals(diagnosis),
+        localisation=localisation(diagnosis),
+        causes=[named(diagnosis, cause) for cause in diagnosis.causes],
+        extended=packages(diagnosis),
+        gain=gains(diagnosis),
+        unexplained=unexplained(diagnosis),
+        next_experiment=next_experiment(proposal),
+        not_exercised=diagnosis.never,
+        not_judged={g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()},
+        nominal=nominal(diagnosis),
+        warnings=list(log.warnings),
+        made={
+            "cosim": project_version(),
+            "numpy": version("numpy"),
+            "scipy": version("scipy"),
+            "log": log.name,
+            "log_sha256": log.sha256,
+        },
+    )
+
+
+def signals(diagnosis: Diagnosis) -> dict[str, Signal]:
+    """Errors of the nominal model's FMUs over the whole log."""
+    found = {}
+    for signal, simulated in diagnosis.before.items():
+        if signal not in diagnosis.record.signals:
+            continue
+        measured = diagnosis.record.signals[signal]
+        unit, scale = shown(signal)
+        error = measured - simulated
+        spread = float(((measured - measured.mean()) ** 2).mean() ** 0.5)
+        rmse = float((error**2).mean() ** 0.5)
+        fit = 100.0 * (1.0 - rmse / spread) if spread > 0.0 else 0.0
+        noise = diagnosis.noise.get(signal, 0.0) * scale
+        found[signal] = Signal(rmse=rmse * scale, fit_percent=fit, unit=unit, noise_floor=noise)
+    return found
+
+
+def localisation(diagnosis: Diagnosis) -> list[Location]:
+    """Blocks by how much of their residual is systematic, in units of their noise; shares add up to one."""
+    rows = []
+    for name, finding in diagnosis.findings.items():
+        for signal, left in finding.before.items():
+            rule = finding.task.rules[signal]
+            penalty = max(0.0, finding.chosen.fit.log_likelihood - finding.null.fit.log_likelihood)
+            weight = max(0.0, left.gain if left.p_value < 1e-6 else 0.0) + (
+                penalty if finding.chosen.effects else 0.0
+            )
+            rows.append((name, signal, weight, float((left.rms**2 + rule.rms**2) ** 0.5), rule.rms))
+    total = sum(row[2] for row in rows)
+    found = []
+    for name, signal, weight, residual, noise in sorted(rows, key=lambda row: -row[2]):
+        unit, scale = shown(signal)
+        share = weight / total if total > 0.0 else 0.0
+        found.append(
+            Location(
+                block=name,
+                signal=signal,
+                share=share,
+                residual_rms=residual * scale,
+                noise_floor=noise * scale,
+                unit=unit,
+            )
+        )
+    return found
+
+
+def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
+    """One cause with its parameters, evidence and rivals."""
+    parameters = {}
+    for parameter, name in names_of(cause.effect).items():
+        variable = declared(cause.effect, parameter)
+        value, deviation = cause.parameters[parameter]
+        value = diagnosis.values.get(name, value)
+        deviation = max(deviation, diagnosis.deviations.get(name, 0.0))
+        unit = variable.display or variable.unit
+        scale = factor(variable.unit, unit)
+        bounds = (
+            max(variable.low, value - 1.96 * deviation) * scale,
+            min(variable.high, value + 1.96 * deviation) * scale,
+        )
+        parameters[parameter] = Parameter(value=value * scale, unit=unit, ci95=bounds)
+    rivals = [
+        Rival(effect=e.name, why_not=reason(behind, e.name in cause.alike)) for e, behind in cause.rivals[:8]
+    ]
+    evidence = {"log_likelihood_gain": cause.gain, "held_out_gain": cause.held_out}
+    return NamedCause(
+        effect=cause.effect.name,
+        block=cause.effect.block,
+        parameters=parameters,
+        evidence=evidence,
+        rivals=rivals,
+        indistinguishable_from=cause.alike,
+    )
+
+
+def reason(behind: float, alike: bool) -> str:
+    """Words for how far a rival lies behind."""
+    if alike:
+        return f"only {behind:.1f} in log-likelihood behind: this log cannot tell the two apart"
+    return f"explains the log worse by {behind:.0f} in log-likelihood (less the price of its parameters)"
+
+
+def packages(diagnosis: Diagnosis) -> Packages | None:
+    """Paths of the extended package and its parameter set."""
+    if "closed" not in diagnosis.packages:
+        return None
+    return Packages(
+        ssp=str(diagnosis.packages["closed"]),
+        ssv=str(diagnosis.packages.get("ssv", diagnosis.packages["closed"])),
+    )
+
+
+def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:
+    """Held-out errors in display units."""
+    found = {}
+    for signal, gain in diagnosis.gains.items():
+        unit, scale = shown(signal)
+        found[signal] = SignalGain(
+            rmse_before=gain.before * scale,
+            rmse_after=gain.after * scale,
+            unit=unit,
+            noise_floor=diagnosis.noise.get(signal, 0.0) * scale,
+            fit_percent_before=gain.fit_before,
+            fit_percent_after=gain.fit_after,
+            ci95_of_ratio=gain.ratio_ci95,
+        )
+    return found
+
+
+def unexplained(diagnosis: Diagnosis) -> list[Unexplained]:
+    """What stays unexplained, in display units."""
+    found = []
+    for rest in diagnosis.rests:
+        unit, scale = shown(rest.signal)
+        found.append(
+            Unexplained(block=rest.block, what=rest.what, residual_rms=rest.leftover.rms * scale, unit=unit)
+        )
+    return found
+
+
+def nominal(diagnosis: Diagnosis) -> dict[str, Parameter]:
+    """The trusted parameters as estimated together with the causes."""
+    freed = {n for c in diagnosis.causes for n in names_of(c.effect).values()}
+    found = {}
+    for name, value in diagnosis.values.items():
+        component, _, parameter = name.partition(".")
+        if name in freed:
+            continue
+        variable = registry.block(registry.FMU_OF_COMPONENT.get(component, component)).parameters[parameter]
+        unit = variable.display or variable.unit
+        scale = factor(variable.unit, unit)
+        spread = 1.96 * diagnosis.deviations.get(name, 0.0)
+        found[name] = Parameter(
+            value=value * scale, unit=unit, ci95=((value - spread) * scale, (value + spread) * scale)
+        )
+    return found
+
+
+def next_experiment(proposal: Proposal | None) -> NextExperiment | None:
+    """The proposed experiment, if one would help."""
+    if proposal is None:
+        return None
+    return NextExperiment(
+        why=proposal.why,
+        excitation=proposal.excitation,
+        predicted_gain=proposal.predicted_gain,
+        file=str(proposal.file) if proposal.file else None,
+    )

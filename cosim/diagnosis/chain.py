@@ -1,0 +1,88 @@
+"""Handing on what was found upstream: a group is driven by what the blocks before it are known to deliver.
+
+A measured pressure carries noise that the mechanics integrate into a drift. Where the blocks before a group are
+understood, their simulated output drives it instead, and what is not known exactly of them (the covariance of their
+estimates) counts as noise in the group behind.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.fit import Fit, Task
+from cosim.diagnosis.groups import Group, GroupModel
+from cosim.diagnosis.noise import plain
+
+Array = NDArray[np.float64]
+
+BIN = 0.01  # s averaged into one value: the drive has no news above some 10 Hz
+WINDOW = 5.0  # s of a window with an initial offset of its own
+REST = 0.05  # s at the start whose mean gives the start angle
+
+
+@dataclass
+class Known:
+    """A group that is understood: its model and what was estimated."""
+
+    model: GroupModel
+    fit: Fit
+
+
+def fixed_values(record: Record, group: Group) -> dict[str, float]:
+    """What the log itself fixes: the angle at which it starts."""
+    if "slew" not in record.signals or "slew" not in group.observed:
+        return {}
+    component = group.stages[-2][0]
+    return {f"{component}.theta_0": float(np.mean(record.signals["slew"][: max(1, round(REST / record.h))]))}
+
+
+def directions(fit: Fit) -> list[dict[str, float]]:
+    """Values of the estimates one standard deviation along each principal direction of their uncertainty."""
+    names = list(fit.values)
+    if not names:
+        return []
+    sizes = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
+    values, vectors = np.linalg.eigh(fit.covariance / np.outer(sizes, sizes))
+    moves = (vectors * np.sqrt(np.maximum(values, 0.0))).T * sizes
+    return [{n: fit.values[n] + m for n, m in zip(names, move.tolist(), strict=True)} for move in moves]
+
+
+def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
+    """Drive of the next group from the groups before it, in order; and the drive one standard deviation along each doubt."""
+
+    def run(values: list[dict[str, float]]) -> Array:
+        signal = record.signals[known[0].model.group.drive]
+        for item, estimate in zip(known, values, strict=True):
+            model = GroupModel(item.model.group, signal, record.h, item.model.fixed)
+            signal = model.simulate(estimate)[item.model.group.observed[0]]
+        return signal
+
+    best = [item.fit.values for item in known]
+    moved = []
+    for i, item in enumerate(known):
+        moved += [run([*best[:i], values, *best[i + 1 :]]) for values in directions(item.fit)]
+    return run(best), moved
+
+
+def task_for(group: Group, record: Record, known: list[Known]) -> Task:
+    """The task of one group, driven by what `known` groups deliver, or by its measured drive if there are none."""
+    fixed = fixed_values(record, group)
+    drive, moved = delivered(known, record) if known else (record.signals[group.drive], [])
+    model = GroupModel(group, drive, record.h, fixed)
+    observed = [s for s in group.observed if s in record.signals]
+    bins = max(1, round(BIN / record.h))
+    window = round(WINDOW / (bins * record.h))
+    # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
+    rules = {s: plain(bins, window, group.name != "dcv") for s in observed}
+    task = Task(model, {s: record.signals[s] for s in observed}, rules)
+    if moved:
+        base = model.simulate({})
+        doubt: dict[str, list[Array]] = {s: [] for s in observed}
+        for signal in moved:
+            other = GroupModel(group, signal, record.h, fixed).simulate({})
+            for s in observed:
+                doubt[s].append(other[s] - base[s])
+        task.doubt = {s: np.stack(rows) for s, rows in doubt.items()}
+    return task

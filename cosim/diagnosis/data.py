@@ -1,0 +1,101 @@
+"""A log made ready for the diagnosis: uniform in time, SI, with the signals it has, and the drives and free functions of each group."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from cosim.diagnosis.freeform import Basis, families
+from cosim.diagnosis.groups import Group
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Record:
+    """Uniformly sampled signals.
+
+    Attributes:
+        h: sample interval, s.
+        signals: name -> (n,) SI, with ``p_load`` where both ports were measured.
+    """
+
+    h: float
+    signals: dict[str, Array] = field(repr=False)
+
+    @property
+    def time(self) -> Array:
+        """(n,) s, from zero."""
+        n = len(next(iter(self.signals.values())))
+        return np.arange(n) * self.h
+
+    def has(self, *names: str) -> bool:
+        """True if all of these were measured."""
+        return all(name in self.signals for name in names)
+
+    def smooth(self, name: str, cutoff: float = 5.0) -> Array:
+        """A signal without what lies above `cutoff` Hz, no phase shift."""
+        sections = butter(2, min(cutoff * 2.0 * self.h, 0.9), output="sos")
+        return np.asarray(sosfiltfilt(sections, self.signals[name]))
+
+    def rate(self, name: str, cutoff: float = 5.0) -> Array:
+        """Time derivative of a signal, smoothed."""
+        return np.asarray(np.gradient(self.smooth(name, cutoff), self.h))
+
+
+def free_bases(record: Record, group: Group, values: dict[str, float], predicted: dict[str, Array]) -> dict[str, list[Basis]]:  # fmt: skip
+    """The free functions for each observed signal of a group.
+
+    They depend on what drives the group and on what the model predicts, never on the signal that is judged: that would
+    explain its own noise.
+
+    Args:
+        record: the measured signals.
+        group: the group.
+        values: ``component.parameter`` -> SI, for its linear part.
+        predicted: observed signal -> (n,) what the fitted model predicts, SI.
+    """
+    h, time = record.h, record.time
+    if group.name == "dcv":
+        w0, zeta, K = values["dcv.w0"], values["dcv.zeta"], values["dcv.K"]
+        transfer = ([K * w0 * w0], [1.0, 2.0 * zeta * w0, w0 * w0])
+        spool = predicted["spool"]
+        drivers = {
+            "u": record.signals["u"],
+            "spool": spool,
+            "spool_rate": np.gradient(spool, h),
+            "time": time,
+        }
+        return {"spool": families(drivers, transfer, h, "demand", "1")}
+    if group.name == "continuity":
+        K_c, T = values["continuity.K_c"], values["continuity.T"]
+        spool = record.smooth("spool", 20.0)
+        drivers = {
+            "spool": spool,
+            "spool_rate": record.rate("spool", 10.0),
+            "p_load": predicted["p_load"],
+            "time": time,
+        }
+        if record.has("slew"):
+            drivers["slew"] = record.smooth("slew")
+        found = {"p_load": families(drivers, ([K_c], [T, 1.0]), h, "opening", "m")}
+        if "p_supply" in predicted:
+            flow = {"abs(spool)": np.abs(spool), "time": time}
+            found["p_supply"] = families(flow, None, h, "supply", "Pa") + families(flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa")  # fmt: skip
+        return found
+    slew = predicted["slew"]
+    rate = np.gradient(slew, h)
+    drivers = {"omega": rate, "theta": slew, "time": time}
+    if "p_load" in record.signals:
+        drivers["p_load"] = record.smooth("p_load")
+    elif "u" in record.signals:
+        drivers["u"] = record.signals["u"]
+    if group.name == "simplified":
+        transfer = ([values["simplified.k"]], [1.0, values["simplified.a"], 0.0])
+        what, unit = "demand", "1"
+    else:
+        transfer = ([1.0], [values["mechanical.J"], values["mechanical.b"], 0.0])
+        what, unit = "torque", "N.m"
+    direct = {"omega": rate, "time": time}
+    return {"slew": families(drivers, transfer, h, what, unit) + families(direct, None, h, "reading", "rad")}

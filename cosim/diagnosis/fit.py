@@ -1,0 +1,201 @@
+"""Fitting a group's parameters to its measured signals under priors."""
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from cosim.diagnosis.groups import GroupModel
+from cosim.diagnosis.noise import Whitener
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A parameter to estimate.
+
+    Attributes:
+        name: ``component.parameter``.
+        start: where the search begins, SI.
+        scale: size of a typical change, SI.
+        low, high: bounds, SI.
+        prior: (mean, standard deviation) of what is known beforehand, or None.
+    """
+
+    name: str
+    start: float
+    scale: float
+    low: float
+    high: float
+    prior: tuple[float, float] | None = None
+
+
+@dataclass
+class Fit:
+    """What a fit found.
+
+    Attributes:
+        values: ``component.parameter`` -> estimate, SI.
+        deviations: standard deviation of each, SI.
+        log_likelihood: of residuals and priors, up to a constant that all fits to the same data share.
+        count: number of independent residuals.
+        residuals: signal -> (n,) measured minus predicted, SI.
+        covariance: of the estimates, in the order of `values`.
+        at_bound: names of the estimates that ended on a bound.
+    """
+
+    values: dict[str, float]
+    deviations: dict[str, float]
+    log_likelihood: float
+    count: int
+    residuals: dict[str, Array] = field(repr=False)
+    covariance: Array = field(repr=False)
+    at_bound: tuple[str, ...] = ()
+
+
+@dataclass
+class Task:
+    """Data, model and noise of one group.
+
+    Attributes:
+        model: the group over the log.
+        measured: signal -> (n,) SI.
+        rules: signal -> whitening rule.
+        doubt: signal -> (k, n) changes of the prediction by one standard deviation of what blocks before this group are
+            not known exactly; it counts as noise.
+        mask: (windows,) windows that count, or None for all.
+    """
+
+    model: GroupModel
+    measured: Mapping[str, Array]
+    rules: dict[str, Whitener]
+    doubt: Mapping[str, Array] = field(default_factory=dict)
+    mask: NDArray[np.bool_] | None = None
+    shrink: tuple[Array, Array] | None = field(default=None, repr=False)
+
+    def set_rules(self, rules: dict[str, Whitener]) -> None:
+        """Take over whitening rules, and prepare how doubt shrinks what lies along it."""
+        self.rules = rules
+        self.shrink = None
+        if self.doubt:
+            columns = np.stack([self.rows(dict(zip(self.doubt, row, strict=True))) for row in zip(*self.doubt.values(), strict=True)], axis=1)  # fmt: skip
+            left, values, _ = np.linalg.svd(columns, full_matrices=False)
+            self.shrink = (left, 1.0 - 1.0 / np.sqrt(1.0 + values**2))
+
+    def residuals(self, values: dict[str, float]) -> dict[str, Array]:
+        """Measured minus predicted, signal by signal, SI."""
+        predicted = self.model.simulate(values)
+        return {name: measured - predicted[name] for name, measured in self.measured.items()}
+
+    def rows(self, residuals: Mapping[str, Array]) -> Array:
+        """All signals' residuals, independent and of unit size but for doubt, in one row."""
+        parts = []
+        for name, rule in self.rules.items():
+            rows = rule(residuals[name])
+            parts.append((rows if self.mask is None else rows[self.mask]).ravel())
+        return np.concatenate(parts)
+
+    def white(self, residuals: Mapping[str, Array]) -> Array:
+        """All signals' residuals, independent and of unit size, in one row."""
+        row = self.rows(residuals)
+        if self.shrink is not None:
+            left, share = self.shrink
+            row = row - left @ (share * (left.T @ row))
+        return row
+
+
+def fit(
+    task: Task, unknowns: list[Unknown], fixed: Mapping[str, float] | None = None, rounds: int = 12
+) -> Fit:
+    """Maximum a posteriori estimate from the unknowns' starts, with intervals from the curvature.
+
+    Args:
+        task: data, model and noise.
+        unknowns: what to estimate.
+        fixed: other parameters that differ from nominal, SI.
+        rounds: iterations at most.
+    """
+    base = dict(fixed or {})
+    names = [u.name for u in unknowns]
+    scales = np.array([u.scale for u in unknowns])
+    low = np.array([u.low for u in unknowns]) / scales
+    high = np.array([u.high for u in unknowns]) / scales
+    priors = [(i, u.prior) for i, u in enumerate(unknowns) if u.prior is not None]
+
+    def values(z: Array) -> dict[str, float]:
+        return base | dict(zip(names, (z * scales).tolist(), strict=True))
+
+    def cost(z: Array) -> Array:
+        white = task.white(task.residuals(values(z)))
+        extra = [(z[i] * scales[i] - mean) / deviation for i, (mean, deviation) in priors]
+        return np.concatenate([white, extra])
+
+    def slopes(z: Array) -> Array:
+        return jacobian(cost, z, low, high)
+
+    z0 = np.clip(np.array([u.start for u in unknowns]) / scales, low, high)
+    if not unknowns:
+        residual = cost(z0)
+        return Fit(
+            {}, {}, -0.5 * float(residual @ residual), residual.size, task.residuals(base), np.empty((0, 0))
+        )
+    inner = np.clip(z0, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
+    found = least_squares(cost, inner, slopes, bounds=(low, high), method="trf", max_nfev=rounds, xtol=1e-7, ftol=1e-9, gtol=1e-12)  # fmt: skip
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * np.outer(scales, scales)
+    estimate = values(found.x)
+    deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    bound = tuple(
+        n for n, z, a, b in zip(names, found.x, low, high, strict=True) if z - a < 1e-4 or b - z < 1e-4
+    )
+    return Fit(
+        {n: estimate[n] for n in names},
+        deviations,
+        -float(found.cost),
+        int(found.fun.size - len(priors)),
+        task.residuals(estimate),
+        covariance,
+        bound,
+    )
+
+
+def jacobian(cost: Callable[[Array], Array], z: Array, low: Array, high: Array, step: float = 2e-3) -> Array:
+    """Central differences in units of each unknown's scale, one-sided at a bound.
+
+    The step is a fraction of a typical change, not of rounding: friction and play make the cost jagged at small scale.
+    """
+    columns = []
+    for i in range(z.size):
+        up, down = z.copy(), z.copy()
+        up[i] = min(z[i] + step, high[i])
+        down[i] = max(z[i] - step, low[i])
+        columns.append((cost(up) - cost(down)) / (up[i] - down[i]))
+    return np.stack(columns, axis=1)
+
+
+def fit_from_starts(
+    task: Task,
+    unknowns: list[Unknown],
+    starts: Mapping[str, tuple[float, ...]],
+    keep: int = 2,
+    rounds: int = 12,
+) -> Fit:
+    """Best of the fits that begin at the `keep` most promising combinations of the starts."""
+    listed = [starts.get(u.name, (u.start,)) for u in unknowns]
+    trials = []
+    for combination in itertools.product(*listed):
+        values = {u.name: float(v) for u, v in zip(unknowns, combination, strict=True)}
+        white = task.white(task.residuals(values))
+        trials.append((float(white @ white), values))
+    trials.sort(key=lambda trial: trial[0])
+    best: Fit | None = None
+    for _, values in trials[:keep]:
+        placed = [Unknown(u.name, values[u.name], u.scale, u.low, u.high, u.prior) for u in unknowns]
+        found = fit(task, placed, rounds=rounds)
+        if best is None or found.log_likelihood > best.log_likelihood:
+            best = found
+    assert best is not None
+    return best

@@ -1,0 +1,137 @@
+"""What is left of a residual when nothing in particular is assumed: a smooth missing demand, opening, torque or reading.
+
+The missing quantity is a sum of hat functions of each signal it might depend on (command, position, speed, pressure,
+angle, time), passed through the linear part of the group. It serves three ends: an estimate of the noise that model
+errors do not inflate, a test whether anything systematic is left, and a picture of what is missing.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter
+from scipy.stats import f as f_distribution
+
+from cosim.diagnosis.noise import Whitener
+
+Array = NDArray[np.float64]
+
+KNOTS = 9
+
+
+@dataclass(frozen=True)
+class Basis:
+    """One family of free functions: of which signal, acting where.
+
+    Attributes:
+        of: the signal that the missing quantity would depend on.
+        what: the missing quantity ("torque", "reading", ...), with `unit`.
+        knots: (k,) where the hats stand, in the signal's unit.
+        columns: (k, n) their response in the observed signal.
+    """
+
+    of: str
+    what: str
+    unit: str
+    knots: Array
+    columns: Array
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What free functions explain of a residual.
+
+    Attributes:
+        p_value: probability of explaining this much by chance.
+        gain: log-likelihood gained beyond what chance would give.
+        rms: size of the explained part, in the observed signal's unit.
+        explained: (n,) the explained part.
+        by_signal: "what(of)" -> log-likelihood that this family alone gains beyond chance, largest first.
+        curves: "what(of)" -> (knots, missing quantity) of that family alone.
+    """
+
+    p_value: float
+    gain: float
+    rms: float
+    explained: Array
+    by_signal: dict[str, float]
+    curves: dict[str, tuple[Array, Array]]
+
+
+def hats(signal: Array, knots: int = KNOTS) -> tuple[Array, Array]:
+    """(k,) knots at quantiles of a signal (n,), and (k, n) piecewise linear functions that are one at one knot each."""
+    # distinct values: a signal at rest most of the time would otherwise put all knots there
+    spread = np.unique(np.round(signal / max(np.ptp(signal), 1e-300), 3)) * max(np.ptp(signal), 1e-300)
+    at = np.unique(np.quantile(spread, np.linspace(0.0, 1.0, knots)))
+    if at.size < 3:
+        return at[:0], np.empty((0, signal.size))
+    return at, np.stack([np.interp(signal, at, unit) for unit in np.eye(at.size)])
+
+
+def response(numerator: list[float], denominator: list[float], h: float, columns: Array) -> Array:
+    """Response of a transfer function to each row of `columns` (k, n), held over steps of h s."""
+    b, a, _ = cont2discrete((numerator, denominator), h)
+    return np.asarray(lfilter(np.ravel(b), a, columns, axis=1))
+
+
+def families(drivers: dict[str, Array], transfer: tuple[list[float], list[float]] | None, h: float, what: str, unit: str) -> list[Basis]:  # fmt: skip
+    """One family for each driving signal (n,), acting through a transfer function, or directly without one."""
+    found = []
+    for of, signal in drivers.items():
+        knots, columns = hats(signal)
+        if knots.size:
+            passed = columns if transfer is None else response(*transfer, h, columns)
+            found.append(Basis(of, what, unit, knots, passed))
+    return found
+
+
+def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable[[Array], Array]) -> Leftover:
+    """Regress a residual (n,) on all families at once, and on each alone, after `white` has made its noise independent."""
+    target = white(residual)
+    blocks = [np.stack([white(column) for column in basis.columns], axis=1) for basis in bases]
+    matrix = np.concatenate(blocks, axis=1) if blocks else np.empty((target.size, 0))
+    coefficients, used, rest = solved(matrix, target)
+    before = float(target @ target)
+    gained = before - rest
+    spare = target.size - used
+    ratio = (gained / max(used, 1)) / (rest / max(spare, 1))
+    p_value = float(f_distribution.sf(ratio, max(used, 1), max(spare, 1))) if used else 1.0
+    explained = np.zeros_like(residual)
+    position = 0
+    alone: dict[str, float] = {}
+    curves: dict[str, tuple[Array, Array]] = {}
+    for basis, block in zip(bases, blocks, strict=True):
+        width = block.shape[1]
+        explained += coefficients[position : position + width] @ basis.columns
+        position += width
+        own, rank, left = solved(block, target)
+        label = f"{basis.what}({basis.of})"
+        alone[label] = 0.5 * (before - left - rank * rest / max(spare, 1))
+        curves[label] = (basis.knots, own)
+    rows = rule.windows(explained)
+    rows = rows - rows.mean(axis=1, keepdims=True) if rule.demean else rows
+    chance = used * rest / max(spare, 1)
+    share = max(0.0, gained - chance) / max(gained, 1e-300)
+    return Leftover(
+        p_value,
+        0.5 * (gained - chance),
+        float(np.sqrt(np.mean(rows**2) * share)),
+        explained,
+        dict(sorted(alone.items(), key=lambda item: -item[1])),
+        curves,
+    )
+
+
+def solved(matrix: Array, target: Array) -> tuple[Array, int, float]:
+    """Least squares with columns of unit size and small singular values left out: (coefficients, rank, rest of squares)."""
+    if matrix.shape[1] == 0:
+        return np.empty(0), 0, float(target @ target)
+    sizes = np.sqrt(np.mean(matrix**2, axis=0))
+    live = sizes > 1e-12 * max(float(sizes.max()), 1e-300)
+    scaled = matrix[:, live] / sizes[live]
+    found, _, rank, _ = np.linalg.lstsq(scaled, target, rcond=1e-4)
+    coefficients = np.zeros(matrix.shape[1])
+    coefficients[live] = found / sizes[live]
+    rest = target - scaled @ found
+    return coefficients, int(rank), float(rest @ rest)

@@ -1,0 +1,163 @@
+"""Residuals turned into numbers that are independent and of unit size, by one rule for all candidates.
+
+A residual is averaged over bins (the drive has no news above some 10 Hz) and cut into windows. Its noise is white noise
+plus exponentially correlated noise of several correlation times, the longest standing for the random walk that
+integrated pressure noise makes of an angle; sizes are fitted to the spectrum (Whittle's likelihood). Sums of such spectra fall
+smoothly, so a resonance or a line that the model misses is never taken for noise. Where the group integrates, each
+window has a free offset.
+"""
+
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular, toeplitz
+from scipy.optimize import minimize
+from scipy.signal.windows import hann
+
+Array = NDArray[np.float64]
+
+CORRELATION_TIMES = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0, 2000.0)  # in bins
+REMAINING = 0.6  # share of a spectrum that must survive the projection for that frequency to count
+FLOOR = 1e-7  # smallest share of each kind of noise: keeps the covariance well conditioned
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """The rule for one signal.
+
+    Attributes:
+        bins: samples averaged into one.
+        window: bins in a window.
+        demean: each window has a free offset.
+        sizes: variance of the white and of each correlated noise, in squares of the signal's unit.
+    """
+
+    bins: int
+    window: int
+    demean: bool
+    sizes: tuple[float, ...]
+    matrix: Array = field(init=False, repr=False, compare=False)
+    offset: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Prepare the matrix that whitens a window."""
+        covariance = np.tensordot(np.array(self.sizes), kinds(self.window), axes=1)
+        factor = cholesky(covariance, lower=True)
+        matrix = solve_triangular(factor, np.eye(self.window), lower=True)
+        object.__setattr__(self, "matrix", matrix.T.copy())
+        ones = matrix.sum(axis=1)
+        object.__setattr__(self, "offset", ones / np.linalg.norm(ones))
+
+    @property
+    def sigma(self) -> float:
+        """Size of what cannot be predicted from the past, in the signal's unit."""
+        return float(1.0 / self.matrix[-1, -1])
+
+    @property
+    def rms(self) -> float:
+        """Size of the noise of one bin, the slowest kinds (which an offset takes up) left out."""
+        return float(np.sqrt(sum(self.sizes[:5])))
+
+    def windows(self, residual: Array) -> Array:
+        """(n,) residual to (windows, bins a window)."""
+        n = residual.shape[-1] // (self.bins * self.window) * (self.bins * self.window)
+        return residual[:n].reshape(-1, self.window, self.bins).mean(axis=2)
+
+    def __call__(self, residual: Array) -> Array:
+        """(n,) residual to (windows, independent values of unit size)."""
+        white = self.windows(residual) @ self.matrix
+        if self.demean:
+            white = white - np.outer(white @ self.offset, self.offset)
+        return np.asarray(white)
+
+
+@cache
+def kinds(window: int) -> Array:
+    """(kinds, window, window) covariance of unit noise: white, then each correlation time."""
+    lags = np.arange(window)
+    return np.stack([np.eye(window)] + [toeplitz(np.exp(-lags / tau)) for tau in CORRELATION_TIMES])
+
+
+@cache
+def expected(window: int, demean: bool) -> Array:
+    """(kinds, frequencies) mean tapered periodogram of each kind, leakage included."""
+    taper = np.diag(hann(window, sym=False))
+    if demean:
+        taper = taper @ (np.eye(window) - 1.0 / window)
+    spectrum = np.fft.rfft(taper, axis=0)[1:]
+    return np.stack([np.einsum("fi,ij,fj->f", spectrum, k, spectrum.conj()).real for k in kinds(window)])
+
+
+def plain(bins: int, window: int, demean: bool) -> Whitener:
+    """The rule before anything is known of the noise: white, of unit size."""
+    return Whitener(bins, window, demean, (1.0,) + (0.0,) * len(CORRELATION_TIMES))
+
+
+def learned(rule: Whitener, residual: Array, absorbed: Array) -> Whitener:
+    """The rule with the noise of `residual` (n,): the variances of largest Whittle likelihood.
+
+    What the rows of `absorbed` (k, n) explain of the residual is taken out first, and the spectra expected of each kind
+    of noise are those that remain behind the same projection: slow noise has few degrees of freedom, and free functions absorb
+    many of them.
+    """
+    rows = centred(rule, residual)
+    shapes = expected(rule.window, rule.demean)
+    kept = np.ones(shapes.shape[1], dtype=bool)
+    if absorbed.shape[0]:
+        columns = np.stack([centred(rule, column).ravel() for column in absorbed], axis=1)
+        left, values, _ = np.linalg.svd(
+            columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False
+        )
+        q = left[:, values > 1e-3 * values[0]]
+        flat = rows.ravel()
+        rows = (flat - q @ (q.T @ flat)).reshape(rows.shape)
+        remaining = behind(q.reshape(*rows.shape, -1), rule.demean)
+        # where the projection leaves little, little can be learned, and what is left there is far from independent
+        kept = (remaining > REMAINING * shapes).all(axis=0)
+        shapes = remaining
+    taper = hann(rule.window, sym=False)
+    power = np.mean(np.abs(np.fft.rfft(rows * taper, axis=1)[:, 1:]) ** 2, axis=0)[kept]
+    shapes = shapes[:, kept]
+    total = max(float(np.mean(rows**2)), 1e-300)
+
+    def cost(logs: Array) -> tuple[float, Array]:
+        parts = np.exp(logs)[:, None] * total * shapes
+        model = parts.sum(axis=0)
+        slope = parts @ ((1.0 - power / model) / model)
+        return float(np.sum(np.log(model) + power / model)), slope
+
+    start = np.full(len(shapes), np.log(0.02))
+    start[0] = np.log(0.8)
+    found = minimize(
+        cost, start, jac=True, method="L-BFGS-B", bounds=[(np.log(FLOOR), np.log(1e3))] * len(shapes)
+    )
+    return Whitener(rule.bins, rule.window, rule.demean, tuple((np.exp(found.x) * total).tolist()))
+
+
+def centred(rule: Whitener, residual: Array) -> Array:
+    """Windows of a residual, without their mean where each has a free offset."""
+    rows = rule.windows(residual)
+    return rows - (rows.mean(axis=1, keepdims=True) if rule.demean else 0.0)
+
+
+def behind(q: Array, demean: bool) -> Array:
+    """(kinds, frequencies) mean tapered periodogram of each kind of noise behind the projection off `q`.
+
+    `q` is (windows, window, k), its columns orthonormal over all windows together.
+    """
+    window = q.shape[1]
+    taper = hann(window, sym=False)[None, :, None]
+    seen = np.fft.rfft(q * taper, axis=1)[:, 1:]  # (windows, frequencies, k)
+    shapes = []
+    centre = np.eye(window) - (1.0 / window if demean else 0.0)
+    for base, kind in zip(expected(window, demean), kinds(window), strict=True):
+        covariance = centre @ kind @ centre
+        moved = covariance @ q  # (windows, window, k)
+        cross = np.fft.rfft(moved * taper, axis=1)[:, 1:]
+        inner = np.tensordot(q, moved, axes=([0, 1], [0, 1]))
+        less = 2.0 * np.einsum("wfk,wfk->f", cross, seen.conj()).real
+        more = np.einsum("wfk,kl,wfl->f", seen, inner, seen.conj(), optimize=True).real
+        shapes.append(np.maximum(base + (more - less) / q.shape[0], 1e-9 * base))
+    return np.stack(shapes)

@@ -1,0 +1,210 @@
+"""The diagnosis from log to answer, on one page: prepare, localise and name block by block, extend, measure the gain."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from cosim.diagnosis.chain import WINDOW, Known, task_for
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.extend import fitted_chain, write_extended
+from cosim.diagnosis.fit import Fit
+from cosim.diagnosis.gain import Gain, measure, run_package
+from cosim.diagnosis.groups import MODELS, Group
+from cosim.diagnosis.naming import Finding, find
+from cosim.diagnosis.verdict import (
+    Cause,
+    Rest,
+    adequate,
+    causes,
+    held_windows,
+    never_exercised,
+    rests,
+    stands,
+)
+from cosim.errors import DataError, UsageError
+from cosim.logs import Log
+from cosim.ssp.stimulus import stimulus_csv
+from fmus import registry
+
+Array = NDArray[np.float64]
+Report = Callable[[str], None]
+
+TOLERANCE = 0.01
+SHORTEST = 15.0  # s: three windows, one of them held out
+
+
+@dataclass
+class Diagnosis:
+    """Everything the diagnosis found.
+
+    Attributes:
+        verdict: "adequate", "explained", "partly_explained" or "unexplained".
+        record: the prepared log.
+        model: name of the model.
+        findings: group -> what was found in it, for the groups that could be judged.
+        unjudged: group -> the signals whose absence keeps it from being judged.
+        causes: named causes, the largest gain first.
+        rests: what stays unexplained.
+        never: effects that the log could not have shown.
+        values: ``component.parameter`` -> value of the extended model, SI.
+        deviations: standard deviation of those estimated.
+        start: the start angle.
+        before, after: signals of the nominal and the extended model's FMUs on the log's command.
+        gains: signal -> error on held-out windows.
+        packages: files of the extended model.
+    """
+
+    verdict: str
+    record: Record
+    model: str
+    findings: dict[str, Finding]
+    unjudged: dict[str, list[str]]
+    causes: list[Cause]
+    rests: list[Rest]
+    never: list[str]
+    values: dict[str, float] = field(default_factory=dict)
+    deviations: dict[str, float] = field(default_factory=dict)
+    start: dict[str, float] = field(default_factory=dict)
+    before: dict[str, Array] = field(default_factory=dict)
+    after: dict[str, Array] = field(default_factory=dict)
+    gains: dict[str, Gain] = field(default_factory=dict)
+    packages: dict[str, Path] = field(default_factory=dict)
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Signal -> size of its noise per sample, SI: what is left where everything is explained."""
+        return {
+            s: float(np.std(high_pass(self.record.signals[s])))
+            for f in self.findings.values()
+            for s in f.task.rules
+        }
+
+
+def high_pass(signal: Array) -> Array:
+    """Second differences scaled to the size of white noise: what no drive of this bandwidth can produce."""
+    return np.diff(signal, 2) / np.sqrt(6.0)
+
+
+def prepare(log: Log) -> Record:
+    """The log on a uniform step, at least as fine as a millisecond, with the load pressure.
+
+    Raises:
+        DataError: there is no command, or the log is too short to hold anything out.
+    """
+    log.require("u", "anything")
+    if log.duration < SHORTEST:
+        raise DataError(
+            f"{log.source}: the log lasts {log.duration:.1f} s; a diagnosis needs at least {SHORTEST:.0f} s"
+        )
+    even = log if log.uniform and log.step <= 1e-3 else log.resample(min(log.step, 1e-3))
+    signals = dict(even.signals)
+    if "p_load" in even:
+        signals["p_load"] = even.p_load
+    return Record(even.step, signals)
+
+
+def judge(groups: tuple[Group, ...], record: Record, tolerance: float, report: Report) -> tuple[dict[str, Finding], dict[str, list[str]]]:  # fmt: skip
+    """Findings of all groups whose drive and at least one observed signal were measured; what is missing for the others."""
+    findings: dict[str, Finding] = {}
+    unjudged: dict[str, list[str]] = {}
+    known: list[Known] = []
+    for group in groups:
+        missing = [s for s in (group.drive, *group.observed[:1]) if s not in record.signals]
+        if missing:
+            unjudged[group.name] = missing
+            known = []
+            continue
+        report(f"{group.name}: {len(group.effects())} candidates")
+        # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
+        task = task_for(group, record, known if group.integrates else [])
+        finding = find(task, record, tolerance)
+        findings[group.name] = finding
+        upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
+        known = [*upstream, Known(finding.task.model, finding.chosen.fit)] if adequate(finding) else []
+    return findings, unjudged
+
+
+def verdict_of(findings: Mapping[str, Finding], named: list[Cause], left: list[Rest]) -> str:
+    """One word for the whole."""
+    if not named:
+        return "unexplained" if left else "adequate"
+    return "partly_explained" if left else "explained"
+
+
+def diagnose(
+    log: Log,
+    *,
+    model: str = "full_order",
+    tolerance: float = TOLERANCE,
+    folder: Path | None = None,
+    report: Report = lambda text: None,
+) -> Diagnosis:
+    """Compare a log with a model, name what the model gets wrong, extend it and measure the gain.
+
+    Args:
+        log: the log.
+        model: name of the model.
+        tolerance: standard deviation of the trust in each nominal parameter, relative.
+        folder: where the extended packages go; without one they are not written and the FMUs are not run.
+        report: called with a line about each stage.
+
+    Raises:
+        UsageError: an unknown model.
+        DataError: the log lacks the command or is too short.
+    """
+    if model not in MODELS:
+        raise UsageError(f"no model '{model}' for the diagnosis; {registry.suggestion(model, list(MODELS))}")
+    groups = MODELS[model]
+    record = prepare(log)
+    with threadpool_limits(1):  # small matrices: more threads only wait for one another
+        findings, unjudged = judge(groups, record, tolerance, report)
+        if not findings:
+            missing = ", ".join(sorted({s for names in unjudged.values() for s in names}))
+            raise DataError(f"{log.source}: no block can be judged; missing signals: {missing}")
+        named = sorted((c for f in findings.values() for c in causes(f, tolerance)), key=lambda c: -c.gain)
+        left = [rest for f in findings.values() for rest in rests(f)]
+        never = [name for f in findings.values() for name in never_exercised(f, tolerance)]
+        diagnosis = Diagnosis(
+            verdict_of(findings, named, left), record, model, findings, unjudged, named, left, never
+        )
+        report("extended model")
+        chain = extended_fit(diagnosis, groups, tolerance)
+    diagnosis.values = {n: v for n, v in chain.values.items() if not n.endswith(".theta_0")}
+    diagnosis.deviations = chain.deviations
+    diagnosis.start = {n: v for n, v in chain.values.items() if n.endswith(".theta_0")}
+    if folder is not None:
+        report("gain on held-out data, by the FMUs")
+        gain_by_fmus(diagnosis, folder)
+    return diagnosis
+
+
+def extended_fit(diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float) -> Fit:
+    """The whole chain with the named causes, fitted on the windows that are not held out."""
+    findings = diagnosis.findings
+    effects = tuple(c.effect for c in diagnosis.causes)
+    near: dict[str, float] = {}
+    fixed: dict[str, float] = {}
+    rules = {}
+    for finding in findings.values():
+        fixed |= {n: v for n, v in finding.task.model.fixed.items() if n.endswith(".theta_0")}
+        near |= (finding.chosen if stands(finding) else finding.null).fit.values
+        rules |= finding.task.rules
+    count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
+    used = tuple(g for g in groups)
+    return fitted_chain(used, diagnosis.record, rules, effects, near, fixed, tolerance, ~held_windows(count))
+
+
+def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
+    """Write both packages, run their FMUs on the log's command, and measure the errors on held-out windows."""
+    record = diagnosis.record
+    folder.mkdir(parents=True, exist_ok=True)
+    stimulus = stimulus_csv(record.time, record.signals["u"])
+    nominal = write_extended(diagnosis.model, {}, folder / "nominal", None)
+    diagnosis.packages = write_extended(diagnosis.model, diagnosis.values | diagnosis.start, folder, stimulus)
+    diagnosis.before = run_package(nominal["open"], record, diagnosis.start)
+    diagnosis.after = run_package(diagnosis.packages["open"], record, {})
+    diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, round(WINDOW / record.h))
