@@ -6,16 +6,27 @@ rest is pint's.
 
 import re
 from functools import cache
+from tokenize import TokenError
+from typing import Any
 
 import pint
 
 from cosim.errors import UsageError
 
-registry = pint.UnitRegistry()
+registry: pint.UnitRegistry[Any] = pint.UnitRegistry()
 registry.define("percent = 0.01 = %")
+registry.define("@alias turn = rev")
 
+_LONGEST = 100
 _EXPONENT = re.compile(r"(?<=[A-Za-z])(-?\d+)")
+# names with whole exponents, products, quotients and brackets; pint would compute any expression, 9**9**9 too
+_POWER = r"\s*(?:\*\*|\^)"
+_UNIT = re.compile(
+    rf"(?:(?:[^\W\d]\w*|\))(?:{_POWER}\s*[-+]?\d{{1,2}}(?!\w|{_POWER}))?|/(?!/)|[*(\s]|1(?!\w))*"
+)
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_BASE_NAMES = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol",
+               "candela": "cd", "radian": "rad"}  # fmt: skip
 
 
 def fmi_to_pint(unit: str) -> str:
@@ -23,9 +34,12 @@ def fmi_to_pint(unit: str) -> str:
     text = unit.strip()
     if text in ("", "1", "-"):
         return "dimensionless"
-    if text == "%":
-        return "percent"
-    return _EXPONENT.sub(r"**\1", text.replace("\N{DEGREE SIGN}", "deg")).replace(".", "*")
+    text = (
+        re.sub(r"(?<!\w)%(?!\w)", "percent", text)
+        .replace("\N{DEGREE SIGN}", "deg")
+        .replace("\N{MIDDLE DOT}", ".")
+    )
+    return _EXPONENT.sub(r"**\1", text).replace(".", "*")
 
 
 @cache
@@ -35,23 +49,51 @@ def parse_unit(unit: str) -> pint.Unit:
     Raises:
         UsageError: the text is not a unit.
     """
+    text = fmi_to_pint(unit)
+    if len(text) > _LONGEST or not _UNIT.fullmatch(text):
+        shown = unit if len(unit) <= _LONGEST else f"{unit[:_LONGEST]}..."
+        raise UsageError(
+            f"{shown!r} is not a unit that can be read: write names with whole exponents, such as 'kg.m2' or 'N.m.s/rad'"
+        )
     try:
-        return registry.Unit(fmi_to_pint(unit))
-    except (pint.errors.PintError, ValueError, TypeError, AttributeError) as error:
-        raise UsageError(f"'{unit}' is not a unit that can be read: {error}") from None
+        return registry.Unit(text)
+    # what pint's parser lets through of Python's own tokenizer, of `assert` and of arithmetic
+    except (pint.errors.PintError, TokenError, SyntaxError, AssertionError, ArithmeticError, ValueError, TypeError,
+            AttributeError, KeyError) as error:  # fmt: skip
+        reason = f": {error}" if isinstance(error, pint.errors.PintError) else ""
+        raise UsageError(f"'{unit}' is not a unit that can be read{reason}") from None
+
+
+def base_factor(unit: str) -> float:
+    """Factor that turns a number in `unit` into one in SI base units.
+
+    Raises:
+        UsageError: the text is not a unit, or a number in it is no plain multiple (degC, dB).
+    """
+    parsed = parse_unit(unit)
+    try:
+        zero, one = (float(registry.Quantity(x, parsed).to_base_units().magnitude) for x in (0.0, 1.0))
+    except (pint.errors.PintError, ArithmeticError):
+        zero, one = 1.0, 1.0
+    if zero != 0.0:
+        raise UsageError(f"unit '{unit}' has an offset or is logarithmic: give one that is a plain multiple")
+    if not 0.0 < one < float("inf"):
+        raise UsageError(f"unit '{unit}' is beyond the range of numbers")
+    return one
 
 
 @cache
 def factor(unit: str, target: str) -> float:
-    """Factor that turns a number in `unit` into one in `target` (both multiplicative units).
+    """Factor that turns a number in `unit` into one in `target`.
 
     Raises:
-        UsageError: the two have different dimensions.
+        UsageError: the two have different dimensions, or one of them is no plain multiple (degC, dB).
     """
     source, goal = parse_unit(unit), parse_unit(target)
     if source.dimensionality != goal.dimensionality:
         raise UsageError(f"unit '{unit}' has the wrong dimension: expected one like '{target}'")
-    return float((1.0 * source).to(goal).magnitude)
+    base_factor(unit), base_factor(target)
+    return float(registry.Quantity(1.0, source).to(goal).magnitude)
 
 
 def parse_quantity(text: str, target: str) -> float:
@@ -66,23 +108,24 @@ def parse_quantity(text: str, target: str) -> float:
     if match is None:
         raise UsageError(f"'{text}' is not a number with a unit, such as '900 {target}'")
     number, unit = match.groups()
+    if abs(float(number)) == float("inf"):
+        raise UsageError(f"'{text}' is beyond the range of numbers")
     return float(number) * (factor(unit, target) if unit.strip() else 1.0)
 
 
 def base_exponents(unit: str) -> tuple[dict[str, int], float]:
-    """SI base-unit exponents (FMI's names kg, m, s, A, K, mol, cd, rad) and factor of a unit, for an FMI UnitDefinition."""
-    quantity = 1.0 * parse_unit(unit)
+    """SI base-unit exponents (FMI's names kg, m, s, A, K, mol, cd, rad) and factor of a unit, for an FMI UnitDefinition.
+
+    Raises:
+        UsageError: the text is not a unit, is no plain multiple (degC, dB), or has a dimension that FMI does not know.
+    """
+    scale = base_factor(unit)
     exponents: dict[str, int] = {}
-    radians = 0
-    for name, power in quantity.unit_items():
-        if name in ("radian", "degree", "milliradian"):
-            radians += int(power)
-    base = quantity.to_base_units()
-    short = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol",
-             "candela": "cd", "radian": "rad"}  # fmt: skip
-    for name, power in base.unit_items():
-        exponents[short[name]] = int(power)
-    exponents.pop("rad", None)
-    if radians:
-        exponents["rad"] = radians
-    return exponents, float(base.magnitude)
+    for name, power in registry.Quantity(1.0, parse_unit(unit)).to_base_units().unit_items():
+        whole = round(float(power))  # type: ignore[arg-type]  # pint allows complex powers, units have none
+        if name not in _BASE_NAMES or power != whole:
+            raise UsageError(
+                f"unit '{unit}' cannot be written in FMI's base units: it contains {name}**{power}"
+            )
+        exponents[_BASE_NAMES[name]] = whole
+    return exponents, scale
