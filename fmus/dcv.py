@@ -199,8 +199,8 @@ def constrained(spool: float, rate: float, rest: float, h: float, p: Parameters)
 
 @equation
 def start(u: Input, p: Parameters) -> State:
-    """At rest in the neutral position."""
-    return State(min(p.x_max, max(p.x_min, p.x_0)), 0.0)
+    """At rest at the mechanical centre, whatever the neutral (CONTRACT section 6), and between the stops."""
+    return State(min(p.x_max, max(p.x_min, 0.0)), 0.0)
 
 
 @equation

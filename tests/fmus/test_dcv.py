@@ -160,9 +160,11 @@ def test_pressed_against_the_stop_it_leaves_when_the_demand_turns() -> None:
 
 
 def test_the_neutral_may_be_shifted() -> None:
-    """dcv.offset: x_0 adds to where the spool rests, the stops stay."""
+    """dcv.offset: x_0 adds to where the spool rests, the stops stay; it starts at the centre, as the rig does."""
     r = run(BLOCK, 0.5, [0.0], {"x_0": 3e-4})
-    assert r.x.spool == 3e-4
+    assert r.x == (0.0, 0.0)
+    assert r.step(0.0)[0] == pytest.approx(3e-4 + reference(0.0, 0.5, x=-3e-4)[0], rel=1e-9)
+    r.play([[0.0]] * 4)
     assert r.step(0.0) == pytest.approx((3e-4, 0.0), abs=1e-15)
     assert r.play([[0.5]] * 4)[-1, 0] == pytest.approx(0.5 * K + 3e-4, rel=1e-12)
     assert r.play([[1.0]] * 4)[-1, 0] == STOP
