@@ -41,4 +41,6 @@ class MissingExtraError(CosimError):
     exit_code = 5
 
     def __init__(self, what: str, extra: str) -> None:
-        super().__init__(f"{what} needs the optional dependencies '{extra}': pip install 'slew-cosim[{extra}]'")
+        super().__init__(
+            f"{what} needs the optional dependencies '{extra}': pip install 'slew-cosim[{extra}]'"
+        )

@@ -9,7 +9,6 @@ import ast
 import hashlib
 import inspect
 import linecache
-
 import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -71,7 +70,7 @@ class Composed:
         name = f"composed_{self.block.name}_{self.digest}"
         module = ModuleType(name, self.source.partition("\n")[0])
         linecache.cache[name] = (len(self.source), None, self.source.splitlines(keepends=True), name)
-        exec(compile(self.source, name, "exec"), module.__dict__)  # noqa: S102: our own text
+        exec(compile(self.source, name, "exec"), module.__dict__)
         return module
 
 

@@ -39,9 +39,8 @@ def block(name: str) -> Block:
 @cache
 def effects() -> dict[str, Effect]:
     """All effects by name: the files of `fmus.effects` and those that installed packages offer as entry points ``cosim.effects``."""
-    found = []
-    for info in pkgutil.iter_modules(effects_package.__path__):
-        found.append(importlib.import_module(f"fmus.effects.{info.name}").EFFECT)
+    names = [info.name for info in pkgutil.iter_modules(effects_package.__path__)]
+    found = [importlib.import_module(f"fmus.effects.{name}").EFFECT for name in names]
     found.extend(point.load() for point in entry_points(group="cosim.effects"))
     return {effect.name: effect for effect in sorted(found, key=lambda e: e.name)}
 

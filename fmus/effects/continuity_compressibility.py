@@ -25,7 +25,7 @@ EFFECT = Effect(
             nominal=0.1,
             source="off: T of (4.33)",
         )
-    },  # fmt: skip
+    },
     free={"c_beta": Free(starts=(0.2, 1.0), scale=0.3, floor=0.01)},
     fills={"time_constant": compressibility_time_constant},
 )

@@ -30,7 +30,7 @@ EFFECT = Effect(
             nominal=1e5,
             source="off: no counterbalance valve in (4.27)",
         )
-    },  # fmt: skip
+    },
     free={"p_c": Free(starts=(5e4, 2e5), scale=1e5, floor=3e3)},
     fills={"driving_pressure": cracking_pressure},
 )

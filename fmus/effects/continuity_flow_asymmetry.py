@@ -26,7 +26,7 @@ EFFECT = Effect(
             nominal=0.1,
             source="off: (4.33) is symmetric",
         )
-    },  # fmt: skip
+    },
     free={"a_q": Free(starts=(-0.1, 0.1), scale=0.1, floor=0.003)},
     fills={"opening": asymmetry_opening},
 )

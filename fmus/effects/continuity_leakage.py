@@ -31,7 +31,7 @@ EFFECT = Effect(
             nominal=0.1,
             source="off: L_c of (4.33)",
         )
-    },  # fmt: skip
+    },
     free={"c_l": Free(starts=(0.1, 0.4), scale=0.2, floor=0.01)},
     fills={"static_gain": leakage_gain, "time_constant": leakage_time_constant},
 )

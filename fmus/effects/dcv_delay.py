@@ -54,7 +54,7 @@ EFFECT = Effect(
             nominal=0.01,
             source="off: no delay in (4.16)",
         )
-    },  # fmt: skip
+    },
     free={"tau_d": Free(starts=(0.005, 0.02, 0.05), scale=0.015, floor=0.0005)},
     fills={"delayed_demand": delay_demand},
     memory={

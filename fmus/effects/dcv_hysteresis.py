@@ -39,7 +39,7 @@ EFFECT = Effect(
             nominal=0.01,
             source="off: no play in (4.16)",
         )
-    },  # fmt: skip
+    },
     free={"play": Free(starts=(0.01, 0.04), scale=0.02, floor=0.002)},
     fills={"incoming_command": hysteresis_command},
     memory={"play_position": Variable("1", "Output of the play")},

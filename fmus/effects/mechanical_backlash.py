@@ -46,7 +46,7 @@ EFFECT = Effect(
             nominal=0.01,
             source="off: rigid pinion, theta = x/r",
         )
-    },  # fmt: skip
+    },
     free={"gap": Free(starts=(0.003, 0.01), scale=0.006, floor=1e-4)},
     fills={"seen_angle": backlash_angle, "seen_velocity": backlash_velocity},
     memory={

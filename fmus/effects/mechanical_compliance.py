@@ -72,7 +72,7 @@ EFFECT = Effect(
             nominal=0.02,
             source="assumed; acts only where mu > 0",
         ),
-    },  # fmt: skip
+    },
     free={
         "mu": Free(starts=(0.3, 0.6), scale=0.2, floor=0.01),
         "w_f": Free(starts=(5.0, 10.0, 20.0, 40.0), scale=5.0),

@@ -45,7 +45,7 @@ EFFECT = Effect(
             display="deg",
             source="assumed; acts only where tau_r > 0",
         ),
-    },  # fmt: skip
+    },
     free={
         "tau_r": Free(starts=(100.0,), scale=100.0, floor=2.0),
         "n_r": Free(starts=(12.0, 18.0, 20.0, 24.0, 30.0), scale=5.0),

@@ -36,7 +36,7 @@ EFFECT = Effect(
             display="deg",
             source="assumed; acts only where tau_g is on",
         ),
-    },  # fmt: skip
+    },
     free={
         "tau_g": Free(starts=(100.0,), scale=150.0, floor=2.0),
         "theta_g": Free(starts=(-2.0, 0.0, 2.0), scale=1.0),

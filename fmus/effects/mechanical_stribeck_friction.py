@@ -38,7 +38,7 @@ EFFECT = Effect(
             nominal=0.01,
             source="assumed; acts only where tau_s > 0",
         ),
-    },  # fmt: skip
+    },
     free={
         "tau_c": Free(starts=(30.0, 150.0), scale=100.0),
         "tau_s": Free(starts=(100.0, 300.0), scale=150.0, floor=10.0),

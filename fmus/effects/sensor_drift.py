@@ -38,7 +38,7 @@ EFFECT = Effect(
             nominal=1e-3,
             source="off: (3.2) has none",
         )
-    },  # fmt: skip
+    },
     free={"drift": Free(starts=(-2e-4, 2e-4), scale=2e-4, floor=2e-6)},
     fills={"transmitted": drift_reading},
     memory={"drift_time": Variable("s", "Time since the start")},

@@ -38,7 +38,7 @@ EFFECT = Effect(
             nominal=0.1,
             source="off: no lost packets",
         )
-    },  # fmt: skip
+    },
     free={"p_drop": Free(starts=(0.1,), scale=0.1, floor=0.001)},
     fills={"transmitted": dropout_reading},
     memory={

@@ -40,7 +40,7 @@ EFFECT = Effect(
             nominal=0.01,
             source="off: (3.2) is instantaneous",
         )
-    },  # fmt: skip
+    },
     free={"tau_l": Free(starts=(0.02, 0.1), scale=0.05, floor=0.001)},
     fills={"sensed_angle": lagging_angle},
     memory={

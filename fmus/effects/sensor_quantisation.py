@@ -28,7 +28,7 @@ EFFECT = Effect(
             nominal=1e-3,
             source="off: continuous reading (3.2)",
         )
-    },  # fmt: skip
+    },
     free={"quantum": Free(starts=(0.002,), scale=0.002, floor=1e-5)},
     fills={"transmitted": quantised_reading},
 )

@@ -19,6 +19,6 @@ EFFECT = Effect(
             nominal=0.01,
             source="off: the models agree",
         )
-    },  # fmt: skip
+    },
     free={"seam": Free(starts=(-0.01, 0.01), scale=0.01, floor=2e-4)},
 )
