@@ -13,11 +13,20 @@ def register(app: typer.Typer) -> None:
 
 def diagnose(
     log: Annotated[Path, typer.Argument(help="Measured data: CSV, .mat or Parquet.")],
+    external: Annotated[
+        Path | None, typer.Option(help="Record of the external tracker, on its own clock.")
+    ] = None,
     model: Annotated[str, typer.Option(help="full_order or simplified.")] = "full_order",
     mapping: Annotated[Path | None, typer.Option(help="TOML that names the columns.")] = None,
     tolerance: Annotated[
         float, typer.Option(help="Trust in the nominal parameters: one standard deviation, relative.")
     ] = 0.01,
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate", help="Fit the nominal parameters freely: only missing structure is a cause."
+        ),
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -27,14 +36,21 @@ def diagnose(
     from cosim.diagnosis.experiment import proposal_for, write_command
     from cosim.diagnosis.groups import MODELS
     from cosim.diagnosis.story import diagnose as run
-    from cosim.logs import load_log
+    from cosim.logs import load_log, load_tracker
 
     loaded = load_log(log, mapping)
+    tracker = load_tracker(external) if external is not None else None
     for warning in loaded.warnings:
         stderr_console().print(f"warning: {warning}", markup=False)
     with stderr_console().status("diagnosis") as status:
         found = run(
-            loaded, model=model, tolerance=tolerance, folder=out, report=lambda text: status.update(text)
+            loaded,
+            tracker=tracker,
+            model=model,
+            tolerance=tolerance,
+            calibrate=calibrate,
+            folder=out,
+            report=lambda text: status.update(text),
         )
         proposal = proposal_for(MODELS[model], found.findings, found.causes, found.start, found.values)
         if proposal is not None:

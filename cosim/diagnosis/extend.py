@@ -12,7 +12,9 @@ from cosim.diagnosis.groups import Group, GroupModel
 from cosim.diagnosis.naming import unknowns
 from cosim.diagnosis.noise import Whitener
 from cosim.paths import ssp_folder
-from cosim.ssp.write import write_ssp
+from cosim.ssp.write import values_xml, write_ssp
+from fmus import registry
+from fmus.build import composed_block
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -66,6 +68,7 @@ def fitted_chain(
     fixed: dict[str, float],
     tolerance: float,
     mask: NDArray[np.bool_] | None,
+    constants: Mapping[str, float] | None = None,
 ) -> Fit:
     """Trusted parameters, causes and start angle fitted together to all signals, driven by the command alone.
 
@@ -78,8 +81,9 @@ def fitted_chain(
         fixed: start angle.
         tolerance: trust in the nominal parameters.
         mask: windows to fit on.
+        constants: ``component.parameter`` -> SI that is known already.
     """
-    model = ChainModel(groups, record, fixed)
+    model = ChainModel(groups, record, fixed | dict(constants or {}))
     measured = {s: record.signals[s] for s in rules}
     # here the absolute angle counts: the command carries no noise that could drift
     absolute = {s: Whitener(r.bins, r.window, False, r.sizes) for s, r in rules.items()}
@@ -100,6 +104,20 @@ def by_component(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     return found
 
 
+def write_values(grouped: Mapping[str, Mapping[str, float]], file: Path) -> Path:
+    """Write all values as one .ssv with names ``component.parameter``."""
+    declared = {}
+    values = {}
+    for component, own in grouped.items():
+        block = registry.FMU_OF_COMPONENT.get(component, component)
+        known = composed_block(block, component).parameters
+        declared |= {f"{component}.{name}": known[name] for name in own}
+        values |= {f"{component}.{name}": value for name, value in own.items()}
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(values_xml(declared, values))
+    return file
+
+
 def write_extended(
     model: str, values: Mapping[str, float], folder: Path, stimulus: bytes | None
 ) -> dict[str, Path]:
@@ -107,6 +125,8 @@ def write_extended(
     ssd = ssp_folder() / f"{model}.ssd"
     grouped = by_component(values)
     paths = {"open": write_ssp(ssd, folder / "extended_open.ssp", values=grouped, open=True)}
+    if grouped:
+        paths["ssv"] = write_values(grouped, folder / "extended.ssv")
     if stimulus is not None:
         paths["closed"] = write_ssp(ssd, folder / "extended.ssp", values=grouped, stimulus=stimulus)
     return paths

@@ -4,7 +4,9 @@ Between two measured signals the blocks act as one: the compensator, the dead zo
 continuity between spool and pressure; mechanics and slew sensor between pressure and angle.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +17,18 @@ from fmus import registry
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
+
+_LEFT_OUT: ContextVar[frozenset[str]] = ContextVar("left_out", default=frozenset())
+
+
+@contextmanager
+def left_out(*names: str) -> Iterator[None]:
+    """Within this context no group considers the effects of these names: to see what is said of a cause nobody knows."""
+    token = _LEFT_OUT.set(_LEFT_OUT.get() | frozenset(names))
+    try:
+        yield
+    finally:
+        _LEFT_OUT.reset(token)
 
 
 @dataclass(frozen=True)
@@ -38,6 +52,7 @@ class Group:
     held: bool = False
     integrates: bool = False
     upstream_slot: tuple[str, str, str] | None = None
+    excluded: tuple[str, ...] = ()  # effects that something else has settled already
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -52,6 +67,8 @@ class Group:
         slot = self.upstream_slot
         found = []
         for effect in registry.effects().values():
+            if effect.name in self.excluded:
+                continue
             handed_on = set(effect.fills) == {"driving_pressure"}
             if effect.component in self.components and not handed_on:
                 found.append(effect)

@@ -1,7 +1,7 @@
 """The diagnosis from log to answer, on one page: prepare, localise and name block by block, extend, measure the gain."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +11,10 @@ from threadpoolctl import threadpool_limits
 from cosim.diagnosis.chain import WINDOW, Known, task_for
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import fitted_chain, write_extended
-from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.gain import Gain, measure, run_package
-from cosim.diagnosis.groups import MODELS, Group
+from cosim.diagnosis.groups import MODELS, Group, GroupModel
 from cosim.diagnosis.naming import Finding, find
+from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.verdict import (
     Cause,
     Rest,
@@ -26,7 +26,7 @@ from cosim.diagnosis.verdict import (
     stands,
 )
 from cosim.errors import DataError, UsageError
-from cosim.logs import Log
+from cosim.logs import Log, Tracker
 from cosim.ssp.stimulus import stimulus_csv
 from fmus import registry
 
@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 Report = Callable[[str], None]
 
 TOLERANCE = 0.01
+FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
 SHORTEST = 15.0  # s: three windows, one of them held out
 
 
@@ -56,6 +57,7 @@ class Diagnosis:
         before, after: signals of the nominal and the extended model's FMUs on the log's command.
         gains: signal -> error on held-out windows.
         packages: files of the extended model.
+        tracker: what the external tracker says, if there was one.
     """
 
     verdict: str
@@ -73,6 +75,7 @@ class Diagnosis:
     after: dict[str, Array] = field(default_factory=dict)
     gains: dict[str, Gain] = field(default_factory=dict)
     packages: dict[str, Path] = field(default_factory=dict)
+    tracker: TrackerFinding | None = None
 
     @property
     def noise(self) -> dict[str, float]:
@@ -107,8 +110,29 @@ def prepare(log: Log) -> Record:
     return Record(even.step, signals)
 
 
-def judge(groups: tuple[Group, ...], record: Record, tolerance: float, report: Report) -> tuple[dict[str, Finding], dict[str, list[str]]]:  # fmt: skip
-    """Findings of all groups whose drive and at least one observed signal were measured; what is missing for the others."""
+def settled(groups: tuple[Group, ...], seen: TrackerFinding | None) -> tuple[Group, ...]:
+    """The groups without the effects that a tracker has settled already."""
+    if seen is None:
+        return groups
+    return tuple(replace(g, excluded=("sensor.gain", "sensor.bias", "sensor.drift")) for g in groups)
+
+
+def judge(
+    groups: tuple[Group, ...],
+    record: Record,
+    tolerance: float,
+    report: Report,
+    constants: Mapping[str, float] | None = None,
+) -> tuple[dict[str, Finding], dict[str, list[str]]]:
+    """Findings of all groups whose drive and first observed signal were measured; what is missing for the others.
+
+    Args:
+        groups: the groups of the model, in order.
+        record: the log.
+        tolerance: trust in the nominal parameters.
+        report: called with a line about each group.
+        constants: ``component.parameter`` -> SI that is known already, such as a sensor's scale.
+    """
     findings: dict[str, Finding] = {}
     unjudged: dict[str, list[str]] = {}
     known: list[Known] = []
@@ -121,11 +145,23 @@ def judge(groups: tuple[Group, ...], record: Record, tolerance: float, report: R
         report(f"{group.name}: {len(group.effects())} candidates")
         # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
         task = task_for(group, record, known if group.integrates else [])
+        settle(task.model, constants or {})
         finding = find(task, record, tolerance)
         findings[group.name] = finding
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
         known = [*upstream, Known(finding.task.model, finding.chosen.fit)] if adequate(finding) else []
     return findings, unjudged
+
+
+def settle(model: GroupModel, constants: Mapping[str, float]) -> None:
+    """Take over what is known already; the start angle was read through the sensor."""
+    own = {n: v for n, v in constants.items() if n.partition(".")[0] in model.group.components}
+    if own:
+        for name in [n for n in model.fixed if n.endswith(".theta_0")]:
+            model.fixed[name] = (model.fixed[name] - own.get("sensor.bias", 0.0)) / own.get(
+                "sensor.gain", 1.0
+            )
+        model.fixed = model.fixed | own
 
 
 def verdict_of(findings: Mapping[str, Finding], named: list[Cause], left: list[Rest]) -> str:
@@ -138,8 +174,10 @@ def verdict_of(findings: Mapping[str, Finding], named: list[Cause], left: list[R
 def diagnose(
     log: Log,
     *,
+    tracker: Tracker | None = None,
     model: str = "full_order",
     tolerance: float = TOLERANCE,
+    calibrate: bool = False,
     folder: Path | None = None,
     report: Report = lambda text: None,
 ) -> Diagnosis:
@@ -147,55 +185,77 @@ def diagnose(
 
     Args:
         log: the log.
+        tracker: the external tracker's record, on its own clock.
         model: name of the model.
         tolerance: standard deviation of the trust in each nominal parameter, relative.
+        calibrate: fit the nominal parameters freely, so that only missing structure is a cause.
         folder: where the extended packages go; without one they are not written and the FMUs are not run.
         report: called with a line about each stage.
 
     Raises:
         UsageError: an unknown model.
-        DataError: the log lacks the command or is too short.
+        DataError: the log lacks the command or is too short, or the tracker does not fit to it.
     """
     if model not in MODELS:
         raise UsageError(f"no model '{model}' for the diagnosis; {registry.suggestion(model, list(MODELS))}")
-    groups = MODELS[model]
+    trust = FREE if calibrate else tolerance
     record = prepare(log)
     with threadpool_limits(1):  # small matrices: more threads only wait for one another
-        findings, unjudged = judge(groups, record, tolerance, report)
-        if not findings:
+        seen = None
+        if tracker is not None:
+            report("slew sensor against tracker")
+            seen = compare_tracker(record, tracker)
+        groups = settled(MODELS[model], seen)
+        constants = {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")} if seen else {}
+        findings, unjudged = judge(groups, record, trust, report, constants)
+        if not findings and seen is None:
             missing = ", ".join(sorted({s for names in unjudged.values() for s in names}))
             raise DataError(f"{log.source}: no block can be judged; missing signals: {missing}")
-        named = sorted((c for f in findings.values() for c in causes(f, tolerance)), key=lambda c: -c.gain)
+        named = [c for f in findings.values() for c in causes(f, trust)] + (seen.causes if seen else [])
+        named.sort(key=lambda c: -c.gain)
         left = [rest for f in findings.values() for rest in rests(f)]
-        never = [name for f in findings.values() for name in never_exercised(f, tolerance)]
-        diagnosis = Diagnosis(
-            verdict_of(findings, named, left), record, model, findings, unjudged, named, left, never
-        )
+        never = [name for f in findings.values() for name in never_exercised(f, trust)]
+        never += [] if seen else ["tracker.clock", "tracker.seam"]
+        verdict = verdict_of(findings, named, left)
+        diagnosis = Diagnosis(verdict, record, model, findings, unjudged, named, left, never, tracker=seen)
         report("extended model")
-        chain = extended_fit(diagnosis, groups, tolerance)
-    diagnosis.values = {n: v for n, v in chain.values.items() if not n.endswith(".theta_0")}
-    diagnosis.deviations = chain.deviations
-    diagnosis.start = {n: v for n, v in chain.values.items() if n.endswith(".theta_0")}
+        estimate(diagnosis, groups, trust, constants)
     if folder is not None:
         report("gain on held-out data, by the FMUs")
         gain_by_fmus(diagnosis, folder)
     return diagnosis
 
 
-def extended_fit(diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float) -> Fit:
-    """The whole chain with the named causes, fitted on the windows that are not held out."""
+def estimate(
+    diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float, constants: dict[str, float]
+) -> None:
+    """Values of the extended model, from all windows but the held-out ones.
+
+    Where every block is understood they are fitted together, driven by the command alone; otherwise block by block, so
+    that a block that is not understood does not bend the others.
+    """
     findings = diagnosis.findings
-    effects = tuple(c.effect for c in diagnosis.causes)
+    effects = tuple(c.effect for c in diagnosis.causes if c.group in findings)
     near: dict[str, float] = {}
-    fixed: dict[str, float] = {}
+    deviations: dict[str, float] = {}
+    start: dict[str, float] = {}
     rules = {}
     for finding in findings.values():
-        fixed |= {n: v for n, v in finding.task.model.fixed.items() if n.endswith(".theta_0")}
-        near |= (finding.chosen if stands(finding) else finding.null).fit.values
+        fit = (finding.chosen if stands(finding) else finding.null).fit
+        start |= {n: v for n, v in finding.task.model.fixed.items() if n.endswith(".theta_0")}
+        near |= fit.values
+        deviations |= fit.deviations
         rules |= finding.task.rules
+    diagnosis.values, diagnosis.deviations, diagnosis.start = near | constants, deviations, start
+    if diagnosis.rests or diagnosis.unjudged or not findings:
+        return
     count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
-    used = tuple(g for g in groups)
-    return fitted_chain(used, diagnosis.record, rules, effects, near, fixed, tolerance, ~held_windows(count))
+    chain = fitted_chain(
+        groups, diagnosis.record, rules, effects, near, start, tolerance, ~held_windows(count), constants
+    )
+    diagnosis.values = {n: v for n, v in chain.values.items() if n not in start} | constants
+    diagnosis.deviations = chain.deviations
+    diagnosis.start = {n: chain.values[n] for n in start}
 
 
 def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:

@@ -19,6 +19,7 @@ from cosim.units import base_exponents
 from fmus import registry
 from fmus.build import ARCHIVE_DATE, build_fmu, checked_starts, composed_block
 from fmus.compose import Composed
+from fmus.contract import Variable
 from fmus.describe import number
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -111,7 +112,7 @@ def add_component(
         raise ModelError(f"{ssd_path.name}: component '{name}' runs {source}: {error.args[0]}") from None
     starts = checked_starts(composed, read_values(ssd_path.parent / binding.get("source", "")) | dict(values))
     binding.set("source", f"resources/{name}.ssv")
-    entries[f"resources/{name}.ssv"] = values_xml(composed, starts)
+    entries[f"resources/{name}.ssv"] = values_xml(composed.parameters, starts)
     fmu = fmu_bytes(stem, changed(composed, starts), stimulus if stem == STIMULUS else None)
     if entries.setdefault(source, fmu) != fmu:
         raise ModelError(
@@ -171,14 +172,14 @@ def read_values(file: Path) -> dict[str, float]:
     return values
 
 
-def values_xml(composed: Composed, values: Mapping[str, float]) -> bytes:
-    """The .ssv of a component: `values` with the units of their declarations."""
+def values_xml(declared: Mapping[str, Variable], values: Mapping[str, float]) -> bytes:
+    """An .ssv with `values`, SI, by name, in the units and the order of their declarations."""
     root = etree.Element(
         f"{{{SSV}}}ParameterSet", nsmap={"ssv": SSV, "ssc": SSC}, version="1.0", name=PARAMETER_SET
     )
     parameters = etree.SubElement(root, f"{{{SSV}}}Parameters")
     used = set()
-    for name, variable in composed.parameters.items():
+    for name, variable in declared.items():
         if name not in values:
             continue
         node = etree.SubElement(parameters, f"{{{SSV}}}Parameter", name=name)
