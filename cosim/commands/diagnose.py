@@ -73,7 +73,7 @@ def show(result: object, out: Path) -> None:
     stdout_console().print(f"verdict: {result.verdict} ({kind}, model {result.model})")
     for cause in result.causes:
         numbers = ", ".join(
-            f"{n} = {p.value:.4g} {p.unit} ({p.ci95[0]:.4g} to {p.ci95[1]:.4g})"
+            f"{n} = {p.value:.6g} {p.unit} ({p.ci95[0]:.6g} to {p.ci95[1]:.6g})"
             for n, p in cause.parameters.items()
         )
         stdout_console().print(f"cause: {cause.effect}: {numbers}", markup=False)
