@@ -29,9 +29,9 @@ EFFECT = Effect(
         ),
         "n_r": Variable(
             "1",
-            "Periods a turn",
+            "Periods a turn: teeth of the pinion",
             20.0,
-            1.0,
+            6.0,
             1000.0,
             nominal=10.0,
             source="assumed; acts only where tau_r > 0",
