@@ -132,7 +132,7 @@ class Comparator:
             SimulationError: an FMU failed.
         """
         given = dict(parameters or {})
-        notes = list(self.notes)
+        notes: list[str] = []
         lacking = {name: self._upstream(name, self.command).missing for name in self.outputs}
         possible = [name for name, missing in lacking.items() if not missing]
         whole = self._run(given, self.command) if possible else {}
@@ -160,7 +160,7 @@ class Comparator:
             blocks=[self._block(group, single) for group in found],
             not_judged=not_judged,
             parameters={**self._start_values(), **given},
-            notes=notes,
+            notes=[*self.notes, *notes],  # by now with what the runs had to say
         )
 
     # Helpers

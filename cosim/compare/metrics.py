@@ -10,9 +10,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 WINDOW = 5.0  # s, over which an integrating signal is judged with a free offset
-NOISE_WINDOW = 0.2  # s, in which a signal's motion passes for a cubic
+NOISE_WINDOW = 0.5  # s, in which a signal's motion passes for a cubic
 NOISE_SAMPLES = 16  # at least this many samples in such a window
-QUIET = 1.3  # windows with up to this many times the residual of the quietest tenth show noise alone
+QUIET = 4.0  # standard errors of a window's spread above that of the quietest tenth: noise alone, no motion
 STAND_OUT = 1.5  # a signal whose spread is below this many times its noise is constant
 
 
@@ -127,9 +127,10 @@ def noise_floor(values: Array, step: float) -> float:
     rows = values[: len(values) // size * size].reshape(-1, size)
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 4))
     rest = rows - (rows @ basis) @ basis.T
-    spread = np.sqrt(np.sum(np.square(rest), axis=1) / (size - basis.shape[1]))
-    quietest = np.quantile(spread, 0.1, method="higher")
-    return max(rms(spread[spread <= QUIET * quietest]), rounding)
+    freedom = size - basis.shape[1]
+    spread = np.sqrt(np.sum(np.square(rest), axis=1) / freedom)
+    limit = np.quantile(spread, 0.1, method="higher") * (1.0 + QUIET / math.sqrt(2.0 * freedom))
+    return max(rms(spread[spread <= limit]), rounding)
 
 
 def _resolution(values: Array) -> float:

@@ -1,6 +1,7 @@
 """Brings a log onto a uniform step, and finds where its motion starts."""
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ ON_GRID = 0.05  # stamps this part of a step off a uniform grid are taken to lie
 LEAST_SAMPLES = 10
 AT_REST = 0.5  # s, the longest start over which the first value is averaged
 AT_ONCE = 0.01  # s, in which nothing moves by more than its noise whatever drives it
+CUBIC = 0.1  # s, in which a motion is a cubic
+PART = 0.3  # of the mean speed: less than that at the first sample is no motion there
 SIGNIFICANT = 5.0  # standard errors of a slope that make it a motion
 
 
@@ -73,14 +76,24 @@ def first_value(values: Array, valid: Mask, drives: list[Array], step: float) ->
         changes = [np.flatnonzero(drive[:limit] != drive[0]) for drive in drives]
         still = max(still, min(int(c[0]) if len(c) else limit for c in changes))
     use = np.flatnonzero(valid[:still])
-    if not len(use):
-        return float(values[0]), False
-    if len(use) >= LEAST_SAMPLES:
-        time = (use - use.mean()) * step
-        y = values[use]
-        slope = float(time @ (y - y.mean()) / (time @ time))
-        rest = y - y.mean() - slope * time
-        error = float(np.sqrt(rest @ rest / (len(use) - 2) / (time @ time)))
-        if abs(slope) > SIGNIFICANT * error:
-            return float(y.mean() - slope * use.mean() * step), True
-    return float(values[use].mean()), False
+    if len(use) < LEAST_SAMPLES:
+        return (float(values[use].mean()) if len(use) else float(values[0])), False
+    _, slope, error = _polynomial(np.asarray(use * step, dtype=np.float64), values[use], 1)
+    if abs(slope) <= SIGNIFICANT * error:
+        return float(values[use].mean()), False
+    early = use[: max(LEAST_SAMPLES, int(CUBIC / step) + 1)]
+    first, *_ = _polynomial(np.asarray(early * step, dtype=np.float64), values[early], 3)
+    _, speed, error = _polynomial(np.asarray(use * step, dtype=np.float64), values[use], 2)
+    # a drive that is switched on at the first sample starts at rest, however fast it is soon after
+    return first, abs(speed) > max(SIGNIFICANT * error, PART * abs(slope))
+
+
+def _polynomial(time: Array, values: Array, degree: int) -> tuple[float, float, float]:
+    """Value and slope at time 0, and the slope's standard error, of a least-squares polynomial through values (n,)."""
+    scale = float(time[-1])
+    matrix = np.vander(time / scale, degree + 1, increasing=True)
+    found, *_ = np.linalg.lstsq(matrix, values, rcond=None)
+    rest = values - matrix @ found
+    variance = float(rest @ rest) / (len(values) - degree - 1)
+    spread = np.linalg.inv(matrix.T @ matrix)[1, 1]
+    return float(found[0]), float(found[1]) / scale, math.sqrt(variance * spread) / scale

@@ -1,4 +1,4 @@
-"""Fits the simplified drive to one log of the mini excavator's swing axis: `mini_excavator.ssv` holds the numbers it printed.
+"""Fits the simplified drive to one log of the mini excavator's swing axis; `mini_excavator.ssv` holds the result.
 
     python examples/models/fit_mini_excavator.py LOG [LOG ...]
 

@@ -1,0 +1,79 @@
+"""RMSE, fit, windows and noise floor against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.compare import fit_percent, noise_floor, rms
+from cosim.compare.metrics import score, without_offsets
+
+
+def test_fit_is_matlabs():
+    # goodnessOfFit's NRMSE by hand: |y - yhat| = sqrt(2), |y - mean| = sqrt(5)
+    y, yhat = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 3.0, 3.0, 5.0])
+    assert fit_percent(y, yhat) == pytest.approx(100.0 * (1.0 - np.sqrt(2.0 / 5.0)), rel=1e-14)
+    assert fit_percent(y, y) == 100.0
+    assert fit_percent(y, np.full(4, 2.5)) == pytest.approx(0.0, abs=1e-12)
+    assert fit_percent(np.ones(4), y) is None
+
+
+@given(
+    st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=30),
+    st.floats(-100.0, 100.0),
+    st.floats(0.1, 10.0),
+    st.integers(0, 2**31),
+)
+def test_fit_does_not_depend_on_unit_or_zero(values, offset, scale, seed):
+    y = np.array(values)
+    if np.std(y) < 1e-3:
+        return
+    yhat = y + np.random.default_rng(seed).standard_normal(len(y))
+    one, two = fit_percent(y, yhat), fit_percent(scale * y + offset, scale * yhat + offset)
+    assert one == pytest.approx(two, rel=1e-6, abs=1e-6)
+
+
+def test_windows_have_free_offsets():
+    time = np.arange(10001) * 1e-3
+    drift = np.where(time < 5.0, 3.0, -1.0)
+    assert rms(without_offsets(drift, time)) < 0.06  # but for one sample on the edge
+    ramp = 0.1 * time
+    assert rms(without_offsets(ramp, time)) == pytest.approx(0.5 / np.sqrt(12.0), rel=1e-3)
+
+
+def test_score_leaves_filled_samples_out_and_says_where_it_is_worst():
+    time = np.arange(100) * 0.1
+    y = np.sin(time)
+    yhat = y - 2.0
+    yhat[40] -= 1.0
+    valid = np.ones(100, dtype=bool)
+    valid[10:20] = False
+    yhat[10:20] = 1e6
+    found = score(y, yhat, time, valid, 0.1, drifts=False, free_offset=False)
+    assert found.samples == 90
+    assert found.rmse == pytest.approx(np.sqrt((89 * 4.0 + 9.0) / 90))
+    assert (found.max_error, found.max_time) == (pytest.approx(3.0), pytest.approx(4.0))
+    assert found.rmse_windows is None
+    assert found.offset is None
+    free = score(y, yhat, time, valid, 0.1, drifts=True, free_offset=True)
+    assert free.offset == pytest.approx(2.0 + 1.0 / 90)
+    assert free.rmse < 0.12
+    assert free.ratio == pytest.approx(free.rmse_windows / 0.1)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-3, 1.0])
+def test_noise_floor_of_a_moving_signal(size):
+    rng = np.random.default_rng(1)
+    time = np.arange(20000) * 1e-3
+    motion = 10.0 * np.sin(1.5 * time) + np.where(time > 10.0, 5.0, 0.0)
+    found = noise_floor(motion + size * rng.standard_normal(len(time)), 1e-3)
+    # 36 windows of 500 samples: half a percent; the quiet ones are chosen, and the sine is no cubic by 1e-4
+    assert found == pytest.approx(size, rel=0.04, abs=3e-4)
+
+
+def test_noise_floor_is_at_least_the_resolution():
+    time = np.arange(5000) * 1e-3
+    rounded = np.round(np.sin(time) / 0.01) * 0.01
+    assert noise_floor(rounded, 1e-3) >= 0.01 / np.sqrt(12.0) * 0.999
+    assert noise_floor(np.zeros(5000), 1e-3) == 0.0
+    assert noise_floor(np.zeros(5), 1e-3) == 0.0
