@@ -67,7 +67,7 @@ class Group:
         slot = self.upstream_slot
         found = []
         for effect in registry.effects().values():
-            if effect.name in self.excluded:
+            if effect.name in self.excluded or effect.name in _LEFT_OUT.get():
                 continue
             handed_on = set(effect.fills) == {"driving_pressure"}
             if effect.component in self.components and not handed_on:
