@@ -1,4 +1,7 @@
-"""The diagnosis as JSON (CONTRACT section 4), in the units people read; its schema is published as docs/diagnosis.schema.json."""
+"""The diagnosis as JSON (CONTRACT section 4), in the units people read.
+
+Its schema is published as docs/diagnosis.schema.json.
+"""
 
 from importlib.metadata import version
 from typing import Literal

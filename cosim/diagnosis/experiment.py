@@ -13,10 +13,16 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import ChainModel
+from cosim.diagnosis.fit import Unknown, jacobian
 from cosim.diagnosis.groups import Group
+from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.verdict import Cause
 
 Array = NDArray[np.float64]
+
+Description = dict[str, float | str | list[float]]
+REFINED = 10  # excitations whose separation is computed with the second model refitted
 
 
 @dataclass(frozen=True)
@@ -32,95 +38,140 @@ class Proposal:
     """
 
     why: str
-    excitation: dict[str, float | str | list[float]]
+    excitation: Description
     predicted_gain: float
     command: Array
     file: Path | None = None
 
 
-def menu(duration: float, h: float) -> list[tuple[dict[str, float | str | list[float]], Array]]:
-    """Feasible excitations of one duration, s: shapes, amplitudes and frequencies within the rig's limits, |u| <= 1, mean about zero."""
+def menu(duration: float, h: float) -> list[tuple[Description, Array]]:
+    """Feasible excitations of one duration, s, at steps of h: shapes, amplitudes, frequencies; |u| <= 1, mean about zero."""
     time = np.arange(round(duration / h) + 1) * h
-    found: list[tuple[dict[str, float | str | list[float]], Array]] = []
+    found: list[tuple[Description, Array]] = []
+
+    def add(shape: str, amplitude: float, of: str, value: float, command: Array) -> None:
+        found.append(
+            ({"shape": shape, "amplitude": amplitude, of: value, "duration_s": duration}, amplitude * command)
+        )
+
     for amplitude in (0.05, 0.1, 0.25, 0.5, 1.0):
         for omega in (0.3, 1.0, 3.0, 10.0):
-            found.append(({"shape": "sine", "amplitude": amplitude, "frequency_rad_s": omega, "duration_s": duration}, amplitude * np.sin(omega * time)))  # fmt: skip
+            add("sine", amplitude, "frequency_rad_s", omega, np.sin(omega * time))
         for hold in (0.5, 1.5, 4.0):
-            square = amplitude * np.sign(np.sin(np.pi * time / hold + 1e-9))
-            rest = square * (np.floor(time / hold / 2.0) % 2 == 0)
-            found.append(
-                ({"shape": "steps", "amplitude": amplitude, "hold_s": hold, "duration_s": duration}, square)
-            )
-            found.append(
-                (
-                    {
-                        "shape": "steps with rests",
-                        "amplitude": amplitude,
-                        "hold_s": hold,
-                        "duration_s": duration,
-                    },
-                    rest,
-                )
+            square = np.sign(np.sin(np.pi * time / hold + 1e-9))
+            add("steps", amplitude, "hold_s", hold, square)
+            add(
+                "steps with rests", amplitude, "hold_s", hold, square * (np.floor(time / hold / 2.0) % 2 == 0)
             )
         for period in (5.0, 20.0):
-            ramp = amplitude * (2.0 / np.pi) * np.arcsin(np.sin(2.0 * np.pi * time / period))
-            found.append(
-                (
-                    {"shape": "triangle", "amplitude": amplitude, "period_s": period, "duration_s": duration},
-                    ramp,
-                )
-            )
+            ramp = (2.0 / np.pi) * np.arcsin(np.sin(2.0 * np.pi * time / period))
+            add("triangle", amplitude, "period_s", period, ramp)
     return found
 
 
-def difference(
-    model: ChainModel, first: Mapping[str, float], second: Mapping[str, float], rules: Mapping[str, Whitener]
+def white_difference(a: Mapping[str, Array], b: Mapping[str, Array], rules: Mapping[str, Whitener]) -> Array:
+    """Difference of two predictions in units of noise, all signals in one row."""
+    return np.concatenate([rule(a[s] - b[s]).ravel() for s, rule in rules.items() if s in a])
+
+
+def separation(
+    model: ChainModel,
+    first: Mapping[str, float],
+    second: Mapping[str, float],
+    rules: Mapping[str, Whitener],
+    loose: list[Unknown],
 ) -> float:
-    """Half the squared difference of two models' predictions in units of noise: the log-likelihood that separates them."""
-    a, b = model.simulate(dict(first)), model.simulate(dict(second))
-    return 0.5 * sum(float(np.sum(rule(a[s] - b[s]) ** 2)) for s, rule in rules.items() if s in a)
+    """Log-likelihood by which an experiment would prefer `first`, if it is true, to `second` refitted to it.
+
+    The second model's parameters take up what they can, to first order, trusted ones at the price of their priors.
+    """
+    target = white_difference(model.simulate(dict(first)), model.simulate(dict(second)), rules)
+    scales = np.array([u.scale for u in loose])
+    z = np.array([second[u.name] for u in loose]) / scales
+    low = np.array([u.low for u in loose]) / scales
+    high = np.array([u.high for u in loose]) / scales
+    base = model.simulate(dict(second))
+
+    def moved(at: Array) -> Array:
+        values = dict(second) | {u.name: float(v) for u, v in zip(loose, at * scales, strict=True)}
+        return white_difference(model.simulate(values), base, rules)
+
+    columns = jacobian(moved, z, low, high)
+    prior = np.diag([u.scale / u.prior[1] if u.prior else 0.0 for u in loose])
+    rows = np.concatenate([columns, prior])
+    aim = np.concatenate([target, np.zeros(len(loose))])
+    solution, *_ = np.linalg.lstsq(rows, aim, rcond=None)
+    rest = aim - rows @ solution
+    return 0.5 * float(rest @ rest)
 
 
 def propose(
     groups: tuple[Group, ...],
     first: Mapping[str, float],
     second: Mapping[str, float],
+    loose: list[Unknown],
     rules: Mapping[str, Whitener],
     why: str,
     fixed: dict[str, float],
     duration: float = 30.0,
     h: float = 1e-3,
 ) -> Proposal | None:
-    """The excitation of the menu that separates two sets of parameter values best; None if none does."""
-    best: Proposal | None = None
+    """The excitation of the menu that separates two models best; None if none does.
+
+    Args:
+        groups: the groups of the model.
+        first: all parameter values of one model, ``component.parameter`` -> SI.
+        second: those of the other.
+        loose: what can be refitted in the second.
+        rules: signal -> whitening rule.
+        why: the reason, in words.
+        fixed: start angle.
+        duration: of the experiment, s.
+        h: step, s.
+    """
+    ranked = []
     for description, command in menu(duration, h):
         model = ChainModel(groups, Record(h, {"u": command}), fixed)
-        gain = difference(model, first, second, rules)
+        raw = white_difference(model.simulate(dict(first)), model.simulate(dict(second)), rules)
+        ranked.append((float(raw @ raw), description, command))
+    ranked.sort(key=lambda item: -item[0])
+    best: Proposal | None = None
+    for _, description, command in ranked[:REFINED]:
+        model = ChainModel(groups, Record(h, {"u": command}), fixed)
+        gain = separation(model, first, second, rules, loose)
         if best is None or gain > best.predicted_gain:
             best = Proposal(why, description, gain, command)
     return best if best is not None and best.predicted_gain > 1.0 else None
 
 
-def proposal_for(groups: tuple[Group, ...], findings: Mapping[str, "object"], causes: list, fixed: dict[str, float], values: Mapping[str, float]) -> Proposal | None:  # type: ignore[type-arg]  # fmt: skip
+def proposal_for(
+    groups: tuple[Group, ...],
+    findings: Mapping[str, Finding],
+    causes: list[Cause],
+    fixed: dict[str, float],
+    values: Mapping[str, float],
+    tolerance: float = 0.01,
+) -> Proposal | None:
     """An experiment for the first cause that has a twin in this log, or None."""
     for cause in causes:
-        if not cause.alike:
+        if not cause.alike or cause.group not in findings:
             continue
         finding = findings[cause.group]
         twins = [
             t
             for t in finding.rivals.get(cause.effect.name, [])
             if any(e.name == cause.alike[0] for e in t.effects)
-        ]  # type: ignore[attr-defined]
+        ]
         if not twins:
             continue
-        rules = {s: r for f in findings.values() for s, r in f.task.rules.items()}  # type: ignore[attr-defined]
-        own = set(finding.chosen.fit.values) | set(twins[0].fit.values)  # type: ignore[attr-defined]
+        rules = {s: r for f in findings.values() for s, r in f.task.rules.items()}
+        own = set(finding.chosen.fit.values) | set(twins[0].fit.values)
         base = {n: v for n, v in values.items() if n not in own}
-        first = base | finding.chosen.fit.values  # type: ignore[attr-defined]
+        first = base | finding.chosen.fit.values
         second = base | twins[0].fit.values
+        loose, _ = unknowns(finding.task.model, twins[0].effects, tolerance)
         why = f"tells {cause.effect.name} from {cause.alike[0]}, which this log cannot"
-        return propose(groups, first, second, rules, why, fixed)
+        return propose(groups, first, second, loose, rules, why, fixed)
     return None
 
 

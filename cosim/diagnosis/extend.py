@@ -15,7 +15,7 @@ from cosim.paths import ssp_folder
 from cosim.ssp.write import values_xml, write_ssp
 from fmus import registry
 from fmus.build import composed_block
-from fmus.contract import Effect
+from fmus.contract import Effect, Variable
 
 Array = NDArray[np.float64]
 
@@ -106,8 +106,8 @@ def by_component(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
 
 def write_values(grouped: Mapping[str, Mapping[str, float]], file: Path) -> Path:
     """Write all values as one .ssv with names ``component.parameter``."""
-    declared = {}
-    values = {}
+    declared: dict[str, Variable] = {}
+    values: dict[str, float] = {}
     for component, own in grouped.items():
         block = registry.FMU_OF_COMPONENT.get(component, component)
         known = composed_block(block, component).parameters

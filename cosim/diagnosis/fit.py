@@ -13,6 +13,8 @@ from cosim.diagnosis.noise import Whitener
 
 Array = NDArray[np.float64]
 
+ABSURD = 1e9  # SI; stands for a residual that is no number
+
 
 @dataclass(frozen=True)
 class Unknown:
@@ -89,7 +91,11 @@ class Task:
     def residuals(self, values: dict[str, float]) -> dict[str, Array]:
         """Measured minus predicted, signal by signal, SI."""
         predicted = self.model.simulate(values)
-        return {name: measured - predicted[name] for name, measured in self.measured.items()}
+        # a trial far off may leave the numbers; it must only count as bad
+        return {
+            name: np.nan_to_num(measured - predicted[name], copy=False, nan=ABSURD, posinf=ABSURD, neginf=-ABSURD)
+            for name, measured in self.measured.items()
+        }
 
     def rows(self, residuals: Mapping[str, Array]) -> Array:
         """All signals' residuals, independent and of unit size but for doubt, in one row."""

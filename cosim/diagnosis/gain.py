@@ -13,7 +13,12 @@ from cosim.master import Runner
 
 Array = NDArray[np.float64]
 
-RECORDED = {"spool": ("dcv.spool",), "p_load": ("continuity.p_a", "continuity.p_b"), "p_supply": ("continuity.p_supply",), "slew": ("sensor.slew",)}  # fmt: skip
+RECORDED = {
+    "spool": ("dcv.spool",),
+    "p_load": ("continuity.p_a", "continuity.p_b"),
+    "p_supply": ("continuity.p_supply",),
+    "slew": ("sensor.slew",),
+}
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,9 @@ def fit_percent(measured: Array, simulated: Array) -> float:
     )
 
 
-def measure(record: Record, before: Mapping[str, Array], after: Mapping[str, Array], window: int, seed: int = 1) -> dict[str, Gain]:  # fmt: skip
+def measure(
+    record: Record, before: Mapping[str, Array], after: Mapping[str, Array], window: int, seed: int = 1
+) -> dict[str, Gain]:
     """Errors on the held-out windows of `window` samples; intervals from 2000 resamplings of whole windows."""
     found = {}
     for signal in before:

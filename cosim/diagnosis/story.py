@@ -14,6 +14,7 @@ from cosim.diagnosis.extend import fitted_chain, write_extended
 from cosim.diagnosis.gain import Gain, measure, run_package
 from cosim.diagnosis.groups import MODELS, Group, GroupModel
 from cosim.diagnosis.naming import Finding, find
+from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.verdict import (
     Cause,
@@ -239,7 +240,7 @@ def estimate(
     near: dict[str, float] = {}
     deviations: dict[str, float] = {}
     start: dict[str, float] = {}
-    rules = {}
+    rules: dict[str, Whitener] = {}
     for finding in findings.values():
         fit = (finding.chosen if stands(finding) else finding.null).fit
         start |= {n: v for n, v in finding.task.model.fixed.items() if n.endswith(".theta_0")}

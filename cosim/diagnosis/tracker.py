@@ -27,8 +27,22 @@ SEAM_ANGLE = np.radians(12.0)  # Table 3.4
 PRICE = 10.0  # log-likelihood beyond BIC's price, as for every other cause
 CLOCK = (2e-3, 1e-5)  # s and relative rate: a clock this good is synchronised
 ERRORS = ("tracker.seam", "sensor.gain", "sensor.bias", "sensor.drift")
-NOMINAL = {"tracker.offset": 0.0, "tracker.rate": 1.0, "tracker.seam": 0.0, "sensor.gain": 1.0, "sensor.bias": 0.0, "sensor.drift": 0.0}  # fmt: skip
-SCALES = {"tracker.offset": 1e-2, "tracker.rate": 1e-4, "tracker.seam": 1e-3, "sensor.gain": 1e-2, "sensor.bias": 1e-3, "sensor.drift": 1e-5}  # fmt: skip
+NOMINAL = {
+    "tracker.offset": 0.0,
+    "tracker.rate": 1.0,
+    "tracker.seam": 0.0,
+    "sensor.gain": 1.0,
+    "sensor.bias": 0.0,
+    "sensor.drift": 0.0,
+}
+SCALES = {
+    "tracker.offset": 1e-2,
+    "tracker.rate": 1e-4,
+    "tracker.seam": 1e-3,
+    "sensor.gain": 1e-2,
+    "sensor.bias": 1e-3,
+    "sensor.drift": 1e-5,
+}
 GROUP = Group("sensor", (), "slew", ("slew_external",))
 
 
