@@ -25,8 +25,7 @@ def compare(
     model: Annotated[
         str | None,
         typer.Option(
-            help="simplified, full_order, physical, or an .ssp, .fmu or .ssd file "
-            "[default: the mapping's, or full_order]."
+            help="simplified, full_order, physical or a file [default: the mapping's or full_order]."
         ),
     ] = None,
     mapping: Annotated[
@@ -34,9 +33,7 @@ def compare(
     ] = None,
     parameter_set: Annotated[
         list[Path] | None,
-        typer.Option(
-            help="An .ssv with names such as mechanical.J; repeatable, before --set.", metavar="FILE"
-        ),
+        typer.Option(help="An .ssv with names such as mechanical.J; repeatable.", metavar="FILE"),
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
