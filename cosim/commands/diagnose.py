@@ -35,6 +35,7 @@ def diagnose(
     from cosim.diagnosis.answer import answer
     from cosim.diagnosis.experiment import proposal_for, write_command
     from cosim.diagnosis.groups import MODELS
+    from cosim.diagnosis.isolability import isolability
     from cosim.diagnosis.story import diagnose as run
     from cosim.logs import load_log, load_tracker
 
@@ -42,6 +43,15 @@ def diagnose(
     tracker = load_tracker(external) if external is not None else None
     for warning in loaded.warnings:
         stderr_console().print(f"warning: {warning}", markup=False)
+    if model in MODELS:
+        measured = {*loaded.signals} | ({"p_load"} if "p_load" in loaded else set())
+        apart = isolability(MODELS[model], measured | ({"slew_external"} if tracker else set()))
+        for where, names in apart.classes:
+            stderr_console().print(
+                f"residual of {' and '.join(where)} shows: {', '.join(names)}", markup=False
+            )
+        for advice in apart.advice:
+            stderr_console().print(advice, markup=False)
     with stderr_console().status("diagnosis") as status:
         found = run(
             loaded,

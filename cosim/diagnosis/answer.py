@@ -9,6 +9,8 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from cosim.diagnosis.experiment import Proposal
+from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.isolability import isolability
 from cosim.diagnosis.naming import declared
 from cosim.diagnosis.story import Diagnosis
 from cosim.diagnosis.verdict import Cause, names_of
@@ -108,6 +110,13 @@ class NextExperiment(Model):
     file: str | None = None
 
 
+class Separable(Model):
+    """What the measured signals can tell apart in principle."""
+
+    residual: list[str]
+    effects: list[str]
+
+
 class Answer(Model):
     """The whole diagnosis."""
 
@@ -123,6 +132,8 @@ class Answer(Model):
     next_experiment: NextExperiment | None
     not_exercised: list[str]
     not_judged: dict[str, str]
+    isolability: list[Separable]
+    helpful_signals: list[str]
     nominal: dict[str, Parameter]
     warnings: list[str]
     made: dict[str, str]
@@ -137,6 +148,8 @@ def shown(signal: str) -> tuple[str, float]:
 
 def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file: str = "") -> Answer:
     """The diagnosis in the contract's form."""
+    measured = {*diagnosis.record.signals} | ({"slew_external"} if diagnosis.tracker else set())
+    apart = isolability(MODELS[diagnosis.model], measured)
     return Answer(
         verdict=diagnosis.verdict,  # type: ignore[arg-type]
         synthetic=log.synthetic,
@@ -150,6 +163,8 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         next_experiment=next_experiment(proposal),
         not_exercised=diagnosis.never,
         not_judged={g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()},
+        isolability=[Separable(residual=list(where), effects=list(names)) for where, names in apart.classes],
+        helpful_signals=apart.advice,
         nominal=nominal(diagnosis),
         warnings=list(log.warnings),
         made={
