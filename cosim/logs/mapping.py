@@ -15,7 +15,7 @@ A value is ``sign * gain * (reading - zero) + offset`` in `unit`.
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -128,10 +128,11 @@ class Mapping(_Strict):
     Attributes:
         name: short name of the data set.
         description: where it comes from, what is known about it.
-        model: name of a built-in model, or path of an .ssp or .ssv relative to the mapping file.
+        model: name of a built-in model, or path of an .ssp, .ssd or .ssv relative to the mapping file.
         file: how a text file is written.
         time: where time comes from.
         signals: signal -> where it comes from; names may be our own (``slew``) or the mapping's (``force``).
+        compare: how signals map to the variables of a model; `cosim.compare.mapping` reads and checks it.
         path: the mapping file, None for a mapping made in memory.
     """
 
@@ -141,6 +142,7 @@ class Mapping(_Strict):
     file: FileFormat = FileFormat()
     time: TimeColumn
     signals: Annotated[dict[str, SignalColumn], Field(min_length=1)]
+    compare: dict[str, Any] = Field(default_factory=dict)
     path: Path | None = Field(default=None, exclude=True)
 
     @field_validator("signals")
@@ -156,7 +158,7 @@ class Mapping(_Strict):
     @property
     def model_reference(self) -> str | None:
         """The model's name, or the absolute path of its file."""
-        if self.model is None or not self.model.lower().endswith((".ssp", ".ssv")):
+        if self.model is None or not self.model.lower().endswith((".ssp", ".ssv", ".ssd")):
             return self.model
         folder = self.path.parent if self.path else Path()
         return str((folder / self.model).resolve())
