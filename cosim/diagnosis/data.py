@@ -68,15 +68,15 @@ def free_bases(record: Record, group: Group, values: dict[str, float], predicted
             "time": time,
         }
         return {"spool": families(drivers, transfer, h, "demand", "1")}
-    if group.name == "continuity":
+    if group.observed[0] == "p_load":
         K_c, T = values["continuity.K_c"], values["continuity.T"]
-        spool = record.smooth("spool", 20.0)
-        drivers = {
-            "spool": spool,
-            "spool_rate": record.rate("spool", 10.0),
-            "p_load": predicted["p_load"],
-            "time": time,
-        }
+        drivers = {"p_load": predicted["p_load"], "time": time}
+        if record.has("spool"):
+            spool = record.smooth("spool", 20.0)
+            drivers |= {"spool": spool, "spool_rate": record.rate("spool", 10.0)}
+        else:
+            spool = predicted["p_load"] / K_c  # the opening that the pressure asks for
+            drivers["u"] = record.signals["u"]
         if record.has("slew"):
             drivers["slew"] = record.smooth("slew")
         found = {"p_load": families(drivers, ([K_c], [T, 1.0]), h, "opening", "m")}

@@ -4,10 +4,10 @@ Between two measured signals the blocks act as one: the compensator, the dead zo
 continuity between spool and pressure; mechanics and slew sensor between pressure and angle.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,8 @@ class Group:
             if effect.name in self.excluded or effect.name in _LEFT_OUT.get():
                 continue
             handed_on = set(effect.fills) == {"driving_pressure"}
-            if effect.component in self.components and not handed_on:
+            inside = effect.component in self.components[:-1] or not handed_on
+            if effect.component in self.components and inside:
                 found.append(effect)
             elif slot and handed_on and effect.component == slot[0] and slot[2] in effect.fills:
                 found.append(effect)
@@ -122,6 +123,26 @@ COMPONENT_VALUES = {"compensator.form": 3.0, "compensator.limit": 2.0}
 def compiled_stage(component: str, block: str) -> CompiledBlock:
     """The compiled block of a component."""
     return compiled_block(block, component)
+
+
+def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, ...]:
+    """Groups joined where the signal between them was not measured: they can only be judged as one."""
+    found: list[Group] = []
+    for group in groups:
+        before = found[-1] if found else None
+        if before is not None and before.observed[0] not in signals and before.observed[0] == group.drive:
+            joined = replace(
+                group,
+                name=f"{before.name}+{group.name}",
+                stages=before.stages + group.stages,
+                drive=before.drive,
+                held=before.held,
+                upstream_slot=before.upstream_slot,
+            )
+            found[-1] = joined
+        else:
+            found.append(group)
+    return tuple(found)
 
 
 class GroupModel:

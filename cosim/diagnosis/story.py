@@ -12,7 +12,7 @@ from cosim.diagnosis.chain import WINDOW, Known, task_for
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import fitted_chain, write_extended
 from cosim.diagnosis.gain import Gain, measure, run_package
-from cosim.diagnosis.groups import MODELS, Group, GroupModel
+from cosim.diagnosis.groups import MODELS, Group, GroupModel, merged
 from cosim.diagnosis.naming import Finding, find
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
@@ -206,7 +206,7 @@ def diagnose(
         if tracker is not None:
             report("slew sensor against tracker")
             seen = compare_tracker(record, tracker)
-        groups = settled(MODELS[model], seen)
+        groups = settled(merged(MODELS[model], record.signals), seen)
         constants = {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")} if seen else {}
         findings, unjudged = judge(groups, record, trust, report, constants)
         if not findings and seen is None:
