@@ -12,7 +12,6 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,8 +189,8 @@ def run_engine(
     return results, float(results.pop("seconds"))
 
 
-def main() -> NoReturn:
-    """Runs one engine in this process, stores its results and ends the process."""
+def main() -> None:
+    """Runs one engine in this process and stores its results."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -209,10 +208,6 @@ def main() -> NoReturn:
         options.package, options.steps, options.step_size, options.signals
     )
     np.savez(options.out, **results | {"seconds": np.array(seconds)})
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # pythonfmu 0.7.0 releases its interpreter guard twice at the end of a process, which now and then aborts it
-    os._exit(0)
 
 
 if __name__ == "__main__":

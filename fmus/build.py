@@ -15,17 +15,29 @@ from fmus import registry
 from fmus.compose import Composed, compose
 from fmus.contract import Buffer
 from fmus.describe import documentation, model_description, table
+from fmus.specialise import flat_text
 
 ARCHIVE_DATE = (2026, 1, 1, 0, 0, 0)
 PICTURES = Path(__file__).parent / "pictures"
-EQUATIONS = "Input, Parameters, State, Memory, start, begin, coefficients, advance, output"
+EQUATIONS = "Input, Parameters, State, Memory, start, begin, coefficients, output"
+PARTS = ("slave_base.py", "slave.py")  # of the slave, in the order in which one needs the other
+
+
+def slave_text() -> str:
+    """The slave's modules as one text, without their titles and without imports from this package."""
+    texts = [
+        (Path(__file__).parent / part).read_text(encoding="utf-8").partition('"""\n\n')[2] for part in PARTS
+    ]
+    lines = [line for line in "\n\n".join(texts).splitlines() if not line.startswith("from fmus.")]
+    return "\n".join(lines)
 
 
 def script(composed: Composed, starts: Mapping[str, float]) -> str:
     """Text of the FMU's script: the composed equations, the slave, and a class with the tables of this block."""
     rows = table(composed)
-    slave = (Path(__file__).parent / "slave.py").read_text(encoding="utf-8").partition('"""\n\n')[2]
     buffers = [(b.length, b.resource) for b in composed.memory.values() if isinstance(b, Buffer)]
+    names = list(composed.parameters)
+    keys = {e.key: composed.parameters[e.key].start for e in composed.effects}
     tables = {
         "names": tuple(n for n, _, _ in rows),
         "starts": tuple(starts.get(n, v.start) for n, _, v in rows),
@@ -36,13 +48,25 @@ def script(composed: Composed, starts: Mapping[str, float]) -> str:
         "n_outputs": len(composed.outputs),
         "takes_time": composed.takes_time,
         "buffers": tuple(buffers),
+        "switches": tuple((names.index(key), off) for key, off in keys.items()),
     }
     lines = [f"class {composed.block.name}(BlockSlave):", f'    """{composed.block.title}."""', ""]
+    # pythonfmu looks these up by a new string at each call, which no cache knows: found here, the search ends at once
+    lines.append('    __slots__ = ("do_step", "get_real", "set_real")')
     lines.append(f"    equations = ({EQUATIONS})")
     lines += [f"    {name} = {value!r}" for name, value in tables.items()]
+    lines.append(f"    plain = {quoted(flat_text(compose(composed.block)))}")
+    lines.append(f"    with_effects = {quoted(flat_text(composed)) if composed.effects else 'plain'}")
     # pythonfmu wants the class to have a method of its own, or the second instance crashes
     lines += ["", "    def __init__(self, **kwargs):", "        super().__init__(**kwargs)"]
-    return f"{composed.source}\n\n{slave}\n\n" + "\n".join(lines) + "\n"
+    return f"{composed.source}\n\n{slave_text()}\n\n" + "\n".join(lines) + "\n"
+
+
+def quoted(text: str) -> str:
+    """A text as a readable literal of several lines."""
+    assert "\\" not in text
+    assert "'''" not in text
+    return f"'''{text}'''"
 
 
 def checked_starts(composed: Composed, starts: Mapping[str, float]) -> dict[str, float]:

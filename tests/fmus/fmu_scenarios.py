@@ -6,6 +6,7 @@ prints one JSON object by name: status, messages, status of the next step, and w
 
 import json
 import math
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -219,5 +220,35 @@ def resume(folder: str, exchange: str) -> None:
     s.close()
 
 
+def leave(how: str, *folders: str) -> None:
+    """End the process with instances that are `open`, `closed`, or whose files are `deleted` under them."""
+    instances = [Instance(Path(folder)).initialise() for folder in folders]
+    for s in instances:
+        assert s.step(0.0) == OK
+        if how == "closed":
+            s.close()
+    if how == "deleted":
+        for folder in folders:
+            shutil.rmtree(folder)
+    print("done")
+
+
+def resets(folder: str, count: str) -> None:
+    """Run and reset again and again; prints by how many KiB the second half grew, and how often the table was read."""
+    import psutil
+
+    s = Instance(Path(folder))
+    sizes = []
+    for _ in range(int(count)):
+        s.initialise()
+        assert s.step(0.0) == OK
+        s.fmu.reset()
+        sizes.append(psutil.Process().memory_info().rss / 1024)
+    module = next(m for n, m in sys.modules.items() if n.startswith("stimulus_"))
+    print(sizes[-1] - sizes[len(sizes) // 2], module.BaseSlave.read_column.cache_info().misses)
+
+
 if __name__ == "__main__":
-    {"refuse": refuse, "many": many, "continue": resume}[sys.argv[1]](*sys.argv[2:])
+    {"refuse": refuse, "many": many, "continue": resume, "leave": leave, "resets": resets}[sys.argv[1]](
+        *sys.argv[2:]
+    )
