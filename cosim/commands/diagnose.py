@@ -31,13 +31,14 @@ def diagnose(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
-    from cosim.console import emit_json, stderr_console
+    from cosim.console import emit_json, stderr_console, warn
     from cosim.diagnosis.answer import answer
     from cosim.diagnosis.experiment import proposal_for, write_command
     from cosim.diagnosis.groups import MODELS
     from cosim.diagnosis.isolability import isolability
     from cosim.diagnosis.story import diagnose as run
     from cosim.logs import load_log, load_tracker
+    from cosim.report.page import save_and_report
 
     loaded = load_log(log, mapping)
     tracker = load_tracker(external) if external is not None else None
@@ -67,6 +68,8 @@ def diagnose(
             proposal = write_command(proposal, out)
     result = answer(found, loaded, proposal)
     (out / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
+    if save_and_report(found, result, out) is None:
+        warn("no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder")
     if as_json:
         emit_json(result.model_dump())
     else:

@@ -1,0 +1,182 @@
+"""One picture for each named cause, by the kind of its effect; a plain one for an effect that has none of its own."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.answer import NamedCause, shown
+from cosim.report import hydraulics, reading, torque, valve
+from cosim.report.material import BLOCK_EXTENDED, Curve, Material
+from cosim.report.picture import Layer, Panel, Picture
+from cosim.report.series import averaged, binned
+from cosim.report.words import BLOCK_NAMES, CAPTIONS, axis, effect_name, signal_name
+
+Array = NDArray[np.float64]
+Maker = Callable[[Material, NamedCause], Picture]
+
+# where a quantity "of" which something depends, or "what" is missing, is shown: (name, SI unit, shown unit)
+QUANTITIES: dict[str, tuple[str, str, str]] = {
+    "omega": ("slew speed", "rad/s", "deg/s"),
+    "theta": ("slew angle", "rad", "deg"),
+    "slew": ("slew angle", "rad", "deg"),
+    "time": ("time", "s", "s"),
+    "p_load": ("load pressure", "Pa", "bar"),
+    "u": ("command", "1", "%"),
+    "spool": ("spool position", "m", "mm"),
+    "spool_rate": ("spool speed", "m/s", "mm/s"),
+    "abs(spool)": ("spool opening", "m", "mm"),
+    "torque": ("missing torque", "N.m", "N.m"),
+    "demand": ("missing demand", "1", "%"),
+    "opening": ("missing opening", "m", "mm"),
+    "supply": ("missing supply pressure", "Pa", "bar"),
+    "lagged supply": ("missing supply pressure, lagged", "Pa", "bar"),
+    "reading": ("missing reading", "rad", "deg"),
+}
+
+
+def _pressure_steps(material: Material, cause: NamedCause) -> Picture:
+    return valve.step_response(material, cause, "p_load")
+
+
+MAKERS: dict[str, tuple[Maker, ...]] = {
+    "dead_zone.mismatch": (valve.curve,),
+    "dcv.gain": (valve.curve,),
+    "dcv.offset": (valve.curve,),
+    "dcv.stroke_limit": (valve.curve, valve.step_response),
+    "dcv.hysteresis": (valve.play,),
+    "dcv.bandwidth": (valve.step_response,),
+    "dcv.damping": (valve.step_response,),
+    "dcv.delay": (valve.step_response,),
+    "dcv.rate_limit": (valve.step_response,),
+    "continuity.flow_gain": (hydraulics.pressure_curve,),
+    "continuity.flow_asymmetry": (hydraulics.pressure_curve,),
+    "continuity.leakage": (hydraulics.pressure_curve, _pressure_steps),
+    "continuity.compressibility": (hydraulics.lag,),
+    "continuity.supply_sag": (hydraulics.supply,),
+    "continuity.cracking_pressure": (torque.over_pressure,),
+    "mechanical.coulomb_friction": (torque.over_speed,),
+    "mechanical.stribeck_friction": (torque.over_speed,),
+    "mechanical.viscous_friction": (torque.over_speed,),
+    "mechanical.inertia": (torque.over_acceleration,),
+    "mechanical.gravity_load": (torque.over_angle,),
+    "mechanical.gear_ripple": (torque.over_angle,),
+    "mechanical.backlash": (torque.lost_motion,),
+    "mechanical.compliance": (torque.spectrum,),
+    "sensor.bias": (reading.against_tracker,),
+    "sensor.gain": (reading.sensor,),
+    "sensor.drift": (reading.sensor,),
+    "sensor.lag": (reading.against_model,),
+    "sensor.quantisation": (reading.staircase,),
+    "sensor.dropout": (reading.repeats,),
+    "tracker.clock": (reading.against_tracker,),
+    "tracker.seam": (reading.against_tracker,),
+}
+
+
+def pictures(material: Material, cause: NamedCause) -> list[Picture]:
+    """The evidence for a named cause, from the data; the plain picture where the log lacks what its own would need."""
+    found = []
+    for maker in MAKERS.get(cause.effect, ()):
+        try:
+            found.append(maker(material, cause))
+        except LookupError:  # a signal or a kind of motion that this log does not have
+            continue
+    if not found:
+        plain = residual(material, cause)
+        found = [plain] if plain is not None else []
+    return found
+
+
+def strongest(material: Material, cause: NamedCause) -> tuple[str, Curve | None]:
+    """The judged signal of the cause's group and the free-form curve that explains most of it."""
+    signals = material.series.get(f"without {cause.effect}", {})
+    best: tuple[str, Curve | None] = (next(iter(signals), ""), None)
+    for part in material.parts.values():
+        for signal, curves in part.before.items():
+            if signal in signals and curves and (best[1] is None or curves[0].gain > best[1].gain):
+                best = (signal, curves[0])
+    return best
+
+
+def driver(material: Material, of: str, cause: NamedCause) -> Array | None:
+    """(n,) SI of what a free-form curve is a function of, from predictions without noise where there are any."""
+    extended = material.series[BLOCK_EXTENDED] | {
+        s: v for s, v in material.measured.items() if s not in material.series[BLOCK_EXTENDED]
+    }
+    if of == "time":
+        return material.time
+    if of in ("omega", "theta"):
+        angle = extended.get("slew")
+        return angle if angle is None or of == "theta" else np.gradient(angle, material.h)
+    name = of.removeprefix("abs(").removesuffix(")").removesuffix("_rate")
+    values = extended.get(name)
+    if values is None:
+        return None
+    if of.startswith("abs("):
+        return np.abs(values)
+    return np.gradient(values, material.h) if of.endswith("_rate") else values
+
+
+def residual(material: Material, cause: NamedCause) -> Picture | None:
+    """Residual of the cause's block without and with it, against what drives it most; None if nothing was kept."""
+    signal, curve = strongest(material, cause)
+    without = material.without(cause, signal)
+    extended = material.series[BLOCK_EXTENDED].get(signal)
+    if without is None or extended is None:
+        return None
+    of = curve.label.partition("(")[2].removesuffix(")") if curve else "time"
+    x = driver(material, of, cause)
+    if x is None:
+        of, x = "time", material.time
+    text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
+    from cosim.units import factor
+
+    scale, (shown_unit, shown_scale) = factor(si, unit), shown(signal)
+    size = max(1, round(0.02 / material.h))
+    layers = []
+    for name, role, predicted in (("without it", "nominal", without), ("with it", "extended", extended)):
+        _, values = averaged(x * scale, size)
+        _, rest = averaged((material.measured[signal] - predicted) * shown_scale, size)
+        at, mean, error = binned(values, rest, 0.5)
+        layers.append(Layer("points", name, role, values, rest))  # type: ignore[arg-type]
+        layers.append(Layer("means", f"mean in bins, {name}", role, at, mean, error))  # type: ignore[arg-type]
+    return Picture(
+        f"evidence-{cause.effect.replace('.', '-')}",
+        f"Residual of the {signal_name(signal)} with and without {effect_name(cause.effect)}",
+        axis(text, unit),
+        [Panel(axis(f"residual of the {signal_name(signal)}", shown_unit), layers)],
+        CAPTIONS["residual"].format(block=BLOCK_NAMES.get(cause.block, cause.block)),
+    )
+
+
+def free_form(block: str, signal: str, curve: Curve, key: str) -> Picture:
+    """The free-form curve of what is missing."""
+    from cosim.units import factor
+
+    what, _, of = curve.label.partition("(")
+    of = of.removesuffix(")") if not of.startswith("abs(") else of.removesuffix("))") + ")"
+    (x_text, x_si, x_unit), (y_text, y_si, y_unit) = (QUANTITIES.get(n, (n, "1", "1")) for n in (of, what))
+    layers = [
+        Layer(
+            "line",
+            "piecewise linear, at quantiles of the data",
+            "plain",
+            curve.knots * factor(x_si, x_unit),
+            curve.values * factor(y_si, y_unit),
+        ),
+        Layer(
+            "points",
+            "knots",
+            "plain",
+            curve.knots * factor(x_si, x_unit),
+            curve.values * factor(y_si, y_unit),
+        ),
+    ]
+    return Picture(
+        key,
+        f"{y_text.capitalize()} against {x_text} ({BLOCK_NAMES.get(block, block)}, seen in the {signal_name(signal)})",
+        axis(x_text, x_unit),
+        [Panel(axis(y_text, y_unit), layers)],
+        CAPTIONS["free_form"].format(driver=x_text, gain=curve.gain),
+    )

@@ -1,0 +1,138 @@
+"""A diagnosis folder: what a report needs is kept there, and read back.
+
+`diagnosis.json` holds the answer, `comparison.parquet` the series (float32: seven digits, finer than any sensor here)
+and, in its metadata, the noise bands and the free-form curves.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.answer import Answer, shown
+from cosim.errors import DataError, UsageError
+from cosim.report.material import MEASURED, Curve, Material, Noise, Part
+
+Array = NDArray[np.float64]
+
+ANSWER, SERIES = "diagnosis.json", "comparison.parquet"
+_KEY = b"cosim.report"
+
+
+def keep(material: Material, folder: Path) -> None:
+    """Write `comparison.parquet`, in the units people read; `diagnosis.json` is written by the command.
+
+    Raises:
+        UsageError: the folder cannot be written to.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    columns: dict[str, Any] = {"time [s]": material.time}
+    for kind, signals in material.series.items():
+        for signal, values in signals.items():
+            unit, scale = shown(signal)
+            columns[f"{kind}/{signal} [{unit}]"] = (values * scale).astype(np.float32)
+    facts = {
+        "h": material.h,
+        "tracker": {k: v.tolist() for k, v in material.tracker.items()},
+        "parts": [_plain(part) for part in material.parts.values()],
+    }
+    table = pa.table(columns).replace_schema_metadata({_KEY: json.dumps(facts).encode()})
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        pq.write_table(table, folder / SERIES, compression="zstd")
+    except OSError as error:
+        raise UsageError(
+            f"cannot write into '{folder}' ({error.strerror or error}); name another folder"
+        ) from None
+
+
+def load(folder: Path) -> Material:
+    """The material of a diagnosis folder.
+
+    Raises:
+        DataError: a file is missing or is not what `cosim diagnose` writes.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    remedy = "give a folder that 'cosim diagnose LOG --out FOLDER' has written"
+    for name in (ANSWER, SERIES):
+        if not (folder / name).is_file():
+            raise DataError(f"{folder} has no {name}: {remedy}")
+    try:
+        answer = Answer.model_validate(_known(json.loads((folder / ANSWER).read_text(encoding="utf-8"))))
+    except ValueError as error:
+        first = str(error).splitlines()[0]
+        raise DataError(f"{folder / ANSWER} is not a diagnosis of this version ({first}): {remedy}") from None
+    try:
+        table = pq.read_table(folder / SERIES)
+        facts = json.loads((table.schema.metadata or {})[_KEY])
+        parts = {p["name"]: _part(p) for p in facts["parts"]}
+        tracker = {k: np.array(v) for k, v in facts["tracker"].items()}
+        series = _series(table)
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
+        raise DataError(
+            f"{folder / SERIES} does not hold the series of a diagnosis ({type(error).__name__}: {error}): {remedy}"
+        ) from None
+    return Material(answer, float(facts["h"]), series, parts, tracker, folder)
+
+
+def _series(table: Any) -> dict[str, dict[str, Array]]:
+    series: dict[str, dict[str, Array]] = {}
+    for column in table.column_names:
+        kind, _, rest = column.rpartition("/") if not column.startswith("time") else ("", "", "")
+        if kind:
+            signal = rest.partition(" [")[0]
+            values = np.asarray(table[column].to_numpy(), dtype=np.float64) / shown(signal)[1]
+            series.setdefault(kind, {})[signal] = values
+    if not series.get(MEASURED):
+        raise KeyError("no measured series")
+    return series
+
+
+def _plain(part: Part) -> dict[str, Any]:
+    curves = [
+        {
+            s: [[c.label, c.gain, c.knots.tolist(), c.values.tolist()] for c in rows]
+            for s, rows in side.items()
+        }
+        for side in (part.before, part.after)
+    ]
+    noise = {s: [n.bins, n.window, n.free, n.rms] for s, n in part.noise.items()}
+    return {"name": part.name, "drive": part.drive, "noise": noise, "before": curves[0], "after": curves[1]}
+
+
+def _part(plain: dict[str, Any]) -> Part:
+    sides = [
+        {
+            s: [Curve(label, gain, np.array(knots), np.array(values)) for label, gain, knots, values in rows]
+            for s, rows in plain[side].items()
+        }
+        for side in ("before", "after")
+    ]
+    noise = {s: Noise(*values) for s, values in plain["noise"].items()}
+    return Part(plain["name"], plain["drive"], noise, *sides)
+
+
+def _known(data: Any) -> Any:
+    """JSON has no NaN: a number that could not be computed was written as null inside these parts."""
+    if not isinstance(data, dict):
+        return data
+
+    def numbers(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {k: numbers(v) for k, v in value.items()}
+        if isinstance(value, list):
+            return [numbers(v) for v in value]
+        return float("nan") if value is None else value
+
+    found = data | {k: numbers(data[k]) for k in ("signals", "gain", "nominal") if k in data}
+    for cause in found.get("causes") or []:
+        for part in ("evidence", "parameters"):
+            if isinstance(cause, dict) and part in cause:
+                cause[part] = numbers(cause[part])
+    return found

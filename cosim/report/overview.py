@@ -1,0 +1,176 @@
+"""Pictures of the whole: signals before and after, shares of the blocks, residuals with their noise, the next command."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.answer import shown
+from cosim.diagnosis.chain import WINDOW
+from cosim.diagnosis.verdict import held_windows
+from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise
+from cosim.report.picture import Layer, Panel, Picture
+from cosim.report.series import MOST, averaged, bucket, envelope
+from cosim.report.words import BLOCK_NAMES, CAPTIONS, axis, signal_name
+
+Array = NDArray[np.float64]
+
+
+def held_out(material: Material) -> list[tuple[float, float]]:
+    """Spans of time, s, that were not used for fitting."""
+    window = round(WINDOW / material.h)
+    count = len(material.time) // window
+    return [(k * WINDOW, (k + 1) * WINDOW) for k in np.flatnonzero(held_windows(count)).tolist()]
+
+
+def signals(material: Material) -> list[Picture]:
+    """Measured against simulated, from the command alone, one picture a signal."""
+    return [_signal(material, signal) for signal in material.series[NOMINAL] if signal in material.measured]
+
+
+def _signal(material: Material, signal: str) -> Picture:
+    unit, scale = shown(signal)
+    size = bucket(material.time.size, material.h)
+    measured = material.measured[signal] * scale
+    at, values = envelope(measured, size)
+    top = [Layer("line", "measured", "measured", at * material.h, values)]
+    spans, errors = [], []
+    item = material.answer.signals.get(signal)
+    if item is not None and item.noise_floor > 0.0:
+        ends = np.array([0.0, material.time[-1]])
+        band = np.full(2, 2.0 * item.noise_floor)
+        spans.append(Layer("band", "sensor noise, ±2 sd", "noise", ends, -band, band))
+    for name, role, kind in (("nominal model", "nominal", NOMINAL), ("extended model", "extended", EXTENDED)):
+        simulated = material.series[kind].get(signal)
+        if simulated is None:
+            continue
+        middle, mean = averaged(simulated * scale, size)
+        top.append(Layer("line", name, role, middle * material.h, mean))  # type: ignore[arg-type]
+        error = measured - simulated * scale
+        _, peaks = envelope(error, size)
+        low, high = np.sort(peaks[: 2 * middle.size].reshape(-1, 2), axis=1).T if size > 1 else (error, error)
+        spans.append(Layer("band", "", role, middle * material.h, low, high))  # type: ignore[arg-type]
+        errors.append(Layer("line", name, role, middle * material.h, averaged(error, size)[1]))  # type: ignore[arg-type]
+    return Picture(
+        f"signal-{signal}",
+        f"{signal_name(signal).capitalize()}, driven by the command alone",
+        axis("time", "s"),
+        [Panel(axis(signal_name(signal), unit), top), Panel(axis("error", unit), spans + errors)],
+        CAPTIONS["signal"].format(bucket=1e3 * size * material.h),
+        held_out(material),
+    )
+
+
+def shares(material: Material) -> Picture:
+    """How the systematic part of the residual is divided between the blocks."""
+    rows = sorted(material.answer.localisation, key=lambda r: -r.share)
+    labels = tuple(f"{BLOCK_NAMES.get(r.block, r.block)}: {signal_name(r.signal)}" for r in rows)
+    x = np.arange(len(rows), dtype=np.float64)
+    ratio = np.array([r.residual_rms / r.noise_floor if r.noise_floor > 0.0 else 0.0 for r in rows])
+    return Picture(
+        "localisation",
+        "Where it goes wrong",
+        "",
+        [
+            Panel(
+                "share of what is systematic [%]",
+                [Layer("bars", "share", "extended", x, np.array([100.0 * r.share for r in rows]))],
+            ),
+            Panel(
+                "residual in noise [1]", [Layer("bars", "residual RMS over its noise", "measured", x, ratio)]
+            ),
+        ],
+        CAPTIONS["shares"],
+        labels=labels,
+    )
+
+
+def judged(residual: Array, noise: Noise) -> tuple[Array, Array]:
+    """Positions in samples and values of a residual as it is judged: averaged, free offsets of windows taken out.
+
+    NaN stands between windows that have offsets of their own, so that no line joins them.
+    """
+    at, values = averaged(residual, noise.bins)
+    if not noise.free:
+        return at, values
+    count = values.size // noise.window
+    rows = values[: count * noise.window].reshape(count, noise.window)
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    places = at[: count * noise.window].reshape(count, noise.window)
+    gap = np.full((count, 1), np.nan)
+    return np.hstack([places, places[:, -1:]]).ravel(), np.hstack([rows, gap]).ravel()
+
+
+def residuals(material: Material) -> list[Picture]:
+    """Residual of each block as it was judged, nominal and extended, with its noise band."""
+    found = []
+    for part in material.parts.values():
+        for signal, noise in part.noise.items():
+            unit, scale = shown(signal)
+            band = np.full(2, 2.0 * noise.rms * scale)
+            ends = np.array([0.0, material.time[-1]])
+            layers = [Layer("band", "its noise, ±2 sd", "noise", ends, -band, band)]
+            for name, role, kind in (
+                ("nominal model", "nominal", BLOCK_NOMINAL),
+                ("extended model", "extended", BLOCK_EXTENDED),
+            ):
+                at, values = judged(material.measured[signal] - material.series[kind][signal], noise)
+                if at.size > 2 * MOST:
+                    kept, values = envelope(values, -(-at.size // MOST))
+                    at = at[kept.astype(int)]
+                layers.append(Layer("line", name, role, at * material.h, values * scale))  # type: ignore[arg-type]
+            block = BLOCK_NAMES.get(part.name, part.name)
+            told = CAPTIONS["block_free" if noise.free else "block"]
+            caption = told.format(
+                block=block.capitalize(),
+                drive=signal_name(part.drive),
+                bin=1e3 * noise.bins * material.h,
+                window=noise.bins * noise.window * material.h,
+            )
+            title = f"{block.capitalize()}: residual of the {signal_name(signal)}"
+            key = f"residual-{part.name}-{signal}"
+            panel = Panel(axis("residual", unit), layers)
+            found.append(Picture(key, title, axis("time", "s"), [panel], caption, held_out(material)))
+    return found
+
+
+def tracker(material: Material) -> Picture | None:
+    """Slew sensor and external tracker, on the log's clock; None without a tracker."""
+    if not material.tracker or "slew" not in material.measured:
+        return None
+    time, reading = material.tracker["time"], material.tracker["reading"]
+    slew = np.interp(time, material.time, material.measured["slew"])
+    unit, scale = shown("slew")
+    top = [
+        Layer("line", "slew sensor", "measured", time, slew * scale),
+        Layer("line", "tracker", "rising", time, reading * scale),
+    ]
+    off = Layer("line", "slew sensor less tracker", "plain", time, (slew - reading) * scale)
+    return Picture(
+        "tracker",
+        "Slew sensor and external tracker",
+        axis("time on the log's clock", "s"),
+        [Panel(axis("slew angle", unit), top), Panel(axis("difference", unit), [off])],
+        CAPTIONS["tracker"],
+    )
+
+
+def command(material: Material) -> Picture | None:
+    """The command of the next experiment, or None if none is proposed or its file is gone."""
+    import pandas as pd
+
+    proposed = material.answer.next_experiment
+    if proposed is None or proposed.file is None or material.folder is None:
+        return None
+    file = material.folder / proposed.file.replace("\\", "/").rpartition("/")[2]
+    if not file.is_file():
+        return None
+    table = pd.read_csv(file)
+    time, u = table.iloc[:, 0].to_numpy(np.float64), table.iloc[:, 1].to_numpy(np.float64)
+    at, values = envelope(u, bucket(u.size, float(time[1] - time[0])))
+    layer = Layer("line", "command", "extended", time[at.astype(int)], 100.0 * values)
+    return Picture(
+        "next-experiment",
+        "The command to play",
+        axis("time", "s"),
+        [Panel(axis("command u", "%"), [layer])],
+        f"In {file.name}.",
+    )

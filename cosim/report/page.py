@@ -1,0 +1,226 @@
+"""The page: sections filled from the material, plotly inside, nothing loaded from anywhere."""
+
+import hashlib
+import inspect
+import json
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cosim.diagnosis.answer import NamedCause, Parameter
+from cosim.errors import MissingExtraError, UsageError
+from cosim.report import overview
+from cosim.report.evidence import free_form, pictures
+from cosim.report.folder import ANSWER, SERIES, keep, load
+from cosim.report.material import Material, gather
+from cosim.report.picture import Picture, figure
+from cosim.report.words import (
+    BLOCK_NAMES,
+    doubts,
+    effect_in_block,
+    fit_text,
+    number,
+    phrase,
+    prose,
+    sentence,
+    signal_name,
+    unit_text,
+)
+
+if TYPE_CHECKING:
+    from cosim.diagnosis.answer import Answer
+    from cosim.diagnosis.story import Diagnosis
+
+REPORT = "report.html"
+PACKAGES = ("fmpy", "pythonfmu", "numpy", "scipy", "numba", "pandas", "pyarrow", "plotly", "jinja2")
+
+
+def need_extra() -> None:
+    """Check that plotly and jinja2 are there.
+
+    Raises:
+        MissingExtraError: one is not.
+    """
+    try:
+        import jinja2  # noqa: F401
+        import plotly  # noqa: F401
+    except ImportError:
+        raise MissingExtraError("the HTML report", "report") from None
+
+
+def save_and_report(found: "Diagnosis", answer: "Answer", folder: Path) -> Path | None:
+    """Keep the series of a diagnosis in its folder and write its report; `diagnosis.json` is there already.
+
+    Returns:
+        The report, or None if the extra that draws it is missing (`cosim report` can make it later).
+
+    Raises:
+        UsageError: the folder cannot be written to.
+    """
+    keep(gather(found, answer, folder), folder)
+    try:
+        return write_report(folder)
+    except MissingExtraError:
+        return None
+
+
+def write_report(folder: Path) -> Path:
+    """Make `report.html` from what a diagnosis left in its folder.
+
+    Raises:
+        DataError: the folder does not hold a diagnosis.
+        MissingExtraError: plotly or jinja2 is missing.
+        UsageError: the folder cannot be written to.
+    """
+    need_extra()
+    file = folder / REPORT
+    text = page(load(folder))
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write {file} ({error.strerror or error})") from None
+    return file
+
+
+def page(material: Material) -> str:
+    """The whole page as text."""
+    import jinja2
+    from plotly.offline import get_plotlyjs
+
+    drawn: list[Picture] = []
+
+    def shown(found: list[Picture]) -> list[Picture]:
+        drawn.extend(found)
+        return found
+
+    sections = contents(material, shown)
+    figures = json.dumps({p.key: figure(p) for p in drawn}, separators=(",", ":"))
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("cosim.report", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["unit"] = unit_text
+    environment.filters["signal"] = signal_name
+    environment.filters["effect"] = effect_in_block
+    environment.filters["block"] = lambda name: BLOCK_NAMES.get(name, name)
+    environment.filters["prose"] = prose
+    environment.filters["fit"] = fit_text
+    environment.filters["four"] = lambda value: number(value)
+    # inside a script element only "<" can do harm
+    return environment.get_template("page.html.j2").render(
+        sections, plotly=get_plotlyjs(), figures=figures.replace("<", "\\u003c")
+    )
+
+
+def contents(material: Material, shown: Any) -> dict[str, Any]:
+    """What the template fills in; `shown` is called with each list of pictures that the page will draw."""
+    answer = material.answer
+    rests = []
+    for index, rest in enumerate(answer.unexplained):
+        part = material.parts.get(rest.block)
+        side = (
+            [] if part is None else [(s, c) for found in (part.after, part.before) for s, c in found.items()]
+        )
+        curves = next(((s, c) for s, c in side if s in rest.what and c), None) or next(iter(side), ("", []))
+        found = [
+            free_form(rest.block, curves[0], c, f"rest-{index}-{k}") for k, c in enumerate(curves[1][:2])
+        ]
+        rests.append({"rest": rest, "pictures": shown(found)})
+    command, seen = overview.command(material), overview.tracker(material)
+    return {
+        "answer": answer,
+        "sentence": sentence(material),
+        "doubts": doubts(answer),
+        "duration": f"{material.time[-1]:.4g}",
+        "rate": f"{1.0 / material.h:.4g}",
+        "signals": shown(overview.signals(material) + ([seen] if seen else [])),
+        "nominal": [(name, *interval(p), p.unit) for name, p in answer.nominal.items()],
+        "shares": shown([overview.shares(material)] if answer.localisation else []),
+        "residuals": shown(overview.residuals(material)),
+        "causes": [cause_section(material, c, shown) for c in answer.causes],
+        "rests": rests,
+        "command": shown([command] if command else []),
+        "files": files(material),
+        "versions": versions(material),
+        "seed": seed(),
+    }
+
+
+def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str, Any]:
+    """One cause: its words, parameters and pictures."""
+    from fmus import registry
+
+    effect = registry.effects().get(cause.effect)
+    noun, how = phrase(cause, material)
+    rows = [
+        (name, described(effect, cause, name), parameter, interval(parameter))
+        for name, parameter in cause.parameters.items()
+    ]
+    return {
+        "cause": cause,
+        "noun": noun,
+        "how": how,
+        "text": effect.text if effect else "",
+        "looks": effect.residual if effect else "",
+        "source": effect.source if effect else "",
+        "parameters": rows,
+        "pictures": shown(pictures(material, cause)),
+    }
+
+
+def described(effect: Any, cause: NamedCause, name: str) -> str:
+    """What a parameter is, in a line; empty for an effect that is not installed."""
+    if effect is None:
+        return ""
+    from fmus import registry
+
+    own = effect.parameters.get(name)
+    block = registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
+    return str((own or registry.block(block).parameters[name]).text)
+
+
+def interval(parameter: Parameter) -> tuple[str, str]:
+    """Estimate and 95 % interval as texts with as many digits as the interval allows."""
+    low, high = parameter.ci95
+    spread = 0.5 * (high - low)
+    return number(parameter.value, spread), f"{number(low, spread)} to {number(high, spread)}"
+
+
+def seed() -> str:
+    """How the intervals of the gain were drawn."""
+    from cosim.diagnosis.gain import measure
+
+    found = inspect.signature(measure).parameters.get("seed")
+    return "" if found is None else str(found.default)
+
+
+def versions(material: Material) -> dict[str, str]:
+    """Versions that made the diagnosis, and those that made the page where they are not among them."""
+    made = {k: v for k, v in material.answer.made.items() if not k.startswith("log")}
+    for name in PACKAGES:
+        if name not in made:
+            try:
+                made[name] = version(name)
+            except PackageNotFoundError:
+                continue
+    return made | {"python": platform.python_version()}
+
+
+def files(material: Material) -> list[tuple[str, str, str]]:
+    """(name, size, SHA-256) of the log and of the diagnosis' files."""
+    made = material.answer.made
+    found = [(made["log"], "", made["log_sha256"])] if "log" in made else []
+    if material.folder is None:
+        return found
+    wanted = [ANSWER, SERIES, "next_experiment.csv", "extended.ssp", "extended_open.ssp"]
+    wanted += sorted(p.name for p in material.folder.glob("*.ssv"))
+    for name in wanted:
+        file = material.folder / name
+        if file.is_file():
+            content = file.read_bytes()
+            found.append((name, f"{len(content) / 1000:.0f} kB", hashlib.sha256(content).hexdigest()))
+    return found

@@ -1,0 +1,174 @@
+"""Evidence in the valve: what the measured spool says about the demand it was given, and its steps."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.answer import NamedCause
+from cosim.report.material import BLOCK_EXTENDED, Material
+from cosim.report.picture import Layer, Panel, Picture
+from cosim.report.series import binned, low_pass, slopes, steady, steps_of
+from cosim.report.torque import points
+from cosim.report.words import CAPTIONS, axis, effect_name, signal_name
+
+Array = NDArray[np.float64]
+
+CUTOFF = 15.0  # Hz, beyond the valve's bandwidth of some 4 Hz
+MM = 1e-3
+BEFORE, AFTER = 0.05, 0.6  # s shown around a step
+MOST = 20  # steps laid over each other
+
+
+def demand_of(material: Material, cause: NamedCause) -> Array:
+    """(n,) demand in m that the valve's linear part (4.16) needs for the measured spool, smoothed.
+
+    Raises:
+        LookupError: the spool was not measured.
+    """
+    if "spool" not in material.measured:
+        raise LookupError("the valve needs the spool")
+    w0, zeta = material.value("dcv.w0", cause), material.value("dcv.zeta", cause)
+    spool = low_pass(material.measured["spool"], material.h, CUTOFF)
+    rate, acceleration = slopes(spool, material.h)
+    return spool + 2.0 * zeta / w0 * rate + acceleration / w0**2
+
+
+def static(material: Material, u: Array, but: NamedCause | None) -> Array:
+    """Demand in m at rest for each command in u (k,), by the blocks' own equations, without cause `but`."""
+    from fmus import dead_zone
+
+    def form(component: str, number: float, limit: float) -> dead_zone.Parameters:
+        known = {"form": number, "limit": limit}
+        names = dead_zone.Parameters._fields
+        return dead_zone.Parameters(
+            *(known[n] if n in known else material.value(f"{component}.{n}", but) for n in names)
+        )
+
+    compensator, zone = form("compensator", 3.0, 2.0), form("dead_zone", 1.0, 1.0)
+    demand = np.array([dead_zone.limited(dead_zone.limited(float(x), compensator), zone) for x in u])
+    demand = demand * material.value("dcv.K", but) + material.value("dcv.x_0", but)
+    return np.clip(demand, material.value("dcv.x_min", but), material.value("dcv.x_max", but))
+
+
+def curve(material: Material, cause: NamedCause) -> Picture:
+    """Demand that the spool shows against the command: gain, offset, dead zone and stroke."""
+    demand, h = demand_of(material, cause), material.h
+    u = material.measured["u"]
+    pick = points(u.size, h, 0.01)
+    pick = pick[steady(u, h)[pick]]
+    if pick.size < 20:
+        raise LookupError("the command never stands still")
+    x, y = u[pick], demand[pick]
+    off = y - static(material, x, cause)
+    grid = np.unique(np.concatenate([np.linspace(x.min(), x.max(), 401), np.linspace(-0.12, 0.12, 241)]))
+    grid = grid[(grid >= x.min()) & (grid <= x.max())]
+    nominal, extended = static(material, grid, cause), static(material, grid, None)
+    at, mean, error = binned(x, off / MM, 2.0 * CUTOFF * 0.01, 40)
+    top = [
+        Layer("points", "measured", "measured", 100.0 * x, y / MM),
+        Layer("line", "nominal model", "nominal", 100.0 * grid, nominal / MM),
+        Layer("line", "extended model", "extended", 100.0 * grid, extended / MM),
+    ]
+    below = [
+        Layer("points", "measured", "measured", 100.0 * x, off / MM),
+        Layer("line", "nominal model", "nominal", 100.0 * grid[[0, -1]], np.zeros(2)),
+        Layer("line", "extended model", "extended", 100.0 * grid, (extended - nominal) / MM),
+        Layer("means", "mean in bins, ±2 standard errors", "plain", 100.0 * at, mean, error),
+    ]
+    return Picture(
+        f"evidence-{cause.effect.replace('.', '-')}",
+        f"Valve curve: {effect_name(cause.effect)}",
+        axis("command u", "%"),
+        [Panel(axis("spool demand", "mm"), top), Panel(axis("off nominal", "mm"), below)],
+        CAPTIONS["curve"],
+    )
+
+
+def play(material: Material, cause: NamedCause) -> Picture:
+    """Demand off its nominal value against the command, rising and falling: hysteresis opens a loop."""
+    demand, h = demand_of(material, cause), material.h
+    u = material.measured["u"]
+    pick = points(u.size, h, 0.01)
+    pick = pick[steady(u, h, most=0.1)[pick]]
+    change = np.diff(u, prepend=u[:1])
+    moved = np.where(np.abs(change) > 1e-9, np.arange(u.size), 0)
+    direction = np.sign(change)[np.maximum.accumulate(moved)]
+    off = (demand - low_pass(static(material, u, cause), h, CUTOFF)) / material.value("dcv.K", cause)
+    half = material.size(cause, "play")
+    layers = []
+    for name, role, sign in (("command rising", "rising", 1.0), ("command falling", "falling", -1.0)):
+        own = direction[pick] == sign
+        if not own.any():
+            continue
+        x, y = 100.0 * u[pick][own], 100.0 * off[pick][own]
+        at, mean, error = binned(x, y, 2.0 * CUTOFF * 0.01)
+        layers.append(Layer("points", name, role, x, y))  # type: ignore[arg-type]
+        layers.append(Layer("means", f"mean, {name}", role, at, mean, error))  # type: ignore[arg-type]
+    ends = 100.0 * np.array([u.min(), u.max()])
+    layers.append(Layer("line", "nominal model", "nominal", ends, np.zeros(2)))
+    name = "extended model: the play's half-width"
+    layers += [Layer("line", name, "extended", ends, np.full(2, 100.0 * sign * half)) for sign in (-1.0, 1.0)]
+    return Picture(
+        "evidence-dcv-hysteresis",
+        "Demand behind the command, rising and falling",
+        axis("command u", "%"),
+        [Panel(axis("demand off nominal", "%"), layers)],
+        CAPTIONS["play"],
+    )
+
+
+def step_response(material: Material, cause: NamedCause, signal: str = "spool") -> Picture:
+    """Responses aligned on the command's steps: measured, without the cause, with it.
+
+    Raises:
+        LookupError: the predictions were not kept.
+    """
+    without, extended = material.without(cause, signal), material.series[BLOCK_EXTENDED].get(signal)
+    if without is None or extended is None:
+        raise LookupError(f"the predictions of {signal} were not kept")
+    from cosim.diagnosis.answer import shown
+
+    unit, scale = shown(signal)
+    h, measured, u = material.h, material.measured[signal], material.measured["u"]
+    a, b = round(BEFORE / h), round(AFTER / h)
+    choices = []
+    for pair, at in steps_of(u, h).items():
+        inside = at[(at >= a) & (at + b <= u.size)][:MOST]
+        if inside.size:
+            rows = inside[:, None] + np.arange(-a, b)
+            gain = float(np.mean((extended[rows] - without[rows]) ** 2) * np.sqrt(inside.size))
+            choices.append((gain, pair, rows))
+    if choices:
+        _, pair, rows = max(choices, key=lambda c: c[0])
+        span = f"from {100 * pair[0]:.0f} to {100 * pair[1]:.0f} %"
+        title = f"{signal_name(signal).capitalize()} after steps of the command {span}"
+        x, label = np.arange(-a, b) * h, axis("time after the step", "s")
+    else:
+        apart = low_pass((extended - without) ** 2, h, 1.0)
+        centre = int(np.clip(np.argmax(apart), a + b, u.size - a - b - 1))
+        rows = np.arange(max(0, centre - 2 * b), min(u.size, centre + 2 * b))[None, :]
+        title, x, label = (
+            f"{signal_name(signal).capitalize()} where the two models differ most",
+            rows[0] * h,
+            axis("time", "s"),
+        )
+    count = rows.shape[0]
+    means = {"measured": measured[rows], "nominal": without[rows], "extended": extended[rows]}
+    names = {
+        "measured": f"measured, mean of {count}" if count > 1 else "measured",
+        "nominal": "without it",
+        "extended": "with it",
+    }
+    thin = max(1, x.size // 1200)
+    top, below = [], []
+    for role, values in means.items():
+        mean = values.mean(axis=0) * scale
+        top.append(Layer("line", names[role], role, x[::thin], mean[::thin]))  # type: ignore[arg-type]
+        off = (values - means["nominal"]).mean(axis=0) * scale
+        below.append(Layer("line", names[role], role, x[::thin], off[::thin]))  # type: ignore[arg-type]
+    return Picture(
+        f"evidence-{cause.effect.replace('.', '-')}",
+        title,
+        label,
+        [Panel(axis(signal_name(signal), unit), top), Panel(axis("off nominal", unit), below)],
+        CAPTIONS["step_response"].format(effect=effect_name(cause.effect)),
+    )

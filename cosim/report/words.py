@@ -1,0 +1,217 @@
+"""What a person would say: numbers with units, names of effects, and the verdict in a sentence."""
+
+import math
+import tomllib
+from pathlib import Path
+
+from cosim.diagnosis.answer import Answer, NamedCause, Parameter
+from cosim.report.material import Material, component_of
+from cosim.units import factor
+from fmus import registry
+
+SIGNAL_NAMES = {
+    "slew": "slew angle",
+    "spool": "spool position",
+    "p_load": "load pressure",
+    "p_supply": "supply pressure",
+    "p_a": "pressure at port A",
+    "p_b": "pressure at port B",
+    "u": "command",
+}
+BLOCK_NAMES = {
+    "dead_zone": "dead zone",
+    "dcv": "valve",
+    "continuity": "hydraulics",
+    "mechanical": "mechanics",
+    "sensor": "slew sensor",
+    "tracker": "tracker",
+    "simplified": "drive",
+}
+NOISY = 1.1  # times the sensor's noise within which an error is called the noise
+
+_TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
+PHRASES: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what the simulation gets wrong, and how
+CAPTIONS: dict[str, str] = _TEXTS["captions"]
+
+
+def unit_text(unit: str) -> str:
+    """A unit as people write it: ``kg.m2`` becomes ``kg m²``; nothing for ``1``."""
+    if unit in ("1", ""):
+        return ""
+    text = unit.replace(".", " ")
+    for digit, raised in (("2", "²"), ("3", "³")):
+        text = text.replace(digit, raised)
+    return text
+
+
+def axis(name: str, unit: str) -> str:
+    """Label of an axis: name and unit."""
+    return f"{name} [{unit_text(unit) or '1'}]"
+
+
+def number(value: float, spread: float = 0.0) -> str:
+    """A number with two digits of its spread, or four significant ones without a spread."""
+    if not math.isfinite(value):
+        return "unknown"
+    if abs(value) >= 1e6 or 0.0 < abs(value) < 1e-4:
+        return f"{value:.4g}"
+    if not (spread > 0.0 and math.isfinite(spread)):
+        return f"{value:.4g}" if abs(value) < 1e4 else f"{float(f'{value:.4g}'):.0f}"
+    decimals = min(max(1 - math.floor(math.log10(spread)), 0), 6)
+    return f"{value:.{decimals}f}"
+
+
+class Quantity:
+    """One estimate as a phrase prints it."""
+
+    def __init__(self, parameter: Parameter, nominal: float | None) -> None:
+        self._parameter = parameter
+        low, high = parameter.ci95
+        self._spread = 0.5 * (high - low)
+        self._unit = f" {unit_text(parameter.unit)}".rstrip()
+        self._nominal = nominal
+
+    def __str__(self) -> str:
+        return number(self._parameter.value, self._spread) + self._unit
+
+    def __format__(self, spec: str) -> str:
+        return str(self)
+
+    @property
+    def interval(self) -> str:
+        """The 95 % interval, without unit."""
+        low, high = (number(v, self._spread) for v in self._parameter.ci95)
+        return f"{low} to {high}"
+
+    @property
+    def nominal(self) -> str:
+        """The nominal value with unit."""
+        return "its nominal value" if self._nominal is None else f"{self._nominal:.4g}{self._unit}"
+
+
+def effect_name(effect: str) -> str:
+    """An effect as people call it: ``mechanical.coulomb_friction`` is "Coulomb friction"."""
+    name = effect.partition(".")[2].replace("_", " ")
+    for proper in ("coulomb", "stribeck"):
+        name = name.replace(proper, proper.capitalize())
+    return name
+
+
+def effect_in_block(effect: str) -> str:
+    """An effect with its block: "Coulomb friction (mechanics)"."""
+    block = effect.partition(".")[0]
+    return f"{effect_name(effect)} ({BLOCK_NAMES.get(block, block)})"
+
+
+def prose(text: str) -> str:
+    """A sentence with the effects in it called as people call them."""
+    for name in registry.effects():
+        text = text.replace(name, effect_in_block(name))
+    return text
+
+
+def fit_text(percent: float) -> str:
+    """A best fit in percent, without a minus sign before a zero."""
+    return "unknown" if not math.isfinite(percent) else f"{percent if abs(percent) >= 0.05 else 0.0:.1f} %"
+
+
+def signal_name(signal: str) -> str:
+    """A signal as people call it."""
+    return SIGNAL_NAMES.get(signal, signal)
+
+
+def listed(items: list[str]) -> str:
+    """``a, b and c``."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
+
+
+def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
+    """(what is wrong, how) of a cause; for an effect without words of its own, its parameters."""
+    quantities = {}
+    for name, parameter in cause.parameters.items():
+        try:
+            full = f"{component_of(cause)}.{name}"
+            nominal: float | None = material.nominal(full) / _scale(cause, name, parameter)
+        except (KeyError, ModuleNotFoundError):
+            nominal = None
+        quantities[name] = Quantity(parameter, nominal)
+    if cause.effect in PHRASES:
+        noun, how = PHRASES[cause.effect]
+        return noun, how.format(**quantities)
+    sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
+    return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"
+
+
+def _scale(cause: NamedCause, name: str, parameter: Parameter) -> float:
+    """Factor from the parameter's display unit to SI."""
+    effect = registry.effects()[cause.effect]
+    own = effect.parameters.get(name)
+    block = registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
+    return factor(parameter.unit, (own or registry.block(block).parameters[name]).unit)
+
+
+def telling(answer: Answer) -> str | None:
+    """The signal in which the extension gains most, counted in noise; None if there is none."""
+    if not answer.gain:
+        return None
+
+    def fall(signal: str) -> float:
+        gain = answer.gain[signal]
+        found = (gain.rmse_before - gain.rmse_after) / max(gain.noise_floor, 1e-300)
+        return found if math.isfinite(found) else -math.inf
+
+    return max(answer.gain, key=fall)
+
+
+def gain_clause(answer: Answer) -> str:
+    """How much the extension gains, as the end of a sentence; empty if no FMUs were run."""
+    signal = telling(answer)
+    if signal is None:
+        return ""
+    gain = answer.gain[signal]
+    unit = unit_text(gain.unit)
+    before, after = f"{gain.rmse_before:.2g}", f"{gain.rmse_after:.2g}"
+    noise = f"{gain.noise_floor:.2g} {unit}"
+    if gain.rmse_after >= gain.rmse_before:
+        return (
+            f"; the error of the {signal_name(signal)} on data not used for fitting stays at {before} {unit}"
+        )
+    end = (
+        "the sensor's noise" if gain.rmse_after <= NOISY * gain.noise_floor else f"against a noise of {noise}"
+    )
+    joint = ", which is " if end == "the sensor's noise" else ", "
+    return (
+        f"; with it the error of the {signal_name(signal)} on data not used for fitting falls from "
+        f"{before} to {after} {unit}{joint}{end}"
+    )
+
+
+def sentence(material: Material) -> str:
+    """The verdict as a person would say it."""
+    answer = material.answer
+    blocks = listed(sorted({BLOCK_NAMES.get(r.block, r.block) for r in answer.unexplained}) or ["model"])
+    if answer.verdict == "adequate":
+        judged = listed([BLOCK_NAMES.get(name, name) for name in material.parts] or ["model"])
+        return (
+            f"The simulation agrees with the log: in {judged}, what is left is no more than noise and the tolerance "
+            "of the nominal parameters allow."
+        )
+    if not answer.causes:
+        return (
+            f"The simulation gets something wrong in the {blocks}, and no effect of the library explains it."
+        )
+    nouns, hows = zip(*(phrase(c, material) for c in answer.causes), strict=True)
+    text = f"The simulation gets {listed(list(dict.fromkeys(nouns)))} wrong: {'; '.join(hows)}{gain_clause(answer)}."
+    if answer.verdict == "partly_explained":
+        text += f" Something else in the {blocks} stays unexplained."
+    return text
+
+
+def doubts(answer: Answer) -> list[str]:
+    """One sentence for each cause that the log cannot tell from others."""
+    found = []
+    for cause in answer.causes:
+        if cause.indistinguishable_from:
+            others = listed([effect_in_block(e) for e in cause.indistinguishable_from])
+            found.append(f"This log cannot tell {effect_in_block(cause.effect)} from {others}.")
+    return found
