@@ -72,23 +72,18 @@ class BlockSlave(BaseSlave):
         self.set_real, self.get_real, self.do_step = set_real, get_real, do_step
         self.running: Callable[[], tuple[Any, Any, float]] | None = None
 
-    def install_running(self) -> None:
-        """After initialisation: inputs can be set, outputs read, steps made."""
-        values, lows, highs, n, takes_time = (
-            self.values,
-            self.lows,
-            self.highs,
-            self.n_inputs,
-            self.takes_time,
-        )
-        coefficients, p = self.equations[6], self.p
-        on = any(p[i] != off for i, off in self.switches)
-        stepper = self.compiled(self.with_effects if on else self.plain)
-        advance, renew, running = stepper(values, p, coefficients(p, self.h), self.x, self.m)
-        h = self.h
-        low, high = h * (1.0 - 1e-12), h * (1.0 + 1e-12)
+    def install_access(self) -> None:
+        """After initialisation: inputs can be set, everything can be read. Most masters handle one variable a call."""
+        values, lows, highs, n = self.values, self.lows, self.highs, self.n_inputs
+        count, last = len(values), n + self.n_outputs
+        outputs = list(range(n, last))
 
         def set_real(refs: list[int], new: list[float]) -> None:
+            if len(refs) == 1:
+                r, v = refs[0], new[0]
+                if 0 <= r < n and lows[r] <= v <= highs[r]:
+                    values[r] = v
+                    return
             for r, v in zip(refs, new):
                 if 0 <= r < n and lows[r] <= v <= highs[r]:
                     values[r] = v
@@ -96,10 +91,26 @@ class BlockSlave(BaseSlave):
                     self.refuse_value(r, v)
 
         def get_real(refs: list[int]) -> list[float]:
-            try:
-                return [values[r] for r in refs]
-            except IndexError:
-                return self.read(refs)
+            if len(refs) == 1:
+                r = refs[0]
+                if 0 <= r < count:
+                    return [values[r]]
+            elif refs == outputs:
+                return values[n:last]
+            found = [values[r] for r in refs if 0 <= r < count]
+            return found if len(found) == len(refs) else self.read(refs)
+
+        self.set_real, self.get_real = set_real, get_real
+
+    def install_running(self) -> None:
+        """After initialisation: steps can be made."""
+        values, n, takes_time = self.values, self.n_inputs, self.takes_time
+        coefficients, p = self.equations[6], self.p
+        on = any(p[i] != off for i, off in self.switches)
+        stepper = self.compiled(self.with_effects if on else self.plain)
+        advance, renew, running = stepper(values, p, coefficients(p, self.h), self.x, self.m)
+        h = self.h
+        low, high = h * (1.0 - 1e-12), h * (1.0 + 1e-12)
 
         def do_step(time: float, step: float) -> bool:
             nonlocal h, low, high
@@ -123,8 +134,9 @@ class BlockSlave(BaseSlave):
                 return False
             return True
 
-        self.set_real, self.get_real, self.do_step = set_real, get_real, do_step
+        self.do_step = do_step
         self.running = lambda: (*running(), h)
+        self.install_access()
 
     @staticmethod
     @functools.cache

@@ -38,7 +38,8 @@ def test_flows_are_4_17_and_4_18_with_the_signs_of_section_9_5(
     for found, exact, drop in zip((q_a, q_b), expected, drops, strict=True):
         if abs(drop) > 1e5:  # smoothed below 0.1 bar: one part in 400 at ten times that
             assert found == pytest.approx(exact, rel=0.003)
-        assert abs(found) <= abs(exact) * (1 + 1e-12), "the smoothed orifice never passes more"
+        # below the normal numbers (1e-308 m3/s) products round in the first digits already
+        assert abs(found) <= abs(exact) * (1 + 1e-12) + 1e-300, "the smoothed orifice never passes more"
 
 
 @given(pressure, pressure, spool, velocity)
