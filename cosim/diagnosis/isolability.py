@@ -1,8 +1,8 @@
 """What a set of signals can tell apart in principle, before any number is looked at.
 
-Each group of blocks between two measured signals gives one residual; the tracker gives one more. An effect shows in the residuals
-of the groups that hold it: its signature. Effects with different signatures are told apart by where they show; effects with
-the same signature only by the shape of what they leave (Krysander and Frisk, structural analysis).
+Each group of blocks between two measured signals gives one residual; the tracker gives one more. An effect shows in the
+residuals of the groups that hold it: its signature. Effects with different signatures are told apart by where they show;
+effects with the same signature only by the shape of what they leave (Krysander and Frisk, structural analysis).
 """
 
 from collections.abc import Collection

@@ -210,15 +210,24 @@ def diagnose(
         constants = {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")} if seen else {}
         findings, unjudged = judge(groups, record, trust, report, constants)
         if not findings and seen is None:
-            missing = ", ".join(sorted({s for names in unjudged.values() for s in names}))
-            raise DataError(f"{log.source}: no block can be judged; missing signals: {missing}")
+            missing = sorted({s for names in unjudged.values() for s in names})
+            raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")
         named = [c for f in findings.values() for c in causes(f, trust)] + (seen.causes if seen else [])
         named.sort(key=lambda c: -c.gain)
         left = [rest for f in findings.values() for rest in rests(f)]
         never = [name for f in findings.values() for name in never_exercised(f, trust)]
         never += [] if seen else ["tracker.clock", "tracker.seam"]
-        verdict = verdict_of(findings, named, left)
-        diagnosis = Diagnosis(verdict, record, model, findings, unjudged, named, left, never, tracker=seen)
+        diagnosis = Diagnosis(
+            verdict_of(findings, named, left),
+            record,
+            model,
+            findings,
+            unjudged,
+            named,
+            left,
+            never,
+            tracker=seen,
+        )
         report("extended model")
         estimate(diagnosis, groups, trust, constants)
     if folder is not None:

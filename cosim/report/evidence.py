@@ -1,11 +1,13 @@
 """One picture for each named cause, by the kind of its effect; a plain one for an effect that has none of its own."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer import NamedCause, shown
+from cosim.diagnosis.answer import shown
+from cosim.diagnosis.schema import NamedCause
 from cosim.report import hydraulics, reading, torque, valve
 from cosim.report.material import BLOCK_EXTENDED, Curve, Material
 from cosim.report.picture import Layer, Panel, Picture
@@ -43,7 +45,7 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "dead_zone.mismatch": (valve.curve,),
     "dcv.gain": (valve.curve,),
     "dcv.offset": (valve.curve,),
-    "dcv.stroke_limit": (valve.curve, valve.step_response),
+    "dcv.stroke_limit": (valve.ceiling, valve.step_response),
     "dcv.hysteresis": (valve.play,),
     "dcv.bandwidth": (valve.step_response,),
     "dcv.damping": (valve.step_response,),
@@ -82,6 +84,8 @@ def pictures(material: Material, cause: NamedCause) -> list[Picture]:
             found.append(maker(material, cause))
         except LookupError:  # a signal or a kind of motion that this log does not have
             continue
+        if len(found) > 1:
+            found[-1] = replace(found[-1], key=f"{found[-1].key}-{len(found)}")
     if not found:
         plain = residual(material, cause)
         found = [plain] if plain is not None else []

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer import Answer, shown
+from cosim.diagnosis.answer import shown
+from cosim.diagnosis.schema import Answer
 from cosim.errors import DataError, UsageError
 from cosim.report.material import MEASURED, Curve, Material, Noise, Part
 

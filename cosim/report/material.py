@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer import Answer, NamedCause
+from cosim.diagnosis.schema import Answer, NamedCause
 from cosim.units import factor
 from fmus import registry
 

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.diagnosis.answer import NamedCause, Parameter
+from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.report import overview
 from cosim.report.evidence import free_form, pictures
@@ -29,7 +29,7 @@ from cosim.report.words import (
 )
 
 if TYPE_CHECKING:
-    from cosim.diagnosis.answer import Answer
+    from cosim.diagnosis.schema import Answer
     from cosim.diagnosis.story import Diagnosis
 
 REPORT = "report.html"

@@ -150,7 +150,7 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
     }
     layout: dict[str, Any] = {
         "template": None,
-        "height": 330 if rows == 1 else 300 + 130 * (rows - 1),
+        "height": 330 if rows == 1 else 330 + 130 * (rows - 1),
         "margin": {"l": 70, "r": 15, "t": 36, "b": 48},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
@@ -166,7 +166,8 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
         "xaxis": grid | {"title": {"text": picture.x}, "anchor": f"y{rows if rows > 1 else ''}"},
     }
     if picture.log:
-        layout["xaxis"]["type"] = "log"
+        ticks = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100]
+        layout["xaxis"] |= {"type": "log", "tickvals": ticks}
     weights = [1.0] + [0.6] * (rows - 1)
     gap = 0.06
     unit = (1.0 - gap * (rows - 1)) / sum(weights)
@@ -175,7 +176,7 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
         low = max(0.0, top - unit * weight)
         axis = grid | {"title": {"text": panel.y}, "domain": [low, min(1.0, top)], "anchor": "x"}
         if panel.log:
-            axis |= {"type": "log", "exponentformat": "power"}
+            axis |= {"type": "log", "exponentformat": "power", "dtick": 1}
         layout["yaxis" if row == 1 else f"yaxis{row}"] = axis
         top = low - gap
     layout["shapes"] = [

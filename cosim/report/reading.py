@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer import NamedCause
+from cosim.diagnosis.schema import NamedCause
 from cosim.report.material import BLOCK_EXTENDED, Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, slopes
@@ -35,12 +35,9 @@ def against_model(material: Material, cause: NamedCause) -> Picture:
         x, slope, label = driven, material.size(cause, "gain") - 1.0, axis("predicted slew angle", "deg")
     elif cause.effect == "sensor.drift":
         x, slope, label = material.time, material.size(cause, "drift"), axis("time", "s")
-    else:
-        x, slope, label = (
-            slopes(low_pass(driven, h, CUTOFF), h)[0],
-            -material.size(cause, "tau_l"),
-            axis("predicted slew speed", "deg/s"),
-        )
+    else:  # tau_l d(reading)/dt = angle - reading
+        x = slopes(low_pass(material.measured["slew"], h, CUTOFF), h)[0]
+        slope, label = -material.size(cause, "tau_l"), axis("measured slew speed", "deg/s")
     scale = 1.0 if cause.effect == "sensor.drift" else DEG
     return _slope(
         cause,
@@ -86,7 +83,8 @@ def against_tracker(material: Material, cause: NamedCause) -> Picture:
     time, reading, stamp = (material.tracker[k] for k in ("time", "reading", "stamp"))
     slew = low_pass(material.measured["slew"], material.h, 2.0 * CUTOFF)
     if cause.effect == "tracker.clock":
-        speed = np.interp(stamp, material.time, np.gradient(slew, material.h))
+        # the mean speed between the two instants is that half way
+        speed = np.interp(0.5 * (stamp + time), material.time, np.gradient(slew, material.h))
         off = np.interp(stamp, material.time, slew) - reading
         offset = material.size(cause, "offset")
         return _slope(
@@ -97,21 +95,23 @@ def against_tracker(material: Material, cause: NamedCause) -> Picture:
             axis("slew speed", "deg/s"),
             axis("slew less tracker", "deg"),
         )
-    off = (np.interp(time, material.time, slew) - reading) / DEG
+    angle = np.interp(time, material.time, slew)
+    off = (angle - reading) / DEG
     if cause.effect == "sensor.drift":
         drift = material.size(cause, "drift") / DEG
-        return _slope(cause, time, off, drift, axis("time", "s"), axis("slew less tracker", "deg"))
-    grid = np.unique(np.concatenate([np.linspace(reading.min(), reading.max(), 200), [SEAM - 1e-9, SEAM]]))
-    grid = grid[(grid >= reading.min()) & (grid <= reading.max())]
+        labels = axis("time", "s"), axis("slew less tracker", "deg")
+        return _slope(cause, time, off, drift, *labels)
+    grid = np.unique(np.concatenate([np.linspace(angle.min(), angle.max(), 200), [SEAM - 1e-9, SEAM]]))
+    grid = grid[(grid >= angle.min()) & (grid <= angle.max())]
     expected = {
         role: (material.value("sensor.gain", but) - 1.0) * grid
         + material.value("sensor.bias", but)
         - material.value("tracker.seam", but) * (grid < SEAM)
         for role, but in (("nominal", cause), ("extended", None))
     }
-    at, mean, error = binned(reading / DEG, off, 0.25)
+    at, mean, error = binned(angle / DEG, off, 0.25)
     layers = [
-        Layer("points", "measured", "measured", reading / DEG, off),
+        Layer("points", "measured", "measured", angle / DEG, off),
         Layer("line", "without it", "nominal", grid / DEG, expected["nominal"] / DEG),
         Layer("line", "with it", "extended", grid / DEG, expected["extended"] / DEG),
         Layer("means", BINS, "plain", at, mean, error),
@@ -119,7 +119,7 @@ def against_tracker(material: Material, cause: NamedCause) -> Picture:
     return Picture(
         f"evidence-{cause.effect.replace('.', '-')}",
         f"Slew sensor against tracker: {effect_name(cause.effect)}",
-        axis("angle by the tracker", "deg"),
+        axis("slew angle by the sensor", "deg"),
         [Panel(axis("slew less tracker", "deg"), layers)],
         CAPTIONS["against_tracker"],
     )

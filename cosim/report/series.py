@@ -71,7 +71,7 @@ def binned(x: Array, y: Array, independent: float, count: int = 24) -> tuple[Arr
     return mean_x[full], mean_y[full], error[full]
 
 
-def steady(u: Array, h: float, span: float = 0.06, most: float = 0.02) -> Mask:
+def steady(u: Array, h: float, span: float = 0.06, most: float = 0.2) -> Mask:
     """(n,) True where a command changes by no more than `most` within `span` s on either side."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer import NamedCause
+from cosim.diagnosis.schema import NamedCause
 from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, reversals, slopes
@@ -222,7 +222,9 @@ def lost_motion(material: Material, cause: NamedCause) -> Picture:
         before = rest[max(0, k - round(0.02 / material.h)) : k + 1].mean()
         span = slice(k, end, stride)
         travel = direction * (driven[span] - driven[k])
-        near = travel <= 5.0 * gap
+        # up to where the drive turns back a little, which would cross the gap again unseen
+        away = np.flatnonzero(np.maximum.accumulate(travel) - travel > 0.1 * gap)
+        near = (travel <= 5.0 * gap) & (np.arange(travel.size) < (away[0] if away.size else travel.size))
         travels.append(travel[near])
         losses.append(-direction * (rest[span][near] - before))
     if not travels:

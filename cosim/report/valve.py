@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer import NamedCause
+from cosim.diagnosis.schema import NamedCause
 from cosim.report.material import BLOCK_EXTENDED, Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, slopes, steady, steps_of
@@ -56,9 +56,9 @@ def curve(material: Material, cause: NamedCause) -> Picture:
     pick = points(u.size, h, 0.01)
     pick = pick[steady(u, h)[pick]]
     if pick.size < 20:
-        raise LookupError("the command never stands still")
+        raise LookupError("the command jumps all the time")
     x, y = u[pick], demand[pick]
-    off = y - static(material, x, cause)
+    off = (demand - low_pass(static(material, u, cause), h, CUTOFF))[pick]
     grid = np.unique(np.concatenate([np.linspace(x.min(), x.max(), 401), np.linspace(-0.12, 0.12, 241)]))
     grid = grid[(grid >= x.min()) & (grid <= x.max())]
     nominal, extended = static(material, grid, cause), static(material, grid, None)
@@ -87,13 +87,17 @@ def play(material: Material, cause: NamedCause) -> Picture:
     """Demand off its nominal value against the command, rising and falling: hysteresis opens a loop."""
     demand, h = demand_of(material, cause), material.h
     u = material.measured["u"]
+    half = material.size(cause, "play")
     pick = points(u.size, h, 0.01)
-    pick = pick[steady(u, h, most=0.1)[pick]]
+    pick = pick[steady(u, h)[pick]]
     change = np.diff(u, prepend=u[:1])
     moved = np.where(np.abs(change) > 1e-9, np.arange(u.size), 0)
     direction = np.sign(change)[np.maximum.accumulate(moved)]
+    turned = np.maximum.accumulate(np.where(np.diff(direction, prepend=0.0) != 0.0, np.arange(u.size), 0))
+    # just after a reversal the play is being crossed: on neither side of the loop
+    crossed = np.abs(u - u[np.maximum(turned - 1, 0)]) > 2.0 * half + 0.01
+    pick = pick[crossed[pick]]
     off = (demand - low_pass(static(material, u, cause), h, CUTOFF)) / material.value("dcv.K", cause)
-    half = material.size(cause, "play")
     layers = []
     for name, role, sign in (("command rising", "rising", 1.0), ("command falling", "falling", -1.0)):
         own = direction[pick] == sign
@@ -139,6 +143,10 @@ def step_response(material: Material, cause: NamedCause, signal: str = "spool") 
             choices.append((gain, pair, rows))
     if choices:
         _, pair, rows = max(choices, key=lambda c: c[0])
+        still = np.all(np.abs(u[rows] - u[rows[:, a]][:, None]) < 1e-3, axis=0)
+        moved = np.flatnonzero(~still[a:])
+        b = int(moved[0]) if moved.size else b
+        rows = rows[:, : a + b]
         span = f"from {100 * pair[0]:.0f} to {100 * pair[1]:.0f} %"
         title = f"{signal_name(signal).capitalize()} after steps of the command {span}"
         x, label = np.arange(-a, b) * h, axis("time after the step", "s")
@@ -171,4 +179,32 @@ def step_response(material: Material, cause: NamedCause, signal: str = "spool") 
         label,
         [Panel(axis(signal_name(signal), unit), top), Panel(axis("off nominal", unit), below)],
         CAPTIONS["step_response"].format(effect=effect_name(cause.effect)),
+    )
+
+
+def ceiling(material: Material, cause: NamedCause) -> Picture:
+    """Measured spool against the one predicted without stops: the stroke's ends.
+
+    Raises:
+        LookupError: the prediction was not kept.
+    """
+    free = material.without(cause, "spool")
+    if free is None:
+        raise LookupError("the prediction without stops was not kept")
+    pick = points(free.size, material.h, 0.01)
+    x = free[pick] / MM
+    y = low_pass(material.measured["spool"], material.h, 2.0 * CUTOFF)[pick] / MM
+    grid = np.linspace(x.min(), x.max(), 401)
+    low, high = (material.size(cause, name) / MM for name in ("x_min", "x_max"))
+    layers = [
+        Layer("points", "measured", "measured", x, y),
+        Layer("line", "nominal model", "nominal", grid, grid),
+        Layer("line", "extended model", "extended", grid, np.clip(grid, low, high)),
+    ]
+    return Picture(
+        "evidence-dcv-stroke_limit",
+        "Measured spool against the spool without stops",
+        axis("spool position predicted without stops", "mm"),
+        [Panel(axis("measured spool position", "mm"), layers)],
+        CAPTIONS["ceiling"],
     )

@@ -4,7 +4,7 @@ import math
 import tomllib
 from pathlib import Path
 
-from cosim.diagnosis.answer import Answer, NamedCause, Parameter
+from cosim.diagnosis.schema import Answer, NamedCause, Parameter
 from cosim.report.material import Material, component_of
 from cosim.units import factor
 from fmus import registry

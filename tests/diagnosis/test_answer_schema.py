@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from cosim.diagnosis.answer import Answer
+from cosim.diagnosis.schema import Answer
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "diagnosis.schema.json"
 

@@ -1,0 +1,94 @@
+"""The diagnosis handed to people and programs: what is said up front, files written, and the answer in the terminal."""
+
+from pathlib import Path
+
+from cosim.console import stderr_console, stdout_console, table, warn
+from cosim.diagnosis.answer import answer
+from cosim.diagnosis.experiment import proposal_for, write_command
+from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.isolability import isolability
+from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.story import Diagnosis, diagnose
+from cosim.logs import Log, Tracker
+from cosim.report.page import save_and_report
+
+
+def announce(log: Log, tracker: Tracker | None, model: str) -> None:
+    """Say on stderr, before anything is computed, what these signals can tell apart and which others would help."""
+    if model not in MODELS:
+        return  # `diagnose` says which there are
+    measured = {*log.signals} | ({"p_load"} if "p_load" in log else set())
+    apart = isolability(MODELS[model], measured | ({"slew_external"} if tracker else set()))
+    for where, names in apart.classes:
+        stderr_console().print(f"residual of {' and '.join(where)} shows: {', '.join(names)}", markup=False)
+    for advice in apart.advice:
+        stderr_console().print(advice, markup=False)
+
+
+def diagnose_into(
+    folder: Path, log: Log, tracker: Tracker | None, model: str, tolerance: float, calibrate: bool
+) -> Answer:
+    """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
+
+    Raises:
+        CosimError: as `cosim.diagnosis.story.diagnose`.
+    """
+    announce(log, tracker, model)
+    folder.mkdir(parents=True, exist_ok=True)
+    with stderr_console().status("diagnosis") as status:
+        found = diagnose(
+            log,
+            tracker=tracker,
+            model=model,
+            tolerance=tolerance,
+            calibrate=calibrate,
+            folder=folder,
+            report=lambda text: status.update(text),
+        )
+        status.update("next experiment and report")
+        return delivered(found, log, folder)
+
+
+def delivered(found: Diagnosis, log: Log, folder: Path) -> Answer:
+    """Write what was found into a folder, and give it in the contract's form."""
+    proposal = proposal_for(MODELS[found.model], found.findings, found.causes, found.start, found.values)
+    if proposal is not None:
+        proposal = write_command(proposal, folder)
+    result = answer(found, log, proposal)
+    (folder / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
+    if save_and_report(found, result, folder) is None:
+        warn(
+            "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"
+        )
+    return result
+
+
+def show(result: Answer, out: Path) -> None:
+    """Print the answer for people."""
+    kind = "synthetic log" if result.synthetic else "measured log"
+    stdout_console().print(f"verdict: {result.verdict} ({kind}, model {result.model})")
+    for cause in result.causes:
+        numbers = ", ".join(
+            f"{n} = {p.value:.6g} {p.unit} ({p.ci95[0]:.6g} to {p.ci95[1]:.6g})"
+            for n, p in cause.parameters.items()
+        )
+        stdout_console().print(f"cause: {cause.effect}: {numbers}", markup=False)
+        if cause.indistinguishable_from:
+            stdout_console().print(
+                f"  cannot be told from: {', '.join(cause.indistinguishable_from)}", markup=False
+            )
+    for rest in result.unexplained:
+        stdout_console().print(f"unexplained in {rest.block}: {rest.what}", markup=False)
+    rows = [
+        (s, f"{g.rmse_before:.4g}", f"{g.rmse_after:.4g}", f"{g.noise_floor:.4g}", g.unit)
+        for s, g in result.gain.items()
+    ]
+    stdout_console().print(
+        table("Held-out error, before and after", ["signal", "before", "after", "noise", "unit"], rows)
+    )
+    if result.next_experiment:
+        stdout_console().print(
+            f"next experiment: {result.next_experiment.why}: {result.next_experiment.excitation}",
+            markup=False,
+        )
+    stdout_console().print(f"written to {out}", markup=False)

@@ -1,0 +1,123 @@
+"""The form of the diagnosis as JSON (CONTRACT section 4); its JSON Schema is published as docs/diagnosis.schema.json."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Model(BaseModel):
+    """Base of all parts: nothing that is not declared."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Signal(Model):
+    """Error of the nominal model, driven by the command alone."""
+
+    rmse: float
+    fit_percent: float
+    unit: str
+    noise_floor: float
+
+
+class Location(Model):
+    """One block driven by what was measured: its residual and what of it is systematic."""
+
+    block: str
+    signal: str
+    share: float
+    residual_rms: float
+    noise_floor: float
+    unit: str
+
+
+class Parameter(Model):
+    """An estimate with its 95 % interval."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+class Rival(Model):
+    """Another effect, and why it is not the cause."""
+
+    effect: str
+    why_not: str
+
+
+class NamedCause(Model):
+    """A named cause."""
+
+    effect: str
+    block: str
+    parameters: dict[str, Parameter]
+    evidence: dict[str, float]
+    rivals: list[Rival]
+    indistinguishable_from: list[str]
+
+
+class Packages(Model):
+    """Files of the extended model."""
+
+    ssp: str
+    ssv: str
+
+
+class SignalGain(Model):
+    """Error on held-out windows, before and after the extension."""
+
+    rmse_before: float
+    rmse_after: float
+    unit: str
+    noise_floor: float
+    fit_percent_before: float
+    fit_percent_after: float
+    ci95_of_ratio: tuple[float, float]
+
+
+class Unexplained(Model):
+    """Something systematic that no effect of the library explains."""
+
+    block: str
+    what: str
+    residual_rms: float
+    unit: str
+
+
+class NextExperiment(Model):
+    """What to measure next, and why."""
+
+    why: str
+    excitation: dict[str, float | str | list[float]]
+    predicted_gain: float
+    file: str | None = None
+
+
+class Separable(Model):
+    """What the measured signals can tell apart in principle."""
+
+    residual: list[str]
+    effects: list[str]
+
+
+class Answer(Model):
+    """The whole diagnosis."""
+
+    verdict: Literal["adequate", "explained", "partly_explained", "unexplained"]
+    synthetic: bool
+    model: str
+    signals: dict[str, Signal]
+    localisation: list[Location]
+    causes: list[NamedCause]
+    extended: Packages | None
+    gain: dict[str, SignalGain]
+    unexplained: list[Unexplained]
+    next_experiment: NextExperiment | None
+    not_exercised: list[str]
+    not_judged: dict[str, str]
+    isolability: list[Separable]
+    helpful_signals: list[str]
+    nominal: dict[str, Parameter]
+    warnings: list[str]
+    made: dict[str, str]
