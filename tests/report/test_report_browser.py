@@ -1,0 +1,147 @@
+"""The report in a real browser: Debian's Chromium, headless and without a network."""
+
+import io
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from report_helpers import hidden_material
+
+from cosim.report.page import page as made_page
+
+pytestmark = pytest.mark.browser
+
+FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync"]  # fmt: skip
+
+# of each plot: traces wanted, and those of which something is on the screen
+DRAWN = """() => [...document.querySelectorAll('.plot')].map(plot => {
+  const wanted = plot.data || [];
+  const marks = [...plot.querySelectorAll('.scatterlayer .trace, .barlayer .trace')];
+  const seen = marks.filter(m => [...m.querySelectorAll('path')].some(p => (p.getAttribute('d') || '').length > 4));
+  const box = plot.getBoundingClientRect();
+  return {key: plot.id, wanted: wanted.length, seen: seen.length, width: box.width, height: box.height,
+          titles: [...plot.querySelectorAll('.xtitle, .ytitle')].map(t => t.textContent)};
+})"""
+
+
+@dataclass
+class Visit:
+    """A page, and what happened while it loaded."""
+
+    page: object
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright (extra 'dev') is not installed"
+    )
+    found = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("chromium-browser")
+    if found is None:
+        pytest.skip("no Chromium: apt install chromium")
+    with playwright.sync_playwright() as running:
+        started = running.chromium.launch(executable_path=found, headless=True, args=FLAGS)
+        yield started
+        started.close()
+
+
+def visit(browser, file: Path) -> Visit:
+    """Open a file with the network off and wait until its last plot is drawn."""
+    context = browser.new_context(viewport={"width": 1100, "height": 900}, offline=True)
+    found = Visit(context.new_page())
+    found.page.on(
+        "console", lambda m: found.errors.append(m.text) if m.type in ("error", "warning") else None
+    )
+    found.page.on("pageerror", lambda e: found.errors.append(str(e)))
+    found.page.on("request", lambda r: found.requests.append(r.url))
+    found.page.goto(file.as_uri())
+    found.page.wait_for_selector("html[data-drawn]", state="attached", timeout=60_000)
+    return found
+
+
+@pytest.fixture(scope="module")
+def opened(browser, diagnosed) -> Visit:
+    return visit(browser, diagnosed / "report.html")
+
+
+def check_drawn(found: Visit) -> list[dict]:
+    plots = found.page.evaluate(DRAWN)
+    assert plots
+    assert found.errors == []
+    for plot in plots:
+        assert plot["wanted"] > 0, plot
+        assert plot["seen"] == plot["wanted"], plot
+        assert plot["width"] > 500, plot
+        assert plot["height"] > 200, plot
+        assert plot["key"] == "localisation" or all("[" in title for title in plot["titles"]), plot
+    return plots
+
+
+def test_every_plot_is_drawn_without_a_script_error(opened):
+    plots = check_drawn(opened)
+    keys = {plot["key"] for plot in plots}
+    assert {
+        "signal-slew",
+        "localisation",
+        "residual-mechanical-slew",
+        "evidence-mechanical-coulomb_friction",
+    } <= keys
+
+
+def test_nothing_is_loaded_but_the_file(opened):
+    assert len(opened.requests) == 1
+    assert opened.requests[0].startswith("file:")
+
+
+def test_zooming_shows_the_hundredths_of_a_second(opened):
+    seen = opened.page.evaluate("""async () => {
+      const plot = document.getElementById('signal-slew');
+      await Plotly.relayout(plot, {'xaxis.range': [5, 5.5]});
+      return plot._fullData[0].x.filter(v => v >= 5 && v <= 5.5).length;
+    }""")
+    assert seen >= 90  # two values each 10 ms
+    box = opened.page.evaluate("document.getElementById('signal-slew')._fullLayout.xaxis.range")
+    assert box == [5, 5.5]
+
+
+def test_the_first_screen_shows_the_verdict_and_where_it_comes_from(opened):
+    opened.page.evaluate("window.scrollTo(0, 0)")
+    for text in ("explained", "synthetic log", "is missing in the mechanics"):
+        box = opened.page.get_by_text(text).first.bounding_box()
+        assert box is not None
+        assert box["y"] + box["height"] < 900
+
+
+def test_a_print_keeps_every_plot_within_the_paper(browser, diagnosed):
+    found = visit(browser, diagnosed / "report.html")
+    found.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    found.page.wait_for_timeout(300)
+    every = "[...document.querySelectorAll('.plot .main-svg')]"
+    widths = found.page.evaluate(f"{every}.map(s => s.getBoundingClientRect().width)")
+    assert widths
+    assert max(widths) <= 700  # A4 less margins at 96 dots an inch
+    assert found.page.pdf(format="A4").startswith(b"%PDF")
+
+
+def test_a_screenshot_holds_the_colours_of_both_models(opened):
+    image = pytest.importorskip("PIL.Image", reason="Pillow comes with matplotlib")
+    plot = opened.page.locator("#evidence-mechanical-coulomb_friction")
+    with image.open(io.BytesIO(plot.screenshot())) as picture:
+        colours = {colour for _, colour in picture.convert("RGB").getcolors(1 << 24)}
+    for wanted in ((0xD1, 0x49, 0x5B), (0x1F, 0x6F, 0xB2)):
+        assert min(sum(abs(a - b) for a, b in zip(c, wanted, strict=True)) for c in colours) < 30
+
+
+def test_bars_logarithms_and_loops_are_drawn_too(browser, tmp_path):
+    also = ("sensor.dropout", "dcv.hysteresis", "continuity.leakage", "dcv.stroke_limit")
+    material = hidden_material("mechanical.compliance", duration=25.0, also=also)
+    file = tmp_path / "report.html"
+    file.write_text(made_page(material), encoding="utf-8")
+    plots = check_drawn(visit(browser, file))
+    keys = {plot["key"] for plot in plots}
+    assert {f"evidence-{e.replace('.', '-')}" for e in ("mechanical.compliance", *also)} <= keys

@@ -1,0 +1,177 @@
+"""Evidence must convict: the true law passes through the data, the nominal model and a wrong size do not."""
+
+import importlib
+import pkgutil
+
+import numpy as np
+import pytest
+from report_helpers import hidden_material, material_of, named
+
+from cosim.report.evidence import MAKERS, free_form, pictures
+from cosim.report.material import Curve
+from cosim.report.picture import Panel
+from cosim.report.words import PHRASES
+from cosim.rig import Hidden, make_log
+from fmus import effects, registry
+
+# effects whose picture shows means (or responses) beside the two models' lines
+BESIDE = [
+    e
+    for e in MAKERS
+    if e not in ("mechanical.compliance", "sensor.quantisation", "sensor.dropout", "dcv.stroke_limit")
+]
+JUMPS = {
+    "mechanical.coulomb_friction",
+    "mechanical.stribeck_friction",
+    "continuity.cracking_pressure",
+    "tracker.seam",
+    "dead_zone.mismatch",
+}
+
+
+def needs_tracker(effect):
+    return effect.startswith("tracker.") or effect == "sensor.bias"
+
+
+def made(effect, scale=1.0, **options):
+    """Material of a log with the effect in it, its parameters claimed to be `scale` times their true deviation."""
+    run = make_log("mixed", 30.0, [Hidden(effect)], seed=3, tracker=needs_tracker(effect), **options)
+    values = {}
+    for name, value in Hidden(effect).numbers().items():
+        short = name.partition(".")[2]
+        values[short] = value
+    key = registry.effects()[effect].key
+    clean = material_of(run, [])
+    component = registry.effects()[effect].component
+    off = clean.nominal(f"{component}.{key}")
+    # of a limit the off value is out of reach: its own size is scaled
+    values[key] = scale * values[key] if effect == "dcv.rate_limit" else off + scale * (values[key] - off)
+    return material_of(run, [named(effect, values)])
+
+
+def distances(panel: Panel, effect: str) -> tuple[float, float]:
+    """RMS distance of the data (means, or else the measured line) from the extended and from the nominal line."""
+    lines = {layer.role: layer for layer in panel.layers if layer.kind == "line"}
+    data = [layer for layer in panel.layers if layer.kind == "means"] or [lines["measured"]]
+    x, y = data[0].x, data[0].y
+    away = np.ones(x.size, dtype=bool)
+    if effect in JUMPS:  # smoothing rounds a jump
+        at = 12.0 if effect == "tracker.seam" else 0.0
+        away = np.abs(x - at) > 0.2 * np.max(np.abs(x - at))
+    both = []
+    for role in ("extended", "nominal"):
+        line = lines[role]
+        both.append(float(np.sqrt(np.mean((np.interp(x, line.x, line.y) - y)[away] ** 2))))
+    return both[0], both[1]
+
+
+@pytest.mark.parametrize("effect", [e for e in BESIDE if e != "dcv.hysteresis"])
+def test_the_law_passes_through_the_data_and_the_nominal_model_does_not(effect):
+    material = made(effect)
+    for picture in pictures(material, material.answer.causes[0]):
+        extended, nominal = distances(picture.panels[-1], effect)
+        assert extended < 0.2 * nominal, picture.title
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in BESIDE if e not in ("dcv.hysteresis", "dcv.delay", "sensor.gain", "tracker.clock")]
+)
+def test_a_wrong_size_shows(effect):
+    right, wrong = made(effect), made(effect, scale=1.6)
+    at_right = distances(pictures(right, right.answer.causes[0])[0].panels[-1], effect)[0]
+    at_wrong = distances(pictures(wrong, wrong.answer.causes[0])[0].panels[-1], effect)[0]
+    assert at_wrong > 2.0 * at_right
+
+
+def test_a_cause_claimed_of_a_clean_log_is_refuted_by_its_picture():
+    run = make_log("mixed", 30.0, seed=5)
+    material = material_of(run, [named("mechanical.coulomb_friction", {"tau_c": 100.0})])
+    picture = pictures(material, material.answer.causes[0])[0]
+    extended, nominal = distances(picture.panels[0], "mechanical.coulomb_friction")
+    assert nominal < 0.1 * extended
+
+
+def test_friction_is_seen_behind_another_named_cause():
+    material = hidden_material("mechanical.coulomb_friction", also=("mechanical.viscous_friction",))
+    friction, viscous = material.answer.causes
+    for cause in (friction, viscous):
+        picture = pictures(material, cause)[0]
+        extended, nominal = distances(picture.panels[0], "mechanical.coulomb_friction")
+        assert extended < 0.2 * nominal, cause.effect
+
+
+def test_hysteresis_opens_a_loop_of_its_width():
+    material = made("dcv.hysteresis")
+    picture = pictures(material, material.answer.causes[0])[0]
+    half = 100.0 * material.size(material.answer.causes[0], "play")
+    for role, sign in (("rising", -1.0), ("falling", 1.0)):
+        layer = picture.layer(role, kind="means")
+        inner = (np.abs(layer.x) > 15.0) & (np.abs(layer.x) < 85.0)
+        assert inner.sum() >= 5
+        assert np.median(layer.y[inner]) == pytest.approx(sign * half, rel=0.1)
+
+
+def test_a_flexible_mode_is_a_peak_that_goes():
+    material = made("mechanical.compliance")
+    picture = pictures(material, material.answer.causes[0])[0]
+    without, extended = picture.layer("nominal"), picture.layer("extended")
+    peak = int(np.argmax(without.y))
+    assert without.y[peak] > 10.0 * extended.y[peak]
+    assert 1.0 < without.x[peak] < 3.0  # the coupled mode lies above the boom's 10 rad/s alone
+
+
+def test_a_stop_flattens_the_measured_spool():
+    material = made("dcv.stroke_limit")
+    first = pictures(material, material.answer.causes[0])[0]
+    data, extended = first.layer("measured"), first.layer("extended")
+    beyond = data.x > extended.y.max() + 0.3
+    assert beyond.sum() > 20
+    assert np.median(data.y[beyond]) == pytest.approx(extended.y.max(), abs=0.02)
+
+
+def test_a_coarse_reading_is_a_staircase():
+    material = made("sensor.quantisation")
+    picture = pictures(material, material.answer.causes[0])[0]
+    levels = np.unique(np.round(picture.layer("measured").y, 6))
+    step = np.degrees(material.size(material.answer.causes[0], "quantum"))
+    assert 2 <= levels.size <= 8
+    assert np.diff(levels) == pytest.approx(np.full(levels.size - 1, step), rel=1e-3)
+
+
+def test_stale_samples_come_as_often_as_named():
+    material = made("sensor.dropout")
+    picture = pictures(material, material.answer.causes[0])[0]
+    measured, expected = picture.layer("measured").y, picture.layer("extended").y
+    assert abs(measured[0] - expected[0]) < 5.0 * np.sqrt(expected[0])
+
+
+def test_every_effect_of_the_library_has_a_picture_and_words_of_its_own():
+    library = {
+        importlib.import_module(f"fmus.effects.{m.name}").EFFECT.name
+        for m in pkgutil.iter_modules(effects.__path__)
+    }
+    assert len(library) > 25
+    assert library == set(MAKERS) == set(PHRASES)
+
+
+def test_an_effect_without_a_picture_gets_its_residual(monkeypatch):
+    material = made("mechanical.gravity_load")
+    monkeypatch.delitem(MAKERS, "mechanical.gravity_load")
+    (picture,) = pictures(material, material.answer.causes[0])
+    size = {role: float(np.std(picture.layer(role, kind="points").y)) for role in ("nominal", "extended")}
+    assert size["extended"] < 0.1 * size["nominal"]
+
+
+def test_a_log_without_what_the_picture_needs_gets_its_residual_too():
+    material = made("mechanical.coulomb_friction")
+    del material.measured["p_load"]
+    (picture,) = pictures(material, material.answer.causes[0])
+    assert picture.title.startswith("Residual of the slew angle")
+
+
+def test_free_form_curve_in_units_people_read():
+    curve = Curve("supply(abs(spool))", 12.0, np.array([0.0, 1e-3]), np.array([0.0, -2e5]))
+    picture = free_form("continuity", "p_supply", curve, "rest")
+    assert picture.x == "spool opening [mm]"
+    assert picture.panels[0].layers[0].x.tolist() == [0.0, 1.0]
+    assert picture.panels[0].layers[0].y.tolist() == [0.0, -2.0]

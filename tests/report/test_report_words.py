@@ -1,0 +1,144 @@
+import string
+
+import pytest
+from report_helpers import empty_answer, named
+
+from cosim.diagnosis.schema import SignalGain, Unexplained
+from cosim.report.evidence import MAKERS
+from cosim.report.material import Material, Noise, Part
+from cosim.report.words import (
+    CAPTIONS,
+    PHRASES,
+    doubts,
+    effect_in_block,
+    fit_text,
+    number,
+    phrase,
+    prose,
+    sentence,
+    unit_text,
+)
+from cosim.rig import Hidden
+from fmus import registry
+
+
+def gain(before, after, noise):
+    return SignalGain(
+        rmse_before=before,
+        rmse_after=after,
+        unit="deg",
+        noise_floor=noise,
+        fit_percent_before=80.0,
+        fit_percent_after=99.0,
+        ci95_of_ratio=(0.05, 0.07),
+    )
+
+
+def material(**changes):
+    parts = {n: Part(n, "u", {"slew": Noise(10, 500, True, 0.1)}, {}, {}) for n in ("dcv", "mechanical")}
+    return Material(empty_answer(**changes), 1e-3, {"measured": {}}, parts)
+
+
+def friction(**changes):
+    cause = named("mechanical.coulomb_friction", {"tau_c": 100.0}, spread=0.015)
+    return cause.model_copy(update=changes)
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "text"),
+    [
+        (100.0104, 1.5, "100.0"),
+        (26653.76, 65.0, "26654"),
+        (26653.76, 0.0, "26650"),
+        (0.0123456, 0.0, "0.01235"),
+        (2e-5, 1e-6, "2e-05"),
+        (float("nan"), 1.0, "unknown"),
+        (3.0, float("nan"), "3"),
+    ],
+)
+def test_numbers_have_the_digits_they_deserve(value, spread, text):
+    assert number(value, spread) == text
+
+
+def test_units_as_people_write_them():
+    assert unit_text("N.m.s/rad") == "N m s/rad"
+    assert unit_text("kg.m2") == "kg m²"
+    assert unit_text("1") == ""
+
+
+def test_a_fit_of_nothing_has_no_sign():
+    assert fit_text(-0.003) == "0.0 %"
+    assert fit_text(-12.3) == "-12.3 %"
+    assert fit_text(float("nan")) == "unknown"
+
+
+def test_the_verdict_is_what_a_person_would_say():
+    told = sentence(material(causes=[friction()], gain={"slew": gain(0.16, 0.0098, 0.0098)}))
+    assert told == (
+        "The simulation gets the friction wrong: 100.0 N m Coulomb friction (98.5 to 101.5) is missing in the "
+        "mechanics; with it the error of the slew angle on data not used for fitting falls from "
+        "0.16 to 0.0098 deg, which is the sensor's noise."
+    )
+
+
+def test_a_rest_above_the_noise_is_not_called_noise():
+    told = sentence(material(causes=[friction()], gain={"slew": gain(0.16, 0.02, 0.01)}))
+    assert told.endswith("falls from 0.16 to 0.02 deg, against a noise of 0.01 deg.")
+
+
+def test_no_gain_is_not_called_a_gain():
+    told = sentence(material(causes=[friction()], gain={"slew": gain(0.16, 0.17, 0.01)}))
+    assert told.endswith("on data not used for fitting stays at 0.16 deg.")
+
+
+def test_an_adequate_model_is_said_to_agree():
+    told = sentence(material(verdict="adequate"))
+    assert told.startswith("The simulation agrees with the log: in valve and mechanics")
+
+
+def test_an_unexplained_rest_names_its_block_and_no_cause():
+    rest = Unexplained(block="mechanical", what="a missing torque", residual_rms=0.1, unit="deg")
+    told = sentence(material(verdict="unexplained", unexplained=[rest]))
+    assert "in the mechanics" in told
+    assert "friction" not in told
+    both = sentence(material(verdict="partly_explained", causes=[friction()], unexplained=[rest]))
+    assert both.endswith("Something else in the mechanics stays unexplained.")
+
+
+def test_doubt_is_said():
+    cause = friction(indistinguishable_from=["continuity.cracking_pressure"])
+    assert doubts(empty_answer(causes=[cause])) == [
+        "This log cannot tell Coulomb friction (mechanics) from cracking pressure (hydraulics)."
+    ]
+    assert doubts(empty_answer(causes=[friction()])) == []
+
+
+@pytest.mark.parametrize("effect", sorted(PHRASES))
+def test_every_effects_words_use_its_own_parameters(effect):
+    wanted = {
+        field.partition(".")[0] for _, field, _, _ in string.Formatter().parse(PHRASES[effect][1]) if field
+    }
+    assert wanted
+    assert wanted <= set(registry.effects()[effect].free)
+    values = {n.partition(".")[2]: v for n, v in Hidden(effect).numbers().items()}
+    noun, how = phrase(named(effect, values), material())
+    assert noun
+    assert " to " in how  # an interval
+    assert "its nominal value" not in how
+
+
+def test_a_made_up_effect_is_named_with_its_parameters():
+    cause = friction(effect="mechanical.snow_load")
+    noun, how = phrase(cause, material())
+    assert noun == "the snow load"
+    assert how == "snow load (mechanics) with tau_c = 100.0 N m (98.5 to 101.5) is missing"
+
+
+def test_prose_calls_effects_by_name():
+    assert effect_in_block("dcv.rate_limit") == "rate limit (valve)"
+    assert prose("tells dcv.delay from sensor.lag") == "tells delay (valve) from lag (slew sensor)"
+
+
+def test_captions_are_there_for_every_maker():
+    names = {maker.__name__ for makers in MAKERS.values() for maker in makers}
+    assert {"over_speed", "curve", "spectrum"} <= names & set(CAPTIONS)
