@@ -1,5 +1,6 @@
 """``cosim compare``: a model beside a log."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -85,8 +86,9 @@ def compare_log(
     out: Path | None = None,
     csv: bool = False,
     as_json: bool = False,
+    emit: Callable[[Any], None] = console.emit_json,
 ) -> bool:
-    """Do what the command does; `demo` uses it too.
+    """Do what the command does; `demo` uses it too, and puts the JSON object that `emit` gets into its own.
 
     Returns:
         Whether a threshold was missed.
@@ -117,7 +119,7 @@ def compare_log(
     if as_json:
         for note in comparison.notes:
             console.warn(note)
-        console.emit_json({**as_data(comparison, source), "thresholds": results, "files": written})
+        emit({**as_data(comparison, source), "thresholds": results, "files": written})
     else:
         _show(comparison, results, written)
     return any(not result["passed"] for result in results)

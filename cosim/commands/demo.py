@@ -1,7 +1,7 @@
-"""``cosim demo``: builds what is missing and compares the nominal model with a synthetic log."""
+"""``cosim demo``: builds what is missing, compares the nominal model with a synthetic log, and names what it gets wrong."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -27,8 +27,11 @@ def demo(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Build what is missing, and compare the nominal model with a synthetic log in which something is hidden."""
+    """Build what is missing, compare the nominal model with a synthetic log in which something is hidden, and name it."""
     from cosim.commands.compare import compare_log
+    from cosim.diagnosis.present import diagnose_into, show
+    from cosim.diagnosis.story import TOLERANCE
+    from cosim.logs import load_log
     from cosim.paths import build_folder, examples_folder
 
     folder = build_folder()
@@ -41,7 +44,14 @@ def demo(
         markup=False,
         soft_wrap=True,
     )
-    compare_log(log, out=out or folder / "demo", as_json=as_json)
+    results = out or folder / "demo"
+    compared: dict[str, Any] = {}
+    compare_log(log, out=results, as_json=as_json, emit=compared.update)
+    result = diagnose_into(results, load_log(log), None, "full_order", TOLERANCE, calibrate=False)
+    if as_json:
+        console.emit_json({**compared, "diagnosis": result.model_dump()})
+    else:
+        show(result, results)
 
 
 def build_missing(folder: Path) -> None:

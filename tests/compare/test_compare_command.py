@@ -194,6 +194,10 @@ def test_demo_builds_and_finds_the_hidden_friction(run, tmp_path, monkeypatch):
     ratios = {b["block"]: max(s["error_to_noise"] for s in b["signals"].values()) for b in result["blocks"]}
     assert ratios.pop("mechanical + sensor") > 5.0
     assert all(ratio < 1.2 for ratio in ratios.values())
+    assert [cause["effect"] for cause in result["diagnosis"]["causes"]] == ["mechanical.coulomb_friction"]
+    low, high = result["diagnosis"]["causes"][0]["parameters"]["tau_c"]["ci95"]
+    assert low < 100.0 < high  # N.m, what the rig has hidden
+    assert (tmp_path / "demo" / "report.html").is_file()
     assert (tmp_path / "demo" / "signals.png").stat().st_size > 10_000
     assert (tmp_path / "fmus" / "dcv.fmu").is_file()
     assert (tmp_path / "ssp" / "physical.ssp").is_file()
