@@ -143,13 +143,13 @@ class _Planner:
         outputs: dict[Port, int] = {}
         bounds = [0]
         wanted = self.wanted(record)
-        ports = set(wanted.values())
+        # getting costs as much as setting: only what is recorded or wired
+        ports = set(wanted.values()) | {wire.source for wire in self.wires}
         for name in names:
             fmu = self.system.components[name].fmu
             for variable in fmu.variables.values():
                 port = Port(name, variable.name)
-                shown = variable.causality == "output" or port in ports
-                if shown and variable.kind == "Real" and variable.causality != "input":
+                if port in ports and variable.kind == "Real" and variable.causality != "input":
                     outputs[port] = len(outputs)
             bounds.append(len(outputs))
         late = sorted({outputs[w.source] for w in self.late})
