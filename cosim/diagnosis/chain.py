@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 BIN = 0.01  # s averaged into one value: the drive has no news above some 10 Hz
 WINDOW = 5.0  # s of a window with an initial offset of its own
+UNSETTLED = 0.5  # s at the start that do not count: the state in which a log begins is not known
 REST = 0.05  # s at the start whose mean gives the start angle
 
 
@@ -40,7 +41,7 @@ def fixed_values(record: Record, group: Group) -> dict[str, float]:
 
 def directions(fit: Fit) -> list[dict[str, float]]:
     """Values of the estimates one standard deviation along each principal direction of their uncertainty."""
-    names = list(fit.values)
+    names = list(fit.values)[: fit.covariance.shape[0]]  # marks in the samples have none
     if not names:
         return []
     sizes = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
@@ -73,9 +74,11 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     model = GroupModel(group, drive, record.h, fixed)
     observed = [s for s in group.observed if s in record.signals]
     bins = max(1, round(BIN / record.h))
-    window = round(WINDOW / (bins * record.h))
+    length = record.time.size - round(UNSETTLED / record.h)
+    count = max(1, round(length * record.h / WINDOW))
+    window = length // (bins * count)  # whole windows fill the log
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
-    rules = {s: plain(bins, window, group.name != "dcv") for s in observed}
+    rules = {s: plain(bins, window, group.name != "dcv", round(UNSETTLED / record.h)) for s in observed}
     task = Task(model, {s: record.signals[s] for s in observed}, rules)
     if moved:
         base = model.simulate({})

@@ -1,4 +1,4 @@
-"""A log made ready for the diagnosis: uniform in time, SI, with the signals it has, and the drives and free functions of each group."""
+"""A log made ready for the diagnosis: uniform in time, SI, and the free functions of each group."""
 
 from dataclasses import dataclass, field
 
@@ -28,7 +28,7 @@ class Record:
     def time(self) -> Array:
         """(n,) s, from zero."""
         n = len(next(iter(self.signals.values())))
-        return np.arange(n) * self.h
+        return np.asarray(np.arange(n) * self.h, dtype=np.float64)
 
     def has(self, *names: str) -> bool:
         """True if all of these were measured."""
@@ -41,10 +41,12 @@ class Record:
 
     def rate(self, name: str, cutoff: float = 5.0) -> Array:
         """Time derivative of a signal, smoothed."""
-        return np.asarray(np.gradient(self.smooth(name, cutoff), self.h))
+        return np.asarray(np.gradient(self.smooth(name, cutoff), self.h), dtype=np.float64)
 
 
-def free_bases(record: Record, group: Group, values: dict[str, float], predicted: dict[str, Array]) -> dict[str, list[Basis]]:  # fmt: skip
+def free_bases(
+    record: Record, group: Group, values: dict[str, float], predicted: dict[str, Array]
+) -> dict[str, list[Basis]]:
     """The free functions for each observed signal of a group.
 
     They depend on what drives the group and on what the model predicts, never on the signal that is judged: that would
@@ -82,7 +84,9 @@ def free_bases(record: Record, group: Group, values: dict[str, float], predicted
         found = {"p_load": families(drivers, ([K_c], [T, 1.0]), h, "opening", "m")}
         if "p_supply" in predicted:
             flow = {"abs(spool)": np.abs(spool), "time": time}
-            found["p_supply"] = families(flow, None, h, "supply", "Pa") + families(flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa")  # fmt: skip
+            found["p_supply"] = families(flow, None, h, "supply", "Pa") + families(
+                flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa"
+            )
         return found
     slew = predicted["slew"]
     rate = np.gradient(slew, h)

@@ -48,6 +48,8 @@ class Fit:
         residuals: signal -> (n,) measured minus predicted, SI.
         covariance: of the estimates, in the order of `values`.
         at_bound: names of the estimates that ended on a bound.
+        slopes: (rows, unknowns) slopes of whitened residuals and priors, in units of each unknown's scale.
+        settled: the search ended by itself and not by its limit of rounds.
     """
 
     values: dict[str, float]
@@ -57,6 +59,8 @@ class Fit:
     residuals: dict[str, Array] = field(repr=False)
     covariance: Array = field(repr=False)
     at_bound: tuple[str, ...] = ()
+    settled: bool = True
+    slopes: Array | None = field(default=None, repr=False)
 
 
 @dataclass
@@ -84,7 +88,13 @@ class Task:
         self.rules = rules
         self.shrink = None
         if self.doubt:
-            columns = np.stack([self.rows(dict(zip(self.doubt, row, strict=True))) for row in zip(*self.doubt.values(), strict=True)], axis=1)  # fmt: skip
+            columns = np.stack(
+                [
+                    self.rows(dict(zip(self.doubt, row, strict=True)))
+                    for row in zip(*self.doubt.values(), strict=True)
+                ],
+                axis=1,
+            )
             left, values, _ = np.linalg.svd(columns, full_matrices=False)
             self.shrink = (left, 1.0 - 1.0 / np.sqrt(1.0 + values**2))
 
@@ -93,7 +103,9 @@ class Task:
         predicted = self.model.simulate(values)
         # a trial far off may leave the numbers; it must only count as bad
         return {
-            name: np.nan_to_num(measured - predicted[name], copy=False, nan=ABSURD, posinf=ABSURD, neginf=-ABSURD)
+            name: np.nan_to_num(
+                measured - predicted[name], copy=False, nan=ABSURD, posinf=ABSURD, neginf=-ABSURD
+            )
             for name, measured in self.measured.items()
         }
 
@@ -104,6 +116,17 @@ class Task:
             rows = rule(residuals[name])
             parts.append((rows if self.mask is None else rows[self.mask]).ravel())
         return np.concatenate(parts)
+
+    def white_of(self, signal: str, residuals: Mapping[str, Array]) -> Array:
+        """(windows, bins) of one signal's residual, independent and of unit size."""
+        row, at = self.white(residuals), 0
+        for name, rule in self.rules.items():
+            shape = rule.windows(self.measured[name]).shape
+            rows = shape[0] if self.mask is None else int(self.mask.sum())
+            if name == signal:
+                return row[at : at + rows * shape[1]].reshape(rows, shape[1])
+            at += rows * shape[1]
+        raise KeyError(signal)
 
     def white(self, residuals: Mapping[str, Array]) -> Array:
         """All signals' residuals, independent and of unit size, in one row."""
@@ -150,7 +173,18 @@ def fit(
             {}, {}, -0.5 * float(residual @ residual), residual.size, task.residuals(base), np.empty((0, 0))
         )
     inner = np.clip(z0, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
-    found = least_squares(cost, inner, slopes, bounds=(low, high), method="trf", max_nfev=rounds, xtol=1e-7, ftol=1e-9, gtol=1e-12)  # fmt: skip
+    with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
+        found = least_squares(
+            cost,
+            inner,
+            slopes,
+            bounds=(low, high),
+            method="dogbox",
+            max_nfev=rounds,
+            xtol=1e-5,
+            ftol=1e-6,
+            gtol=1e-12,
+        )
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * np.outer(scales, scales)
     estimate = values(found.x)
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
@@ -165,6 +199,8 @@ def fit(
         task.residuals(estimate),
         covariance,
         bound,
+        found.status > 0,
+        found.jac,
     )
 
 
@@ -192,13 +228,15 @@ def fit_from_starts(
     """Best of the fits that begin at the `keep` most promising combinations of the starts."""
     listed = [starts.get(u.name, (u.start,)) for u in unknowns]
     trials = []
+    # where a limit is out of reach nothing changes with it: a search cannot begin there
+    off = task.white(task.residuals({u.name: u.start for u in unknowns}))
     for combination in itertools.product(*listed):
         values = {u.name: float(v) for u, v in zip(unknowns, combination, strict=True)}
         white = task.white(task.residuals(values))
-        trials.append((float(white @ white), values))
-    trials.sort(key=lambda trial: trial[0])
+        trials.append((float(white @ white), values, np.array_equal(white, off)))
+    trials.sort(key=lambda trial: (trial[2], trial[0]))
     best: Fit | None = None
-    for _, values in trials[:keep]:
+    for _, values, _ in trials[:keep]:
         placed = [Unknown(u.name, values[u.name], u.scale, u.low, u.high, u.prior) for u in unknowns]
         found = fit(task, placed, rounds=rounds)
         if best is None or found.log_likelihood > best.log_likelihood:

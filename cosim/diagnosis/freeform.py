@@ -75,7 +75,13 @@ def response(numerator: list[float], denominator: list[float], h: float, columns
     return np.asarray(lfilter(np.ravel(b), a, columns, axis=1))
 
 
-def families(drivers: dict[str, Array], transfer: tuple[list[float], list[float]] | None, h: float, what: str, unit: str) -> list[Basis]:  # fmt: skip
+def families(
+    drivers: dict[str, Array],
+    transfer: tuple[list[float], list[float]] | None,
+    h: float,
+    what: str,
+    unit: str,
+) -> list[Basis]:
     """One family for each driving signal (n,), acting through a transfer function, or directly without one."""
     found = []
     for of, signal in drivers.items():

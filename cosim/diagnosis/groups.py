@@ -1,7 +1,7 @@
 """How a model is cut at its measured signals into groups of blocks, each driven by a measurement and judged by one.
 
-Between two measured signals the blocks act as one: the compensator, the dead zone and the valve between command and spool; the
-continuity between spool and pressure; mechanics and slew sensor between pressure and angle.
+Between two measured signals the blocks act as one: the compensator, the dead zone and the valve between command and spool;
+the continuity between spool and pressure; mechanics and slew sensor between pressure and angle.
 """
 
 from collections.abc import Collection, Iterable, Iterator
@@ -71,9 +71,8 @@ class Group:
                 continue
             handed_on = set(effect.fills) == {"driving_pressure"}
             inside = effect.component in self.components[:-1] or not handed_on
-            if effect.component in self.components and inside:
-                found.append(effect)
-            elif slot and handed_on and effect.component == slot[0] and slot[2] in effect.fills:
+            handed = slot and handed_on and effect.component == slot[0] and slot[2] in effect.fills
+            if handed or (effect.component in self.components and inside):
                 found.append(effect)
         return tuple(found)
 
@@ -114,7 +113,17 @@ MODELS: dict[str, tuple[Group, ...]] = {
 }
 
 # parameters trusted to the tolerance only (CONTRACT section 4); all else is taken as exact
-TRUSTED = ("dcv.K", "dcv.w0", "dcv.zeta", "continuity.K_c", "continuity.T", "mechanical.J", "mechanical.b", "simplified.k", "simplified.a")  # fmt: skip
+TRUSTED = (
+    "dcv.K",
+    "dcv.w0",
+    "dcv.zeta",
+    "continuity.K_c",
+    "continuity.T",
+    "mechanical.J",
+    "mechanical.b",
+    "simplified.k",
+    "simplified.a",
+)
 
 # what a component is set to where its block's declaration does not say it (ssp/nominal/*.ssv)
 COMPONENT_VALUES = {"compensator.form": 3.0, "compensator.limit": 2.0}

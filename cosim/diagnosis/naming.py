@@ -1,48 +1,25 @@
 """Which effects of the library explain a group's residual."""
 
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from cosim.diagnosis.data import Record, free_bases
-from cosim.diagnosis.fit import Fit, Task, Unknown, fit, fit_from_starts
+from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.freeform import Basis, Leftover, explain
 from cosim.diagnosis.groups import TRUSTED, GroupModel
+from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.noise import learned
-from fmus import registry
-from fmus.contract import Effect, Variable
+from cosim.diagnosis.samples import SAMPLED, Mark, marks
+from cosim.diagnosis.trials import SURE, Trial, declared, promising, tried, tried_all, trusted, unknowns
+from fmus.contract import Effect
 
-SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
+__all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
+
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
+SMALLER = 0.97  # of the noise: less, and all is fitted again
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
-
-
-@dataclass
-class Trial:
-    """One set of effects, fitted.
-
-    Attributes:
-        effects: the effects, in the order they were added.
-        fit: the fit, with the trusted parameters under their priors.
-        price: free parameters beyond those of the nominal model.
-    """
-
-    effects: tuple[Effect, ...]
-    fit: Fit
-    price: int
-
-    @property
-    def score(self) -> float:
-        """Log-likelihood less BIC's price for each free parameter."""
-        return self.fit.log_likelihood - 0.5 * self.price * float(np.log(max(self.fit.count, 2)))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the effects, sorted."""
-        return tuple(sorted(e.name for e in self.effects))
 
 
 @dataclass
@@ -56,7 +33,8 @@ class Finding:
         single: every single effect, best first.
         rivals: for each accepted effect, sets that differ in that effect, best first.
         before, after: what free functions still explain, by signal.
-        exercised: effect -> True if the log could have shown it at its practical floor.
+        events: what is left at one time ("event") or one frequency ("line") only, by signal.
+        marks: effects seen in the raw samples.
     """
 
     task: Task
@@ -66,74 +44,8 @@ class Finding:
     rivals: dict[str, list[Trial]] = field(default_factory=dict)
     before: dict[str, Leftover] = field(default_factory=dict)
     after: dict[str, Leftover] = field(default_factory=dict)
-
-
-def declared(effect: Effect, parameter: str) -> Variable:
-    """Declaration of a parameter that an effect frees: its own, or its block's."""
-    if parameter in effect.parameters:
-        return effect.parameters[parameter]
-    return registry.block(registry.FMU_OF_COMPONENT.get(effect.component, effect.component)).parameters[
-        parameter
-    ]
-
-
-def trusted(model: GroupModel, tolerance: float) -> list[Unknown]:
-    """The group's trusted parameters with their priors."""
-    found = []
-    for name in TRUSTED:
-        if name.partition(".")[0] in model.group.components:
-            value = model.nominal(name)
-            deviation = abs(value) * tolerance
-            found.append(Unknown(name, value, deviation, 0.1 * value, 10.0 * value, (value, deviation)))
-    return found
-
-
-def unknowns(model: GroupModel, effects: Iterable[Effect], tolerance: float) -> tuple[list[Unknown], dict[str, tuple[float, ...]]]:  # fmt: skip
-    """What to estimate with these effects, and from which starts: a parameter that an effect frees loses its prior."""
-    found = {u.name: u for u in trusted(model, tolerance)}
-    starts: dict[str, tuple[float, ...]] = {}
-    for effect in effects:
-        for parameter, free in effect.free.items():
-            name = f"{effect.component}.{parameter}"
-            variable = declared(effect, parameter)
-            nominal = model.nominal(name)
-            found[name] = Unknown(name, nominal, free.scale, variable.low, variable.high)
-            starts[name] = free.starts if parameter in effect.parameters else (nominal, *free.starts)
-    return list(found.values()), starts
-
-
-def tried(task: Task, effects: tuple[Effect, ...], tolerance: float, near: Fit | None = None) -> Trial:
-    """Fit a set of effects; parameters that `near` has already estimated begin there."""
-    wanted, starts = unknowns(task.model, effects, tolerance)
-    if near is not None:
-        for name in near.values:
-            if name in starts:
-                starts[name] = (near.values[name],)
-        wanted = [
-            Unknown(u.name, near.values.get(u.name, u.start), u.scale, u.low, u.high, u.prior) for u in wanted
-        ]
-    price = (
-        len(wanted)
-        - len(trusted(task.model, tolerance))
-        + sum(u.prior is None and u.name in TRUSTED for u in wanted)
-    )
-    found = fit_from_starts(task, wanted, starts) if starts else fit(task, wanted)
-    return Trial(effects, found, price)
-
-
-def tried_all(
-    task: Task, sets: list[tuple[Effect, ...]], tolerance: float, near: Fit | None = None
-) -> list[Trial]:
-    """Fit many sets, on both cores: the compiled simulation lets go of the interpreter. Best first."""
-    with ThreadPoolExecutor(2) as pool:
-        trials = list(pool.map(lambda e: tried(copied(task), e, tolerance, near), sets))
-    return sorted(trials, key=lambda t: -t.score)
-
-
-def copied(task: Task) -> Task:
-    """The same task with a model of its own, for another thread."""
-    model = GroupModel(task.model.group, task.model.drive, task.model.h, task.model.fixed)
-    return Task(model, task.measured, task.rules, task.doubt, task.mask, task.shrink)
+    events: dict[str, dict[str, Event]] = field(default_factory=dict)
+    marks: list[Mark] = field(default_factory=list)
 
 
 def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
@@ -190,53 +102,107 @@ def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> boo
 
 
 def find(task: Task, record: Record, tolerance: float = 0.01, most: int = 3) -> Finding:
-    """Name the effects in one group: forward with swaps, then backward."""
-    model = task.model
+    """Name the effects in one group: forward with swaps and removals, the noise learned anew after each step.
+
+    Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
+    whenever a cause has made it smaller, everything is fitted again before the next is looked for.
+    """
+    candidates = tuple(e for e in task.model.group.effects() if e.name not in SAMPLED)
     null = tried(task, (), tolerance)
     learn_noise(task, record, null.fit)
-    candidates = model.group.effects()
-    finding = Finding(task, null, null)
-    for _ in range(3):
-        null = tried(task, (), tolerance, null.fit)
-        single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-        chosen = grown(task, null, single, candidates, tolerance, most)
-        finding = Finding(task, null, chosen, single)
-        sizes = {s: rule.sigma for s, rule in task.rules.items()}
-        learn_noise(task, record, chosen.fit)
-        if all(task.rules[s].sigma > 0.97 * size for s, size in sizes.items()):
-            break  # the noise was known well enough
+    null = tried(task, (), tolerance, null.fit)
+    single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
+    chosen = best_single(task, null, single, tolerance)
+    for _ in range(2 * most):
+        if not chosen.effects:
+            break
+        if smaller_noise(task, record, chosen.fit):
+            null = tried(task, (), tolerance, null.fit)
+            single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit, single)
+            if len(chosen.effects) == 1:
+                chosen = best_single(task, null, single, tolerance)
+            else:
+                chosen = tried(task, chosen.effects, tolerance, chosen.fit)
+                chosen = swapped(task, chosen, candidates, tolerance)
+        more = extended(task, chosen, candidates, tolerance) if 0 < len(chosen.effects) < most else None
+        if more is None:
+            break
+        chosen = more
+    finding = Finding(task, null, chosen, single)
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)
     finding.rivals = rivals(task, finding, candidates, tolerance)
+    finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
+    finding.marks = sampled(task, record, finding.chosen.fit)
+    if finding.marks:
+        finding.chosen = with_marks(finding.chosen, finding.marks)
     return finding
 
 
-def grown(task: Task, null: Trial, single: list[Trial], candidates: tuple[Effect, ...], tolerance: float, most: int) -> Trial:  # fmt: skip
-    """Forward selection with swaps and removals, from the single effects already fitted."""
-    chosen = null
-    options = single
-    while len(chosen.effects) < most:
-        better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
-        if not better:
-            return chosen
-        chosen = better[0]
-        chosen = swapped(task, chosen, null, candidates, tolerance)
-        rest = [e for e in candidates if e not in chosen.effects]
-        options = tried_all(task, [(*chosen.effects, e) for e in rest], tolerance, chosen.fit)
-    return chosen
+def smaller_noise(task: Task, record: Record, found: Fit) -> bool:
+    """Learn the noise from a fit; True if it is smaller than was thought, otherwise the rules stay as they were."""
+    rules = task.rules
+    learn_noise(task, record, found)
+    if any(task.rules[s].sigma < SMALLER * rule.sigma for s, rule in rules.items()):
+        return True
+    task.set_rules(rules)
+    return False
 
 
-def swapped(
-    task: Task, chosen: Trial, null: Trial, candidates: tuple[Effect, ...], tolerance: float
-) -> Trial:
+def best_single(task: Task, null: Trial, single: list[Trial], tolerance: float) -> Trial:
+    """The best single effect that is to be believed over the nominal model, or the nominal model."""
+    better = [t for t in single if accepted(t, null, task.model, tolerance)]
+    return better[0] if better else null
+
+
+def extended(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial | None:
+    """The chosen set with the best further effect, exchanges and removals tried; None if no further one is believed."""
+    rest = promising(task, chosen, (e for e in candidates if e not in chosen.effects), tolerance)
+    options = tried_all(task, [(*chosen.effects, e) for e in rest], tolerance, chosen.fit)
+    better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
+    if not better:
+        return None
+    found = swapped(task, better[0], candidates, tolerance)
+    return found if found.names != chosen.names else None
+
+
+def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
+    """What is left of a signal at one time or at one frequency."""
+    white, rule = task.white_of(signal, found.residuals), task.rules[signal]
+    interval = rule.bins * task.model.h
+    return {
+        "event": burst(white, interval, rule.skip * task.model.h),
+        "line": line(white, interval),
+    }
+
+
+def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:
+    """Effects seen in the raw samples of the group's slew reading, of those that the group may show."""
+    if "slew" not in task.measured:
+        return []
+    allowed = {e.name for e in task.model.group.effects()}
+    seen = marks(task.measured["slew"], record.rate("slew"), task.rules["slew"].rms)
+    return [m for m in seen if m.effect in allowed]
+
+
+def with_marks(trial: Trial, seen: list[Mark]) -> Trial:
+    """The trial with the parameters of what the samples show among its values."""
+    values = {f"{m.effect.partition('.')[0]}.{m.parameter}": m.value for m in seen}
+    spreads = {f"{m.effect.partition('.')[0]}.{m.parameter}": m.deviation for m in seen}
+    fit_ = replace(trial.fit, values=trial.fit.values | values, deviations=trial.fit.deviations | spreads)
+    return Trial(trial.effects, fit_, trial.price)
+
+
+def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial:
     """Exchange or drop single effects of a set of two or more while that pays."""
     while len(chosen.effects) > 1:
         sets: list[tuple[Effect, ...]] = []
-        for out in chosen.effects[:-1]:
+        for out in chosen.effects:
             kept = tuple(e for e in chosen.effects if e is not out)
-            sets.append(kept)
-            sets += [(*kept, e) for e in candidates if e not in chosen.effects]
-        best = tried_all(task, sets, tolerance)[0]
+            fewer = tried(task, kept, tolerance, chosen.fit)
+            others = promising(task, fewer, (e for e in candidates if e not in chosen.effects), tolerance)
+            sets += [kept, *((*kept, e) for e in others)]
+        best = tried_all(task, sets, tolerance, chosen.fit)[0]
         dropped = len(best.effects) < len(chosen.effects)
         if best.score > chosen.score + (-SURE if dropped else 1.0):
             chosen = best
@@ -252,9 +218,15 @@ def rivals(
     found: dict[str, list[Trial]] = {}
     for effect in finding.chosen.effects:
         kept = tuple(e for e in finding.chosen.effects if e is not effect)
-        sets = [(*kept, e) for e in candidates if e not in finding.chosen.effects]
+        sets = []
+        if kept:
+            fewer = tried(task, kept, tolerance, finding.chosen.fit)
+            others = promising(
+                task, fewer, (e for e in candidates if e not in finding.chosen.effects), tolerance
+            )
+            sets = [(*kept, e) for e in others]
         found[effect.name] = (
-            tried_all(task, sets, tolerance)
+            tried_all(task, sets, tolerance, finding.chosen.fit)
             if kept
             else [t for t in finding.single if t.effects[0] is not effect]
         )

@@ -2,8 +2,8 @@
 
 A residual is averaged over bins (the drive has no news above some 10 Hz) and cut into windows. Its noise is white noise
 plus exponentially correlated noise of several correlation times, the longest standing for the random walk that
-integrated pressure noise makes of an angle; sizes are fitted to the spectrum (Whittle's likelihood). Sums of such spectra fall
-smoothly, so a resonance or a line that the model misses is never taken for noise. Where the group integrates, each
+integrated pressure noise makes of an angle; sizes are fitted to the spectrum (Whittle's likelihood). Sums of such spectra
+fall smoothly, so a resonance or a line that the model misses is never taken for noise. Where the group integrates, each
 window has a free offset.
 """
 
@@ -32,12 +32,14 @@ class Whitener:
         window: bins in a window.
         demean: each window has a free offset.
         sizes: variance of the white and of each correlated noise, in squares of the signal's unit.
+        skip: samples at the start that do not count: the state in which the log begins is not known.
     """
 
     bins: int
     window: int
     demean: bool
     sizes: tuple[float, ...]
+    skip: int = 0
     matrix: Array = field(init=False, repr=False, compare=False)
     offset: Array = field(init=False, repr=False, compare=False)
 
@@ -62,8 +64,9 @@ class Whitener:
 
     def windows(self, residual: Array) -> Array:
         """(n,) residual to (windows, bins a window)."""
-        n = residual.shape[-1] // (self.bins * self.window) * (self.bins * self.window)
-        return residual[:n].reshape(-1, self.window, self.bins).mean(axis=2)
+        whole = self.bins * self.window
+        n = (residual.shape[-1] - self.skip) // whole * whole
+        return residual[self.skip : self.skip + n].reshape(-1, self.window, self.bins).mean(axis=2)
 
     def __call__(self, residual: Array) -> Array:
         """(n,) residual to (windows, independent values of unit size)."""
@@ -90,17 +93,17 @@ def expected(window: int, demean: bool) -> Array:
     return np.stack([np.einsum("fi,ij,fj->f", spectrum, k, spectrum.conj()).real for k in kinds(window)])
 
 
-def plain(bins: int, window: int, demean: bool) -> Whitener:
+def plain(bins: int, window: int, demean: bool, skip: int = 0) -> Whitener:
     """The rule before anything is known of the noise: white, of unit size."""
-    return Whitener(bins, window, demean, (1.0,) + (0.0,) * len(CORRELATION_TIMES))
+    return Whitener(bins, window, demean, (1.0,) + (0.0,) * len(CORRELATION_TIMES), skip)
 
 
 def learned(rule: Whitener, residual: Array, absorbed: Array) -> Whitener:
     """The rule with the noise of `residual` (n,): the variances of largest Whittle likelihood.
 
     What the rows of `absorbed` (k, n) explain of the residual is taken out first, and the spectra expected of each kind
-    of noise are those that remain behind the same projection: slow noise has few degrees of freedom, and free functions absorb
-    many of them.
+    of noise are those that remain behind the same projection: slow noise has few degrees of freedom, and free functions
+    absorb many of them.
     """
     rows = centred(rule, residual)
     shapes = expected(rule.window, rule.demean)
@@ -115,7 +118,7 @@ def learned(rule: Whitener, residual: Array, absorbed: Array) -> Whitener:
         rows = (flat - q @ (q.T @ flat)).reshape(rows.shape)
         remaining = behind(q.reshape(*rows.shape, -1), rule.demean)
         # where the projection leaves little, little can be learned, and what is left there is far from independent
-        kept = (remaining > REMAINING * shapes).all(axis=0)
+        kept = np.asarray((remaining > REMAINING * shapes).all(axis=0))
         shapes = remaining
     taper = hann(rule.window, sym=False)
     power = np.mean(np.abs(np.fft.rfft(rows * taper, axis=1)[:, 1:]) ** 2, axis=0)[kept]
@@ -133,7 +136,7 @@ def learned(rule: Whitener, residual: Array, absorbed: Array) -> Whitener:
     found = minimize(
         cost, start, jac=True, method="L-BFGS-B", bounds=[(np.log(FLOOR), np.log(1e3))] * len(shapes)
     )
-    return Whitener(rule.bins, rule.window, rule.demean, tuple((np.exp(found.x) * total).tolist()))
+    return Whitener(rule.bins, rule.window, rule.demean, tuple((np.exp(found.x) * total).tolist()), rule.skip)
 
 
 def centred(rule: Whitener, residual: Array) -> Array:

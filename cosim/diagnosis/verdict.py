@@ -8,13 +8,17 @@ from numpy.typing import NDArray
 from cosim.diagnosis.fit import Task, fit, jacobian
 from cosim.diagnosis.freeform import Leftover
 from cosim.diagnosis.groups import TRUSTED
-from cosim.diagnosis.naming import CLOSE, SURE, Finding, Trial, declared, trusted, tried, unknowns
+from cosim.diagnosis.local import Event
+from cosim.diagnosis.naming import CLOSE, SURE, Finding, Trial, declared, tried, trusted, unknowns
+from cosim.diagnosis.samples import SAMPLED, marks
+from fmus import registry
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
 SYSTEMATIC = 1e-8  # probability below which what free functions explain is no chance
 NOTICEABLE = 0.25  # of the noise of one bin: smaller systematic rests do not matter in practice
+LOCAL = 1e-7  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.15  # of the original systematic residual that may be left for the named causes to stand
 
 
@@ -51,30 +55,72 @@ class Rest:
     what: str
 
 
-def systematic(leftover: Leftover, noise: float) -> bool:
-    """True if a residual holds something that is neither chance nor negligible."""
-    return leftover.p_value < SYSTEMATIC and leftover.rms > NOTICEABLE * noise
+def systematic(leftover: Leftover, negligible: float) -> bool:
+    """True if a residual holds something that is neither chance nor negligible (a size in the signal's unit)."""
+    return leftover.p_value < SYSTEMATIC and leftover.rms > negligible
+
+
+def negligible(finding: Finding, signal: str) -> float:
+    """Size of a systematic rest that does not matter, SI: a part of the noise, or the error of readings in steps."""
+    steps = [m.value for m in finding.marks if m.effect == "sensor.quantisation" and signal == "slew"]
+    return max([NOTICEABLE * finding.task.rules[signal].rms, *(q / np.sqrt(12.0) for q in steps)])
 
 
 def adequate(finding: Finding) -> bool:
     """True if nothing noticeable is left in any signal of the group."""
-    return not any(systematic(left, finding.task.rules[s].rms) for s, left in finding.after.items())
+    if any(systematic(left, negligible(finding, s)) for s, left in finding.after.items()):
+        return False
+    return not any(local(finding, s, e) for s, found in finding.events.items() for e in found.values())
+
+
+def local(finding: Finding, signal: str, event: Event) -> bool:
+    """True if what stands out of a signal at one time or one frequency is no chance, and matters."""
+    return event.p_value < LOCAL and size_of(finding, signal, event) > negligible(finding, signal)
+
+
+def size_of(finding: Finding, signal: str, event: Event) -> float:
+    """Size of what stands out, beyond the noise around it, in the signal's unit."""
+    return finding.task.rules[signal].sigma * float(np.sqrt(max(event.excess - 1.0, 0.0)))
 
 
 def stands(finding: Finding) -> bool:
     """True if the chosen effects carry the systematic part of the residual, even where a small rest remains."""
     for signal, left in finding.after.items():
         before = finding.before[signal]
-        if systematic(left, finding.task.rules[signal].rms) and left.rms > CARRIED * before.rms:
+        if systematic(left, negligible(finding, signal)) and left.rms > CARRIED * before.rms:
             return False
-    return True
+    gain = finding.chosen.fit.log_likelihood - finding.null.fit.log_likelihood
+    # something that happens once and carries more than the causes do may well be what called for them
+    listed = [(s, e) for s, found in finding.events.items() for e in found.values()]
+    return not any(local(finding, s, e) and e.gain > gain for s, e in listed)
+
+
+def marked(finding: Finding) -> list[Cause]:
+    """Causes seen in the raw samples; their held-out gain is that of the last third of the log alone."""
+    found = []
+    for mark in finding.marks:
+        slew = finding.task.measured["slew"]
+        last = slew[2 * slew.size // 3 :]
+        rate = np.gradient(slew - finding.chosen.fit.residuals["slew"], finding.task.model.h)[-last.size :]
+        again = {m.effect: m.gain for m in marks(last, rate, finding.task.rules["slew"].rms)}
+        effect = registry.effects()[mark.effect]
+        found.append(
+            Cause(
+                effect,
+                finding.task.model.group.name,
+                {mark.parameter: (mark.value, mark.deviation)},
+                mark.gain,
+                again.get(mark.effect, 0.0),
+            )
+        )
+    return found
 
 
 def causes(finding: Finding, tolerance: float) -> list[Cause]:
     """The named causes of a group; none where something large stays unexplained."""
+    found = marked(finding)
     if not finding.chosen.effects or not stands(finding):
-        return []
-    found = []
+        return found
     for effect in finding.chosen.effects:
         rivals = [
             (other_of(t, finding.chosen), finding.chosen.score - t.score)
@@ -82,7 +128,7 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
         ]
         rivals.sort(key=lambda item: item[1])
         rest = tuple(e for e in finding.chosen.effects if e is not effect)
-        without = finding.null if not rest else tried(finding.task, rest, tolerance)
+        without = finding.null if not rest else tried(finding.task, rest, tolerance, finding.chosen.fit)
         values = finding.chosen.fit
         found.append(
             Cause(
@@ -143,17 +189,37 @@ def rests(finding: Finding) -> list[Rest]:
     standing = stands(finding)
     for signal, after in finding.after.items():
         left = after if standing else finding.before[signal]
-        if systematic(left, finding.task.rules[signal].rms):
+        if systematic(left, negligible(finding, signal)):
             best, gain = next(iter(left.by_signal.items()))
             share = gain / max(left.gain, 1e-300)
             what, _, of = best.partition("(")
-            words = f"a missing {what} that depends on {of.rstrip(')')} explains {min(share, 1.0):.0%} of what is systematic in {signal}"
+            cause = f"a missing {what} that depends on {of.rstrip(')')}"
+            words = f"{cause} explains {min(share, 1.0):.0%} of what is systematic in {signal}"
             found.append(Rest(finding.task.model.group.name, signal, left, words))
+        else:
+            found += local_rests(finding, signal)
     return found
 
 
+def local_rests(finding: Finding, signal: str) -> list[Rest]:
+    """What stays unexplained at one time or at one frequency, where nothing else of the signal does."""
+    found = []
+    residual = finding.chosen.fit.residuals[signal]
+    for kind, event in finding.events.get(signal, {}).items():
+        if not local(finding, signal, event):
+            continue
+        if kind == "event":
+            words = f"{signal} is off between {event.start:.1f} and {event.end:.1f} s only: something happened once"
+        else:
+            words = f"{signal} rings at {event.start:.2f} Hz beyond what noise and the model give"
+        size = size_of(finding, signal, event)
+        left = Leftover(event.p_value, event.gain, size, residual, {kind: event.gain}, {})
+        found.append(Rest(finding.task.model.group.name, signal, left, words))
+    return found[:1]
+
+
 def exercised(finding: Finding, tolerance: float) -> dict[str, float]:
-    """Effect -> log-likelihood that a moderate size of it would have gained in this log, nominal parameters free to hide it."""
+    """Effect -> log-likelihood that a moderate size would have gained in this log, nominal parameters free to hide it."""
     task, null = finding.task, finding.null
     base = null.fit.values
     own = trusted(task.model, tolerance)
@@ -173,6 +239,8 @@ def exercised(finding: Finding, tolerance: float) -> dict[str, float]:
         )
     found = {}
     for effect in task.model.group.effects():
+        if effect.name in SAMPLED:  # every log shows those
+            continue
         moved = dict(base)
         for parameter, free in effect.free.items():
             name = f"{effect.component}.{parameter}"

@@ -1,0 +1,1 @@
+"""The blind suite: effects hidden in the virtual rig at sizes drawn at run time, and how often the diagnosis names them."""

@@ -1,0 +1,203 @@
+"""The scorecard of the blind suite: counts, Wilson bounds and the confusion matrix."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from scipy.stats import binomtest
+
+from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
+from cosim.rig.parameters import nominal_value
+
+Row = dict[str, Any]
+DETECTABLE = (
+    20.0  # log-likelihood that the truth must gain for a weak effect to count (the scorecard's own bound)
+)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One line of the scorecard.
+
+    Attributes:
+        name: what is measured.
+        target: as the scorecard states it.
+        hits, count: cases, or `value` where it is no share.
+    """
+
+    name: str
+    target: str
+    hits: int = 0
+    count: int = 0
+    value: float | None = None
+
+    def plain(self) -> dict[str, Any]:
+        """As plain data, with the 95 % Wilson interval of a share."""
+        row: dict[str, Any] = {"metric": self.name, "target": self.target, "cases": self.count}
+        if self.value is not None:
+            return row | {"value": self.value}
+        if not self.count:
+            return row | {"value": None}
+        bounds = binomtest(self.hits, self.count).proportion_ci(0.95, "wilson")
+        return row | {"value": self.hits / self.count, "low": float(bounds.low), "high": float(bounds.high)}
+
+
+def names(row: Row) -> list[str]:
+    """Effects that were named, in order."""
+    return [c["effect"] for c in row["causes"]]
+
+
+def true_names(row: Row) -> list[str]:
+    """Effects that were hidden."""
+    return list(row["case"]["hidden"])
+
+
+def reported(row: Row) -> set[str]:
+    """The named effects and those declared indistinguishable from them."""
+    return {n for c in row["causes"] for n in (c["effect"], *c["alike"])}
+
+
+def detectable(row: Row) -> bool:
+    """True if the truth gains enough in this log; sampling effects are seen otherwise and always count."""
+    hidden = true_names(row)
+    if any(n in ("sensor.quantisation", "sensor.dropout") for n in hidden):
+        return True
+    return bool(row["truth"]) and all(v["gain"] >= DETECTABLE for v in row["truth"].values())
+
+
+def first(row: Row) -> bool:
+    """True if the hidden effect is named first, or stands in the class declared indistinguishable from the first."""
+    if not row["causes"]:
+        return False
+    best = row["causes"][0]
+    return true_names(row)[0] in (best["effect"], *best["alike"])
+
+
+def strictly_first(row: Row) -> bool:
+    """True if the hidden effect itself is named first and nothing else is named."""
+    return names(row) == true_names(row)
+
+
+def true_block(row: Row) -> str:
+    """Group in which the hidden effect shows."""
+    name = true_names(row)[0]
+    return UNKNOWN.get(name) or GROUP_OF[name]
+
+
+def honest(row: Row) -> bool:
+    """True if an unknown cause is called unexplained in its block and nothing is named there."""
+    block = true_block(row)
+    return any(r["block"] == block for r in row["rests"]) and not any(
+        c["group"] == block for c in row["causes"]
+    )
+
+
+def knowable(row: Row) -> bool:
+    """True if the log can tell the hidden cause, left out of the library, from what the library offers instead."""
+    return bool(row["truth"]) and all(v["ahead"] >= DETECTABLE for v in row["truth"].values())
+
+
+def errors(rows: Iterable[Row]) -> tuple[list[float], list[bool]]:
+    """Relative errors of the sizes of named effects, and whether each 95 % interval holds the truth."""
+    sizes, held = [], []
+    for row in rows:
+        for cause in row["causes"]:
+            true = row["case"]["hidden"].get(cause["effect"], {})
+            component = cause["effect"].partition(".")[0]
+            for i, (parameter, value) in enumerate(true.items()):
+                estimate, deviation = cause["parameters"].get(parameter, (math.nan, math.nan))
+                if not deviation > 0.0:
+                    continue
+                held.append(abs(estimate - value) <= 1.96 * deviation)
+                if i == 0:
+                    change = value - nominal_value(f"{component}.{parameter}")
+                    sizes.append(abs(estimate - value) / max(abs(change), 1e-300))
+    return sizes, held
+
+
+def scorecard(all_rows: list[Row]) -> list[Metric]:
+    """All lines of the scorecard."""
+    rows = [r for r in all_rows if "error" not in r]
+
+    def of(kind: str, *more: Callable[[Row], bool]) -> list[Row]:
+        return [r for r in rows if r["case"]["kind"] == kind and all(m(r) for m in more)]
+
+    def share(name: str, target: str, chosen: list[Row], test: Callable[[Row], bool]) -> Metric:
+        return Metric(name, target, sum(test(r) for r in chosen), len(chosen))
+
+    large = of("single", lambda r: r["case"]["size"] != "weak", detectable)
+    weak = of("single", lambda r: r["case"]["size"] == "weak", detectable)
+    single = large + weak
+    # a case with one effect that is understood must not be called unexplained
+    understood = single + of("clean")
+    unknown = of("unknown")
+    left_out = of("left_out", knowable)
+    pairs = [r for k in ("pair_across", "pair_within") for r in of(k, detectable)]
+    sizes, _ = errors(r for r in of("single") if r["case"]["size"] == "moderate")
+    _, held = errors(of("single"))
+    seconds = sorted(r["seconds"] for r in rows)
+    cpu = sorted(r["cpu_seconds"] for r in rows)
+    named = [r for r in single if r["causes"]]
+    mean_set = sum(len(reported(r)) for r in named) / len(named) if named else math.nan
+    ratios = [after / max(before, 1e-300) for r in rows for before, after in r["fmu_gain"].values()]
+
+    def middle(values: list[float], at: float = 0.5) -> float:
+        return sorted(values)[min(int(at * len(values)), len(values) - 1)] if values else math.nan
+
+    return [
+        share("cause named first or declared alike, moderate and strong", ">= 97 %", large, first),
+        share("cause named alone and exactly, moderate and strong", "-", large, strictly_first),
+        share("cause named first or declared alike, weak but detectable", ">= 90 %", weak, first),
+        share("true cause in the reported set", ">= 99 %", named, lambda r: true_names(r)[0] in reported(r)),
+        Metric("mean size of the reported set", "<= 1.5", count=len(named), value=mean_set),
+        share("block right", ">= 98 %", named, lambda r: r["causes"][0]["group"] == true_block(r)),
+        share("a cause named in a clean log", "<= 1 %", of("clean"), lambda r: bool(r["causes"])),
+        share("clean log called adequate", "-", of("clean"), lambda r: r["verdict"] == "adequate"),
+        share("unknown cause (rig) unexplained in its block, none named there", ">= 95 %", unknown, honest),
+        share(
+            "unknown cause (left out of the library) likewise, where the log can tell",
+            ">= 95 %",
+            left_out,
+            honest,
+        ),
+        share("false 'unexplained' (clean or known cause)", "<= 2 %", understood, lambda r: bool(r["rests"])),
+        share("two effects, exactly", ">= 90 %", pairs, lambda r: set(names(r)) == set(true_names(r))),
+        share(
+            "two effects, both in the reported set", "-", pairs, lambda r: set(true_names(r)) <= reported(r)
+        ),
+        share(
+            "LuGre friction named as friction",
+            "-",
+            of("lugre"),
+            lambda r: "friction" in "".join(names(r)[:1]),
+        ),
+        Metric(
+            "parameter error of the size, moderate, median", "<= 5 %", count=len(sizes), value=middle(sizes)
+        ),
+        Metric("95 % intervals that hold the truth", "90-98 %", sum(held), len(held)),
+        Metric(
+            "held-out RMS by the FMUs, after to before, median", "-", count=len(ratios), value=middle(ratios)
+        ),
+        Metric("seconds a case, median", "<= 30 s", count=len(rows), value=middle(seconds)),
+        Metric("CPU seconds a case, median", "-", count=len(rows), value=middle(cpu)),
+        Metric("CPU seconds a case, 95 %", "-", count=len(rows), value=middle(cpu, 0.95)),
+        Metric("cases that failed with an error", "0", len(all_rows) - len(rows), len(all_rows)),
+    ]
+
+
+def confusion(rows: list[Row]) -> dict[str, Counter[str]]:
+    """Hidden effect -> how often each answer was given, single detectable effects and clean logs."""
+    found: dict[str, Counter[str]] = {}
+    for row in rows:
+        if "error" in row or row["case"]["kind"] not in ("single", "clean", "unknown", "left_out"):
+            continue
+        if row["case"]["kind"] == "single" and not detectable(row):
+            continue
+        hidden = "+".join(true_names(row)) or "clean"
+        if row["case"]["kind"] == "left_out":
+            hidden = f"({hidden})"
+        said = " + ".join(names(row)) or row["verdict"]
+        found.setdefault(hidden, Counter())[said] += 1
+    return dict(sorted(found.items()))

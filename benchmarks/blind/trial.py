@@ -1,0 +1,112 @@
+"""One case of the blind suite: make the log, diagnose it, write down what was said and what the truth would have gained."""
+
+import tempfile
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.blind.cases import Case
+from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
+from cosim.diagnosis.fit import fit
+from cosim.diagnosis.groups import left_out
+from cosim.diagnosis.naming import Finding, unknowns
+from cosim.diagnosis.story import Diagnosis, diagnose
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+from fmus import registry
+
+TOLERANCE = 0.01
+SAMPLED = ("sensor.quantisation", "sensor.dropout")  # seen in the raw samples, not in a likelihood
+
+
+def run_case(case: Case, fmus: bool) -> dict[str, Any]:
+    """The case with its outcome, as plain data; an error of the diagnosis is an outcome too."""
+    row: dict[str, Any] = {"case": case.plain()}
+    try:
+        log = as_log(make_log(**case.recipe()))
+        began, cpu = time.perf_counter(), time.process_time()
+        with left_out(case.removed), tempfile.TemporaryDirectory() as folder:
+            found = diagnose(log, folder=Path(folder) / "out" if fmus else None)
+        row["seconds"] = time.perf_counter() - began
+        row["cpu_seconds"] = time.process_time() - cpu
+        row |= said(found)
+        row["truth"] = truth(case, found)
+    except Exception:
+        row["error"] = traceback.format_exc()
+    return row
+
+
+def said(found: Diagnosis) -> dict[str, Any]:
+    """What the diagnosis answered, as plain data."""
+    causes = [
+        {
+            "effect": cause.effect.name,
+            "group": cause.group,
+            "gain": cause.gain,
+            "held_out": cause.held_out,
+            "alike": list(cause.alike),
+            "parameters": {n: [float(v), float(d)] for n, (v, d) in cause.parameters.items()},
+        }
+        for cause in found.causes
+    ]
+    rests = [
+        {
+            "block": r.block,
+            "signal": r.signal,
+            "what": r.what,
+            "p": r.leftover.p_value,
+            "gain": r.leftover.gain,
+            "relative": r.leftover.rms / found.findings[r.block].task.rules[r.signal].rms,
+        }
+        for r in found.rests
+    ]
+    left = {
+        f"{name}.{signal}": [rest.p_value, rest.gain, rest.rms / finding.task.rules[signal].rms]
+        for name, finding in found.findings.items()
+        for signal, rest in finding.after.items()
+    }
+    gains = {s: [g.before, g.after] for s, g in found.gains.items()}
+    chosen = {name: list(f.chosen.names) for name, f in found.findings.items()}
+    return {
+        "verdict": found.verdict,
+        "causes": causes,
+        "rests": rests,
+        "left": left,
+        "chosen": chosen,
+        "fmu_gain": gains,
+    }
+
+
+def truth(case: Case, found: Diagnosis) -> dict[str, dict[str, float]]:
+    """Group -> log-likelihood that the true effects gain over the nominal model and over what was chosen."""
+    result: dict[str, dict[str, float]] = {}
+    if any(name in UNKNOWN for name in case.hidden):
+        return result
+    for name in {GROUP_OF[n] for n in case.hidden}:
+        finding = found.findings.get(name)
+        if finding is None:
+            continue
+        names = [n for n in case.hidden if GROUP_OF[n] == name and n not in SAMPLED]
+        best = true_fit(case, finding, names)
+        result[name] = {
+            "gain": best - finding.null.fit.log_likelihood,
+            "ahead": best - finding.chosen.fit.log_likelihood,
+        }
+    return result
+
+
+def true_fit(case: Case, finding: Finding, names: list[str]) -> float:
+    """Log-likelihood of the true effects, fitted from their true sizes."""
+    effects = tuple(registry.effects()[n] for n in names)
+    true = {f"{n.partition('.')[0]}.{p}": v for n in names for p, v in case.hidden[n].items()}
+    wanted, _ = unknowns(finding.task.model, effects, TOLERANCE)
+    placed = [
+        u.__class__(
+            u.name, float(np.clip(true.get(u.name, u.start), u.low, u.high)), u.scale, u.low, u.high, u.prior
+        )
+        for u in wanted
+    ]
+    return fit(finding.task, placed).log_likelihood

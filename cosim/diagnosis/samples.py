@@ -1,0 +1,99 @@
+"""Effects seen in the raw samples and not in the shape of a residual: rounding to steps, and stale samples.
+
+A model with its own pseudo-random lost packets can never meet those of the log, and a rounded model is jagged: least
+squares is blind to both. They leave exact marks instead: readings on a grid, and readings that repeat to the last digit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SAMPLED = ("sensor.quantisation", "sensor.dropout")
+COARSE = 1.5  # noises a step must exceed to matter; finer ones are how the file was printed
+ON_GRID = 0.995  # share of readings that must lie on the grid
+SURE_REPEATS = 6.0  # standard deviations by which repeats must exceed chance
+MANY_REPEATS = 0.005  # share of stale samples that matters
+MOVING = 0.05  # of the greatest speed: below it the signal may repeat because it rests
+NATURAL = 0.03  # share of readings that equal the last but one; beyond it repeats prove nothing
+COLOURED = 2.5  # by which coloured noise may repeat more often at once than after two samples
+
+
+@dataclass(frozen=True)
+class Mark:
+    """An effect found in the samples.
+
+    Attributes:
+        effect: its name.
+        parameter: its parameter, with `value` and standard deviation, SI.
+        gain: log-likelihood of the marks against chance.
+    """
+
+    effect: str
+    parameter: str
+    value: float
+    deviation: float
+    gain: float
+
+
+def grid_step(values: Array) -> float:
+    """Step of the grid on which readings (n,) lie, in their unit; 0 if they lie on none that is coarser than rounding."""
+    distinct = np.unique(values)
+    if distinct.size < 3 or distinct.size > values.size / 2:
+        return 0.0
+    gaps = np.diff(distinct)
+    # readings that differ by conversion of units alone are one reading
+    gaps = gaps[gaps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
+    if gaps.size < 2:
+        return 0.0
+    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    for _ in range(3):  # the step is known to the spread of all readings once each has its number
+        numbers = np.round((values - distinct[0]) / step)
+        weight = float(numbers @ numbers)
+        if weight == 0.0:
+            return 0.0
+        step = float(numbers @ (values - distinct[0])) / weight
+    off = np.abs((values - distinct[0]) / step - np.round((values - distinct[0]) / step))
+    return step if float(np.mean(off < 0.01)) > ON_GRID else 0.0
+
+
+def stale_share(values: Array, rate: Array) -> tuple[float, float, float]:
+    """Share of stale samples, its standard deviation, and the share that chance alone repeats.
+
+    Args:
+        values: (n,) readings.
+        rate: (n,) smoothed rate of them.
+    """
+    moving = np.abs(rate[2:]) > MOVING * max(float(np.abs(rate).max()), 1e-300)
+    same = (values[2:] == values[1:-1])[moving]
+    chance = ((values[2:] == values[:-2]) & (values[2:] != values[1:-1]))[moving]
+    n = max(int(moving.sum()), 1)
+    # what equals the last but one and not the last is coincidence: neither was held
+    natural = float(chance.mean()) if chance.size else 0.0
+    found = float(same.mean()) if same.size else 0.0
+    share = max(0.0, (found - natural) / max(1.0 - natural, 1e-9))
+    return share, float(np.sqrt(max(found * (1.0 - found), 1.0 / n) / n)), natural
+
+
+def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
+    """The effects whose marks the slew readings (n,) [rad] bear.
+
+    Args:
+        values: readings as logged.
+        rate: (n,) smoothed rate, rad/s.
+        noise: size of the noise of one reading, as far as it is known, rad.
+    """
+    sharp = float(np.std(np.diff(values, 2)) / np.sqrt(6.0)) if values.size > 3 else 0.0
+    step = grid_step(values)
+    if step > COARSE * max(noise, sharp):
+        # each reading on the grid by chance: the width of the test, 1 in 50
+        gain = values.size * float(np.log(50.0))
+        return [Mark("sensor.quantisation", "quantum", step, step / values.size, gain)]
+    share, spread, natural = stale_share(values, rate)
+    # readings in coarse steps repeat by themselves: lost packets among them cannot be seen
+    if natural < NATURAL and share > max(MANY_REPEATS, SURE_REPEATS * spread, COLOURED * natural):
+        gain = values.size * share * float(np.log(share / max(natural, 1.0 / values.size)))
+        return [Mark("sensor.dropout", "p_drop", share, spread, gain)]
+    return []

@@ -1,0 +1,192 @@
+"""Sets of effects, fitted: what to estimate, from which starts, and which candidates are worth the time."""
+
+import itertools
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.diagnosis.fit import Fit, Task, Unknown, fit, fit_from_starts
+from cosim.diagnosis.groups import TRUSTED, GroupModel
+from cosim.diagnosis.samples import SAMPLED
+from fmus import registry
+from fmus.contract import Effect, Variable
+
+PROMISING = 4  # candidates that are always fitted beyond the first
+SMALL = 0.05  # of an effect's typical size: the smallest start
+FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
+LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
+SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
+
+
+@dataclass
+class Trial:
+    """One set of effects, fitted.
+
+    Attributes:
+        effects: the effects, in the order they were added.
+        fit: the fit, with the trusted parameters under their priors.
+        price: free parameters beyond those of the nominal model.
+    """
+
+    effects: tuple[Effect, ...]
+    fit: Fit
+    price: int
+
+    @property
+    def score(self) -> float:
+        """Log-likelihood less BIC's price for each free parameter."""
+        return self.fit.log_likelihood - 0.5 * self.price * float(np.log(max(self.fit.count, 2)))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects, sorted."""
+        return tuple(sorted(e.name for e in self.effects))
+
+
+def declared(effect: Effect, parameter: str) -> Variable:
+    """Declaration of a parameter that an effect frees: its own, or its block's."""
+    if parameter in effect.parameters:
+        return effect.parameters[parameter]
+    return registry.block(registry.FMU_OF_COMPONENT.get(effect.component, effect.component)).parameters[
+        parameter
+    ]
+
+
+def trusted(model: GroupModel, tolerance: float) -> list[Unknown]:
+    """The group's trusted parameters with their priors."""
+    found = []
+    for name in TRUSTED:
+        if name.partition(".")[0] in model.group.components:
+            value = model.nominal(name)
+            deviation = abs(value) * tolerance
+            found.append(Unknown(name, value, deviation, 0.1 * value, 10.0 * value, (value, deviation)))
+    return found
+
+
+def unknowns(
+    model: GroupModel, effects: Iterable[Effect], tolerance: float
+) -> tuple[list[Unknown], dict[str, tuple[float, ...]]]:
+    """What to estimate with these effects, and from which starts: a parameter that an effect frees loses its prior."""
+    found = {u.name: u for u in trusted(model, tolerance)}
+    starts: dict[str, tuple[float, ...]] = {}
+    for effect in effects:
+        for parameter, free in effect.free.items():
+            name = f"{effect.component}.{parameter}"
+            variable = declared(effect, parameter)
+            nominal = model.nominal(name)
+            # an effect seen in the samples stays where it was seen: a scale this small holds it there
+            scale = 1e-12 if effect.name in SAMPLED else free.scale
+            found[name] = Unknown(name, nominal, scale, variable.low, variable.high)
+            # a small size is always tried: from there a weak effect, or none, is soon found
+            off = nominal if free.floor == 0.0 else nominal + SMALL * free.scale
+            known = parameter in effect.parameters and free.floor == 0.0
+            starts[name] = free.starts if known else (off, *free.starts)
+    return list(found.values()), starts
+
+
+def tried(
+    task: Task, effects: tuple[Effect, ...], tolerance: float, near: Fit | None = None, rounds: int = 12
+) -> Trial:
+    """Fit a set of effects; parameters that `near` has already estimated begin there."""
+    wanted, starts = unknowns(task.model, effects, tolerance)
+    if near is not None:
+        for name in near.values:
+            if name in starts:
+                starts[name] = (near.values[name],)
+        wanted = [
+            Unknown(u.name, near.values.get(u.name, u.start), u.scale, u.low, u.high, u.prior) for u in wanted
+        ]
+    price = (
+        len(wanted)
+        - len(trusted(task.model, tolerance))
+        + sum(u.prior is None and u.name in TRUSTED for u in wanted)
+    )
+    found = (
+        fit_from_starts(task, wanted, starts, rounds=rounds) if starts else fit(task, wanted, rounds=rounds)
+    )
+    return Trial(effects, found, price)
+
+
+def tried_all(
+    task: Task,
+    sets: list[tuple[Effect, ...]],
+    tolerance: float,
+    near: Fit | None = None,
+    begun: Iterable[Trial] = (),
+) -> list[Trial]:
+    """Fit many sets, on both cores: the compiled simulation lets go of the interpreter. Best first.
+
+    All get a few rounds; only those that may still win are fitted to the end.
+
+    Args:
+        task: data, model and noise.
+        sets: the sets of effects.
+        tolerance: trust in the nominal parameters.
+        near: where parameters known already begin.
+        begun: earlier trials of the same sets, under other noise: their estimates are where these begin.
+    """
+    started = {t.names: t.fit for t in begun}
+
+    def first(effects: tuple[Effect, ...]) -> Trial:
+        return tried(copied(task), effects, tolerance, started.get(sorted_names(effects), near), FIRST_ROUNDS)
+
+    def further(trial: Trial) -> Trial:
+        return tried(copied(task), trial.effects, tolerance, trial.fit)
+
+    with ThreadPoolExecutor(2) as pool:
+        trials = list(pool.map(first, sets))
+        if not trials:
+            return []
+        best = max(t.fit.log_likelihood for t in trials)
+        base = near.log_likelihood if near is not None else min(t.fit.log_likelihood for t in trials)
+        reach = best - max(LAGGING, 0.5 * (best - base))
+        open_ = [not t.fit.settled and t.fit.log_likelihood > max(reach, base - 3.0) for t in trials]
+        ended = iter(list(pool.map(further, [t for t, go in zip(trials, open_, strict=True) if go])))
+    trials = [next(ended) if go else t for t, go in zip(trials, open_, strict=True)]
+    return sorted(trials, key=lambda t: -t.score)
+
+
+def copied(task: Task) -> Task:
+    """The same task with a model of its own, for another thread."""
+    model = GroupModel(task.model.group, task.model.drive, task.model.h, task.model.fixed)
+    return Task(model, task.measured, task.rules, task.doubt, task.mask, task.shrink)
+
+
+def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: float) -> list[Effect]:
+    """The candidates that may add to a fitted set, by a score test: the most promising, and all near them.
+
+    Each is put in at each of its starts; what that changes, less what the parameters already free can take up, points
+    somewhere in the space of residuals, and the residual's part along it bounds what a small dose would gain.
+    """
+    residual = task.white(base.fit.residuals)
+    slopes = np.zeros((residual.size, 0)) if base.fit.slopes is None else base.fit.slopes
+    hidden = np.linalg.qr(slopes)[0]  # priors are rows below the residuals
+
+    def gain(effect: Effect) -> float:
+        own = copied(task)
+        wanted, starts = unknowns(own.model, (effect,), tolerance)
+        listed = {u.name: starts[u.name] for u in wanted if u.name in starts}
+        best = 0.0
+        for values in itertools.product(*listed.values()):
+            moved = base.fit.values | dict(zip(listed, values, strict=True))
+            change = residual - own.white(own.residuals(moved))
+            change = np.concatenate([change, np.zeros(hidden.shape[0] - change.size)])
+            change -= hidden @ (hidden.T @ change)
+            size = float(change @ change)
+            if size > 0.0:
+                best = max(best, 0.5 * float(change[: residual.size] @ residual) ** 2 / size)
+        return best
+
+    listed = list(candidates)
+    with ThreadPoolExecutor(2) as pool:
+        gains = dict(zip((e.name for e in listed), pool.map(gain, listed), strict=True))
+    listed.sort(key=lambda e: -gains[e.name])
+    reach = 0.3 * gains[listed[0].name] if listed else 0.0
+    return listed[:PROMISING] + [e for e in listed[PROMISING:] if gains[e.name] > max(reach, SURE)]
+
+
+def sorted_names(effects: Iterable[Effect]) -> tuple[str, ...]:
+    """Names of effects, sorted."""
+    return tuple(sorted(e.name for e in effects))
