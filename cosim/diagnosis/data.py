@@ -67,12 +67,12 @@ def free_bases(
             "u": record.signals["u"],
             "spool": spool,
             "spool_rate": np.gradient(spool, h),
-            "time": time,
         }
-        return {"spool": families(drivers, transfer, h, "demand", "1")}
+        warming = changing("u", record.signals["u"], time, transfer, h, "demand", "1")
+        return {"spool": families(drivers, transfer, h, "demand", "1") + warming}
     if group.observed[0] == "p_load":
         K_c, T = values["continuity.K_c"], values["continuity.T"]
-        drivers = {"p_load": predicted["p_load"], "time": time}
+        drivers = {"p_load": predicted["p_load"]}
         if record.has("spool"):
             spool = record.smooth("spool", 20.0)
             drivers |= {"spool": spool, "spool_rate": record.rate("spool", 10.0)}
@@ -81,16 +81,18 @@ def free_bases(
             drivers["u"] = record.signals["u"]
         if record.has("slew"):
             drivers["slew"] = record.smooth("slew")
-        found = {"p_load": families(drivers, ([K_c], [T, 1.0]), h, "opening", "m")}
+        transfer = ([K_c], [T, 1.0])
+        warming = changing("spool", spool, time, transfer, h, "opening", "m")
+        found = {"p_load": families(drivers, transfer, h, "opening", "m") + warming}
         if "p_supply" in predicted:
-            flow = {"abs(spool)": np.abs(spool), "time": time}
+            flow = {"abs(spool)": np.abs(spool)}
             found["p_supply"] = families(flow, None, h, "supply", "Pa") + families(
                 flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa"
             )
         return found
     slew = predicted["slew"]
     rate = np.gradient(slew, h)
-    drivers = {"omega": rate, "theta": slew, "time": time}
+    drivers = {"omega": rate, "theta": slew}
     if "p_load" in record.signals:
         drivers["p_load"] = record.smooth("p_load")
     elif "u" in record.signals:
@@ -101,5 +103,7 @@ def free_bases(
     else:
         transfer = ([1.0], [values["mechanical.J"], values["mechanical.b"], 0.0])
         what, unit = "torque", "N.m"
-    direct = {"omega": rate, "time": time}
-    return {"slew": families(drivers, transfer, h, what, unit) + families(direct, None, h, "reading", "rad")}
+    found = families(drivers, transfer, h, what, unit) + changing(
+        "omega", rate, time, transfer, h, what, unit
+    )
+    return {"slew": found + families({"omega": rate}, None, h, "reading", "rad")}

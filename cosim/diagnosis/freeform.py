@@ -18,6 +18,7 @@ from cosim.diagnosis.noise import Whitener
 Array = NDArray[np.float64]
 
 KNOTS = 9
+SLOW_KNOTS = 5  # of a factor that changes over the log
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,25 @@ def families(
             passed = columns if transfer is None else response(*transfer, h, columns)
             found.append(Basis(of, what, unit, knots, passed))
     return found
+
+
+def changing(
+    of: str,
+    signal: Array,
+    time: Array,
+    transfer: tuple[list[float], list[float]],
+    h: float,
+    what: str,
+    unit: str,
+) -> list[Basis]:
+    """A missing quantity in proportion to a signal (n,), by a factor that changes with time: something warms or wears.
+
+    A free function of time alone is not offered: slow noise would pass for it.
+    """
+    knots, columns = hats(time, SLOW_KNOTS)
+    if not knots.size:
+        return []
+    return [Basis(f"{of}, changing with time", what, unit, knots, response(*transfer, h, columns * signal))]
 
 
 def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable[[Array], Array]) -> Leftover:
