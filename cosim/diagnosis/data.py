@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from cosim.diagnosis.freeform import Basis, families
+from cosim.diagnosis.freeform import Basis, changing, families
 from cosim.diagnosis.groups import Group
 
 Array = NDArray[np.float64]
