@@ -103,7 +103,7 @@ def free_bases(
     else:
         transfer = ([1.0], [values["mechanical.J"], values["mechanical.b"], 0.0])
         what, unit = "torque", "N.m"
-    found = families(drivers, transfer, h, what, unit) + changing(
+    torques = families(drivers, transfer, h, what, unit) + changing(
         "omega", rate, time, transfer, h, what, unit
     )
-    return {"slew": found + families({"omega": rate}, None, h, "reading", "rad")}
+    return {"slew": torques + families({"omega": rate}, None, h, "reading", "rad")}
