@@ -9,7 +9,7 @@ from cosim.diagnosis.verdict import held_windows
 from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import MOST, averaged, bucket, envelope
-from cosim.report.words import BLOCK_NAMES, CAPTIONS, axis, signal_name
+from cosim.report.words import BLOCK_NAMES, CAPTIONS, axis, by_error, signal_name
 
 Array = NDArray[np.float64]
 
@@ -22,8 +22,9 @@ def held_out(material: Material) -> list[tuple[float, float]]:
 
 
 def signals(material: Material) -> list[Picture]:
-    """Measured against simulated, from the command alone, one picture a signal."""
-    return [_signal(material, signal) for signal in material.series[NOMINAL] if signal in material.measured]
+    """Measured against simulated, from the command alone, one picture a signal, the one most in error first."""
+    seen = [signal for signal in material.series[NOMINAL] if signal in material.measured]
+    return [_signal(material, signal) for signal in by_error(material.answer, seen)]
 
 
 def _signal(material: Material, signal: str) -> Picture:
@@ -71,11 +72,11 @@ def shares(material: Material) -> Picture:
         "",
         [
             Panel(
-                "share of what is systematic [%]",
+                "share [%]",
                 [Layer("bars", "share", "extended", x, np.array([100.0 * r.share for r in rows]))],
             ),
             Panel(
-                "residual in noise [1]", [Layer("bars", "residual RMS over its noise", "measured", x, ratio)]
+                "residual / noise [1]", [Layer("bars", "residual RMS over its noise", "measured", x, ratio)]
             ),
         ],
         CAPTIONS["shares"],

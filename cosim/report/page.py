@@ -4,12 +4,14 @@ import hashlib
 import inspect
 import json
 import platform
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
+from cosim.packages import project_version
 from cosim.report import overview
 from cosim.report.evidence import free_form, pictures
 from cosim.report.folder import ANSWER, SERIES, keep, load
@@ -17,6 +19,7 @@ from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
 from cosim.report.words import (
     BLOCK_NAMES,
+    by_error,
     doubts,
     effect_in_block,
     fit_text,
@@ -33,7 +36,7 @@ if TYPE_CHECKING:
     from cosim.diagnosis.story import Diagnosis
 
 REPORT = "report.html"
-PACKAGES = ("fmpy", "pythonfmu", "numpy", "scipy", "numba", "pandas", "pyarrow", "plotly", "jinja2")
+PACKAGES = ("plotly", "jinja2", "pyarrow")
 
 
 def need_extra() -> None:
@@ -145,8 +148,12 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         "rests": rests,
         "command": shown([command] if command else []),
         "files": files(material),
-        "versions": versions(material),
+        "versions": {k: v for k, v in answer.made.items() if not k.startswith("log")},
+        "page_versions": versions(),
+        "gains": {s: answer.gain[s] for s in by_error(answer, list(answer.gain))},
         "seed": seed(),
+        "window": f"{WINDOW:g}",
+        "windows": len(overview.held_out(material)),
     }
 
 
@@ -155,14 +162,15 @@ def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str
     from fmus import registry
 
     effect = registry.effects().get(cause.effect)
-    noun, how = phrase(cause, material)
+    _, how = phrase(cause, material)
+    title = effect_in_block(cause.effect)
     rows = [
         (name, described(effect, cause, name), parameter, interval(parameter))
         for name, parameter in cause.parameters.items()
     ]
     return {
         "cause": cause,
-        "noun": noun,
+        "title": title[0].upper() + title[1:],
         "how": how,
         "text": effect.text if effect else "",
         "looks": effect.residual if effect else "",
@@ -198,15 +206,9 @@ def seed() -> str:
     return "" if found is None else str(found.default)
 
 
-def versions(material: Material) -> dict[str, str]:
-    """Versions that made the diagnosis, and those that made the page where they are not among them."""
-    made = {k: v for k, v in material.answer.made.items() if not k.startswith("log")}
-    for name in PACKAGES:
-        if name not in made:
-            try:
-                made[name] = version(name)
-            except PackageNotFoundError:
-                continue
+def versions() -> dict[str, str]:
+    """Versions that make the page; those of the diagnosis, which may have run elsewhere, are in its answer."""
+    made = {"cosim": project_version()} | {name: version(name) for name in PACKAGES}
     return made | {"python": platform.python_version()}
 
 

@@ -163,8 +163,18 @@ def telling(answer: Answer) -> str | None:
     return max(answer.gain, key=fall)
 
 
+def by_error(answer: Answer, names: list[str]) -> list[str]:
+    """Signals, the one whose nominal error is largest in units of its noise first."""
+
+    def error(signal: str) -> float:
+        item = answer.signals.get(signal)
+        return item.rmse / item.noise_floor if item and item.noise_floor > 0.0 else 0.0
+
+    return sorted(names, key=lambda name: -error(name))
+
+
 def gain_clause(answer: Answer) -> str:
-    """How much the extension gains, as the end of a sentence; empty if no FMUs were run."""
+    """How much the extension gains, as a clause; empty if no FMUs were run."""
     signal = telling(answer)
     if signal is None:
         return ""
@@ -181,8 +191,20 @@ def gain_clause(answer: Answer) -> str:
     )
     joint = ", which is " if end == "the sensor's noise" else ", "
     return (
-        f"; with it the error of the {signal_name(signal)} on data not used for fitting falls from "
+        f"the error of the {signal_name(signal)} on data not used for fitting falls from "
         f"{before} to {after} {unit}{joint}{end}"
+    )
+
+
+def told(answer: Answer, wrong: list[tuple[str, str]]) -> str:
+    """What is wrong, and what the extension gains: one sentence for one cause, one for each of several."""
+    gain = gain_clause(answer)
+    if len(wrong) == 1:
+        ((noun, how),) = wrong
+        return f"The simulation gets {noun} wrong: {how}{f'; with it {gain}' if gain else ''}."
+    each = " ".join(f"{noun[0].upper()}{noun[1:]}: {how}." for noun, how in wrong)
+    return (
+        f"The simulation gets {len(wrong)} things wrong. {each}{f' With all of them {gain}.' if gain else ''}"
     )
 
 
@@ -200,8 +222,7 @@ def sentence(material: Material) -> str:
         return (
             f"The simulation gets something wrong in the {blocks}, and no effect of the library explains it."
         )
-    nouns, hows = zip(*(phrase(c, material) for c in answer.causes), strict=True)
-    text = f"The simulation gets {listed(list(dict.fromkeys(nouns)))} wrong: {'; '.join(hows)}{gain_clause(answer)}."
+    text = told(answer, [phrase(c, material) for c in answer.causes])
     if answer.verdict == "partly_explained":
         text += f" Something else in the {blocks} stays unexplained."
     return text

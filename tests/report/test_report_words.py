@@ -81,6 +81,14 @@ def test_the_verdict_is_what_a_person_would_say():
     )
 
 
+def test_several_causes_are_told_one_by_one():
+    causes = [friction(), named("dcv.damping", {"zeta": 0.75})]
+    said = sentence(material(causes=causes, gain={"slew": gain(0.16, 0.0098, 0.0098)}))
+    assert said.startswith("The simulation gets 2 things wrong. The friction: 100.0 N m Coulomb friction")
+    assert "The valve's damping: its damping ratio is 0.750 (0.735 to 0.765) instead of 0.545." in said
+    assert "With all of them the error of the slew angle on data not used for fitting falls from 0.16" in said
+
+
 def test_a_rest_above_the_noise_is_not_called_noise():
     told = sentence(material(causes=[friction()], gain={"slew": gain(0.16, 0.02, 0.01)}))
     assert told.endswith("falls from 0.16 to 0.02 deg, against a noise of 0.01 deg.")
