@@ -176,17 +176,7 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
     if picture.log:
         ticks = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100]
         layout["xaxis"] |= {"type": "log", "tickvals": ticks}
-    weights = [1.0] + [0.6] * (rows - 1)
-    gap = 0.06
-    unit = (1.0 - gap * (rows - 1)) / sum(weights)
-    top = 1.0
-    for row, (panel, weight) in enumerate(zip(picture.panels, weights, strict=True), 1):
-        low = max(0.0, top - unit * weight)
-        axis = grid | {"title": {"text": panel.y}, "domain": [low, min(1.0, top)], "anchor": "x"}
-        if panel.log:
-            axis |= {"type": "log", "exponentformat": "power", "dtick": 1}
-        layout["yaxis" if row == 1 else f"yaxis{row}"] = axis
-        top = low - gap
+    layout |= _ordinates(picture, grid)
     layout["shapes"] = [
         {
             "type": "rect",
@@ -203,3 +193,20 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
         for a, b in picture.shaded
     ]
     return layout
+
+
+def _ordinates(picture: Picture, grid: dict[str, Any]) -> dict[str, Any]:
+    """One vertical axis a panel, from top to bottom."""
+    found: dict[str, Any] = {}
+    weights = [1.0] + [0.6] * (len(picture.panels) - 1)
+    gap = 0.06
+    unit = (1.0 - gap * (len(picture.panels) - 1)) / sum(weights)
+    top = 1.0
+    for row, (panel, weight) in enumerate(zip(picture.panels, weights, strict=True), 1):
+        low = max(0.0, top - unit * weight)
+        axis = grid | {"title": {"text": panel.y}, "domain": [low, min(1.0, top)], "anchor": "x"}
+        if panel.log:
+            axis |= {"type": "log", "exponentformat": "power", "dtick": 1}
+        found["yaxis" if row == 1 else f"yaxis{row}"] = axis
+        top = low - gap
+    return found

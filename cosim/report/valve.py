@@ -120,6 +120,31 @@ def play(material: Material, cause: NamedCause) -> Picture:
     )
 
 
+def span_of(material: Material, apart: Array) -> tuple[NDArray[np.intp], Array, str, str]:
+    """Where to look at a response: samples (occurrences, k), abscissa (k,) in s, words for the title, label.
+
+    The kind of step of the command at which two models are most `apart` (n,); without steps, where they are most apart.
+    """
+    h, u = material.h, material.measured["u"]
+    a, b = round(BEFORE / h), round(AFTER / h)
+    choices = []
+    for pair, at in steps_of(u, h).items():
+        inside = at[(at >= a) & (at + b <= u.size)][:MOST]
+        if inside.size:
+            rows = inside[:, None] + np.arange(-a, b)
+            choices.append((float(np.mean(apart[rows] ** 2) * np.sqrt(inside.size)), pair, rows))
+    if not choices:
+        centre = int(np.clip(np.argmax(low_pass(apart**2, h, 1.0)), a + b, u.size - a - b - 1))
+        rows = np.arange(max(0, centre - 2 * b), min(u.size, centre + 2 * b))[None, :]
+        return rows, rows[0] * h, "where the two models differ most", axis("time", "s")
+    _, pair, rows = max(choices, key=lambda c: c[0])
+    still = np.all(np.abs(u[rows] - u[rows[:, a]][:, None]) < 1e-3, axis=0)
+    moved = np.flatnonzero(~still[a:])
+    rows = rows[:, : a + (int(moved[0]) if moved.size else b)]
+    title = f"after steps of the command from {100 * pair[0]:.0f} to {100 * pair[1]:.0f} %"
+    return rows, np.arange(-a, rows.shape[1] - a) * h, title, axis("time after the step", "s")
+
+
 def step_response(material: Material, cause: NamedCause, signal: str = "spool") -> Picture:
     """Responses aligned on the command's steps: measured, without the cause, with it.
 
@@ -132,33 +157,9 @@ def step_response(material: Material, cause: NamedCause, signal: str = "spool") 
     from cosim.diagnosis.answer import shown
 
     unit, scale = shown(signal)
-    h, measured, u = material.h, material.measured[signal], material.measured["u"]
-    a, b = round(BEFORE / h), round(AFTER / h)
-    choices = []
-    for pair, at in steps_of(u, h).items():
-        inside = at[(at >= a) & (at + b <= u.size)][:MOST]
-        if inside.size:
-            rows = inside[:, None] + np.arange(-a, b)
-            gain = float(np.mean((extended[rows] - without[rows]) ** 2) * np.sqrt(inside.size))
-            choices.append((gain, pair, rows))
-    if choices:
-        _, pair, rows = max(choices, key=lambda c: c[0])
-        still = np.all(np.abs(u[rows] - u[rows[:, a]][:, None]) < 1e-3, axis=0)
-        moved = np.flatnonzero(~still[a:])
-        b = int(moved[0]) if moved.size else b
-        rows = rows[:, : a + b]
-        span = f"from {100 * pair[0]:.0f} to {100 * pair[1]:.0f} %"
-        title = f"{signal_name(signal).capitalize()} after steps of the command {span}"
-        x, label = np.arange(-a, b) * h, axis("time after the step", "s")
-    else:
-        apart = low_pass((extended - without) ** 2, h, 1.0)
-        centre = int(np.clip(np.argmax(apart), a + b, u.size - a - b - 1))
-        rows = np.arange(max(0, centre - 2 * b), min(u.size, centre + 2 * b))[None, :]
-        title, x, label = (
-            f"{signal_name(signal).capitalize()} where the two models differ most",
-            rows[0] * h,
-            axis("time", "s"),
-        )
+    measured = material.measured[signal]
+    rows, x, title, label = span_of(material, extended - without)
+    title = f"{signal_name(signal).capitalize()} {title}"
     count = rows.shape[0]
     means = {"measured": measured[rows], "nominal": without[rows], "extended": extended[rows]}
     names = {

@@ -164,13 +164,13 @@ def telling(answer: Answer) -> str | None:
 
 
 def by_error(answer: Answer, names: list[str]) -> list[str]:
-    """Signals, the one whose nominal error is largest in units of its noise first."""
+    """Signals, the one whose nominal error is largest in units of its noise first; among equals the last in the drive."""
 
     def error(signal: str) -> float:
         item = answer.signals.get(signal)
         return item.rmse / item.noise_floor if item and item.noise_floor > 0.0 else 0.0
 
-    return sorted(names, key=lambda name: -error(name))
+    return sorted(names, key=lambda name: (-round(error(name), 1), -names.index(name)))
 
 
 def gain_clause(answer: Answer) -> str:

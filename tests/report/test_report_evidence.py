@@ -175,3 +175,13 @@ def test_free_form_curve_in_units_people_read():
     assert picture.x == "spool opening [mm]"
     assert picture.panels[0].layers[0].x.tolist() == [0.0, 1.0]
     assert picture.panels[0].layers[0].y.tolist() == [0.0, -2.0]
+
+
+def test_without_steps_a_response_is_shown_where_the_models_differ_most():
+    run = make_log("sweep", 30.0, [Hidden("dcv.bandwidth")], seed=3)
+    values = {n.partition(".")[2]: v for n, v in Hidden("dcv.bandwidth").numbers().items()}
+    material = material_of(run, [named("dcv.bandwidth", values)])
+    (picture,) = pictures(material, material.answer.causes[0])
+    assert picture.x == "time [s]"
+    extended, nominal = distances(picture.panels[-1], "dcv.bandwidth")
+    assert extended < 0.2 * nominal
