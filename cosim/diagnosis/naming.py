@@ -12,7 +12,17 @@ from cosim.diagnosis.groups import TRUSTED, GroupModel
 from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.noise import learned
 from cosim.diagnosis.samples import SAMPLED, Mark, marks
-from cosim.diagnosis.trials import SURE, Trial, declared, promising, tried, tried_all, trusted, unknowns
+from cosim.diagnosis.trials import (
+    SURE,
+    Trial,
+    declared,
+    polished,
+    promising,
+    tried,
+    tried_all,
+    trusted,
+    unknowns,
+)
 from fmus.contract import Effect
 
 __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
@@ -152,7 +162,7 @@ def smaller_noise(task: Task, record: Record, found: Fit) -> bool:
 def best_single(task: Task, null: Trial, single: list[Trial], tolerance: float) -> Trial:
     """The best single effect that is to be believed over the nominal model, or the nominal model."""
     better = [t for t in single if accepted(t, null, task.model, tolerance)]
-    return better[0] if better else null
+    return max((polished(task, t, tolerance) for t in better[:2]), key=lambda t: t.score, default=null)
 
 
 def extended(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial | None:
@@ -162,7 +172,7 @@ def extended(task: Task, chosen: Trial, candidates: tuple[Effect, ...], toleranc
     better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
     if not better:
         return None
-    found = swapped(task, better[0], candidates, tolerance)
+    found = swapped(task, polished(task, better[0], tolerance), candidates, tolerance)
     return found if found.names != chosen.names else None
 
 

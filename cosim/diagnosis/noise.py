@@ -18,7 +18,8 @@ from scipy.signal.windows import hann
 
 Array = NDArray[np.float64]
 
-CORRELATION_TIMES = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0, 2000.0)  # in bins
+CORRELATION_TIMES = (1.0, 2.5, 6.0, 15.0, 40.0, 120.0, 400.0, 2000.0)  # in bins
+SLOW = 100.0  # bins: noise with longer correlation is taken up by a window's offset
 REMAINING = 0.6  # share of a spectrum that must survive the projection for that frequency to count
 FLOOR = 1e-7  # smallest share of each kind of noise: keeps the covariance well conditioned
 
@@ -60,7 +61,8 @@ class Whitener:
     @property
     def rms(self) -> float:
         """Size of the noise of one bin, the slowest kinds (which an offset takes up) left out."""
-        return float(np.sqrt(sum(self.sizes[:5])))
+        quick = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)
+        return float(np.sqrt(sum(self.sizes[:quick])))
 
     def windows(self, residual: Array) -> Array:
         """(n,) residual to (windows, bins a window)."""
@@ -79,8 +81,15 @@ class Whitener:
 @cache
 def kinds(window: int) -> Array:
     """(kinds, window, window) covariance of unit noise: white, then each correlation time."""
-    lags = np.arange(window)
-    return np.stack([np.eye(window)] + [toeplitz(np.exp(-lags / tau)) for tau in CORRELATION_TIMES])
+    return np.stack([np.eye(window)] + [toeplitz(averaged(tau, window)) for tau in CORRELATION_TIMES])
+
+
+def averaged(tau: float, count: int) -> Array:
+    """(count,) correlation of bin means of exponentially correlated noise, `tau` in bins: smoother than its samples'."""
+    step = np.exp(-1.0 / tau)
+    itself = 2.0 * tau**2 * (1.0 / tau - 1.0 + step)
+    others = (tau * (1.0 - step)) ** 2 * step ** np.arange(count - 1)
+    return np.concatenate([[1.0], others / itself])
 
 
 @cache
@@ -131,12 +140,24 @@ def learned(rule: Whitener, residual: Array, absorbed: Array) -> Whitener:
         slope = parts @ ((1.0 - power / model) / model)
         return float(np.sum(np.log(model) + power / model)), slope
 
-    start = np.full(len(shapes), np.log(0.02))
-    start[0] = np.log(0.8)
+    start = np.log(np.maximum(multiplied(shapes, power / total), FLOOR))
     found = minimize(
         cost, start, jac=True, method="L-BFGS-B", bounds=[(np.log(FLOOR), np.log(1e3))] * len(shapes)
     )
     return Whitener(rule.bins, rule.window, rule.demean, tuple((np.exp(found.x) * total).tolist()), rule.skip)
+
+
+def multiplied(shapes: Array, power: Array, rounds: int = 400) -> Array:
+    """(kinds,) sizes of largest Whittle likelihood, nearly: from equal shares by multiplicative updates.
+
+    They can bring back a kind that was small for a while, where a search in logarithms stays stuck at its floor
+    (Fevotte, Bertin and Durrieu, Neural Computation 21(3), 2009: Itakura-Saito divergence).
+    """
+    sizes = np.full(len(shapes), 1.0 / len(shapes))
+    for _ in range(rounds):
+        model = sizes @ shapes
+        sizes = sizes * np.sqrt((shapes @ (power / model**2)) / (shapes @ (1.0 / model)))
+    return sizes
 
 
 def centred(rule: Whitener, residual: Array) -> Array:

@@ -148,6 +148,18 @@ def tried_all(
     return sorted(trials, key=lambda t: -t.score)
 
 
+def polished(task: Task, trial: Trial, tolerance: float) -> Trial:
+    """The trial fitted on until it settles or gains no more."""
+    for _ in range(4):
+        if trial.fit.settled:
+            break
+        further = tried(task, trial.effects, tolerance, trial.fit)
+        if further.score < trial.score + 0.1:
+            break
+        trial = further
+    return trial
+
+
 def copied(task: Task) -> Task:
     """The same task with a model of its own, for another thread."""
     model = GroupModel(task.model.group, task.model.drive, task.model.h, task.model.fixed)
@@ -165,6 +177,12 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
     hidden = np.linalg.qr(slopes)[0]  # priors are rows below the residuals
 
     def gain(effect: Effect) -> float:
+        name, *more = [f"{effect.component}.{p}" for p in effect.free]
+        if (
+            name in TRUSTED and not more
+        ):  # free already, against its prior: what that costs is what is to be gained
+            value = task.model.nominal(name)
+            return 0.5 * ((base.fit.values.get(name, value) - value) / (tolerance * value)) ** 2
         own = copied(task)
         wanted, starts = unknowns(own.model, (effect,), tolerance)
         listed = {u.name: starts[u.name] for u in wanted if u.name in starts}

@@ -9,14 +9,14 @@ from cosim.diagnosis.fit import Task, fit, jacobian
 from cosim.diagnosis.freeform import Leftover
 from cosim.diagnosis.groups import TRUSTED
 from cosim.diagnosis.local import Event
-from cosim.diagnosis.naming import CLOSE, SURE, Finding, Trial, declared, tried, trusted, unknowns
+from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, declared, tried, trusted, unknowns
 from cosim.diagnosis.samples import SAMPLED, marks
 from fmus import registry
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-SYSTEMATIC = 1e-8  # probability below which what free functions explain is no chance
+SYSTEMATIC = 1e-6  # probability below which what free functions explain is no chance
 NOTICEABLE = 0.25  # of the noise of one bin: smaller systematic rests do not matter in practice
 LOCAL = 1e-7  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.15  # of the original systematic residual that may be left for the named causes to stand
@@ -183,7 +183,7 @@ def held_out_gain(finding: Finding, effect: Effect, tolerance: float) -> float:
     return scores[0] - scores[1]
 
 
-def rests(finding: Finding) -> list[Rest]:
+def rests(finding: Finding, tolerance: float = 0.01) -> list[Rest]:
     """What stays unexplained in a group, with words for what it depends on."""
     found = []
     standing = stands(finding)
@@ -198,6 +198,23 @@ def rests(finding: Finding) -> list[Rest]:
             found.append(Rest(finding.task.model.group.name, signal, left, words))
         else:
             found += local_rests(finding, signal)
+    return found or strained(finding, tolerance)
+
+
+def strained(finding: Finding, tolerance: float) -> list[Rest]:
+    """Trusted parameters that only a value far beyond their trust makes fit, although no named cause frees them."""
+    chosen = finding.chosen if stands(finding) else finding.null
+    freed = {n for e in chosen.effects for n in names_of(e).values()}
+    signal = next(iter(finding.after))
+    found = []
+    for known in trusted(finding.task.model, tolerance):
+        off = abs(chosen.fit.values[known.name] - known.start) - 1.64 * chosen.fit.deviations[known.name]
+        if known.name in freed or off <= (BEYOND + 1.0) * tolerance * abs(known.start):
+            continue
+        change = chosen.fit.values[known.name] / known.start - 1.0
+        words = f"{signal} asks for {known.name} {change:+.1%} off its nominal value, and no cause of the library says why"
+        left = finding.before[signal]
+        found.append(Rest(finding.task.model.group.name, signal, left, words))
     return found
 
 

@@ -1,0 +1,54 @@
+"""Free functions explain what is systematic and do not explain noise."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from cosim.diagnosis.freeform import changing, explain, families, hats
+from cosim.diagnosis.noise import plain
+
+H, N = 1e-3, 30_000
+TIME = np.arange(N) * H
+DRIVER = np.sin(1.3 * TIME) + 0.5 * np.sin(0.41 * TIME)
+TRANSFER = ([1.0], [0.1, 1.0])
+
+
+def leftover(residual: np.ndarray):
+    """What is left of a residual with unit white noise a bin."""
+    rule = plain(10, 500, False)
+    bases = families({"x": DRIVER}, TRANSFER, H, "force", "N") + changing("x", DRIVER, TIME, TRANSFER, H, "force", "N")  # fmt: skip
+    return explain(residual, bases, rule, lambda r: rule(r).ravel())
+
+
+def test_hats_are_a_partition_of_unity() -> None:
+    _, columns = hats(DRIVER)
+    assert columns.sum(axis=0) == pytest.approx(np.ones(N))
+
+
+def test_a_constant_signal_offers_no_hats() -> None:
+    knots, columns = hats(np.ones(100))
+    assert knots.size == 0
+    assert columns.shape == (0, 100)
+
+
+def test_probabilities_on_pure_noise_are_uniform() -> None:
+    rng = np.random.default_rng(5)
+    values = [leftover(rng.normal(size=N) * np.sqrt(10.0)).p_value for _ in range(60)]
+    assert kstest(values, "uniform").pvalue > 1e-3
+
+
+def test_a_missing_force_is_found_and_named_by_its_signal() -> None:
+    rng = np.random.default_rng(6)
+    missing = np.abs(DRIVER) * 0.5
+    found = leftover(missing + rng.normal(size=N) * np.sqrt(10.0))
+    assert found.p_value < 1e-12
+    assert next(iter(found.by_signal)) == "force(x)"
+    assert found.rms == pytest.approx(np.sqrt(np.mean(missing**2)), rel=0.1)
+
+
+def test_a_gain_that_changes_with_time_is_found() -> None:
+    rng = np.random.default_rng(7)
+    missing = DRIVER * 1.5 * (TIME / TIME[-1] - 0.5)
+    found = leftover(missing + rng.normal(size=N) * np.sqrt(10.0))
+    assert found.p_value < 1e-12
+    assert next(iter(found.by_signal)) == "force(x, changing with time)"

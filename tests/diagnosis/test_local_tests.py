@@ -1,0 +1,49 @@
+"""Something that happens once, or rings at one frequency, stands out; noise does not."""
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.local import burst, line
+
+INTERVAL = 0.01
+
+
+def test_noise_alone_hardly_ever_stands_out() -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(100):
+        white = rng.normal(size=(12, 495))
+        assert burst(white, INTERVAL).p_value > 1e-4
+        assert line(white, INTERVAL).p_value > 1e-4
+
+
+def test_an_event_is_found_where_it_is() -> None:
+    rng = np.random.default_rng(9)
+    white = rng.normal(size=(12, 500))
+    white[4, 100:300] *= 3.0  # from 21 s on, 2 s long
+    found = burst(white, INTERVAL)
+    assert found.p_value < 1e-9
+    assert found.start == pytest.approx(21.0, abs=0.6)
+    assert found.end == pytest.approx(23.0, abs=0.6)
+
+
+def test_a_faint_line_is_found_at_its_frequency() -> None:
+    rng = np.random.default_rng(10)
+    time = np.arange(6000) * INTERVAL
+    white = (rng.normal(size=6000) + 0.45 * np.sin(2.0 * np.pi * 7.0 * time)).reshape(12, 500)
+    found = line(white, INTERVAL)
+    assert found.p_value < 1e-9
+    assert found.start == pytest.approx(7.0, abs=0.21)
+
+
+def test_the_start_of_the_log_shifts_the_times() -> None:
+    rng = np.random.default_rng(11)
+    white = rng.normal(size=(12, 500))
+    white[0, 200:400] *= 4.0
+    shifted = burst(white, INTERVAL, skip=0.5)
+    assert shifted.start == pytest.approx(burst(white, INTERVAL).start, abs=0.55)
+    assert shifted.end > shifted.start
+
+
+def test_too_few_values_say_nothing() -> None:
+    assert line(np.ones((1, 30)), INTERVAL).p_value == 1.0
+    assert burst(np.ones((1, 30)), INTERVAL).p_value == 1.0
