@@ -101,7 +101,7 @@ def truth(case: Case, found: Diagnosis) -> dict[str, dict[str, float]]:
 def true_fit(case: Case, finding: Finding, names: list[str]) -> float:
     """Log-likelihood of the true effects, fitted from their true sizes."""
     effects = tuple(registry.effects()[n] for n in names)
-    true = {f"{n.partition('.')[0]}.{p}": v for n in names for p, v in case.hidden[n].items()}
+    true = {f"{e.component}.{p}": v for e in effects for p, v in case.hidden[e.name].items()}
     wanted, _ = unknowns(finding.task.model, effects, TOLERANCE)
     placed = [
         u.__class__(

@@ -16,7 +16,7 @@ from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-SYSTEMATIC = 1e-6  # probability below which what free functions explain is no chance
+SYSTEMATIC = 1e-8  # probability below which what free functions explain is no chance
 NOTICEABLE = 0.25  # of the noise of one bin: smaller systematic rests do not matter in practice
 LOCAL = 1e-7  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.15  # of the original systematic residual that may be left for the named causes to stand

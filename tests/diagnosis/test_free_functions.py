@@ -16,7 +16,9 @@ TRANSFER = ([1.0], [0.1, 1.0])
 def leftover(residual: np.ndarray):
     """What is left of a residual with unit white noise a bin."""
     rule = plain(10, 500, False)
-    bases = families({"x": DRIVER}, TRANSFER, H, "force", "N") + changing("x", DRIVER, TIME, TRANSFER, H, "force", "N")  # fmt: skip
+    bases = families({"x": DRIVER}, TRANSFER, H, "force", "N") + changing(
+        "x", DRIVER, TIME, TRANSFER, H, "force", "N"
+    )
     return explain(residual, bases, rule, lambda r: rule(r).ravel())
 
 

@@ -1,0 +1,50 @@
+"""The compiled twin that the diagnosis fits is the model that the FMUs run: equal to 1e-9 of each signal's range."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.extend import ChainModel, write_extended
+from cosim.diagnosis.gain import run_package
+from cosim.diagnosis.groups import MODELS
+
+H = 1e-3
+TIME = np.arange(8001) * H
+COMMAND = 0.8 * np.sin(2.0 * TIME) * (TIME > 0.5) + 0.1 * np.sign(np.sin(9.0 * TIME))
+START = {"mechanical.theta_0": 0.3}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"dcv.tau_d": 0.0123, "dcv.x_0": 5e-5, "continuity.c_l": 0.2, "mechanical.tau_c": 80.0},
+        {
+            "dead_zone.play": 0.02,
+            "dcv.v_max": 0.02,
+            "continuity.k_s": 1e9,
+            "mechanical.gap": 0.003,
+            "sensor.tau_l": 0.05,
+        },
+        {
+            "mechanical.mu": 0.3,
+            "mechanical.w_f": 9.0,
+            "mechanical.tau_r": 40.0,
+            "continuity.p_c": 8e4,
+            "sensor.drift": 1e-4,
+        },
+    ],
+    ids=["nominal", "first", "second", "third"],
+)
+def test_the_twin_equals_the_fmus(values: dict[str, float], tmp_path: Path) -> None:
+    record = Record(H, {"u": COMMAND})
+    twin = ChainModel(MODELS["full_order"], record, dict(START)).simulate(values)
+    packages = write_extended("full_order", values | START, tmp_path, None)
+    fmus = run_package(packages["open"], record, {})
+    for signal in ("spool", "p_load", "p_supply", "slew"):
+        scale = max(float(np.ptp(twin[signal])), 1e-9 * float(np.abs(twin[signal]).max()))
+        assert (
+            np.abs(twin[signal] - fmus[signal]).max() <= 1e-9 * scale + 1e-12 * np.abs(twin[signal]).max()
+        ), signal
