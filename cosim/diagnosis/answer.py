@@ -1,5 +1,6 @@
 """The diagnosis as JSON (CONTRACT section 4), in the units people read."""
 
+import platform
 from importlib.metadata import version
 
 from cosim.diagnosis.experiment import Proposal
@@ -58,8 +59,8 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         warnings=list(log.warnings),
         made={
             "cosim": project_version(),
-            "numpy": version("numpy"),
-            "scipy": version("scipy"),
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("numpy", "scipy", "numba", "fmpy", "pythonfmu")},
             "log": log.name,
             "log_sha256": log.sha256,
         },

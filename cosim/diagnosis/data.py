@@ -58,39 +58,53 @@ def free_bases(
         values: ``component.parameter`` -> SI, for its linear part.
         predicted: observed signal -> (n,) what the fitted model predicts, SI.
     """
-    h, time = record.h, record.time
     if group.name == "dcv":
-        w0, zeta, K = values["dcv.w0"], values["dcv.zeta"], values["dcv.K"]
-        transfer = ([K * w0 * w0], [1.0, 2.0 * zeta * w0, w0 * w0])
-        spool = predicted["spool"]
-        drivers = {
-            "u": record.signals["u"],
-            "spool": spool,
-            "spool_rate": np.gradient(spool, h),
-        }
-        warming = changing("u", record.signals["u"], time, transfer, h, "demand", "1")
-        return {"spool": families(drivers, transfer, h, "demand", "1") + warming}
+        return valve_bases(record, values, predicted["spool"])
     if group.observed[0] == "p_load":
-        K_c, T = values["continuity.K_c"], values["continuity.T"]
-        drivers = {"p_load": predicted["p_load"]}
-        if record.has("spool"):
-            spool = record.smooth("spool", 20.0)
-            drivers |= {"spool": spool, "spool_rate": record.rate("spool", 10.0)}
-        else:
-            spool = predicted["p_load"] / K_c  # the opening that the pressure asks for
-            drivers["u"] = record.signals["u"]
-        if record.has("slew"):
-            drivers["slew"] = record.smooth("slew")
-        transfer = ([K_c], [T, 1.0])
-        warming = changing("spool", spool, time, transfer, h, "opening", "m")
-        found = {"p_load": families(drivers, transfer, h, "opening", "m") + warming}
-        if "p_supply" in predicted:
-            flow = {"abs(spool)": np.abs(spool)}
-            found["p_supply"] = families(flow, None, h, "supply", "Pa") + families(
-                flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa"
-            )
-        return found
-    slew = predicted["slew"]
+        return pressure_bases(record, values, predicted)
+    return angle_bases(record, group, values, predicted["slew"])
+
+
+def valve_bases(record: Record, values: dict[str, float], spool: Array) -> dict[str, list[Basis]]:
+    """A missing demand, through the valve's second order (4.16)."""
+    h, u = record.h, record.signals["u"]
+    w0, zeta, K = values["dcv.w0"], values["dcv.zeta"], values["dcv.K"]
+    transfer = ([K * w0 * w0], [1.0, 2.0 * zeta * w0, w0 * w0])
+    drivers = {"u": u, "spool": spool, "spool_rate": np.gradient(spool, h)}
+    warming = changing("u", u, record.time, transfer, h, "demand", "1")
+    return {"spool": families(drivers, transfer, h, "demand", "1") + warming}
+
+
+def pressure_bases(
+    record: Record, values: dict[str, float], predicted: dict[str, Array]
+) -> dict[str, list[Basis]]:
+    """A missing opening, through the first order (4.33), and a missing supply pressure."""
+    h = record.h
+    K_c, T = values["continuity.K_c"], values["continuity.T"]
+    drivers = {"p_load": predicted["p_load"]}
+    if record.has("spool"):
+        spool = record.smooth("spool", 20.0)
+        drivers |= {"spool": spool, "spool_rate": record.rate("spool", 10.0)}
+    else:
+        spool = predicted["p_load"] / K_c  # the opening that the pressure asks for
+        drivers["u"] = record.signals["u"]
+    if record.has("slew"):
+        drivers["slew"] = record.smooth("slew")
+    transfer = ([K_c], [T, 1.0])
+    warming = changing("spool", spool, record.time, transfer, h, "opening", "m")
+    found = {"p_load": families(drivers, transfer, h, "opening", "m") + warming}
+    if "p_supply" in predicted:
+        flow = {"abs(spool)": np.abs(spool)}
+        lagged = families(flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa")
+        found["p_supply"] = families(flow, None, h, "supply", "Pa") + lagged
+    return found
+
+
+def angle_bases(
+    record: Record, group: Group, values: dict[str, float], slew: Array
+) -> dict[str, list[Basis]]:
+    """A missing torque (demand, in the simplified model) through the linear mechanics (4.28), and a missing reading."""
+    h = record.h
     rate = np.gradient(slew, h)
     drivers = {"omega": rate, "theta": slew}
     if "p_load" in record.signals:
@@ -103,7 +117,9 @@ def free_bases(
     else:
         transfer = ([1.0], [values["mechanical.J"], values["mechanical.b"], 0.0])
         what, unit = "torque", "N.m"
-    torques = families(drivers, transfer, h, what, unit) + changing(
-        "omega", rate, time, transfer, h, what, unit
-    )
-    return {"slew": torques + families({"omega": rate}, None, h, "reading", "rad")}
+    warming = changing("omega", rate, record.time, transfer, h, what, unit)
+    return {
+        "slew": families(drivers, transfer, h, what, unit)
+        + warming
+        + families({"omega": rate}, None, h, "reading", "rad")
+    }

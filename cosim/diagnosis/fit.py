@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from cosim.diagnosis.groups import GroupModel
 from cosim.diagnosis.noise import Whitener
@@ -185,20 +185,31 @@ def fit(
             ftol=1e-6,
             gtol=1e-12,
         )
+    return summarised(task, unknowns, values(found.x), found, (low, high), len(priors))
+
+
+def summarised(
+    task: Task,
+    unknowns: list[Unknown],
+    estimate: dict[str, float],
+    found: OptimizeResult,
+    bounds: tuple[Array, Array],
+    priors: int,
+) -> Fit:
+    """What an optimiser found, with intervals from the curvature; `bounds` in units of the unknowns' scales."""
+    names = [u.name for u in unknowns]
+    scales = np.array([u.scale for u in unknowns])
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * np.outer(scales, scales)
-    estimate = values(found.x)
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
-    bound = tuple(
-        n for n, z, a, b in zip(names, found.x, low, high, strict=True) if z - a < 1e-4 or b - z < 1e-4
-    )
+    ends = zip(names, found.x, *bounds, strict=True)
     return Fit(
         {n: estimate[n] for n in names},
         deviations,
         -float(found.cost),
-        int(found.fun.size - len(priors)),
+        int(found.fun.size - priors),
         task.residuals(estimate),
         covariance,
-        bound,
+        tuple(n for n, z, a, b in ends if z - a < 1e-4 or b - z < 1e-4),
         found.status > 0,
         found.jac,
     )

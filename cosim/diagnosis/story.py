@@ -212,28 +212,31 @@ def diagnose(
         if not findings and seen is None:
             missing = sorted({s for names in unjudged.values() for s in names})
             raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")
-        named = [c for f in findings.values() for c in causes(f, trust)] + (seen.causes if seen else [])
-        named.sort(key=lambda c: -c.gain)
-        left = [rest for f in findings.values() for rest in rests(f)]
-        never = [name for f in findings.values() for name in never_exercised(f, trust)]
-        never += [] if seen else ["tracker.clock", "tracker.seam"]
-        diagnosis = Diagnosis(
-            verdict_of(findings, named, left),
-            record,
-            model,
-            findings,
-            unjudged,
-            named,
-            left,
-            never,
-            tracker=seen,
-        )
+        diagnosis = concluded(record, model, findings, unjudged, seen, trust)
         report("extended model")
         estimate(diagnosis, groups, trust, constants)
     if folder is not None:
         report("gain on held-out data, by the FMUs")
         gain_by_fmus(diagnosis, folder)
     return diagnosis
+
+
+def concluded(
+    record: Record,
+    model: str,
+    findings: dict[str, Finding],
+    unjudged: dict[str, list[str]],
+    seen: TrackerFinding | None,
+    tolerance: float,
+) -> Diagnosis:
+    """Causes, what stays unexplained, what was never exercised, and the verdict."""
+    named = [c for f in findings.values() for c in causes(f, tolerance)] + (seen.causes if seen else [])
+    named.sort(key=lambda c: -c.gain)
+    left = [rest for f in findings.values() for rest in rests(f)]
+    never = [name for f in findings.values() for name in never_exercised(f, tolerance)]
+    never += [] if seen else ["tracker.clock", "tracker.seam"]
+    verdict = verdict_of(findings, named, left)
+    return Diagnosis(verdict, record, model, findings, unjudged, named, left, never, tracker=seen)
 
 
 def estimate(
@@ -277,4 +280,12 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     diagnosis.packages = write_extended(diagnosis.model, diagnosis.values | diagnosis.start, folder, stimulus)
     diagnosis.before = run_package(nominal["open"], record, diagnosis.start)
     diagnosis.after = run_package(diagnosis.packages["open"], record, {})
-    diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, round(WINDOW / record.h))
+    diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, window_of(diagnosis))
+
+
+def window_of(diagnosis: Diagnosis) -> int:
+    """Samples in a window: those of the fits, so that what they left out is what is judged."""
+    for finding in diagnosis.findings.values():
+        for rule in finding.task.rules.values():
+            return rule.bins * rule.window
+    return round(WINDOW / diagnosis.record.h)
