@@ -1,0 +1,53 @@
+"""Writes the table of docs/effects.md from the registry: ``python docs/make_effects.py``."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from fmus import registry
+from fmus.contract import Effect, Variable
+
+FILE = Path(__file__).resolve().parent / "effects.md"
+BEGIN, END = "<!-- table: python docs/make_effects.py -->", "<!-- end of table -->"
+
+
+def declared(effect: Effect, name: str) -> Variable:
+    """Declaration of a parameter that the effect frees: its own, or its block's."""
+    if name in effect.parameters:
+        return effect.parameters[name]
+    component = registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
+    return registry.block(component).parameters[name]
+
+
+def parameters(effect: Effect) -> str:
+    """Freed parameters with unit and off value."""
+    rows = []
+    for name in effect.free:
+        if effect.component == "tracker" and name not in effect.parameters:
+            continue
+        variable = declared(effect, name)
+        rows.append(f"`{effect.component}.{name}` ({variable.start:g}) {variable.unit}")
+    return ", ".join(rows)
+
+
+def table() -> str:
+    """The table of all effects, those of installed packages included."""
+    lines = [
+        "| effect | what happens | parameters (off value), SI | what its residual looks like |",
+        "|---|---|---|---|",
+    ]
+    for effect in registry.effects().values():
+        lines.append(f"| `{effect.name}` | {effect.text} | {parameters(effect)} | {effect.residual} |")  # noqa: PERF401
+    return "\n".join(lines)
+
+
+def written(text: str) -> str:
+    """The page with the table between its marks renewed."""
+    head, _, rest = text.partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    return f"{head}{BEGIN}\n{table()}\n{END}{tail}"
+
+
+if __name__ == "__main__":
+    FILE.write_text(written(FILE.read_text(encoding="utf-8")), encoding="utf-8")
