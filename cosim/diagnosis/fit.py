@@ -61,6 +61,7 @@ class Fit:
     at_bound: tuple[str, ...] = ()
     settled: bool = True
     slopes: Array | None = field(default=None, repr=False)
+    rows: Array | None = field(default=None, repr=False)
 
 
 @dataclass
@@ -212,6 +213,7 @@ def summarised(
         tuple(n for n, z, a, b in ends if z - a < 1e-4 or b - z < 1e-4),
         found.status > 0,
         found.jac,
+        found.fun,
     )
 
 

@@ -172,7 +172,9 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
     Each is put in at each of its starts; what that changes, less what the parameters already free can take up, points
     somewhere in the space of residuals, and the residual's part along it bounds what a small dose would gain.
     """
-    residual = task.white(base.fit.residuals)
+    plain = task.white(base.fit.residuals)
+    # the pulls of the priors are residuals too: a candidate may gain by relieving them
+    residual = plain if base.fit.rows is None else base.fit.rows
     slopes = np.zeros((residual.size, 0)) if base.fit.slopes is None else base.fit.slopes
     hidden = np.linalg.qr(slopes)[0]  # priors are rows below the residuals
 
@@ -189,12 +191,12 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
         best = 0.0
         for values in itertools.product(*listed.values()):
             moved = base.fit.values | dict(zip(listed, values, strict=True))
-            change = residual - own.white(own.residuals(moved))
+            change = plain - own.white(own.residuals(moved))
             change = np.concatenate([change, np.zeros(hidden.shape[0] - change.size)])
             change -= hidden @ (hidden.T @ change)
             size = float(change @ change)
             if size > 0.0:
-                best = max(best, 0.5 * float(change[: residual.size] @ residual) ** 2 / size)
+                best = max(best, 0.5 * float(change @ residual) ** 2 / size)
         return best
 
     listed = list(candidates)
