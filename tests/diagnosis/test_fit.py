@@ -1,0 +1,80 @@
+"""Fits: intervals hold the truth as often as they say, priors pull, doubt counts as noise, held-out windows do not count."""
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.fit import Task, Unknown, fit, fit_from_starts
+from cosim.diagnosis.noise import plain
+
+X = np.linspace(-1.0, 1.0, 2000)
+RULE = plain(1, 100, False)
+
+
+class Parabola:
+    """y = a x + c x^2, as the narrow interface that a fit sees."""
+
+    def simulate(self, values: dict[str, float]) -> dict[str, np.ndarray]:
+        """The signal y."""
+        return {"y": values.get("m.a", 0.0) * X + values.get("m.c", 0.0) * X**2}
+
+
+def task(measured: np.ndarray, **more: object) -> Task:
+    """A task with unit white noise."""
+    return Task(Parabola(), {"y": measured}, {"y": RULE}, **more)  # type: ignore[arg-type]
+
+
+def unknown(name: str, prior: tuple[float, float] | None = None) -> Unknown:
+    """An unknown that starts at zero."""
+    return Unknown(name, 0.0, 1.0, -50.0, 50.0, prior)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(1)
+    held = 0
+    for _ in range(200):
+        found = fit(task(2.0 * X - X**2 + rng.normal(size=X.size)), [unknown("m.a"), unknown("m.c")])
+        held += abs(found.values["m.a"] - 2.0) < 1.96 * found.deviations["m.a"]
+    assert 180 <= held <= 199  # 190 expected, four standard deviations of the count are 12
+
+
+def test_a_prior_pulls_by_its_weight() -> None:
+    exact = 1.0 / np.sum(X**2)
+    found = fit(task(2.0 * X), [unknown("m.a", (1.0, np.sqrt(exact)))])
+    assert found.values["m.a"] == pytest.approx(1.5, abs=1e-3)
+    assert found.deviations["m.a"] == pytest.approx(np.sqrt(exact / 2.0), rel=1e-3)
+
+
+def test_doubt_along_a_direction_leaves_nothing_to_gain_there() -> None:
+    doubtful = task(5.0 * X)
+    before = float(np.sum(doubtful.white(doubtful.residuals({})) ** 2))
+    doubtful.doubt = {"y": 100.0 * X[None, :]}
+    doubtful.set_rules(doubtful.rules)
+    after = float(np.sum(doubtful.white(doubtful.residuals({})) ** 2))
+    assert after < 1e-2 * before
+    other = X**2 - X @ X**2 / (X @ X) * X
+    assert np.sum(doubtful.white({"y": other}) ** 2) == pytest.approx(float(other @ other), rel=1e-6)
+
+
+def test_windows_outside_the_mask_do_not_count() -> None:
+    measured = 2.0 * X
+    measured[1000:] += 100.0
+    mask = np.arange(20) < 10
+    assert fit(task(measured, mask=mask), [unknown("m.a")]).values["m.a"] == pytest.approx(2.0, abs=1e-6)
+
+
+def test_starts_that_change_nothing_come_last() -> None:
+    starts = {"m.a": (0.0, 9.0)}
+    found = fit_from_starts(task(2.0 * X), [unknown("m.a")], starts, keep=1)
+    assert found.values["m.a"] == pytest.approx(2.0, abs=1e-6)
+
+
+def test_an_estimate_on_its_bound_says_so() -> None:
+    found = fit(task(99.0 * X), [Unknown("m.a", 0.0, 1.0, -50.0, 50.0)])
+    assert found.at_bound == ("m.a",)
+
+
+def test_rows_of_one_signal_are_its_windows() -> None:
+    both = Task(Parabola(), {"y": X, "z": X}, {"y": RULE, "z": RULE})  # type: ignore[arg-type]
+    rows = both.white_of("z", {"y": np.zeros(2000), "z": np.ones(2000)})
+    assert rows.shape == (20, 100)
+    assert np.all(rows == 1.0)
