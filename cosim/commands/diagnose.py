@@ -16,7 +16,12 @@ def diagnose(
     external: Annotated[
         Path | None, typer.Option(help="Record of the external tracker, on its own clock.")
     ] = None,
-    model: Annotated[str, typer.Option(help="full_order or simplified.")] = "full_order",
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="full_order, simplified or a package (.ssp) [default: the mapping's or full_order]."
+        ),
+    ] = None,
     mapping: Annotated[Path | None, typer.Option(help="TOML that names the columns.")] = None,
     tolerance: Annotated[
         float, typer.Option(help="Trust in the nominal parameters: one standard deviation, relative.")

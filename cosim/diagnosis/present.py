@@ -7,6 +7,7 @@ from cosim.diagnosis.answer import answer
 from cosim.diagnosis.experiment import proposal_for, write_command
 from cosim.diagnosis.groups import MODELS
 from cosim.diagnosis.isolability import isolability
+from cosim.diagnosis.model import chosen
 from cosim.diagnosis.schema import Answer
 from cosim.diagnosis.story import Diagnosis, diagnose
 from cosim.logs import Log, Tracker
@@ -15,8 +16,6 @@ from cosim.report.page import save_and_report
 
 def announce(log: Log, tracker: Tracker | None, model: str) -> None:
     """Say on stderr, before anything is computed, what these signals can tell apart and which others would help."""
-    if model not in MODELS:
-        return  # `diagnose` says which there are
     measured = {*log.signals} | ({"p_load"} if "p_load" in log else set())
     apart = isolability(MODELS[model], measured | ({"slew_external"} if tracker else set()))
     for where, names in apart.classes:
@@ -26,13 +25,14 @@ def announce(log: Log, tracker: Tracker | None, model: str) -> None:
 
 
 def diagnose_into(
-    folder: Path, log: Log, tracker: Tracker | None, model: str, tolerance: float, calibrate: bool
+    folder: Path, log: Log, tracker: Tracker | None, asked: str | None, tolerance: float, calibrate: bool
 ) -> Answer:
     """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
 
     Raises:
         CosimError: as `cosim.diagnosis.story.diagnose`.
     """
+    model, base = chosen(asked, log.model)
     announce(log, tracker, model)
     folder.mkdir(parents=True, exist_ok=True)
     with stderr_console().status("diagnosis") as status:
@@ -40,6 +40,7 @@ def diagnose_into(
             log,
             tracker=tracker,
             model=model,
+            base=base,
             tolerance=tolerance,
             calibrate=calibrate,
             folder=folder,

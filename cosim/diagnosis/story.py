@@ -177,6 +177,7 @@ def diagnose(
     *,
     tracker: Tracker | None = None,
     model: str = "full_order",
+    base: Mapping[str, float] | None = None,
     tolerance: float = TOLERANCE,
     calibrate: bool = False,
     folder: Path | None = None,
@@ -188,6 +189,7 @@ def diagnose(
         log: the log.
         tracker: the external tracker's record, on its own clock.
         model: name of the model.
+        base: ``component.parameter`` -> SI in which the model at hand differs from the nominal one.
         tolerance: standard deviation of the trust in each nominal parameter, relative.
         calibrate: fit the nominal parameters freely, so that only missing structure is a cause.
         folder: where the extended packages go; without one they are not written and the FMUs are not run.
@@ -207,7 +209,9 @@ def diagnose(
             report("slew sensor against tracker")
             seen = compare_tracker(record, tracker)
         groups = settled(merged(MODELS[model], record.signals), seen)
-        constants = {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")} if seen else {}
+        constants = dict(base or {})
+        if seen:
+            constants |= {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")}
         findings, unjudged = judge(groups, record, trust, report, constants)
         if not findings and seen is None:
             missing = sorted({s for names in unjudged.values() for s in names})
@@ -217,7 +221,7 @@ def diagnose(
         estimate(diagnosis, groups, trust, constants)
     if folder is not None:
         report("gain on held-out data, by the FMUs")
-        gain_by_fmus(diagnosis, folder)
+        gain_by_fmus(diagnosis, folder, base or {})
     return diagnosis
 
 
@@ -259,24 +263,24 @@ def estimate(
         near |= fit.values
         deviations |= fit.deviations
         rules |= finding.task.rules
-    diagnosis.values, diagnosis.deviations, diagnosis.start = near | constants, deviations, start
+    diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
     if diagnosis.rests or diagnosis.unjudged or not findings:
         return
     count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
     chain = fitted_chain(
         groups, diagnosis.record, rules, effects, near, start, tolerance, ~held_windows(count), constants
     )
-    diagnosis.values = {n: v for n, v in chain.values.items() if n not in start} | constants
+    diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
     diagnosis.deviations = chain.deviations
     diagnosis.start = {n: chain.values[n] for n in start}
 
 
-def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
+def gain_by_fmus(diagnosis: Diagnosis, folder: Path, base: Mapping[str, float]) -> None:
     """Write both packages, run their FMUs on the log's command, and measure the errors on held-out windows."""
     record = diagnosis.record
     folder.mkdir(parents=True, exist_ok=True)
     stimulus = stimulus_csv(record.time, record.signals["u"])
-    nominal = write_extended(diagnosis.model, {}, folder / "nominal", None)
+    nominal = write_extended(diagnosis.model, base, folder / "nominal", None)
     diagnosis.packages = write_extended(diagnosis.model, diagnosis.values | diagnosis.start, folder, stimulus)
     diagnosis.before = run_package(nominal["open"], record, diagnosis.start)
     diagnosis.after = run_package(diagnosis.packages["open"], record, {})
