@@ -37,7 +37,7 @@ class Metric:
         """As plain data, with the 95 % Wilson interval of a share."""
         row: dict[str, Any] = {"metric": self.name, "target": self.target, "cases": self.count}
         if self.value is not None:
-            return row | {"value": self.value}
+            return row | {"value": None if math.isnan(self.value) else self.value}
         if not self.count:
             return row | {"value": None}
         bounds = binomtest(self.hits, self.count).proportion_ci(0.95, "wilson")
