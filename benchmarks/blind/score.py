@@ -117,35 +117,39 @@ def errors(rows: Iterable[Row]) -> tuple[list[float], list[bool]]:
     return sizes, held
 
 
+def share(name: str, target: str, chosen: list[Row], test: Callable[[Row], bool]) -> Metric:
+    """A line that counts cases."""
+    return Metric(name, target, sum(test(r) for r in chosen), len(chosen))
+
+
+def middle(name: str, target: str, values: list[float], at: float = 0.5) -> Metric:
+    """A line with a quantile."""
+    value = sorted(values)[min(int(at * len(values)), len(values) - 1)] if values else math.nan
+    return Metric(name, target, count=len(values), value=value)
+
+
+def of(rows: list[Row], kind: str, *more: Callable[[Row], bool]) -> list[Row]:
+    """The cases of one kind that pass all tests."""
+    return [r for r in rows if r["case"]["kind"] == kind and all(m(r) for m in more)]
+
+
 def scorecard(all_rows: list[Row]) -> list[Metric]:
     """All lines of the scorecard."""
     rows = [r for r in all_rows if "error" not in r]
+    return [
+        *single_lines(rows),
+        *honesty_lines(rows),
+        *size_lines(rows),
+        Metric("cases that failed with an error", "0", len(all_rows) - len(rows), len(all_rows)),
+    ]
 
-    def of(kind: str, *more: Callable[[Row], bool]) -> list[Row]:
-        return [r for r in rows if r["case"]["kind"] == kind and all(m(r) for m in more)]
 
-    def share(name: str, target: str, chosen: list[Row], test: Callable[[Row], bool]) -> Metric:
-        return Metric(name, target, sum(test(r) for r in chosen), len(chosen))
-
-    large = of("single", lambda r: r["case"]["size"] != "weak", detectable)
-    weak = of("single", lambda r: r["case"]["size"] == "weak", detectable)
-    single = large + weak
-    # a case with one effect that is understood must not be called unexplained
-    understood = single + of("clean")
-    unknown = of("unknown")
-    left_out = of("left_out", knowable)
-    pairs = [r for k in ("pair_across", "pair_within") for r in of(k, detectable)]
-    sizes, _ = errors(r for r in of("single") if r["case"]["size"] == "moderate")
-    _, held = errors(of("single"))
-    seconds = sorted(r["seconds"] for r in rows)
-    cpu = sorted(r["cpu_seconds"] for r in rows)
-    named = [r for r in single if r["causes"]]
+def single_lines(rows: list[Row]) -> list[Metric]:
+    """One hidden effect that the log can show."""
+    large = of(rows, "single", lambda r: r["case"]["size"] != "weak", detectable)
+    weak = of(rows, "single", lambda r: r["case"]["size"] == "weak", detectable)
+    named = [r for r in large + weak if r["causes"]]
     mean_set = sum(len(reported(r)) for r in named) / len(named) if named else math.nan
-    ratios = [after / max(before, 1e-300) for r in rows for before, after in r["fmu_gain"].values()]
-
-    def middle(values: list[float], at: float = 0.5) -> float:
-        return sorted(values)[min(int(at * len(values)), len(values) - 1)] if values else math.nan
-
     return [
         share("cause named first or declared alike, moderate and strong", ">= 97 %", large, first),
         share("cause named alone and exactly, moderate and strong", "-", large, strictly_first),
@@ -153,15 +157,20 @@ def scorecard(all_rows: list[Row]) -> list[Metric]:
         share("true cause in the reported set", ">= 99 %", named, lambda r: true_names(r)[0] in reported(r)),
         Metric("mean size of the reported set", "<= 1.5", count=len(named), value=mean_set),
         share("block right", ">= 98 %", named, lambda r: r["causes"][0]["group"] == true_block(r)),
-        share("a cause named in a clean log", "<= 1 %", of("clean"), lambda r: bool(r["causes"])),
-        share("clean log called adequate", "-", of("clean"), lambda r: r["verdict"] == "adequate"),
-        share("unknown cause (rig) unexplained in its block, none named there", ">= 95 %", unknown, honest),
-        share(
-            "unknown cause (left out of the library) likewise, where the log can tell",
-            ">= 95 %",
-            left_out,
-            honest,
-        ),
+    ]
+
+
+def honesty_lines(rows: list[Row]) -> list[Metric]:
+    """Clean logs, unknown causes, several causes, and friction of another law."""
+    clean, left_out = of(rows, "clean"), of(rows, "left_out", knowable)
+    understood = of(rows, "single", detectable) + clean
+    pairs = [r for k in ("pair_across", "pair_within") for r in of(rows, k, detectable)]
+    unknown = "unexplained in its block, none named there"
+    return [
+        share("a cause named in a clean log", "<= 1 %", clean, lambda r: bool(r["causes"])),
+        share("clean log called adequate", "-", clean, lambda r: r["verdict"] == "adequate"),
+        share(f"unknown cause (rig) {unknown}", ">= 95 %", of(rows, "unknown"), honest),
+        share("unknown cause (left out, where the log can tell) likewise", ">= 95 %", left_out, honest),
         share("false 'unexplained' (clean or known cause)", "<= 2 %", understood, lambda r: bool(r["rests"])),
         share("two effects, exactly", ">= 90 %", pairs, lambda r: set(names(r)) == set(true_names(r))),
         share(
@@ -170,20 +179,25 @@ def scorecard(all_rows: list[Row]) -> list[Metric]:
         share(
             "LuGre friction named as friction",
             "-",
-            of("lugre"),
+            of(rows, "lugre"),
             lambda r: "friction" in "".join(names(r)[:1]),
         ),
-        Metric(
-            "parameter error of the size, moderate, median", "<= 5 %", count=len(sizes), value=middle(sizes)
-        ),
+    ]
+
+
+def size_lines(rows: list[Row]) -> list[Metric]:
+    """Estimates, gains and times."""
+    sizes, _ = errors(r for r in of(rows, "single") if r["case"]["size"] == "moderate")
+    _, held = errors(of(rows, "single"))
+    ratios = [after / max(before, 1e-300) for r in rows for before, after in r["fmu_gain"].values()]
+    cpu = [r["cpu_seconds"] for r in rows]
+    return [
+        middle("parameter error of the size, moderate, median", "<= 5 %", sizes),
         Metric("95 % intervals that hold the truth", "90-98 %", sum(held), len(held)),
-        Metric(
-            "held-out RMS by the FMUs, after to before, median", "-", count=len(ratios), value=middle(ratios)
-        ),
-        Metric("seconds a case, median", "<= 30 s", count=len(rows), value=middle(seconds)),
-        Metric("CPU seconds a case, median", "-", count=len(rows), value=middle(cpu)),
-        Metric("CPU seconds a case, 95 %", "-", count=len(rows), value=middle(cpu, 0.95)),
-        Metric("cases that failed with an error", "0", len(all_rows) - len(rows), len(all_rows)),
+        middle("held-out RMS by the FMUs, after to before, median", "-", ratios),
+        middle("seconds a case, median", "<= 30 s", [r["seconds"] for r in rows]),
+        middle("CPU seconds a case, median", "-", cpu),
+        middle("CPU seconds a case, 95 %", "-", cpu, 0.95),
     ]
 
 
