@@ -88,8 +88,7 @@ def pressure_bases(
     else:
         spool = predicted["p_load"] / K_c  # the opening that the pressure asks for
         drivers["u"] = record.signals["u"]
-    if record.has("slew"):
-        drivers["slew"] = record.smooth("slew")
+    # not of the slew: nothing in the continuity depends on it, and slow noise would pass for such a dependence
     transfer = ([K_c], [T, 1.0])
     warming = changing("spool", spool, record.time, transfer, h, "opening", "m")
     found = {"p_load": families(drivers, transfer, h, "opening", "m") + warming}
