@@ -236,7 +236,7 @@ def concluded(
     """Causes, what stays unexplained, what was never exercised, and the verdict."""
     named = [c for f in findings.values() for c in causes(f, tolerance)] + (seen.causes if seen else [])
     named.sort(key=lambda c: -c.gain)
-    left = [rest for f in findings.values() for rest in rests(f)]
+    left = [rest for f in findings.values() for rest in rests(f, tolerance)]
     never = [name for f in findings.values() for name in never_exercised(f, tolerance)]
     never += [] if seen else ["tracker.clock", "tracker.seam"]
     verdict = verdict_of(findings, named, left)
