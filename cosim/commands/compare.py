@@ -108,7 +108,7 @@ def compare_log(
     source = open_model(*_reference(model, names, table))
     with Comparator(loaded, source, table=table, step=step) as comparator:
         limits = read_limits(thresholds or [], comparator)
-        from cosim.commands.simulate import parameters
+        from cosim.request import parameters
 
         files = [*table.parameter_files, *(parameter_sets or [])]
         given = parameters(comparator.system, files, settings or [])

@@ -97,13 +97,6 @@ def simulate(
     _show(result, out, si, as_json)
 
 
-def parameters(system: Any, files: list[Path], settings: list[str]) -> dict[str, Any]:
-    """The same as `cosim.request.parameters`, where it has moved to."""
-    from cosim.request import parameters as moved
-
-    return moved(system, files, settings)
-
-
 def _run(runner: "Runner", stop: float, step: float, estimate: bool, options: dict[str, Any]) -> "Result":
     with console.progress(f"simulating {runner.system.name}", stop - options["start_time"]) as bar:
         simulate = runner.coupling_error if estimate else runner.run

@@ -3,6 +3,7 @@
 import platform
 from importlib.metadata import version
 
+from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.experiment import Proposal
 from cosim.diagnosis.groups import MODELS
 from cosim.diagnosis.isolability import isolability
@@ -75,10 +76,8 @@ def signals(diagnosis: Diagnosis) -> dict[str, Signal]:
             continue
         measured = diagnosis.record.signals[signal]
         unit, scale = shown(signal)
-        error = measured - simulated
-        spread = float(((measured - measured.mean()) ** 2).mean() ** 0.5)
-        rmse = float((error**2).mean() ** 0.5)
-        fit = 100.0 * (1.0 - rmse / spread) if spread > 0.0 else 0.0
+        rmse = rms(measured - simulated)
+        fit = fit_percent(measured, simulated) or 0.0  # 0 also for a constant signal
         noise = diagnosis.noise.get(signal, 0.0) * scale
         found[signal] = Signal(rmse=rmse * scale, fit_percent=fit, unit=unit, noise_floor=noise)
     return found

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.compare.metrics import fit_percent
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.verdict import held_windows
 from cosim.master import Runner
@@ -59,12 +60,10 @@ def run_package(path: Path, record: Record, start: Mapping[str, float]) -> dict[
     return found
 
 
-def fit_percent(measured: Array, simulated: Array) -> float:
-    """MATLAB's NRMSE fit, 100 (1 - |y - yhat| / |y - mean(y)|)."""
-    spread = float(np.linalg.norm(measured - measured.mean()))
-    return (
-        100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread) if spread > 0.0 else float("nan")
-    )
+def fit_or_nan(measured: Array, simulated: Array) -> float:
+    """Best fit %, not a number where the measured signal is constant."""
+    fit = fit_percent(measured, simulated)
+    return float("nan") if fit is None else fit
 
 
 def measure(
@@ -93,7 +92,7 @@ def measure(
             float(np.sqrt(squares[0].mean())),
             float(np.sqrt(squares[1].mean())),
             (float(low), float(high)),
-            fit_percent(y[pick], before[signal][: count * window][pick]),
-            fit_percent(y[pick], after[signal][: count * window][pick]),
+            fit_or_nan(y[pick], before[signal][: count * window][pick]),
+            fit_or_nan(y[pick], after[signal][: count * window][pick]),
         )
     return found

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.groups import Group
+from cosim.diagnosis.naming import CLOSE, SURE
 from cosim.diagnosis.noise import learned, plain
 from cosim.diagnosis.verdict import Cause, held_windows
 from cosim.errors import DataError
@@ -24,7 +25,6 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 SEAM_ANGLE = np.radians(12.0)  # Table 3.4
-PRICE = 10.0  # log-likelihood beyond BIC's price, as for every other cause
 CLOCK = (2e-3, 1e-5)  # s and relative rate: a clock this good is synchronised
 ERRORS = ("tracker.seam", "sensor.gain", "sensor.bias", "sensor.drift")
 NOMINAL = {
@@ -152,7 +152,7 @@ def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
     for size in range(len(ERRORS) + 1):
         for chosen in itertools.combinations(ERRORS, size):
             fits[chosen] = fit(task, [*clock, *(unknown(n) for n in chosen)], rounds=20)
-    each = PRICE + 0.5 * float(np.log(everything.count))
+    each = SURE + 0.5 * float(np.log(everything.count))
     best = max(fits, key=lambda c: fits[c].log_likelihood - each * len(c))
     found = fits[best]
     predicted = model.simulate(found.values)["slew_external"]
@@ -194,7 +194,7 @@ def named(
         found.log_likelihood - fits[without].log_likelihood,
         held_out(task, clock, best, without),
         rivals,
-        [e.name for e, behind in rivals if behind < 6.0],
+        [e.name for e, behind in rivals if behind < CLOSE],
     )
 
 
