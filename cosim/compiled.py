@@ -125,8 +125,8 @@ class CompiledBlock:
         """Run over a whole log.
 
         Args:
-            inputs: (n_inputs, n) inputs of each step: the value at the end of the step for a continuous signal, the held value for a
-                held one.
+            inputs: (n_inputs, n) inputs of each step: the value at the end of the step for a continuous signal, the value
+                that holds for a held one.
             h: step, s.
             values: parameters that differ from nominal, SI.
             first: (n_inputs,) inputs at initialisation; by default the first column.
