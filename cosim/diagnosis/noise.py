@@ -99,7 +99,7 @@ def expected(window: int, demean: bool) -> Array:
     if demean:
         taper = taper @ (np.eye(window) - 1.0 / window)
     spectrum = np.fft.rfft(taper, axis=0)[1:]
-    return np.stack([np.einsum("fi,ij,fj->f", spectrum, k, spectrum.conj()).real for k in kinds(window)])
+    return np.stack([((spectrum @ k) * spectrum.conj()).sum(axis=1).real for k in kinds(window)])
 
 
 def plain(bins: int, window: int, demean: bool, skip: int = 0) -> Whitener:
