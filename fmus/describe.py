@@ -2,7 +2,7 @@
 
 import hashlib
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from lxml import etree
 from lxml.builder import E
@@ -92,39 +92,70 @@ def model_description(composed: Composed, starts: Mapping[str, float], content: 
         content: everything else that makes the FMU what it is; the GUID follows from it and from the description.
     """
     block = composed.block
-    rows = table(composed)
+    return described(
+        block.name, block.title, table(composed), block.feedthrough, starts, content, block.step_size
+    )
+
+
+def described(
+    name: str,
+    title: str,
+    rows: Sequence[tuple[str, str, Variable]],
+    feedthrough: Mapping[str, tuple[str, ...]],
+    starts: Mapping[str, float],
+    content: bytes,
+    step_size: float,
+    tool: str = "slew-cosim with pythonfmu",
+    sources: Sequence[str] = (),
+) -> etree._Element:
+    """The modelDescription of anything with these variables.
+
+    Args:
+        name: model identifier.
+        title: one line for people.
+        rows: (name, causality, declaration) of every variable; the position is its value reference.
+        feedthrough: outputs that depend directly on an input, with those inputs.
+        starts: start values that differ from the declarations.
+        content: everything else that makes the FMU what it is.
+        step_size: default communication step, s.
+        tool: what made the FMU.
+        sources: C files to compile; an FMU of ours that has them uses derivatives of its inputs.
+    """
     variables = E.ModelVariables()
-    for reference, (name, causality, variable) in enumerate(rows):
+    for reference, (own, causality, variable) in enumerate(rows):
         variables.append(
-            scalar_variable(name, reference, causality, variable, starts.get(name, variable.start))
+            scalar_variable(own, reference, causality, variable, starts.get(own, variable.start))
         )
-    index = {name: i + 1 for i, (name, _, _) in enumerate(rows)}
+    index = {own: i + 1 for i, (own, _, _) in enumerate(rows)}
     outputs, initial = E.Outputs(), E.InitialUnknowns()
-    for name in composed.outputs:
-        depends = " ".join(str(index[i]) for i in block.feedthrough.get(name, ()))
-        outputs.append(E.Unknown(index=str(index[name]), dependencies=depends))
-        initial.append(E.Unknown(index=str(index[name])))
+    for output in [own for own, causality, _ in rows if causality == "output"]:
+        depends = " ".join(str(index[i]) for i in feedthrough.get(output, ()))
+        outputs.append(E.Unknown(index=str(index[output]), dependencies=depends))
+        initial.append(E.Unknown(index=str(index[output])))
     root = etree.Element(
         "fmiModelDescription",
         fmiVersion="2.0",
-        modelName=block.name,
+        modelName=name,
         guid="",
-        description=block.title,
+        description=title,
         version=VERSION,
-        generationTool="slew-cosim with pythonfmu",
+        generationTool=tool,
         generationDateAndTime=GENERATION_DATE,
         variableNamingConvention="structured",
     )
-    flags = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "false",
+    flags = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true" if sources else "false",
              "canBeInstantiatedOnlyOncePerProcess": "false", "canNotUseMemoryManagementFunctions": "true",
              "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "needsExecutionTool": "false"}  # fmt: skip
-    root.append(etree.Element("CoSimulation", modelIdentifier=block.name, **flags))
+    slave = etree.Element("CoSimulation", modelIdentifier=name, **flags)
+    if sources:
+        slave.append(E.SourceFiles(*(E.File(name=file) for file in sources)))
+    root.append(slave)
     root.append(unit_definitions(v for _, _, v in rows))
     categories = E.LogCategories()
     for category in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"):
         categories.append(E.Category(name=category))
     root.append(categories)
-    root.append(E.DefaultExperiment(startTime="0", stopTime="10", stepSize=repr(block.step_size)))
+    root.append(E.DefaultExperiment(startTime="0", stopTime="10", stepSize=repr(step_size)))
     root.append(variables)
     root.append(E.ModelStructure(outputs, initial))
     digest = hashlib.sha256(etree.tostring(root) + content).hexdigest()
