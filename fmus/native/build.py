@@ -1,0 +1,197 @@
+"""Build native FMUs: C sources from the composed equations, compiled for this platform, packed the same way each time."""
+
+import hashlib
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import fmpy
+from lxml import etree
+from lxml.builder import E
+
+from cosim.compiled import cache_folder
+from cosim.errors import CosimError, ModelError
+from fmus.build import ARCHIVE_DATE, PICTURES, checked_starts
+from fmus.compose import Composed
+from fmus.describe import described
+from fmus.native.header import header
+from fmus.native.model import Model, single
+from fmus.native.page import page
+
+TOOL = "slew-cosim, native"
+OWN = ("fmu.c", "instance.h", "saved.h", "semantics.h", "stepping.h", "tables.h")
+STANDARD = (
+    "fmi2FunctionTypes.h",
+    "fmi2Functions.h",
+    "fmi2TypesPlatform.h",
+)  # of the FMI project, 2-clause BSD
+FLAGS = ("-std=c99", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-fPIC")
+OPTIMISED = "-O2"
+
+
+class MissingCompilerError(CosimError):
+    """There is no C compiler (exit code 5, as for any optional part that is missing)."""
+
+    exit_code = 5
+
+
+def compiler() -> list[str]:
+    """The C compiler's command: CC, or the first of cc, gcc and clang.
+
+    Raises:
+        MissingCompilerError: there is none.
+    """
+    named = os.environ.get("CC")
+    if named:
+        command = shlex.split(named)
+        if shutil.which(command[0]) is None:
+            raise MissingCompilerError(f"CC names '{named}', which is no program: set CC to a C compiler")
+        return command
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name) is not None:
+            return [name]
+    raise MissingCompilerError(
+        "native FMUs need a C compiler, and there is none (tried cc, gcc, clang): install one, such as gcc, or set CC"
+    )
+
+
+@cache
+def release(command: tuple[str, ...]) -> str:
+    """What a compiler calls itself."""
+    done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
+    return done.stdout
+
+
+def sources(model: Model, guid: str) -> dict[str, bytes]:
+    """C files of an FMU by name."""
+    own = {name: (files("fmus.native") / "c" / name).read_bytes() for name in OWN}
+    folder = Path(fmpy.__file__).parent / "c-code"
+    standard = {name: (folder / name).read_bytes().replace(b"\r\n", b"\n") for name in STANDARD}
+    return own | standard | {"model.h": header(model, guid).encode()}
+
+
+def compiled(content: Mapping[str, bytes], optimise: str = OPTIMISED) -> bytes:
+    """The library of these sources for this platform; kept in the cache folder, since only they and the compiler count.
+
+    Raises:
+        MissingCompilerError: there is no compiler.
+        ModelError: it could not compile them; the message holds its words.
+    """
+    command = [*compiler(), *FLAGS, *shlex.split(optimise)]
+    known = hashlib.sha256("\0".join([*command, release(tuple(compiler()))]).encode())
+    for name, data in sorted(content.items()):
+        known.update(name.encode() + b"\0" + data)
+    kept = cache_folder() / "native" / f"{known.hexdigest()[:32]}{fmpy.sharedLibraryExtension}"
+    if kept.exists():
+        return kept.read_bytes()
+    with tempfile.TemporaryDirectory(prefix="native_") as scratch:
+        for name, data in content.items():
+            Path(scratch, name).write_bytes(data)
+        library = Path(scratch, "library" + fmpy.sharedLibraryExtension)
+        last = ["-lm"] if sys.platform != "win32" else []
+        done = subprocess.run(
+            [*command, "fmu.c", "-o", library.name, *last], cwd=scratch, capture_output=True, text=True, check=False
+        )  # fmt: skip
+        if done.returncode != 0:
+            raise ModelError(
+                f"{command[0]} could not compile the FMU: {done.stderr[-2000:] or done.stdout[-2000:]}"
+            )
+        data = library.read_bytes()
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    part = kept.with_suffix(f".{os.getpid()}.part")
+    part.write_bytes(data)
+    part.replace(kept)
+    return data
+
+
+def build_description(model: Model) -> bytes:
+    """How to compile the sources, in the form that FMI 3.0 defines and tools read for FMI 2.0 too."""
+    flags = " ".join(f for f in FLAGS if f not in ("-shared", "-fPIC"))
+    files = E.SourceFileSet(
+        E.SourceFile(name="fmu.c"), language="C99", compiler="gcc", compilerOptions=f"{flags} {OPTIMISED}"
+    )
+    setting = E.BuildConfiguration(files, E.Library(name="m", external="true"), modelIdentifier=model.name)
+    root = E.fmiBuildDescription(setting, fmiVersion="3.0")
+    text: bytes = etree.tostring(root, encoding="UTF-8", xml_declaration=True, pretty_print=True)
+    return text
+
+
+def entries(model: Model, resources: Mapping[str, bytes], optimise: str = OPTIMISED) -> dict[str, bytes]:
+    """Everything in the FMU's archive by name."""
+    plain = sources(model, "")
+    played = b"".join(name.encode() + data for name, data in sorted(resources.items()))
+    description = described(
+        model.name, model.title, model.rows, model.feedthrough, model.starts,
+        b"".join(name.encode() + plain[name] for name in sorted(plain)) + played, model.step_size, TOOL, ["fmu.c"],
+    )  # fmt: skip
+    content = sources(model, description.get("guid"))
+    library = f"binaries/{fmpy.platform}/{model.name}{fmpy.sharedLibraryExtension}"
+    found = {
+        "modelDescription.xml": etree.tostring(
+            description, encoding="UTF-8", xml_declaration=True, pretty_print=True
+        ),
+        "documentation/index.html": page(model),
+        library: compiled(content, optimise),
+        "sources/buildDescription.xml": build_description(model),
+    }
+    found |= {f"sources/{name}": data for name, data in content.items()}
+    found |= {f"resources/{name}": data for name, data in resources.items()}
+    picture = PICTURES / f"{model.name}.png"
+    return found | ({"model.png": picture.read_bytes()} if picture.exists() else {})
+
+
+def write_fmu(
+    model: Model, destination: Path, resources: Mapping[str, bytes] | None = None, optimise: str = OPTIMISED
+) -> Path:
+    """Write a native FMU.
+
+    Args:
+        model: what it holds.
+        destination: the .fmu file.
+        resources: files to put among the FMU's resources, by name.
+        optimise: the compiler's options for speed.
+
+    Returns:
+        `destination`.
+
+    Raises:
+        MissingCompilerError: there is no C compiler.
+        ModelError: an equation has no translation, or the compiler failed.
+    """
+    found = entries(model, resources or {}, optimise)
+    destination.parent.mkdir(parents=True, exist_ok=True)
+    temporary = destination.with_suffix(".part")
+    with zipfile.ZipFile(temporary, "w") as archive:
+        for name in sorted(found):
+            info = zipfile.ZipInfo(name, ARCHIVE_DATE)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            info.create_system = 3  # the same on every platform
+            archive.writestr(info, found[name], compresslevel=6)
+    return temporary.replace(destination)
+
+
+def build_native(
+    composed: Composed,
+    destination: Path,
+    starts: Mapping[str, float] | None = None,
+    resources: Mapping[str, bytes] | None = None,
+    optimise: str = OPTIMISED,
+) -> Path:
+    """Build the native twin of `fmus.build.build_fmu`, with the same arguments, variables and refusals.
+
+    Raises:
+        UsageError: a start value is unknown or out of range.
+        MissingCompilerError, ModelError: as `write_fmu`.
+    """
+    return write_fmu(
+        single(composed, checked_starts(composed, starts or {})), destination, resources, optimise
+    )

@@ -1,0 +1,138 @@
+/* One instance: its values, its phase of life, what it says when it refuses something, and a number as Python writes it. */
+
+#ifndef INSTANCE_H
+#define INSTANCE_H
+
+#include <locale.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#define NUMBER_SIZE 40
+#define ORDERS 3 /* highest order of an input's derivative */
+
+enum { INSTANTIATED, INITIALISING, RUNNING, TERMINATED };
+
+typedef struct {
+    char *name;
+    char *resources; /* folder of the FMU's resources */
+    fmi2CallbackFunctions host;
+    int mode;
+    int failed;  /* something was refused: no step until a reset or a good state */
+    int begun;   /* state and outputs follow from the values as they are */
+    double time; /* at which the simulation starts, then of the last step's end */
+    double step; /* that the coefficients belong to */
+    double values[N_VARIABLES];
+    int slopes; /* an input's derivative is set for the next step */
+    double derivatives[N_INPUTS + 1][ORDERS];
+    Model model;
+} Instance;
+
+/* The shortest text that reads back as the same number, in Python's form: 1e-06, 0.25, 100000000000.0 */
+static const char *number(double value, char text[NUMBER_SIZE]) {
+    char digits[NUMBER_SIZE], *exponent;
+    int precision, e, n, k;
+    char *at = text;
+    if (value != value || value - value != 0.0) {
+        return strcpy(text, value != value ? "nan" : value > 0.0 ? "inf" : "-inf");
+    }
+    for (precision = 0; precision < 17; precision++) {
+        snprintf(digits, sizeof digits, "%.*e", precision, value);
+        if (strtod(digits, NULL) == value) {
+            break;
+        }
+    }
+    exponent = strchr(digits, 'e');
+    e = atoi(exponent + 1);
+    *exponent = 0;
+    if (digits[0] == '-') {
+        *at++ = '-';
+    }
+    for (k = 0, n = 0; digits[k]; k++) { /* the digits alone, whatever the locale puts between them */
+        if (digits[k] >= '0' && digits[k] <= '9') {
+            digits[n++] = digits[k];
+        }
+    }
+    if (e < -4 || e >= 16) {
+        at += sprintf(at, n > 1 ? "%c.%.*s" : "%c", digits[0], n - 1, digits + 1);
+        sprintf(at, "e%c%02d", e < 0 ? '-' : '+', abs(e));
+        return text;
+    }
+    for (k = e < 0 ? e : 0; k < n || k <= e + 1; k++) {
+        if (k == e + 1) {
+            *at++ = '.';
+        }
+        *at++ = k >= 0 && k < n ? digits[k] : '0';
+    }
+    *at = 0;
+    return text;
+}
+
+/* Hands a message to the host, the instance's name first. */
+static void say(const fmi2CallbackFunctions *host, const char *name, fmi2Status status, const char *text) {
+    char message[2048], *at = message;
+    if (!host || !host->logger) {
+        return;
+    }
+    /* the host reads it as a format */
+    for (; *text && at < message + sizeof message - 3; text++) {
+        if (*text == '%') {
+            *at++ = '%';
+        }
+        *at++ = *text;
+    }
+    *at = 0;
+    host->logger(host->componentEnvironment, name, status, "logStatusError", message);
+}
+
+/* Says why something is refused; until a reset or a good state every step is refused from now on. */
+static fmi2Status refuse(Instance *I, const char *format, ...) {
+    char text[1024];
+    va_list list;
+    size_t n = (size_t)snprintf(text, sizeof text / 2, "%s: ", I->name);
+    n = n < sizeof text / 2 ? n : sizeof text / 2 - 1;
+    va_start(list, format);
+    vsnprintf(text + n, sizeof text - n, format, list);
+    va_end(list);
+    I->failed = 1;
+    say(&I->host, I->name, fmi2Error, text);
+    return fmi2Error;
+}
+
+static fmi2Status refuse_unknown(Instance *I, fmi2ValueReference r) {
+    return refuse(I, "there is no variable with value reference %u", r);
+}
+
+/* Says why a value is not taken. */
+static fmi2Status refuse_value(Instance *I, fmi2ValueReference r, double value) {
+    char a[NUMBER_SIZE], b[NUMBER_SIZE], c[NUMBER_SIZE], d[NUMBER_SIZE];
+    if (r >= N_VARIABLES) {
+        return refuse_unknown(I, r);
+    }
+    if (model_kinds[r] == OUTPUT) {
+        return refuse(I, "%s is an output and cannot be set", model_names[r]);
+    }
+    if (model_kinds[r] == PARAMETER && I->mode >= RUNNING) {
+        return refuse(I, "parameter %s is fixed and cannot be set to %s after initialisation; reset first", model_names[r],
+                      number(value, a));
+    }
+    return refuse(I, "%s = %s is refused: it must be a number from %s to %s; %s is kept", model_names[r], number(value, a),
+                  number(model_lows[r], b), number(model_highs[r], c), number(I->values[r], d));
+}
+
+/* Says what went wrong in the equations. */
+static fmi2Status refuse_fault(Instance *I, const char *what, int fault) {
+    static const char *const words[] = {
+        "", "float division by zero", "math domain error", "math range error", "list index out of range",
+        "a number is no whole number within 2^53", "a negative number to a fractional power",
+        "the components in the loop find no common start values"};
+    char a[NUMBER_SIZE], b[NUMBER_SIZE], c[NUMBER_SIZE];
+    if (fault < PY_REFUSED) {
+        return refuse(I, "%s failed: %s", what, words[fault]);
+    }
+    fault -= PY_REFUSED;
+    return refuse(I, "%s failed: %s = %s is refused: it must be a number from %s to %s", what, model_inner_names[fault],
+                  number(I->model.refused, a), number(model_inner_lows[fault], b), number(model_inner_highs[fault], c));
+}
+
+#endif

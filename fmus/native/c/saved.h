@@ -1,0 +1,82 @@
+/* The whole state of an instance as one block of bytes: saved, restored, handed to another process of the same platform. */
+
+#ifndef SAVED_H
+#define SAVED_H
+
+#define MAGIC UINT64_C(0x31306574617473) /* reads differently where the order of bytes is another one */
+
+typedef struct {
+    uint64_t magic;
+    char guid[64];
+    int32_t mode, failed, begun, slopes;
+    double time, step;
+    double values[N_VARIABLES];
+    double derivatives[N_INPUTS + 1][ORDERS];
+    double numbers[N_NUMBERS + 1];
+} Saved;
+
+static void save(Instance *I, Saved *s) {
+    memset(s, 0, sizeof *s);
+    s->magic = MAGIC;
+    strcpy(s->guid, MODEL_GUID);
+    s->mode = I->mode;
+    s->failed = I->failed;
+    s->begun = I->begun;
+    s->slopes = I->slopes;
+    s->time = I->time;
+    s->step = I->step;
+    memcpy(s->values, I->values, sizeof s->values);
+    memcpy(s->derivatives, I->derivatives, sizeof s->derivatives);
+    model_save(&I->model, s->numbers);
+}
+
+/* What keeps a saved state from being restored, or NULL. */
+static const char *flaw(const Saved *s) {
+    const double *d = s->derivatives[0];
+    int k, bad = !isfinite(s->time) || !isfinite(s->step) || s->step <= 0.0;
+    if (s->magic != MAGIC || strcmp(s->guid, MODEL_GUID) != 0) {
+        return "it was not saved by " MODEL_NAME " " MODEL_GUID " on a platform like this";
+    }
+    if (s->mode < INSTANTIATED || s->mode > TERMINATED) {
+        return "it does not fit";
+    }
+    for (k = 0; k < N_VARIABLES; k++) {
+        bad = bad || !isfinite(s->values[k]);
+    }
+    for (k = 0; k < (N_INPUTS + 1) * ORDERS; k++) {
+        bad = bad || !isfinite(d[k]);
+    }
+    for (k = 0; k < N_NUMBERS; k++) {
+        bad = bad || !isfinite(s->numbers[k]);
+    }
+    return bad ? "it holds values that are no numbers" : NULL;
+}
+
+/* Everything is checked before anything is changed, so that a damaged state changes nothing. */
+static fmi2Status restore(Instance *I, const Saved *s) {
+    int fault = PY_NO_FAULT;
+    const char *reason = flaw(s);
+    if (reason) {
+        return refuse(I, "the state cannot be restored: %s", reason);
+    }
+    if (s->mode > INSTANTIATED && load_tables(I) != fmi2OK) {
+        return fmi2Error;
+    }
+    I->mode = s->mode;
+    I->failed = s->failed != 0;
+    I->begun = s->begun != 0;
+    I->slopes = s->slopes != 0;
+    I->time = s->time;
+    I->step = s->step;
+    memcpy(I->values, s->values, sizeof s->values);
+    memcpy(I->derivatives, s->derivatives, sizeof s->derivatives);
+    model_load(&I->model, s->numbers);
+    model_link(&I->model);
+    model_parameters(&I->model, I->values + N_INPUTS + N_OUTPUTS);
+    if (I->mode >= RUNNING) {
+        model_coefficients(&I->model, I->step, &fault);
+    }
+    return fault ? refuse_fault(I, "the state cannot be restored: its step size", fault) : fmi2OK;
+}
+
+#endif

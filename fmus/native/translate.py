@@ -1,0 +1,108 @@
+"""Translate the composed text of a block to C99.
+
+The text is plain Python over `math` and named tuples (`fmus/compose.py`). Each function becomes one static C function for
+the kinds of arguments it is called with; named tuples become structs handed on by address; what may raise an exception in
+Python sets a fault instead (`c/semantics.h`). Every arithmetic operation stays, in its order, so that the numbers are the
+same (tests/native/test_native_twin.py). What cannot be translated is refused with the name of the function and its line.
+"""
+
+import ast
+from collections.abc import Sequence
+
+from cosim.errors import ModelError
+from fmus.compose import Composed
+from fmus.contract import Buffer
+from fmus.native.expressions import RefusedError
+from fmus.native.function import Function
+from fmus.native.kinds import ARRAY, ARRAYS, REAL, Kind, Struct, c_name
+
+LAYOUTS = ("Input", "Output", "State", "Memory", "Parameters", "Coefficients")
+
+
+class Program:
+    """The C text of one composed block.
+
+    Attributes:
+        prefix: begins the names of its types and functions, so that several blocks can share a file.
+        layouts: the named tuples as structs.
+        entries: the functions that the outside calls, by name: start, begin, coefficients, advance, output.
+    """
+
+    def __init__(self, composed: Composed, prefix: str) -> None:
+        """Translate a block.
+
+        Raises:
+            ModelError: an equation of the block or of one of its effects has no translation.
+        """
+        self.composed, self.prefix = composed, prefix
+        tree = ast.parse(composed.source)
+        self.nodes = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+        self.layouts = {name: self.layout(name) for name in LAYOUTS}
+        self.plain: dict[tuple[Kind, ...], Struct] = {}
+        self.done: dict[tuple[str, tuple[Kind, ...]], Function] = {}
+        self.open: list[str] = []
+        u, _, x, m, p, c = (self.layouts[name] for name in LAYOUTS)
+        self.entries = {
+            "start": self.translated("start", (u, p)),
+            "begin": self.translated("begin", (x, u, p, ARRAYS)),
+            "coefficients": self.translated("coefficients", (p, REAL)),
+            "advance": self.translated("advance", (x, m, u, p, c)),
+            "output": self.translated("output", (x, u, m, p)),
+        }
+
+    def layout(self, name: str) -> Struct:
+        """A named tuple as a struct: numbers, but for the lists that are remembered."""
+        lists = (
+            {n for n, item in self.composed.memory.items() if isinstance(item, Buffer)}
+            if name == "Memory"
+            else set()
+        )
+        fields = getattr(self.composed.module, name)._fields
+        return Struct(f"{self.prefix}{name}", name, tuple((f, ARRAY if f in lists else REAL) for f in fields))
+
+    def tuples(self, kinds: tuple[Kind, ...]) -> Struct:
+        """The struct of a plain tuple."""
+        if kinds not in self.plain:
+            fields = tuple((f"e{k}", kind) for k, kind in enumerate(kinds))
+            name = f"{self.prefix}tuple{len(self.plain) + 1}"
+            self.plain[kinds] = Struct(name, f"a tuple of {len(kinds)}", fields)
+        return self.plain[kinds]
+
+    def translated(self, name: str, kinds: Sequence[Kind]) -> Function:
+        """A function of the text for arguments of these kinds.
+
+        Raises:
+            ModelError: it has no translation.
+        """
+        key = name, tuple(kinds)
+        if key in self.done:
+            return self.done[key]
+        effects = ", ".join(e.name for e in self.composed.effects)
+        where = f"block '{self.composed.block.name}' with {effects or 'no effects'}"
+        if name not in self.nodes:
+            raise RefusedError(f"there is no function '{name}'")
+        if name in self.open:
+            raise ModelError(f"{where} cannot be translated to C: {name} calls itself")
+        self.open.append(name)
+        same = sum(1 for other, _ in self.done if other == name)
+        c = f"{self.prefix}{c_name(name)}{f'_{same + 1}' if same else ''}"
+        try:
+            found = Function(self.nodes[name], kinds, c, self.layouts, self.tuples, self.translated)
+        except RefusedError as error:
+            raise ModelError(f"{where} cannot be translated to C: function {name}: {error}") from None
+        self.open.pop()
+        self.done[key] = found
+        return found
+
+    def call(self, name: str, result: str, *arguments: str) -> str:
+        """A statement that calls an entry: addresses of structs and other arguments, all that Python gives it."""
+        entry = self.entries[name]
+        texts = [a for k, a in enumerate(arguments) if not entry.leaves_out(k)]
+        return f"{result} = {entry.name}({', '.join([*texts, *(['py_fault'] if entry.fails else [])])});"
+
+    def text(self) -> str:
+        """Structs, then functions, each before its callers."""
+        title = ast.get_docstring(ast.parse(self.composed.source)) or self.composed.block.title
+        comment = f"/* {title.replace('*/', '* /')} */"
+        structs = [s.definition() for s in (*self.layouts.values(), *self.plain.values())]
+        return "\n\n".join([comment, *structs, *(f.text() for f in self.done.values())]) + "\n"
