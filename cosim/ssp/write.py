@@ -7,7 +7,7 @@ component whose values differ from its block's declarations has an FMU file of i
 import io
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
@@ -41,6 +41,8 @@ OUTPUTS = {
     "slew_rate_estimate": "observer",
 }
 Values = Mapping[str, Mapping[str, float]]
+# makes the FMU of a component, as `fmu_bytes` does
+FmuMaker = Callable[[str, tuple[tuple[str, float], ...], bytes | None], bytes]
 
 
 def write_ssp(
@@ -50,6 +52,7 @@ def write_ssp(
     stimulus: bytes | None = None,
     values: Values | None = None,
     open: bool = False,
+    make: FmuMaker | None = None,
 ) -> Path:
     """Write a package from a wiring file and the .ssv files it binds.
 
@@ -60,6 +63,7 @@ def write_ssp(
         values: what differs from the .ssv files: component -> parameter -> value in the parameter's SI unit. Parameters
             of effects are among them.
         open: leave the stimulus out; the system then has an input ``u`` and the signals of a log as outputs.
+        make: makes the FMUs; by default `fmu_bytes`, which makes those of pythonfmu.
 
     Returns:
         `destination`.
@@ -86,7 +90,8 @@ def write_ssp(
             raise UsageError(f"{ssd_path.name} has no component '{name}'; {registry.suggestion(name, known)}")
     entries: dict[str, bytes] = {}
     for component in components:
-        add_component(entries, component, ssd_path, wanted.get(component.get("name", ""), {}), stimulus)
+        own = wanted.get(component.get("name", ""), {})
+        add_component(entries, component, ssd_path, own, stimulus, make or fmu_bytes)
     entries["SystemStructure.ssd"] = xml_bytes(document)
     return write_archive(entries, destination)
 
@@ -97,6 +102,7 @@ def add_component(
     ssd_path: Path,
     values: Mapping[str, float],
     stimulus: bytes | None,
+    make: FmuMaker,
 ) -> None:
     """Put a component's FMU and .ssv into `entries`, and bind that .ssv in the component's element."""
     name, source = component.get("name", ""), component.get("source", "")
@@ -113,7 +119,7 @@ def add_component(
     starts = checked_starts(composed, read_values(ssd_path.parent / binding.get("source", "")) | dict(values))
     binding.set("source", f"resources/{name}.ssv")
     entries[f"resources/{name}.ssv"] = values_xml(composed.parameters, starts)
-    fmu = fmu_bytes(stem, changed(composed, starts), stimulus if stem == STIMULUS else None)
+    fmu = make(stem, changed(composed, starts), stimulus if stem == STIMULUS else None)
     if entries.setdefault(source, fmu) != fmu:
         raise ModelError(
             f"{ssd_path.name}: two components with different values run '{source}'; give each a file of its own"
