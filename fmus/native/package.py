@@ -1,0 +1,163 @@
+"""Packages (.ssp) and FMUs of native FMUs: made from the wiring, or from a package of Python FMUs by swapping its FMUs."""
+
+import io
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+
+from lxml import etree
+
+from cosim.errors import ModelError, UsageError
+from cosim.ssp.archive import open_archive, read_entry
+from cosim.ssp.write import NAMESPACES, Values, changed, values_xml, write_archive, write_ssp
+from cosim.ssp.xml import parse
+from fmus import registry
+from fmus.build import checked_starts, composed_block
+from fmus.compose import Composed
+from fmus.native.build import TOOL, build_native
+
+PYTHON_TOOL = "slew-cosim with pythonfmu"
+
+
+@lru_cache(maxsize=64)
+def native_bytes(
+    stem: str, starts: tuple[tuple[str, float], ...] = (), stimulus: bytes | None = None
+) -> bytes:
+    """The native FMU of a component, as `cosim.ssp.write.fmu_bytes` makes that of pythonfmu.
+
+    Args:
+        stem: file name without suffix: a block's name, or a component's that runs another block's FMU.
+        starts: start values that differ from the declarations, SI.
+        stimulus: CSV that a stimulus plays.
+    """
+    resources = {"stimulus.csv": stimulus} if stimulus is not None else None
+    composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
+    with tempfile.TemporaryDirectory(prefix="native_") as scratch:
+        return build_native(composed, Path(scratch, f"{stem}.fmu"), dict(starts), resources).read_bytes()
+
+
+def write_native_ssp(
+    ssd_path: Path,
+    destination: Path,
+    *,
+    stimulus: bytes | None = None,
+    values: Values | None = None,
+    open: bool = False,
+) -> Path:
+    """Write a package of native FMUs; arguments, result and errors are those of `cosim.ssp.write.write_ssp`.
+
+    Raises:
+        MissingCompilerError: there is no C compiler.
+    """
+    return write_ssp(ssd_path, destination, stimulus=stimulus, values=values, open=open, make=native_bytes)
+
+
+def swapped(source: Path, destination: Path, values: Values | None = None) -> Path:
+    """Write a package (or FMU) with a native twin in place of each of our Python FMUs; all else stays.
+
+    An extended package that `cosim diagnose` wrote is one of these: every effect is in the FMUs already, so that it is a
+    matter of values.
+
+    Args:
+        source: an .ssp or .fmu file.
+        destination: the file to write.
+        values: what differs from the package: component -> parameter -> value, SI; not for an .fmu.
+
+    Returns:
+        `destination`.
+
+    Raises:
+        ModelError: the file is bad, or an FMU in it is not ours or has effects that are not installed here.
+        UsageError: a value's component or parameter does not exist, or it is out of range.
+        MissingCompilerError: there is no C compiler.
+    """
+    if source.suffix.lower() == ".fmu":
+        destination.parent.mkdir(parents=True, exist_ok=True)
+        destination.write_bytes(twin(source.read_bytes(), source.stem, source.name, {}))
+        return destination
+    with open_archive(source, str(source)) as archive:
+        entries = {
+            name: read_entry(archive, name, str(source)) for name in archive.namelist() if name[-1:] != "/"
+        }
+    if "SystemStructure.ssd" not in entries:
+        raise ModelError(f"{source} has no SystemStructure.ssd")
+    root = parse(entries["SystemStructure.ssd"], f"{source}: SystemStructure.ssd")
+    components = root.findall(".//ssd:Component", NAMESPACES)
+    known = [c.get("name", "") for c in components]
+    for name in values or {}:
+        if name not in known:
+            raise UsageError(f"{source.name} has no component '{name}'; {registry.suggestion(name, known)}")
+    for component in components:
+        swap_component(entries, component, source.name, (values or {}).get(component.get("name", ""), {}))
+    return write_archive(entries, destination)
+
+
+def swap_component(
+    entries: dict[str, bytes], component: etree._Element, package: str, values: Mapping[str, float]
+) -> None:
+    """Put the twin of a component's FMU into `entries`, and `values` into its parameter binding too."""
+    name, file = component.get("name", ""), component.get("source", "")
+    if file not in entries:
+        raise ModelError(f"{package}: the FMU '{file}' of component '{name}' is missing")
+    stem = PurePosixPath(file).stem
+    entries[file] = twin(entries[file], stem, f"{package}: {file}", values)
+    binding = component.find("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES)
+    if not values or binding is None:
+        return
+    bound = binding.get("source", "")
+    composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
+    given = dict(values)
+    if bound in entries:
+        for node in parse(entries[bound], f"{package}: {bound}").findall(
+            "ssv:Parameters/ssv:Parameter", NAMESPACES
+        ):
+            given.setdefault(node.get("name", ""), float(node[0].get("value", "")))
+    entries[bound] = values_xml(composed.parameters, given)
+
+
+def twin(fmu: bytes, stem: str, where: str, values: Mapping[str, float]) -> bytes:
+    """The native twin of one of our FMUs: same variables, same start values but for `values`, same resources.
+
+    Args:
+        fmu: the archive.
+        stem: name of its file without suffix, which tells a component with effects of its own.
+        where: what to call it in messages.
+        values: start values that differ, by parameter.
+    """
+    with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
+        root = etree.fromstring(archive.read("modelDescription.xml"))
+        played = (
+            archive.read("resources/stimulus.csv") if "resources/stimulus.csv" in archive.namelist() else None
+        )
+    tool, block = root.get("generationTool", ""), root.get("modelName", "")
+    if tool == TOOL and not values:
+        return fmu
+    if tool not in (TOOL, PYTHON_TOOL) or block not in registry.BLOCKS:
+        raise ModelError(
+            f"{where} is no FMU of this project ('{block}' by {tool or 'an unknown tool'}): it has no native twin"
+        )
+    stem = stem if registry.FMU_OF_COMPONENT.get(stem, stem) == block else block
+    composed = composed_block(block, stem)
+    starts = described_starts(root, composed, where) | dict(values)
+    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played)
+
+
+def described_starts(root: etree._Element, composed: Composed, where: str) -> dict[str, float]:
+    """Start values of the parameters in a model description.
+
+    Raises:
+        ModelError: they are not the parameters that the block has here.
+    """
+    found = {}
+    for node in root.findall("ModelVariables/ScalarVariable"):
+        if node.get("causality") == "parameter":
+            found[node.get("name", "")] = float(node[0].get("start", "nan"))
+    if list(found) != list(composed.parameters):
+        odd = sorted(set(found) ^ set(composed.parameters)) or ["their order"]
+        raise ModelError(
+            f"{where} was made with other effects than those installed here ({', '.join(odd)}): "
+            "install the package that provides them, or build the model again"
+        )
+    return found
