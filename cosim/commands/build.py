@@ -25,11 +25,18 @@ def build(
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping file (TOML) for a log whose columns have other names.")
     ] = None,
+    native: Annotated[
+        bool,
+        typer.Option(
+            "--native", help="Build FMUs that need no Python, into the folder native; needs a C compiler."
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Build the FMU of each block and the packages of the systems, closed and open.
 
-    A closed package plays a command of 20 s (two periods of a sine, then steps) unless --with-stimulus names a log.
+    A closed package plays a command of 20 s (two periods of a sine, then steps) unless --with-stimulus names a log. With
+    --native the same equations are translated to C, and each system is built as one FMU too.
     """
     from cosim.paths import build_folder
     from cosim.ssp.build import build_everything
@@ -43,6 +50,8 @@ def build(
         size = file.stat().st_size / 1024
         messages.print(f"  {file.relative_to(folder)}  {size:.0f} KiB", markup=False, soft_wrap=True)
 
+    if native:
+        from fmus.native.everything import build_everything_native as build_everything
     files = build_everything(folder, stimulus, report)
     seconds = time.perf_counter() - began
     number = sum(map(len, files.values()))

@@ -1,5 +1,6 @@
 """``cosim simulate``: run a system or FMU."""
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,6 +9,8 @@ import typer
 from cosim import console
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from cosim.master import Runner
     from cosim.results import Result
 
@@ -43,6 +46,9 @@ Si = Annotated[bool, typer.Option("--si", help="Write SI units instead of those 
 PartialStep = Annotated[
     bool, typer.Option("--partial-step", help="Let the last step be shorter, to end at the stop time.")
 ]
+Native = Annotated[
+    bool, typer.Option("--native", help="Run C twins of our FMUs, many times as fast; needs a C compiler.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
@@ -64,6 +70,7 @@ def simulate(
     out: Out = None,
     si: Si = False,
     partial_step: PartialStep = False,
+    native: Native = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a system of FMUs: components in wiring order, each step with the values its sources just computed."""
@@ -76,7 +83,10 @@ def simulate(
         check_suffix(out)
     if mapping is not None and played is None:
         raise UsageError("--mapping says how to read a log, so it needs --input")
-    with Runner(model_path(model, with_input=played is not None)) as runner:
+    with (
+        native_or_not(model_path(model, with_input=played is not None), native) as path,
+        Runner(path) as runner,
+    ):
         system = runner.system
         step = seconds(step_size, "--step-size") if step_size else system.step_size or DEFAULT_STEP
         options: dict[str, Any] = {
@@ -95,6 +105,20 @@ def simulate(
     if out is not None:
         result.write(out, display=not si)
     _show(result, out, si, as_json)
+
+
+@contextmanager
+def native_or_not(path: Path, native: bool) -> "Iterator[Path]":
+    """The model file itself, or a copy of it with native FMUs, which is deleted afterwards."""
+    if not native:
+        yield path
+        return
+    from cosim.ssp.archive import scratch_folder
+    from fmus.native.package import swapped
+
+    folder, _ = scratch_folder()
+    with folder:
+        yield swapped(path, Path(folder.name, path.name))
 
 
 def _run(runner: "Runner", stop: float, step: float, estimate: bool, options: dict[str, Any]) -> "Result":

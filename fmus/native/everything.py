@@ -1,0 +1,68 @@
+"""Build all native FMUs and packages: the twins of `cosim.ssp.build.build_everything`, and each chain as one FMU."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+from cosim.errors import UsageError
+from cosim.paths import ssp_folder
+from cosim.ssp.build import SYSTEMS, write_file
+from cosim.ssp.write import STIMULUS
+from fmus.native.build import compiler, write_fmu
+from fmus.native.container import container
+from fmus.native.package import native_bytes, write_native_ssp
+from fmus.registry import BLOCKS
+
+Report = Callable[[Path], None]
+
+
+def build_everything_native(
+    out: Path, stimulus: bytes, report: Report = lambda file: None
+) -> dict[str, list[Path]]:
+    """Build into the folder ``native`` of `out`: ``fmus`` with every block and every chain, ``ssp`` with every package.
+
+    Args:
+        out: the folder that the Python FMUs are built into; files of the same names are replaced.
+        stimulus: CSV that the stimulus plays (`cosim.ssp.stimulus.stimulus_csv`).
+        report: called with each file once it is there.
+
+    Returns:
+        The files by folder name.
+
+    Raises:
+        MissingCompilerError: there is no C compiler.
+        DataError: the stimulus is bad.
+        UsageError: the folder cannot be made.
+        ModelError: the wiring is bad, an equation has no translation, or the compiler failed.
+    """
+    compiler()
+    top = out / "native"
+    found: dict[str, list[Path]] = {"fmus": [], "ssp": []}
+    try:
+        for name in found:
+            (top / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot build into '{top}' ({error.strerror}); name another folder") from None
+
+    def done(kind: str, file: Path) -> None:
+        found[kind].append(file)
+        report(file)
+
+    # the compiler is a process of its own, so threads are enough to keep all cores busy
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        blocks: dict[str, Future[bytes]] = {
+            name: pool.submit(native_bytes, name, (), stimulus if name == STIMULUS else None)
+            for name in BLOCKS
+        }
+        chains = [container(ssp_folder() / f"{name}.ssd") for name in SYSTEMS]
+        made = [pool.submit(write_fmu, model, top / "fmus" / f"{model.name}.fmu") for model in chains]
+        for name, fmu in blocks.items():
+            done("fmus", write_file(top / "fmus" / f"{name}.fmu", fmu))
+        for chain in made:
+            done("fmus", chain.result())
+    for name in SYSTEMS:
+        wiring = ssp_folder() / f"{name}.ssd"
+        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}.ssp", stimulus=stimulus))
+        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}_open.ssp", open=True))
+    return found
