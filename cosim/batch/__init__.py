@@ -1,0 +1,4 @@
+"""Many runs: sweeps, Monte Carlo, many logs and models, folders of diagnoses; on this machine or a Dask cluster.
+
+docs/batch.md explains the command, `cosim.batch.conduct.conduct` does what it does.
+"""

@@ -1,0 +1,293 @@
+"""The folder of a batch, written so that a batch killed at any moment can go on where it stopped.
+
+batch.json      what was asked for, and the digest by which a resumed batch knows that it is the same
+journal.jsonl   one line a finished run, appended once its signals are on disk
+signals.zarr    signals, run x time, for xarray; NaN where a run has not finished or failed
+runs.parquet    one row a run, written at the end
+summary.png     the picture
+"""
+
+import json
+import shutil
+import time as clock
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import zarr
+from numpy.typing import NDArray
+
+from cosim.batch.job import Outcome, Signal
+from cosim.console import to_jsonable
+from cosim.errors import DataError, UsageError
+
+Array = NDArray[np.float64]
+
+INTERVAL = 1.0  # s of finished work that a kill may cost at most, besides the runs in hand
+HELD_BACK = 64 * 2**20  # bytes of signals held in memory at most
+CHUNK = (64, 1024)  # runs and points of time in one file of the cube
+FILES = {
+    "plan": "batch.json",
+    "journal": "journal.jsonl",
+    "signals": "signals.zarr",
+    "runs": "runs.parquet",
+    "picture": "summary.png",
+}
+
+
+class Store:
+    """The folder of one batch.
+
+    Attributes:
+        folder: where it is.
+        rows: what is known of each finished run, by number.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.rows: dict[int, dict[str, Any]] = {}
+        self._waiting: list[Outcome] = []
+        self._bytes = 0
+        self._flushed = clock.monotonic()
+        self._arrays: dict[str, Any] = {}
+
+    def path(self, what: str) -> Path:
+        """A file of the folder, by its key in FILES."""
+        return self.folder / FILES[what]
+
+    # Beginning, or going on
+
+    def begin(self, about: Mapping[str, Any], coordinates: "Coordinates", fresh: bool) -> int:
+        """Make the folder, or take up the batch that lies in it.
+
+        Args:
+            about: what goes into batch.json; its ``identity`` says whether it is the same batch.
+            coordinates: of the runs.
+            fresh: throw away what lies there.
+
+        Returns:
+            How many runs are done already.
+
+        Raises:
+            UsageError: another batch lies there, or something that is no batch, or it cannot be written.
+            DataError: what lies there is damaged.
+        """
+        try:
+            if fresh and self.path("plan").is_file():
+                self._clear()
+            if self.path("plan").is_file():
+                self._take_up(about)
+                return len(self.rows)
+            if self.folder.is_dir() and any(self.folder.iterdir()):
+                raise UsageError(
+                    f"'{self.folder}' is not empty and holds no batch: name another folder with --out"
+                )
+            self.folder.mkdir(parents=True, exist_ok=True)
+            coordinates.write(self.path("signals"))
+            # last: from here on there is a batch to take up
+            part = self.path("plan").with_suffix(".part")
+            part.write_text(json.dumps(to_jsonable(about), indent=2, ensure_ascii=False), encoding="utf-8")
+            part.replace(self.path("plan"))
+        except OSError as error:
+            raise UsageError(
+                f"cannot write into '{self.folder}' ({error.strerror or error}); name another folder with --out"
+            ) from None
+        return 0
+
+    def _clear(self) -> None:
+        for name in FILES.values():
+            path = self.folder / name
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
+
+    def _take_up(self, about: Mapping[str, Any]) -> None:
+        try:
+            known = json.loads(self.path("plan").read_text(encoding="utf-8"))["identity"]
+        except (ValueError, KeyError, TypeError):
+            raise DataError(f"{self.path('plan')} is damaged: begin anew with --fresh") from None
+        if known != about["identity"]:
+            raise UsageError(
+                f"'{self.folder}' holds another batch (other parameters, models, logs or versions of them): name another "
+                "folder with --out, or throw it away with --fresh"
+            )
+        journal = self.path("journal")
+        if not journal.is_file():
+            return
+        text = journal.read_bytes()
+        whole = text[: text.rfind(b"\n") + 1]  # a line that a kill cut short is not done
+        for number, line in enumerate(whole.splitlines(), 1):
+            try:
+                row = json.loads(line)
+                self.rows[int(row["run"])] = row
+            except (ValueError, KeyError, TypeError):
+                raise DataError(f"{journal}, line {number} is damaged: begin anew with --fresh") from None
+        if len(whole) < len(text):
+            journal.write_bytes(whole)
+
+    def forget_failed(self) -> int:
+        """Take failed runs for not done; returns how many."""
+        failed = [number for number, row in self.rows.items() if row["status"] == "failed"]
+        for number in failed:
+            del self.rows[number]
+        return len(failed)
+
+    # While it runs
+
+    def add(self, outcomes: Iterable[Outcome]) -> None:
+        """Take in finished runs; they are on disk after `flush`, which is called now and then."""
+        for outcome in outcomes:
+            self._waiting.append(outcome)
+            self._bytes += sum(signal.values.nbytes for signal in outcome.signals.values())
+        if self._bytes > HELD_BACK:
+            self.flush()
+
+    def tick(self) -> None:
+        """Flush if it is time."""
+        if clock.monotonic() - self._flushed >= INTERVAL:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what waits: signals first, since a line of the journal says that they are there."""
+        if self._waiting:
+            self._write_signals(self._waiting)
+            lines = []
+            for outcome in self._waiting:
+                row = {
+                    "run": outcome.number,
+                    "status": outcome.status,
+                    "reason": outcome.reason,
+                    "seconds": outcome.seconds,
+                    "worker": outcome.worker,
+                    "scores": outcome.scores,
+                    "notes": outcome.notes,
+                }
+                lines.append(json.dumps(to_jsonable(row), ensure_ascii=False) + "\n")
+                self.rows[outcome.number] = json.loads(lines[-1])
+            with self.path("journal").open("a", encoding="utf-8", newline="\n") as stream:
+                stream.write("".join(lines))
+        self._waiting, self._bytes, self._flushed = [], 0, clock.monotonic()
+
+    def _write_signals(self, outcomes: Sequence[Outcome]) -> None:
+        """One write a signal and length: runs that lie in one chunk cost one file."""
+        groups: dict[tuple[str, int], list[tuple[int, Signal]]] = {}
+        for outcome in outcomes:
+            for name, signal in outcome.signals.items():
+                groups.setdefault((name, signal.values.size), []).append((outcome.number, signal))
+        for (name, size), found in groups.items():
+            array = self._array(name, found[0][1], size)
+            order = sorted(found, key=lambda item: item[0])
+            rows = np.array([number for number, _ in order])
+            array.oindex[rows, slice(0, size)] = np.stack([signal.values for _, signal in order])
+
+    def _array(self, name: str, signal: Signal, size: int) -> Any:
+        if name not in self._arrays:
+            group = self._group()
+            if name in group:
+                self._arrays[name] = group[name]
+            else:
+                unit, factor, offset = signal.display
+                group.attrs["signals"] = [*group.attrs.get("signals", []), name]  # in the order of the chain
+                shown: dict[str, Any] = {
+                    "display_unit": unit,
+                    "display_factor": factor,
+                    "display_offset": offset,
+                }
+                self._arrays[name] = group.create_array(
+                    name,
+                    shape=(group["run"].shape[0], size),
+                    chunks=CHUNK,
+                    dtype="float64",
+                    fill_value=np.nan,
+                    attributes={"_ARRAY_DIMENSIONS": ["run", "time"], "units": signal.unit, **shown},
+                )
+        array = self._arrays[name]
+        if array.shape[1] < size:
+            array.resize((array.shape[0], size))
+        return array
+
+    def _group(self) -> Any:
+        # the gathered metadata lag behind until the end
+        return zarr.open_group(self.path("signals"), mode="r+", zarr_format=2, use_consolidated=False)
+
+    # At the end
+
+    def finish(self, columns: Mapping[str, Sequence[object]]) -> pd.DataFrame:
+        """Write runs.parquet and complete the cube.
+
+        Args:
+            columns: what is known of every run beforehand, by heading; ``run`` among them.
+
+        Returns:
+            The table: those columns, status, reason, seconds, worker, then the scores.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet
+
+        frame = pd.DataFrame(columns)
+        known = [self.rows.get(int(number)) for number in frame["run"]]
+        blank: dict[str, Any] = {"status": "not done", "reason": "", "seconds": None, "worker": ""}
+        for key, value in blank.items():
+            frame[key] = [row[key] if row else value for row in known]
+        scores = pd.DataFrame([row["scores"] if row else {} for row in known], index=frame.index)
+        frame = pd.concat([frame, scores], axis=1)
+        table = pa.Table.from_pandas(frame, preserve_index=False)
+        part = self.path("runs").with_suffix(".part")
+        pyarrow.parquet.write_table(table, part)
+        part.replace(self.path("runs"))
+        self._complete_cube()
+        return frame
+
+    def _complete_cube(self) -> None:
+        """Bring all signals to one length, write the axis of time, and gather the metadata for quick opening."""
+        group = self._group()
+        signals = [array for _, array in group.arrays() if array.ndim == 2]
+        if not signals:
+            return
+        size = max(array.shape[1] for array in signals)
+        for array in signals:
+            if array.shape[1] < size:
+                array.resize((array.shape[0], size))
+        first, step = float(group.attrs["first_time"]), float(group.attrs["output_step"])
+        attributes = {"_ARRAY_DIMENSIONS": ["time"], "units": "s", "long_name": group.attrs["time_is"]}
+        time = group.create_array(
+            "time", shape=(size,), dtype="float64", fill_value=None, attributes=attributes, overwrite=True
+        )
+        time[:] = first + np.arange(size) * step
+        zarr.consolidate_metadata(self.path("signals"), zarr_format=2)
+
+
+class Coordinates:
+    """What the cube says of its axes before there is any signal.
+
+    Args:
+        columns: name -> (value of each run, unit): parameters, models, logs.
+        output_step: s.
+        first_time: s, of the first point.
+        time_is: what time means.
+    """
+
+    def __init__(
+        self,
+        columns: Mapping[str, tuple[Sequence[object], str]],
+        output_step: float,
+        first_time: float,
+        time_is: str,
+    ) -> None:
+        self.columns = columns
+        self.attributes = {"output_step": output_step, "first_time": first_time, "time_is": time_is}
+
+    def write(self, path: Path) -> None:
+        """Write a dataset of coordinates alone."""
+        import xarray as xr
+
+        found = {}
+        for name, (values, unit) in self.columns.items():
+            array = np.asarray(values)
+            array = array.astype("U") if array.dtype.kind not in "biuf" else array
+            found[name] = xr.Variable(("run",), array, {"units": unit} if unit else {})
+        dataset = xr.Dataset(coords=found, attrs={"label": "simulated", **self.attributes})
+        dataset.to_zarr(path, mode="w", zarr_format=2, consolidated=False)

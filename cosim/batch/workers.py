@@ -1,0 +1,227 @@
+"""Where runs are carried out: processes of this machine, or the workers of a Dask cluster.
+
+Both are executors of concurrent.futures. Of this machine's processes each is a pool of one, so a process that dies takes
+its own run and no other, and one that has grown is replaced between two runs.
+"""
+
+import multiprocessing
+import os
+import signal
+import threading
+import time as clock
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait
+from multiprocessing.process import BaseProcess
+from typing import Any, Protocol
+
+from cosim.batch.job import Job, Outcome, Run
+from cosim.batch.task import execute, hello
+from cosim.errors import MissingExtraError, SimulationError, UsageError
+
+Outcomes = list[Outcome]
+CONNECT = 10.0  # s until a scheduler must answer
+ARRIVE = 30.0  # s until it must have a worker
+
+
+class Crew(Protocol):
+    """Who carries out runs.
+
+    Attributes:
+        size: how many runs go on at a time.
+        capacity: how many may be handed over at a time.
+        lost: what a future raises if its process died.
+        certain: whether a process that dies had the run in hand that is blamed.
+        retired: how many processes were replaced.
+        tight: one was replaced after its first run, because that took all its memory.
+    """
+
+    size: int
+    capacity: int
+    lost: tuple[type[BaseException], ...]
+    certain: bool
+    retired: int
+    tight: bool
+
+    def submit(self, job: Job, runs: list[Run]) -> "Future[Outcomes]":
+        """Hand over runs; at most `capacity` futures may be open."""
+        ...
+
+    def settle(self, future: "Future[Outcomes]") -> str:
+        """Take note that a future is done; says how its process died, if it did."""
+        ...
+
+    def close(self) -> None:
+        """End everything at once."""
+        ...
+
+
+class _Lane:
+    """One process, with one run at a time; made when first needed."""
+
+    def __init__(self) -> None:
+        self.pool: ProcessPoolExecutor | None = None
+        self.process: BaseProcess | None = None
+        self.future: Future[Outcomes] | None = None
+        self.runs = 0
+
+    def submit(self, job: Job, runs: list[Run]) -> "Future[Outcomes]":
+        if self.pool is None:
+            before = set(multiprocessing.active_children())
+            # spawned, not forked: the parent has threads of its own
+            context = multiprocessing.get_context("spawn")
+            self.pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
+            self.future = self.pool.submit(execute, job, runs)
+            made = [child for child in multiprocessing.active_children() if child not in before]
+            self.process, self.runs = (made[0] if made else None), 0
+        else:
+            self.future = self.pool.submit(execute, job, runs)
+        self.runs += len(runs)
+        return self.future
+
+    def retire(self, at_once: bool = False) -> None:
+        """End the process, after its run or at once."""
+        if self.pool is not None:
+            self.pool.shutdown(wait=False, cancel_futures=True)
+            if at_once and self.process is not None and self.process.is_alive():
+                self.process.kill()
+        self.pool, self.process = None, None
+
+
+class Processes:
+    """Processes of this machine, each replaced after `most_runs` runs or before it outgrows `most_memory` bytes."""
+
+    lost: tuple[type[BaseException], ...] = (BrokenProcessPool,)
+    certain = True
+
+    def __init__(self, count: int, most_memory: float, most_runs: int | None = None) -> None:
+        self.size = self.capacity = count
+        self.most_memory, self.most_runs = most_memory, most_runs
+        self.retired, self.tight = 0, False
+        self._lanes = [_Lane() for _ in range(count)]
+        self._growth = 0.0
+        self._resident: dict[_Lane, int] = {}
+
+    def submit(self, job: Job, runs: list[Run]) -> "Future[Outcomes]":
+        """Hand runs to a process that has none."""
+        lane = next(lane for lane in self._lanes if lane.future is None)
+        return lane.submit(job, runs)
+
+    def settle(self, future: "Future[Outcomes]") -> str:
+        """Free the future's process for the next run, or replace it."""
+        lane = next(lane for lane in self._lanes if lane.future is future)
+        lane.future = None
+        if isinstance(future.exception(), BrokenProcessPool):
+            how = _how_it_ended(lane.process)
+            self._replace(lane)
+            return how
+        if future.exception() is None:
+            resident = max((outcome.resident for outcome in future.result()), default=0)
+            if lane in self._resident:  # the first run loads the FMUs; what later ones add counts
+                self._growth = max(self._growth, float(resident - self._resident[lane]))
+            elif resident > self.most_memory:
+                self.tight = True
+            self._resident[lane] = resident
+            full = self.most_runs is not None and lane.runs >= self.most_runs
+            if full or resident + self._growth > self.most_memory:
+                self._replace(lane)
+        return ""
+
+    def close(self) -> None:
+        """Kill all processes: what they had in hand is lost."""
+        for lane in self._lanes:
+            lane.retire(at_once=lane.future is not None)
+
+    def _replace(self, lane: _Lane) -> None:
+        lane.retire()
+        self._resident.pop(lane, None)
+        self.retired += 1
+
+
+def _begin() -> None:
+    """First thing in a process: Ctrl-C is the parent's to handle, and without the parent there is nothing to do."""
+    if hasattr(os, "setsid"):
+        os.setsid()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+
+        def follow() -> None:
+            wait([parent.sentinel])
+            os._exit(1)
+
+        threading.Thread(target=follow, daemon=True).start()
+
+
+def _how_it_ended(process: BaseProcess | None) -> str:
+    if process is None:
+        return "its process died"
+    process.join(5.0)
+    code = process.exitcode
+    if code is None or code >= 0:
+        return f"its process died (exit code {code})"
+    try:
+        return f"its process died ({signal.Signals(-code).name})"
+    except ValueError:
+        return f"its process died (signal {-code})"
+
+
+class Cluster:
+    """The workers of a Dask cluster that runs already."""
+
+    certain = False  # the scheduler blames every run that a dying worker had taken
+    retired, tight = 0, False  # the cluster looks after its workers itself
+
+    def __init__(self, address: str) -> None:
+        """Connect, and see that its workers can run us.
+
+        Raises:
+            MissingExtraError: dask.distributed is not installed.
+            UsageError: there is no scheduler.
+            SimulationError: it has no workers, or they lack this project or have another version.
+        """
+        try:
+            import distributed
+        except ImportError:
+            raise MissingExtraError("cosim batch --scheduler", "batch") from None
+        library: Any = distributed  # its functions have no types
+        try:
+            self._client = library.Client(address, timeout=CONNECT, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise UsageError(f"--scheduler {address}: no Dask scheduler answers there ({error})") from None
+        self.lost: tuple[type[BaseException], ...] = (library.KilledWorker,)
+        try:
+            self.size = self._workers(address)
+        except BaseException:
+            self._client.close()
+            raise
+        self.capacity = 2 * self.size  # so that none waits for the next run
+        self._executor: Executor = self._client.get_executor(pure=False)
+
+    def _workers(self, address: str) -> int:
+        until = clock.monotonic() + ARRIVE
+        while not self._client.scheduler_info(n_workers=-1)["workers"]:
+            if clock.monotonic() > until:
+                raise SimulationError(f"the scheduler at {address} has no workers: start some (dask worker)")
+            clock.sleep(0.2)
+        found: dict[str, Any] = self._client.run(hello, on_error="return")
+        for worker, version in found.items():
+            if version != hello():
+                raise SimulationError(
+                    f"worker {worker} cannot take part: {version if isinstance(version, Exception) else 'version'} "
+                    f"{'' if isinstance(version, Exception) else version}: install slew-cosim {hello()} there"
+                )
+        return len(found)
+
+    def submit(self, job: Job, runs: list[Run]) -> "Future[Outcomes]":
+        """Hand runs to the scheduler."""
+        return self._executor.submit(execute, job, runs)
+
+    def settle(self, future: "Future[Outcomes]") -> str:
+        """Nothing to do: the cluster looks after its workers."""
+        return "its worker died, more often than the scheduler allows" if future.exception() else ""
+
+    def close(self) -> None:
+        """Cancel what is open, and leave the cluster as it was."""
+        self._executor.shutdown(wait=False)
+        self._client.close()
