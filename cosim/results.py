@@ -82,7 +82,7 @@ class Result:
         Raises:
             UsageError: it was not recorded.
         """
-        key = self.aliases.get(name, name)
+        key = name if name in self.signals else self.aliases.get(name, name)
         if key not in self.signals:
             raise UsageError(f"'{name}' was not recorded{did_you_mean(name, [*self.signals, *self.aliases])}")
         return self.signals[key]
