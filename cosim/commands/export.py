@@ -1,0 +1,120 @@
+"""``cosim export-simulink`` and ``cosim export-modelica``: a system for tools that cannot read an SSP."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim import console
+
+if TYPE_CHECKING:
+    from cosim.export import ExportedModel
+
+Model = Annotated[
+    str, typer.Argument(help="simplified, full_order, physical, or an .ssp or .fmu file.", metavar="MODEL")
+]
+Out = Annotated[
+    Path, typer.Option("--out", "-o", help="Folder for the export, new or empty.", metavar="FOLDER")
+]
+Open = Annotated[
+    bool,
+    typer.Option("--open", help="Of a model by name, its open package: u and the log's signals are ports."),
+]
+ParameterSet = Annotated[
+    list[Path] | None,
+    typer.Option(help="An .ssv with names such as mechanical.J; repeatable.", metavar="FILE"),
+]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
+]
+StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' [default: the FMUs' own].")]
+StopTime = Annotated[str | None, typer.Option(help="Such as '20 s' [default: the system's, or 10 s].")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into a folder that holds files.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands ``export-simulink`` and ``export-modelica``."""
+    app.command("export-simulink")(export_simulink)
+    app.command("export-modelica")(export_modelica)
+
+
+def export_simulink(
+    model: Model,
+    out: Out,
+    open_package: Open = False,
+    parameter_set: ParameterSet = None,
+    settings: Settings = None,
+    step_size: StepSize = None,
+    stop_time: StopTime = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a MATLAB script that builds the system in Simulink from its FMUs.
+
+    Run in MATLAB, build_<model> makes <model>.slx with a block for each FMU, its parameters, wires and logged outputs.
+    """
+    from cosim.export import write_simulink
+
+    files = _export(
+        write_simulink, model, out, open_package, parameter_set, settings, step_size, stop_time, overwrite
+    )
+    _tell(files, f"in MATLAB: cd('{out.absolute()}'); {files[0].stem}", as_json)
+
+
+def export_modelica(
+    model: Model,
+    out: Out,
+    open_package: Open = False,
+    parameter_set: ParameterSet = None,
+    settings: Settings = None,
+    step_size: StepSize = None,
+    stop_time: StopTime = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a Modelica package that runs the system's FMUs, and a script for OpenModelica.
+
+    The package has a model for each FMU and the system with its connections and parameters; a tool needs a C compiler.
+    """
+    from cosim.export import write_modelica
+
+    files = _export(
+        write_modelica, model, out, open_package, parameter_set, settings, step_size, stop_time, overwrite
+    )
+    _tell(files, f"in OpenModelica: cd {out.absolute()} && omc simulate.mos", as_json)
+
+
+def _export(
+    write: "Callable[[ExportedModel, Path, bool], list[Path]]",
+    model: str,
+    out: Path,
+    open_package: bool,
+    parameter_set: list[Path] | None,
+    settings: list[str] | None,
+    step_size: str | None,
+    stop_time: str | None,
+    overwrite: bool,
+) -> list[Path]:
+    from cosim.export import prepare
+    from cosim.request import model_path, parameters, seconds
+    from cosim.ssp.read import read_system
+
+    step = seconds(step_size, "--step-size") if step_size else None
+    stop = seconds(stop_time, "--stop-time") if stop_time else None
+    with read_system(model_path(model, with_input=open_package)) as system:
+        values = parameters(system, parameter_set or [], settings or [])
+        prepared = prepare(system, values, step, stop)
+        for note in system.notes:
+            console.warn(note)
+        return write(prepared, out, overwrite)
+
+
+def _tell(files: list[Path], how: str, as_json: bool) -> None:
+    if as_json:
+        console.emit_json({"files": files, "run": how})
+        return
+    output = console.stdout_console()
+    output.print(f"{len(files)} files written, the first {files[0]}", markup=False, soft_wrap=True)
+    output.print(how, markup=False, soft_wrap=True)

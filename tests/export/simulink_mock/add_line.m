@@ -1,0 +1,1 @@
+function add_line(varargin), mock_simulink('add_line', varargin{:}); end

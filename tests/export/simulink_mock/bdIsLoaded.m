@@ -1,0 +1,1 @@
+function answer = bdIsLoaded(name), answer = mock_simulink('loaded', name); end

@@ -1,0 +1,1 @@
+function name = computer(), name = getenv('MOCK_COMPUTER'); end

@@ -1,0 +1,1 @@
+function save_system(varargin), mock_simulink('save_system', varargin{:}); end

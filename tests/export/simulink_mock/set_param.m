@@ -1,0 +1,1 @@
+function set_param(varargin), mock_simulink('set_param', varargin{:}); end
