@@ -28,8 +28,8 @@ ParameterSet = Annotated[
 Settings = Annotated[
     list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
 ]
-StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' [default: the FMUs' own].")]
-StopTime = Annotated[str | None, typer.Option(help="Such as '20 s' [default: the system's, or 10 s].")]
+StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms'; by default the FMUs' own.")]
+StopTime = Annotated[str | None, typer.Option(help="Such as '20 s'; by default the system's, or 10 s.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Write into a folder that holds files.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
