@@ -184,6 +184,7 @@ class Effect:
         remember: equation (x, x1, u, m, p, c) -> tuple of the new values of the Variables.
         when: "before" the block's step (x1 is x then) or "after" it.
         helpers: further equations that these call.
+        asked: the diagnosis considers it only where a mapping file asks for it.
     """
 
     name: str
@@ -200,6 +201,7 @@ class Effect:
     remember: Callable[..., Any] | None = None
     when: Literal["before", "after"] = "before"
     helpers: tuple[Callable[..., Any], ...] = ()
+    asked: bool = False
 
     @property
     def block(self) -> str:

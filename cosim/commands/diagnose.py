@@ -19,10 +19,16 @@ def diagnose(
     model: Annotated[
         str | None,
         typer.Option(
-            help="full_order, simplified or a package (.ssp) [default: the mapping's or full_order]."
+            help="full_order, simplified, a package (.ssp) or a wiring (.ssd) [default: the mapping's or full_order]."
         ),
     ] = None,
     mapping: Annotated[Path | None, typer.Option(help="TOML that names the columns.")] = None,
+    held_out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Another log of the same machine: gains are measured on it [default: a part of LOG]."
+        ),
+    ] = None,
     tolerance: Annotated[
         float, typer.Option(help="Trust in the nominal parameters: one standard deviation, relative.")
     ] = 0.01,
@@ -44,7 +50,10 @@ def diagnose(
     tracker = load_tracker(external) if external is not None else None
     for warning in loaded.warnings:
         warn(warning)
-    result = diagnose_into(out, loaded, tracker, model, tolerance, calibrate)
+    other = load_log(held_out, mapping) if held_out is not None else None
+    for warning in other.warnings if other is not None else ():
+        warn(f"{held_out}: {warning}")
+    result = diagnose_into(out, loaded, tracker, model, tolerance, calibrate, mapping, other)
     if as_json:
         emit_json(result.model_dump())
     else:

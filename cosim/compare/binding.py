@@ -114,7 +114,7 @@ def _bound(system: System, signal: str, unit: str | None, text: str, factor: str
     """A signal's binding to a connector or ``component.variable``."""
     if text in system.inputs:
         item = system.inputs[text]
-        gain = _gain(signal, unit or item.unit, item.unit, factor)
+        gain = gain_between(signal, unit or item.unit, item.unit, factor)
         return Binding(signal, unit or item.unit, None, (), item.targets, gain, True)
     if text not in system.outputs and not _exists(system, text):
         known = [f"{c.name}.{name}" for c in system.components.values() for name in c.fmu.variables]
@@ -123,7 +123,7 @@ def _bound(system: System, signal: str, unit: str | None, text: str, factor: str
     component, _, variable = text.partition(".")
     port = system.outputs[text] if text in system.outputs else Port(component, variable)
     declared = system.variable(port)
-    gain = _gain(signal, unit or declared.unit, declared.unit, factor)
+    gain = gain_between(signal, unit or declared.unit, declared.unit, factor)
     if declared.causality == "input":
         return _into(system, signal, unit or declared.unit, port, gain)
     if declared.causality != "output" or declared.kind != "Real":
@@ -149,7 +149,7 @@ def _into(system: System, signal: str, unit: str, port: Port, gain: float) -> Bi
     return Binding(signal, unit, wire.source, ((wire.source, 1.0),), wires, gain / wire.factor, False)
 
 
-def _gain(signal: str, unit: str, target: str, factor: str | None) -> float:
+def gain_between(signal: str, unit: str, target: str, factor: str | None) -> float:
     """The variable's number per number of the signal."""
     if factor is not None:
         ratio = f"({target or '1'})/({unit or '1'})"

@@ -3,10 +3,13 @@
 import platform
 from importlib.metadata import version
 
+import numpy as np
+
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.experiment import Proposal
-from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.heldout import Refused
 from cosim.diagnosis.isolability import isolability
+from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.naming import declared
 from cosim.diagnosis.schema import (
     Answer,
@@ -15,32 +18,31 @@ from cosim.diagnosis.schema import (
     NextExperiment,
     Packages,
     Parameter,
+    RefusedCause,
     Rival,
     Separable,
+    ShownSignal,
     Signal,
     SignalGain,
     Unexplained,
+    Words,
 )
 from cosim.diagnosis.story import Diagnosis
 from cosim.diagnosis.verdict import Cause, names_of
 from cosim.logs import Log
 from cosim.packages import project_version
-from cosim.signals import SIGNALS
-from cosim.units import factor
 from fmus import registry
 
 
 def shown(signal: str) -> tuple[str, float]:
     """Display unit of a signal and the factor from SI to it."""
-    unit = SIGNALS[signal].unit if signal in SIGNALS else "1"
-    source = SIGNALS[signal].si if signal in SIGNALS else "1"
-    return unit, factor(source, unit)
+    return current().signal(signal)
 
 
 def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file: str = "") -> Answer:
     """The diagnosis in the contract's form."""
     measured = {*diagnosis.record.signals} | ({"slew_external"} if diagnosis.tracker else set())
-    apart = isolability(MODELS[diagnosis.model], measured)
+    apart = isolability(diagnosis.machine.groups, measured)
     return Answer(
         verdict=diagnosis.verdict,  # type: ignore[arg-type]
         synthetic=log.synthetic,
@@ -57,7 +59,10 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         isolability=[Separable(residual=list(where), effects=list(names)) for where, names in apart.classes],
         helpful_signals=apart.advice,
         nominal=nominal(diagnosis),
-        warnings=list(log.warnings),
+        warnings=list(log.warnings) + notes(diagnosis, log),
+        held_out=held_out(diagnosis),
+        refused=[turned_down(item) for item in diagnosis.refused],
+        words=words(diagnosis),
         made={
             "cosim": project_version(),
             "python": platform.python_version(),
@@ -66,6 +71,52 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
             "log_sha256": log.sha256,
         },
     )
+
+
+def notes(diagnosis: Diagnosis, log: Log) -> list[str]:
+    """What the user should know of how the log was taken."""
+    found = []
+    if log.time_unit != "s":
+        found.append(
+            f"the log counts samples and its sampling time is not known: one sample counts as {diagnosis.record.h:g} s, "
+            "and every time and rate here is on that scale"
+        )
+    grid = diagnosis.record.grid
+    if grid is not None:
+        spread = np.diff(grid.stamps)
+        found.append(
+            f"sampled every {1e3 * spread.min():.4g} to {1e3 * spread.max():.4g} ms: simulated in steps of "
+            f"{1e3 * grid.step:.4g} ms, the command held from stamp to stamp, and compared at the stamps themselves"
+        )
+    return found
+
+
+def held_out(diagnosis: Diagnosis) -> str:
+    """What the gains are measured on, in words."""
+    held = diagnosis.held
+    if held is None:
+        return "every third window of the log"
+    if held.first:
+        return f"the log from {held.record.time[held.first]:.4g} s on, which took no part in the fits"
+    return f"another log, {held.name}, which took no part in the fits"
+
+
+def turned_down(item: Refused) -> RefusedCause:
+    """A refused cause in display units."""
+    unit, scale = shown(item.signal)
+    without, with_it = item.without * scale, item.with_it * scale
+    why = (
+        f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but on held-out data the error of "
+        f"{item.signal} goes from {without:.4g} to {with_it:.4g} {unit} with it"
+    )
+    return RefusedCause(effect=item.effect.name, block=item.group, why=why)
+
+
+def words(diagnosis: Diagnosis) -> Words:
+    """Units and words of a machine that is not the crane, for whoever makes the report again."""
+    lexicon = diagnosis.machine.lexicon
+    shown_ = {n: ShownSignal(unit=s.unit, scale=s.scale, text=s.text) for n, s in lexicon.signals.items()}
+    return Words(signals=shown_, units=lexicon.units, blocks=lexicon.blocks)
 
 
 def signals(diagnosis: Diagnosis) -> dict[str, Signal]:
@@ -120,8 +171,7 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         value, deviation = cause.parameters[parameter]
         value = diagnosis.values.get(name, value)
         deviation = max(deviation, diagnosis.deviations.get(name, 0.0))
-        unit = variable.display or variable.unit
-        scale = factor(variable.unit, unit)
+        unit, scale = current().parameter(variable)
         bounds = (
             max(variable.low, value - 1.96 * deviation) * scale,
             min(variable.high, value + 1.96 * deviation) * scale,
@@ -150,12 +200,10 @@ def reason(behind: float, alike: bool) -> str:
 
 def packages(diagnosis: Diagnosis) -> Packages | None:
     """Paths of the extended package and its parameter set."""
-    if "closed" not in diagnosis.packages:
+    if not diagnosis.packages:
         return None
-    return Packages(
-        ssp=str(diagnosis.packages["closed"]),
-        ssv=str(diagnosis.packages.get("ssv", diagnosis.packages["closed"])),
-    )
+    package = diagnosis.packages.get("closed", diagnosis.packages["open"])
+    return Packages(ssp=str(package), ssv=str(diagnosis.packages.get("ssv", package)))
 
 
 def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:
@@ -192,11 +240,10 @@ def nominal(diagnosis: Diagnosis) -> dict[str, Parameter]:
     found = {}
     for name, value in diagnosis.values.items():
         component, _, parameter = name.partition(".")
-        if name in freed:
+        if name in freed or name not in diagnosis.deviations:
             continue
         variable = registry.block(registry.FMU_OF_COMPONENT.get(component, component)).parameters[parameter]
-        unit = variable.display or variable.unit
-        scale = factor(variable.unit, unit)
+        unit, scale = current().parameter(variable)
         spread = 1.96 * diagnosis.deviations.get(name, 0.0)
         found[name] = Parameter(
             value=value * scale, unit=unit, ci95=((value - spread) * scale, (value + spread) * scale)

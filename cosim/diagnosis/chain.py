@@ -33,10 +33,8 @@ class Known:
 
 def fixed_values(record: Record, group: Group) -> dict[str, float]:
     """What the log itself fixes: the angle at which it starts."""
-    if "slew" not in record.signals or "slew" not in group.observed:
-        return {}
-    component = group.stages[-2][0]
-    return {f"{component}.theta_0": float(np.mean(record.signals["slew"][: max(1, round(REST / record.h))]))}
+    first = max(1, round(REST / record.h))
+    return {n: float(np.mean(record.signals[s][:first])) for n, s in group.starts if s in record.signals}
 
 
 def directions(fit: Fit) -> list[dict[str, float]]:
@@ -56,7 +54,7 @@ def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
     def run(values: list[dict[str, float]]) -> Array:
         signal = record.signals[known[0].model.group.drive]
         for item, estimate in zip(known, values, strict=True):
-            model = GroupModel(item.model.group, signal, record.h, item.model.fixed)
+            model = GroupModel(item.model.group, signal, record.h, item.model.fixed, record.grid)
             signal = model.simulate(estimate)[item.model.group.observed[0]]
         return signal
 
@@ -71,20 +69,20 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     """The task of one group, driven by what `known` groups deliver, or by its measured drive if there are none."""
     fixed = fixed_values(record, group)
     drive, moved = delivered(known, record) if known else (record.signals[group.drive], [])
-    model = GroupModel(group, drive, record.h, fixed)
+    model = GroupModel(group, drive, record.h, fixed, record.grid)
     observed = [s for s in group.observed if s in record.signals]
     bins = max(1, round(BIN / record.h))
     length = record.time.size - round(UNSETTLED / record.h)
     count = max(1, round(length * record.h / WINDOW))
     window = length // (bins * count)  # whole windows fill the log
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
-    rules = {s: plain(bins, window, group.name != "dcv", round(UNSETTLED / record.h)) for s in observed}
+    rules = {s: plain(bins, window, not group.absolute, round(UNSETTLED / record.h)) for s in observed}
     task = Task(model, {s: record.signals[s] for s in observed}, rules)
     if moved:
         base = model.simulate({})
         doubt: dict[str, list[Array]] = {s: [] for s in observed}
         for signal in moved:
-            other = GroupModel(group, signal, record.h, fixed).simulate({})
+            other = GroupModel(group, signal, record.h, fixed, record.grid).simulate({})
             for s in observed:
                 doubt[s].append(other[s] - base[s])
         task.doubt = {s: np.stack(rows) for s, rows in doubt.items()}

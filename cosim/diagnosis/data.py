@@ -1,4 +1,4 @@
-"""A log made ready for the diagnosis: uniform in time, SI, and the free functions of each group."""
+"""A log made ready for the diagnosis, SI, and the free functions of each group."""
 
 from dataclasses import dataclass, field
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from cosim.diagnosis.freeform import Basis, changing, families
+from cosim.diagnosis.grid import Grid
 from cosim.diagnosis.groups import Group
 
 Array = NDArray[np.float64]
@@ -17,18 +18,27 @@ class Record:
     """Uniformly sampled signals.
 
     Attributes:
-        h: sample interval, s.
+        h: interval between samples, s; the usual one where it varies.
         signals: name -> (n,) SI, with ``p_load`` where both ports were measured.
+        grid: the stamps and the finer steps of a simulation; None where each sample is a step.
     """
 
     h: float
     signals: dict[str, Array] = field(repr=False)
+    grid: Grid | None = field(default=None, repr=False)
 
     @property
     def time(self) -> Array:
         """(n,) s, from zero."""
+        if self.grid is not None:
+            return self.grid.stamps
         n = len(next(iter(self.signals.values())))
         return np.asarray(np.arange(n) * self.h, dtype=np.float64)
+
+    def until(self, count: int) -> "Record":
+        """The first samples alone."""
+        grid = None if self.grid is None else Grid(self.grid.stamps[:count], self.grid.step)
+        return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid)
 
     def has(self, *names: str) -> bool:
         """True if all of these were measured."""
@@ -58,67 +68,78 @@ def free_bases(
         values: ``component.parameter`` -> SI, for its linear part.
         predicted: observed signal -> (n,) what the fitted model predicts, SI.
     """
-    if group.name == "dcv":
-        return valve_bases(record, values, predicted["spool"])
-    if group.observed[0] == "p_load":
-        return pressure_bases(record, values, predicted)
-    return angle_bases(record, group, values, predicted["slew"])
+    if group.kind == "dcv":
+        return valve_bases(record, group, values, predicted[group.observed[0]])
+    if group.kind == "continuity":
+        return pressure_bases(record, group, values, predicted)
+    return angle_bases(record, group, values, predicted[group.observed[0]])
 
 
-def valve_bases(record: Record, values: dict[str, float], spool: Array) -> dict[str, list[Basis]]:
+def valve_bases(
+    record: Record, group: Group, values: dict[str, float], spool: Array
+) -> dict[str, list[Basis]]:
     """A missing demand, through the valve's second order (4.16)."""
-    h, u = record.h, record.signals["u"]
-    w0, zeta, K = values["dcv.w0"], values["dcv.zeta"], values["dcv.K"]
+    h, drive, seen = record.h, group.drive, group.observed[0]
+    K, w0, zeta = (values[name] for name in group.linear)
     transfer = ([K * w0 * w0], [1.0, 2.0 * zeta * w0, w0 * w0])
-    drivers = {"u": u, "spool": spool, "spool_rate": np.gradient(spool, h)}
-    warming = changing("u", u, record.time, transfer, h, "demand", "1")
-    return {"spool": families(drivers, transfer, h, "demand", "1") + warming}
+    drivers = {drive: record.signals[drive], seen: spool, f"{seen}_rate": np.gradient(spool, h)}
+    warming = changing(drive, record.signals[drive], record.time, transfer, h, "demand", "1")
+    return {seen: families(drivers, transfer, h, "demand", "1") + warming}
 
 
 def pressure_bases(
-    record: Record, values: dict[str, float], predicted: dict[str, Array]
+    record: Record, group: Group, values: dict[str, float], predicted: dict[str, Array]
 ) -> dict[str, list[Basis]]:
     """A missing opening, through the first order (4.33), and a missing supply pressure."""
-    h = record.h
-    K_c, T = values["continuity.K_c"], values["continuity.T"]
-    drivers = {"p_load": predicted["p_load"]}
-    if record.has("spool"):
-        spool = record.smooth("spool", 20.0)
-        drivers |= {"spool": spool, "spool_rate": record.rate("spool", 10.0)}
+    h, drive, seen = record.h, group.drive, group.observed[0]
+    K_c, T = (values[name] for name in group.linear)
+    drivers = {seen: predicted[seen]}
+    if not group.held:
+        spool = record.smooth(drive, 20.0)
+        drivers |= {drive: spool, f"{drive}_rate": record.rate(drive, 10.0)}
     else:
-        spool = predicted["p_load"] / K_c  # the opening that the pressure asks for
-        drivers["u"] = record.signals["u"]
+        spool = predicted[seen] / K_c  # the opening that the pressure asks for
+        drivers[drive] = record.signals[drive]
     # not of the slew: nothing in the continuity depends on it, and slow noise would pass for such a dependence
     transfer = ([K_c], [T, 1.0])
     warming = changing("spool", spool, record.time, transfer, h, "opening", "m")
-    found = {"p_load": families(drivers, transfer, h, "opening", "m") + warming}
-    if "p_supply" in predicted:
-        flow = {"abs(spool)": np.abs(spool)}
-        lagged = families(flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa")
-        found["p_supply"] = families(flow, None, h, "supply", "Pa") + lagged
+    found = {seen: families(drivers, transfer, h, "opening", "m") + warming}
+    for supply in group.observed[1:]:
+        if supply in predicted:
+            flow = {"abs(spool)": np.abs(spool)}
+            lagged = families(flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa")
+            found[supply] = families(flow, None, h, "supply", "Pa") + lagged
     return found
 
 
 def angle_bases(
-    record: Record, group: Group, values: dict[str, float], slew: Array
+    record: Record, group: Group, values: dict[str, float], angle: Array
 ) -> dict[str, list[Basis]]:
     """A missing torque (demand, in the simplified model) through the linear mechanics (4.28), and a missing reading."""
-    h = record.h
-    rate = np.gradient(slew, h)
-    drivers = {"omega": rate, "theta": slew}
+    h, drive = record.h, group.drive
+    rate = np.gradient(angle, h)
+    drivers = {"omega": rate, "theta": angle}
     if "p_load" in record.signals:
         drivers["p_load"] = record.smooth("p_load")
-    elif "u" in record.signals:
-        drivers["u"] = record.signals["u"]
-    if group.name == "simplified":
-        transfer = ([values["simplified.k"]], [1.0, values["simplified.a"], 0.0])
+    else:
+        name = drive if not group.held and group.stages[0][1] == "mechanical" else command_of(record, drive)
+        drivers[name] = record.smooth(name) if name == drive and not group.held else record.signals[name]
+    if group.kind == "simplified":
+        k, a = (values[name] for name in group.linear)
+        transfer = ([k], [1.0, a, 0.0])
         what, unit = "demand", "1"
     else:
-        transfer = ([1.0], [values["mechanical.J"], values["mechanical.b"], 0.0])
+        J, b = (values[name] for name in group.linear)
+        transfer = ([1.0], [J, b, 0.0])
         what, unit = "torque", "N.m"
     warming = changing("omega", rate, record.time, transfer, h, what, unit)
     return {
-        "slew": families(drivers, transfer, h, what, unit)
+        group.observed[0]: families(drivers, transfer, h, what, unit)
         + warming
         + families({"omega": rate}, None, h, "reading", "rad")
     }
+
+
+def command_of(record: Record, drive: str) -> str:
+    """The command if it was logged, otherwise what drives the group."""
+    return "u" if "u" in record.signals else drive

@@ -115,6 +115,7 @@ def propose(
     fixed: dict[str, float],
     duration: float = 30.0,
     h: float = 1e-3,
+    size: float = 1.0,
 ) -> Proposal | None:
     """The excitation of the menu that separates two models best; None if none does.
 
@@ -128,16 +129,18 @@ def propose(
         fixed: start angle.
         duration: of the experiment, s.
         h: step, s.
+        size: of the full command.
     """
+    drive = groups[0].drive
     ranked = []
     for description, command in menu(duration, h):
-        model = ChainModel(groups, Record(h, {"u": command}), fixed)
+        model = ChainModel(groups, Record(h, {drive: size * command}), fixed)
         raw = white_difference(model.simulate(dict(first)), model.simulate(dict(second)), rules)
         ranked.append((float(raw @ raw), description, command))
     ranked.sort(key=lambda item: -item[0])
     best: Proposal | None = None
     for _, description, command in ranked[:REFINED]:
-        model = ChainModel(groups, Record(h, {"u": command}), fixed)
+        model = ChainModel(groups, Record(h, {drive: size * command}), fixed)
         gain = separation(model, first, second, rules, loose)
         if best is None or gain > best.predicted_gain:
             best = Proposal(why, description, gain, command)

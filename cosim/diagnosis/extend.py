@@ -11,8 +11,17 @@ from cosim.diagnosis.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.groups import Group, GroupModel
 from cosim.diagnosis.naming import unknowns
 from cosim.diagnosis.noise import Whitener
-from cosim.paths import ssp_folder
-from cosim.ssp.write import values_xml, write_ssp
+from cosim.ssp.write import (
+    NAMESPACES,
+    STIMULUS,
+    add_component,
+    fmu_bytes,
+    read_xml,
+    values_xml,
+    write_archive,
+    write_ssp,
+    xml_bytes,
+)
 from fmus import registry
 from fmus.build import composed_block
 from fmus.contract import Effect, Variable
@@ -25,14 +34,18 @@ class ChainModel(GroupModel):
 
     def __init__(self, groups: tuple[Group, ...], record: Record, fixed: dict[str, float]) -> None:
         self.groups = groups
-        self.models = [GroupModel(g, record.signals["u"], record.h, fixed) for g in groups]
+        drive = groups[0].drive
+        self.models = [GroupModel(g, record.signals[drive], record.h, fixed, record.grid) for g in groups]
         self.fixed = self.models[0].fixed
         self.h = record.h
+        self.grid = record.grid
         self.group = Group(
             "chain",
             tuple(s for g in groups for s in g.stages),
-            "u",
+            drive,
             tuple(s for g in groups for s in g.observed),
+            trusted=tuple(n for g in groups for n in g.trusted),
+            scale=groups[0].scale,
         )
 
     def nominal(self, name: str) -> float:
@@ -43,6 +56,12 @@ class ChainModel(GroupModel):
             except KeyError:
                 continue
         raise KeyError(name)
+
+    def trust(self, name: str, tolerance: float) -> tuple[float, float, float]:
+        """As that of the group that has the parameter."""
+        component = name.partition(".")[0]
+        owner = next(m for m in self.models if component in m.group.components)
+        return owner.trust(name, tolerance)
 
     def simulate(self, values: dict[str, float]) -> dict[str, Array]:
         """Predicted signals of all groups, each driven by the one before."""
@@ -91,7 +110,10 @@ def fitted_chain(
     wanted, _ = unknowns(model, effects, tolerance)
     placed = [Unknown(u.name, near.get(u.name, u.start), u.scale, u.low, u.high, u.prior) for u in wanted]
     for name, value in fixed.items():
-        placed.append(Unknown(name, value, 1e-4, value - 0.1, value + 0.1, (value, 5e-4)))
+        size = dict(groups[0].scale).get("rad", 1.0)
+        placed.append(
+            Unknown(name, value, 1e-4 * size, value - 0.1 * size, value + 0.1 * size, (value, 5e-4 * size))
+        )
     return fit(task, placed, rounds=15)
 
 
@@ -119,14 +141,39 @@ def write_values(grouped: Mapping[str, Mapping[str, float]], file: Path) -> Path
 
 
 def write_extended(
-    model: str, values: Mapping[str, float], folder: Path, stimulus: bytes | None
+    wiring: Path, values: Mapping[str, float], folder: Path, stimulus: bytes | None
 ) -> dict[str, Path]:
-    """Write the extended packages: open (for our runner), and closed with the log's command inside."""
-    ssd = ssp_folder() / f"{model}.ssd"
+    """Write the extended packages: open (for our runner), and closed with the log's command inside.
+
+    Args:
+        wiring: the .ssd of the model.
+        values: ``component.parameter`` -> SI that differs from what it binds.
+        folder: where they go.
+        stimulus: what plays the command; None, or a system without a stimulus, gives no closed package.
+    """
     grouped = by_component(values)
-    paths = {"open": write_ssp(ssd, folder / "extended_open.ssp", values=grouped, open=True)}
+    if not closed(wiring):
+        paths = {"open": write_open(wiring, folder / "extended.ssp", grouped)}
+    else:
+        paths = {"open": write_ssp(wiring, folder / "extended_open.ssp", values=grouped, open=True)}
+        if stimulus is not None:
+            paths["closed"] = write_ssp(wiring, folder / "extended.ssp", values=grouped, stimulus=stimulus)
     if grouped:
         paths["ssv"] = write_values(grouped, folder / "extended.ssv")
-    if stimulus is not None:
-        paths["closed"] = write_ssp(ssd, folder / "extended.ssp", values=grouped, stimulus=stimulus)
     return paths
+
+
+def closed(wiring: Path) -> bool:
+    """True for a system with a stimulus inside, from which a closed and an open package can be made."""
+    components = read_xml(wiring).findall(".//ssd:Component", NAMESPACES)
+    return any(component.get("name") == STIMULUS for component in components)
+
+
+def write_open(wiring: Path, destination: Path, values: Mapping[str, Mapping[str, float]]) -> Path:
+    """The package of a system that has inputs of its own."""
+    document = read_xml(wiring)
+    entries: dict[str, bytes] = {}
+    for component in document.findall(".//ssd:Component", NAMESPACES):
+        add_component(entries, component, wiring, values.get(component.get("name", ""), {}), None, fmu_bytes)
+    entries["SystemStructure.ssd"] = xml_bytes(document)
+    return write_archive(entries, destination)

@@ -9,17 +9,11 @@ from numpy.typing import NDArray
 
 from cosim.compare.metrics import fit_percent
 from cosim.diagnosis.data import Record
+from cosim.diagnosis.machine import Machine
 from cosim.diagnosis.verdict import held_windows
 from cosim.master import Runner
 
 Array = NDArray[np.float64]
-
-RECORDED = {
-    "spool": ("dcv.spool",),
-    "p_load": ("continuity.p_a", "continuity.p_b"),
-    "p_supply": ("continuity.p_supply",),
-    "slew": ("sensor.slew",),
-}
 
 
 @dataclass(frozen=True)
@@ -39,24 +33,37 @@ class Gain:
     fit_after: float
 
 
-def run_package(path: Path, record: Record, start: Mapping[str, float]) -> dict[str, Array]:
-    """Simulate an open package on the log's command with its FMUs; the signals that a log has, (n,) SI."""
-    time = record.time
+def run_package(path: Path, record: Record, machine: Machine, start: Mapping[str, float]) -> dict[str, Array]:
+    """Simulate an open package on the log's command with its FMUs; the signals that it has, at the log's samples, SI.
+
+    Args:
+        path: the package.
+        record: the log.
+        machine: the model.
+        start: ``component.parameter`` -> SI of the start.
+    """
+    grid, group = record.grid, machine.groups[0]
+    drive = record.signals[machine.drive]
+    time, step = record.time, record.h
+    if grid is not None:
+        time, step, drive = grid.time, grid.step, grid.driven(drive, group.held)
+    wanted = {s: item.parts for s, item in machine.signals.items() if s in record.signals and item.parts}
+    judged = {s for g in machine.groups for s in g.observed}
+    wanted = {s: parts for s, parts in wanted.items() if s in judged}
+    names, _ = machine.inputs()
     with Runner(path) as runner:
-        names = set(runner.system.components)
-        wanted = {s: p for s, p in RECORDED.items() if all(n.partition(".")[0] in names for n in p)}
-        record_names = [n for parts in wanted.values() for n in parts]
         result = runner.run(
             float(time[-1]),
-            record.h,
+            step,
             parameters=dict(start),
-            inputs={"u": (time, record.signals["u"])},
-            record=record_names,
+            inputs=dict.fromkeys(names, (time, drive)),
+            hold=names if group.held else (),
+            record=sorted({str(port) for parts in wanted.values() for port, _ in parts}),
         )
     found = {}
     for signal, parts in wanted.items():
-        values = result.signals[parts[0]]
-        found[signal] = values - result.signals[parts[1]] if len(parts) == 2 else values
+        values = sum(factor * result.signals[str(port)] for port, factor in parts)
+        found[signal] = np.asarray(values) if grid is None else grid.sampled(np.asarray(values))
     return found
 
 
@@ -67,32 +74,46 @@ def fit_or_nan(measured: Array, simulated: Array) -> float:
 
 
 def measure(
-    record: Record, before: Mapping[str, Array], after: Mapping[str, Array], window: int, seed: int = 1
+    record: Record,
+    before: Mapping[str, Array],
+    after: Mapping[str, Array],
+    window: int,
+    first: int | None = None,
+    seed: int = 1,
 ) -> dict[str, Gain]:
-    """Errors on the held-out windows of `window` samples; intervals from 2000 resamplings of whole windows."""
+    """Errors on what was held out; intervals from 2000 resamplings of whole windows of `window` samples.
+
+    Args:
+        record: the log.
+        before: signal -> (n,) simulated by the nominal model.
+        after: the same by the extended model.
+        window: samples in a window.
+        first: hold out all from this sample on; without it every third window is held out.
+        seed: of the resampling.
+    """
     found = {}
     for signal in before:
         if signal not in record.signals:
             continue
-        measured = record.signals[signal]
-        count = measured.size // window
-        held = held_windows(count)
+        y = record.signals[signal]
+        start = first or 0
+        count = (y.size - start) // window
+        held = held_windows(count) if first is None else np.ones(count, dtype=bool)
         if not held.any():
             continue
-        pick = np.repeat(held, window)
-        y = measured[: count * window]
-        squares = []
+        pick = np.zeros(y.size, dtype=bool)
+        pick[start : start + count * window] = np.repeat(held, window)
+        if first is not None:
+            pick[start:] = True  # the last, shorter window too
+        squares, whole = [], []
         for simulated in (before[signal], after[signal]):
-            error = (y - simulated[: count * window]).reshape(count, window)[held]
-            squares.append(np.mean(error**2, axis=1))
+            error = y - simulated
+            rows = error[start : start + count * window].reshape(count, window)[held]
+            squares.append(np.mean(rows**2, axis=1))
+            whole.append(float(np.sqrt(squares[-1].mean() if first is None else np.mean(error[pick] ** 2))))
         rows = np.random.default_rng(seed).integers(0, held.sum(), (2000, int(held.sum())))
         ratios = np.sqrt(squares[1][rows].sum(axis=1) / np.maximum(squares[0][rows].sum(axis=1), 1e-300))
         low, high = np.quantile(ratios, [0.025, 0.975])
-        found[signal] = Gain(
-            float(np.sqrt(squares[0].mean())),
-            float(np.sqrt(squares[1].mean())),
-            (float(low), float(high)),
-            fit_or_nan(y[pick], before[signal][: count * window][pick]),
-            fit_or_nan(y[pick], after[signal][: count * window][pick]),
-        )
+        fits = [fit_or_nan(y[pick], simulated[signal][pick]) for simulated in (before, after)]
+        found[signal] = Gain(whole[0], whole[1], (float(low), float(high)), fits[0], fits[1])
     return found

@@ -1,20 +1,24 @@
-"""How a model is cut at its measured signals into groups of blocks, each driven by a measurement and judged by one.
+"""Groups of blocks between measured signals, each driven by a measurement and judged by one; and their simulation.
 
 Between two measured signals the blocks act as one: the compensator, the dead zone and the valve between command and spool;
-the continuity between spool and pressure; mechanics and slew sensor between pressure and angle.
+the continuity between spool and pressure; mechanics and slew sensor between pressure and angle. `cosim.diagnosis.cut`
+finds them in a model's wiring.
 """
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compiled import CompiledBlock, compiled_block
+from cosim.diagnosis.grid import Grid
+from cosim.paths import ssp_folder
 from fmus import registry
-from fmus.contract import Effect
+from fmus.contract import Effect, Free, Variable
 
 Array = NDArray[np.float64]
 
@@ -31,6 +35,9 @@ def left_out(*names: str) -> Iterator[None]:
         _LEFT_OUT.reset(token)
 
 
+Parts = tuple[tuple[str, float], ...]  # a signal as a sum of factor * output of the last block
+
+
 @dataclass(frozen=True)
 class Group:
     """Blocks between two measured signals.
@@ -43,6 +50,13 @@ class Group:
         integrates: the prediction drifts with any constant error of the drive, so only its shape within a window counts.
         upstream_slot: (component, block, equation) through which the drive passes first, where an effect of the
             block before acts on what this group feels but not on what is measured.
+        excluded: effects that are no candidates: something else has settled them, or this machine cannot have them.
+        trusted: ``component.parameter`` that is trusted to the tolerance only; all else is taken as exact.
+        parts: observed signal -> what it is made of, where that is not the output of its name.
+        starts: ``component.parameter`` -> the signal whose first value it takes.
+        absolute: a constant error counts; elsewhere each window has an offset of its own.
+        asked: effects that are candidates on request only and were requested.
+        scale: SI unit -> how much smaller or larger than on the crane a typical change is, for the searches.
     """
 
     name: str
@@ -52,12 +66,35 @@ class Group:
     held: bool = False
     integrates: bool = False
     upstream_slot: tuple[str, str, str] | None = None
-    excluded: tuple[str, ...] = ()  # effects that something else has settled already
+    excluded: tuple[str, ...] = ()
+    trusted: tuple[str, ...] = ()
+    parts: tuple[tuple[str, Parts], ...] = ()
+    starts: tuple[tuple[str, str], ...] = ()
+    absolute: bool = False
+    asked: tuple[str, ...] = ()
+    scale: tuple[tuple[str, float], ...] = ()
 
     @property
     def components(self) -> tuple[str, ...]:
         """Names of the components, in order."""
         return tuple(component for component, _ in self.stages)
+
+    @property
+    def kind(self) -> str:
+        """Block whose linear part carries what is missing to the signal: the last one with dynamics."""
+        moving = [block for _, block in self.stages if block in DYNAMIC]
+        return moving[-1] if moving else self.stages[-1][1]
+
+    @property
+    def linear(self) -> tuple[str, ...]:
+        """``component.parameter`` of the linear part that carries what is missing to the signal."""
+        component = next(c for c, b in reversed(self.stages) if b == self.kind)
+        return tuple(f"{component}.{parameter}" for parameter in DYNAMIC.get(self.kind, ()))
+
+    @property
+    def reading(self) -> str | None:
+        """The signal that a sensor of this group reads, if there is one."""
+        return self.observed[0] if self.stages and self.stages[-1][1] == "sensor" else None
 
     def effects(self) -> tuple[Effect, ...]:
         """The effects of the library that this group can show.
@@ -69,61 +106,77 @@ class Group:
         for effect in registry.effects().values():
             if effect.name in self.excluded or effect.name in _LEFT_OUT.get():
                 continue
+            if effect.asked and effect.name not in self.asked:
+                continue
             handed_on = set(effect.fills) == {"driving_pressure"}
             inside = effect.component in self.components[:-1] or not handed_on
             handed = slot and handed_on and effect.component == slot[0] and slot[2] in effect.fills
             if handed or (effect.component in self.components and inside):
-                found.append(effect)
+                found.append(scaled(effect.name, self.scale) if self.scale else effect)
         return tuple(found)
 
 
-VALVE = Group(
-    "dcv",
-    (("compensator", "dead_zone"), ("dead_zone", "dead_zone"), ("dcv", "dcv")),
-    "u",
-    ("spool",),
-    held=True,
-)
-CONTINUITY = Group("continuity", (("continuity", "continuity"),), "spool", ("p_load", "p_supply"))
-MECHANICS = Group(
-    "mechanical",
-    (("mechanical", "mechanical"), ("sensor", "sensor")),
-    "p_load",
-    ("slew",),
-    integrates=True,
-    upstream_slot=("continuity", "continuity", "driving_pressure"),
-)
-SIMPLIFIED = Group(
-    "simplified",
-    (
-        ("compensator", "dead_zone"),
-        ("dead_zone", "dead_zone"),
-        ("simplified", "simplified"),
-        ("sensor", "sensor"),
-    ),
-    "u",
-    ("slew",),
-    held=True,
-    integrates=True,
-)
-
-MODELS: dict[str, tuple[Group, ...]] = {
-    "full_order": (VALVE, CONTINUITY, MECHANICS),
-    "simplified": (SIMPLIFIED,),
+# blocks with dynamics, and the parameters of their linear part
+DYNAMIC: dict[str, tuple[str, ...]] = {
+    "dcv": ("K", "w0", "zeta"),
+    "continuity": ("K_c", "T"),
+    "mechanical": ("J", "b"),
+    "simplified": ("k", "a"),
 }
 
-# parameters trusted to the tolerance only (CONTRACT section 4); all else is taken as exact
-TRUSTED = (
-    "dcv.K",
-    "dcv.w0",
-    "dcv.zeta",
-    "continuity.K_c",
-    "continuity.T",
-    "mechanical.J",
-    "mechanical.b",
-    "simplified.k",
-    "simplified.a",
-)
+
+@cache
+def scaled(name: str, scale: tuple[tuple[str, float], ...]) -> Effect:
+    """The effect with starts, typical size and floor of its parameters multiplied by the factor of their unit."""
+    effect, factors = registry.effects()[name], dict(scale)
+    free = {}
+    for parameter, item in effect.free.items():
+        variable = effect.parameters.get(parameter) or registry.block(block_of(effect)).parameters[parameter]
+        factor = factors.get(variable.unit, 1.0)
+        starts = tuple(v * factor for v in item.starts)
+        free[parameter] = Free(starts, item.scale * factor, item.floor * factor)
+    return replace(effect, free=free)
+
+
+def block_of(effect: Effect) -> str:
+    """Name of the block whose equations an effect changes."""
+    return registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
+
+
+class OurModels(Mapping[str, tuple[Group, ...]]):
+    """The models that come with the package, cut at every signal that a log of the rig may hold."""
+
+    def __getitem__(self, name: str) -> tuple[Group, ...]:
+        """Groups of a model.
+
+        Raises:
+            KeyError: no such model.
+        """
+        if name not in NAMES:
+            raise KeyError(name)
+        return our_groups(name)
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the models."""
+        return iter(NAMES)
+
+    def __len__(self) -> int:
+        """Number of models."""
+        return len(NAMES)
+
+
+@cache
+def our_groups(name: str) -> tuple[Group, ...]:
+    """Groups of one of our models, from its wiring file."""
+    from cosim.diagnosis.cut import bound, cut, start_values, wiring_of_file
+
+    wiring = wiring_of_file(ssp_folder() / f"{name}.ssd")
+    signals = bound(wiring)
+    return cut(wiring, signals, start_values(wiring, None, signals))
+
+
+NAMES = ("full_order", "simplified")
+MODELS: Mapping[str, tuple[Group, ...]] = OurModels()
 
 # what a component is set to where its block's declaration does not say it (ssp/nominal/*.ssv)
 COMPONENT_VALUES = {"compensator.form": 3.0, "compensator.limit": 2.0}
@@ -147,6 +200,8 @@ def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, 
                 drive=before.drive,
                 held=before.held,
                 upstream_slot=before.upstream_slot,
+                trusted=before.trusted + group.trusted,
+                starts=before.starts + group.starts,
             )
             found[-1] = joined
         else:
@@ -159,13 +214,22 @@ class GroupModel:
 
     Args:
         group: the blocks.
-        drive: (n,) the driving signal, SI, one value a step.
-        h: step, s.
+        drive: (n,) the driving signal, SI, one value a sample.
+        h: interval between samples, s.
         fixed: ``component.parameter`` -> SI of everything that differs from nominal and is not estimated.
+        grid: the stamps of the samples and the finer steps; None where each sample is a step.
     """
 
-    def __init__(self, group: Group, drive: Array, h: float, fixed: dict[str, float] | None = None) -> None:
+    def __init__(
+        self,
+        group: Group,
+        drive: Array,
+        h: float,
+        fixed: dict[str, float] | None = None,
+        grid: Grid | None = None,
+    ) -> None:
         self.group = group
+        self.grid = grid
         self.drive = np.ascontiguousarray(drive, dtype=np.float64)
         self.h = h
         self.fixed = COMPONENT_VALUES | (fixed or {})
@@ -185,10 +249,32 @@ class GroupModel:
             return compiled_stage(slot[0], slot[1]).nominal[parameter]
         raise KeyError(name)
 
+    def copy(self) -> "GroupModel":
+        """The same with runs of its own to remember, for another thread."""
+        return GroupModel(self.group, self.drive, self.h, self.fixed, self.grid)
+
+    def declared(self, name: str) -> Variable:
+        """Declaration of ``component.parameter``."""
+        component, _, parameter = name.partition(".")
+        return dict(self.stages)[component].composed.parameters[parameter]
+
+    def trust(self, name: str, tolerance: float) -> tuple[float, float, float]:
+        """Standard deviation of the trust in a nominal value, lowest and highest estimate, SI."""
+        value = self.nominal(name)
+        if value > 0.0:
+            return value * tolerance, 0.1 * value, 10.0 * value
+        # zero or negative: the value itself says little about its size
+        variable = self.declared(name)
+        typical = variable.nominal * dict(self.group.scale).get(variable.unit, 1.0)
+        return max(abs(value), typical) * tolerance, variable.low, variable.high
+
     def simulate(self, values: dict[str, float]) -> dict[str, Array]:
         """Predicted signals, (n,) each, SI, with ``component.parameter`` -> value replaced."""
         settings = self.fixed | values
         signal = self.fed(settings)
+        h = self.h
+        if self.grid is not None:
+            signal, h = self.grid.driven(signal, self.group.held), self.grid.step
         changed = False
         outputs = np.empty((0, 0))
         for i, (component, block) in enumerate(self.stages):
@@ -203,7 +289,7 @@ class GroupModel:
             else:
                 # a held drive acts from the start of a step, a continuous one is known at its end
                 steps = signal[:-1] if i == 0 and self.group.held else signal[1:]
-                outputs = block.run(steps[None, :], self.h, own, signal[:1])
+                outputs = block.run(steps[None, :], h, own, signal[:1])
                 changed = True
                 if i + 1 < len(self.stages):
                     self.kept[i] = (key, outputs)
@@ -229,12 +315,15 @@ class GroupModel:
         """Measured signals from the outputs of the last stage."""
         names = list(self.stages[-1][1].composed.outputs)
         row = dict(zip(names, outputs, strict=True))
+        parts = dict(self.group.parts)
         found = {}
         for signal in self.group.observed:
-            if signal == "p_load":
-                found[signal] = row["p_a"] - row["p_b"]  # what the ports show, not what the mechanics feel
-            else:
-                found[signal] = row[signal]
+            # what the sensors show, which is not always what the next block feels
+            (output, factor), *more = parts.get(signal, ((signal, 1.0),))
+            values = row[output] if factor == 1.0 else factor * row[output]
+            for output, factor in more:
+                values = values + factor * row[output]
+            found[signal] = values if self.grid is None else self.grid.sampled(values)
         return found
 
 

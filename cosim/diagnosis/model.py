@@ -2,8 +2,13 @@
 
 from pathlib import Path
 
+from cosim.compare.mapping import CompareTable, load_mapping
 from cosim.diagnosis.groups import COMPONENT_VALUES, MODELS
+from cosim.diagnosis.machine import Machine, machine_for, our_machine
+from cosim.diagnosis.options import Options, options_of
 from cosim.errors import ModelError, UsageError
+from cosim.logs import Log
+from cosim.logs.mapping import Mapping as LogMapping
 from cosim.ssp.read import read_system
 from cosim.ssp.system import Component
 from fmus import registry
@@ -46,6 +51,28 @@ def chosen(asked: str | None, of_log: str | None) -> tuple[str, dict[str, float]
         raise ModelError(
             f"{name}: its components {', '.join(system.components)} are not those of a model that can be diagnosed ({known})"
         )
+
+
+def machine_of(asked: str | None, log: Log, mapping: Path | None) -> Machine:
+    """The model to hold a log against: as asked for, as its mapping names it, or the crane.
+
+    Args:
+        asked: name of a model or path of an .ssp or .ssd, as the user gave it.
+        log: the log.
+        mapping: the mapping file with which it was read.
+
+    Raises:
+        UsageError: no such model.
+        DataError, ModelError: the mapping or the model is bad.
+    """
+    if mapping is not None:
+        plain, table = load_mapping(mapping)
+        named = asked or log.model or DEFAULT
+        if named in MODELS or named.lower().endswith(".ssd"):
+            return machine_for(named, log, plain, table, options_of(plain.diagnose, mapping))
+    if asked is not None and asked.lower().endswith(".ssd"):
+        return machine_for(asked, log, LogMapping.model_construct(signals={}), CompareTable(), Options())
+    return our_machine(*chosen(asked, log.model))
 
 
 def own_values(component: Component) -> dict[str, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.freeform import Basis, Leftover, explain
-from cosim.diagnosis.groups import TRUSTED, GroupModel
+from cosim.diagnosis.groups import GroupModel
 from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.noise import learned
 from cosim.diagnosis.samples import SAMPLED, Mark, marks
@@ -60,7 +60,7 @@ class Finding:
 
 def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
     """Free functions for each signal of the group, its linear part as fitted."""
-    own = [n for n in TRUSTED if n.partition(".")[0] in task.model.group.components]
+    own = task.model.group.linear
     predicted = {s: task.measured[s] - r for s, r in found.residuals.items()}
     return free_bases(
         record, task.model.group, {n: task.model.nominal(n) for n in own} | found.values, predicted
@@ -92,7 +92,7 @@ def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: flo
         name = f"{effect.component}.{parameter}"
         change = abs(trial.fit.values[name] - model.nominal(name))
         spread = trial.fit.deviations[name]
-        if name in TRUSTED and len(effect.free) == 1:
+        if name in model.group.trusted and len(effect.free) == 1:
             return change - 1.64 * spread > BEYOND * tolerance * abs(model.nominal(name))
         if free.floor and change > free.floor and change > 2.0 * spread:
             return True
@@ -104,7 +104,7 @@ def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> boo
     effect = new.effects[-1]
     if not worth_naming(new, effect, model, tolerance):
         return False
-    if all(f"{effect.component}.{p}" in TRUSTED for p in effect.free):
+    if all(f"{effect.component}.{p}" in model.group.trusted for p in effect.free):
         return (
             new.fit.log_likelihood > old.fit.log_likelihood + 3.0
         )  # the size is the test; it must also explain something
@@ -188,10 +188,11 @@ def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
 
 def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:
     """Effects seen in the raw samples of the group's slew reading, of those that the group may show."""
-    if "slew" not in task.measured:
+    reading = task.model.group.reading
+    if reading is None or reading not in task.measured:
         return []
     allowed = {e.name for e in task.model.group.effects()}
-    seen = marks(task.measured["slew"], record.rate("slew"), task.rules["slew"].rms)
+    seen = marks(task.measured[reading], record.rate(reading), task.rules[reading].rms)
     return [m for m in seen if m.effect in allowed]
 
 

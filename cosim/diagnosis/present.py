@@ -5,19 +5,20 @@ from pathlib import Path
 from cosim.console import stderr_console, stdout_console, table, warn
 from cosim.diagnosis.answer import answer
 from cosim.diagnosis.experiment import proposal_for, write_command
-from cosim.diagnosis.groups import MODELS
 from cosim.diagnosis.isolability import isolability
-from cosim.diagnosis.model import chosen
+from cosim.diagnosis.lexicon import speaking
+from cosim.diagnosis.machine import Machine
+from cosim.diagnosis.model import machine_of
 from cosim.diagnosis.schema import Answer
 from cosim.diagnosis.story import Diagnosis, diagnose
 from cosim.logs import Log, Tracker
 from cosim.report.page import save_and_report
 
 
-def announce(log: Log, tracker: Tracker | None, model: str) -> None:
+def announce(log: Log, tracker: Tracker | None, machine: Machine) -> None:
     """Say on stderr, before anything is computed, what these signals can tell apart and which others would help."""
     measured = {*log.signals} | ({"p_load"} if "p_load" in log else set())
-    apart = isolability(MODELS[model], measured | ({"slew_external"} if tracker else set()))
+    apart = isolability(machine.groups, measured | ({"slew_external"} if tracker else set()))
     for where, names in apart.classes:
         stderr_console().print(f"residual of {' and '.join(where)} shows: {', '.join(names)}", markup=False)
     for advice in apart.advice:
@@ -25,34 +26,53 @@ def announce(log: Log, tracker: Tracker | None, model: str) -> None:
 
 
 def diagnose_into(
-    folder: Path, log: Log, tracker: Tracker | None, asked: str | None, tolerance: float, calibrate: bool
+    folder: Path,
+    log: Log,
+    tracker: Tracker | None,
+    asked: str | None,
+    tolerance: float,
+    calibrate: bool,
+    mapping: Path | None = None,
+    held_out: Log | None = None,
 ) -> Answer:
     """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
+
+    Args:
+        folder: where it goes.
+        log: the log.
+        tracker: the external tracker's record.
+        asked: the model as the user gave it; by default the mapping's.
+        tolerance: trust in the nominal parameters.
+        calibrate: fit them freely.
+        mapping: the mapping file with which the log was read.
+        held_out: another log of the machine, on which gains are measured.
 
     Raises:
         CosimError: as `cosim.diagnosis.story.diagnose`.
     """
-    model, base = chosen(asked, log.model)
-    announce(log, tracker, model)
+    machine = machine_of(asked, log, mapping)
+    announce(log, tracker, machine)
     folder.mkdir(parents=True, exist_ok=True)
     with stderr_console().status("diagnosis") as status:
         found = diagnose(
             log,
             tracker=tracker,
-            model=model,
-            base=base,
+            model=machine,
+            held_out=held_out,
             tolerance=tolerance,
             calibrate=calibrate,
             folder=folder,
             report=lambda text: status.update(text),
         )
         status.update("next experiment and report")
-        return delivered(found, log, folder)
+        with speaking(machine.lexicon):
+            return delivered(found, log, folder)
 
 
 def delivered(found: Diagnosis, log: Log, folder: Path) -> Answer:
     """Write what was found into a folder, and give it in the contract's form."""
-    proposal = proposal_for(MODELS[found.model], found.findings, found.causes, found.start, found.values)
+    groups = found.machine.groups
+    proposal = proposal_for(groups, found.findings, found.causes, found.start, found.values)
     if proposal is not None:
         proposal = write_command(proposal, folder)
     result = answer(found, log, proposal)
@@ -78,6 +98,8 @@ def show(result: Answer, out: Path) -> None:
             stdout_console().print(
                 f"  cannot be told from: {', '.join(cause.indistinguishable_from)}", markup=False
             )
+    for item in result.refused:
+        stdout_console().print(f"refused: {item.effect}: {item.why}", markup=False)
     for rest in result.unexplained:
         stdout_console().print(f"unexplained in {rest.block}: {rest.what}", markup=False)
     rows = [
@@ -85,7 +107,11 @@ def show(result: Answer, out: Path) -> None:
         for s, g in result.gain.items()
     ]
     stdout_console().print(
-        table("Held-out error, before and after", ["signal", "before", "after", "noise", "unit"], rows)
+        table(
+            f"Error on {result.held_out}, before and after",
+            ["signal", "before", "after", "noise", "unit"],
+            rows,
+        )
     )
     if result.next_experiment:
         stdout_console().print(

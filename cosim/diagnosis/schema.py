@@ -57,6 +57,30 @@ class NamedCause(Model):
     indistinguishable_from: list[str]
 
 
+class RefusedCause(Model):
+    """A cause that the fitted data ask for and the held-out data do not bear out."""
+
+    effect: str
+    block: str
+    why: str
+
+
+class ShownSignal(Model):
+    """Unit and words for a signal; `scale` is the shown value per value of the model's variable, SI."""
+
+    unit: str
+    scale: float
+    text: str
+
+
+class Words(Model):
+    """Units and words of a machine that is not the crane."""
+
+    signals: dict[str, ShownSignal] = {}
+    units: dict[str, str] = {}
+    blocks: dict[str, str] = {}
+
+
 class Packages(Model):
     """Files of the extended model."""
 
@@ -120,4 +144,7 @@ class Answer(Model):
     helpful_signals: list[str]
     nominal: dict[str, Parameter]
     warnings: list[str]
+    held_out: str = "every third window of the log"
+    refused: list[RefusedCause] = []
+    words: Words = Words()
     made: dict[str, str]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit, fit_from_starts
-from cosim.diagnosis.groups import TRUSTED, GroupModel
+from cosim.diagnosis.groups import GroupModel
 from cosim.diagnosis.samples import SAMPLED
 from fmus import registry
 from fmus.contract import Effect, Variable
@@ -57,11 +57,10 @@ def declared(effect: Effect, parameter: str) -> Variable:
 def trusted(model: GroupModel, tolerance: float) -> list[Unknown]:
     """The group's trusted parameters with their priors."""
     found = []
-    for name in TRUSTED:
-        if name.partition(".")[0] in model.group.components:
-            value = model.nominal(name)
-            deviation = abs(value) * tolerance
-            found.append(Unknown(name, value, deviation, 0.1 * value, 10.0 * value, (value, deviation)))
+    for name in model.group.trusted:
+        value = model.nominal(name)
+        deviation, low, high = model.trust(name, tolerance)
+        found.append(Unknown(name, value, deviation, low, high, (value, deviation)))
     return found
 
 
@@ -101,7 +100,7 @@ def tried(
     price = (
         len(wanted)
         - len(trusted(task.model, tolerance))
-        + sum(u.prior is None and u.name in TRUSTED for u in wanted)
+        + sum(u.prior is None and u.name in task.model.group.trusted for u in wanted)
     )
     found = (
         fit_from_starts(task, wanted, starts, rounds=rounds) if starts else fit(task, wanted, rounds=rounds)
@@ -162,8 +161,7 @@ def polished(task: Task, trial: Trial, tolerance: float) -> Trial:
 
 def copied(task: Task) -> Task:
     """The same task with a model of its own, for another thread."""
-    model = GroupModel(task.model.group, task.model.drive, task.model.h, task.model.fixed)
-    return Task(model, task.measured, task.rules, task.doubt, task.mask, task.shrink)
+    return Task(task.model.copy(), task.measured, task.rules, task.doubt, task.mask, task.shrink)
 
 
 def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: float) -> list[Effect]:
@@ -181,10 +179,11 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
     def gain(effect: Effect) -> float:
         name, *more = [f"{effect.component}.{p}" for p in effect.free]
         if (
-            name in TRUSTED and not more
+            name in task.model.group.trusted and not more
         ):  # free already, against its prior: what that costs is what is to be gained
             value = task.model.nominal(name)
-            return 0.5 * ((base.fit.values.get(name, value) - value) / (tolerance * value)) ** 2
+            deviation = task.model.trust(name, tolerance)[0]
+            return 0.5 * ((base.fit.values.get(name, value) - value) / deviation) ** 2
         own = copied(task)
         wanted, starts = unknowns(own.model, (effect,), tolerance)
         listed = {u.name: starts[u.name] for u in wanted if u.name in starts}

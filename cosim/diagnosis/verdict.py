@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.fit import Task, fit, jacobian
 from cosim.diagnosis.freeform import Leftover
-from cosim.diagnosis.groups import TRUSTED
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, declared, tried, trusted, unknowns
 from cosim.diagnosis.samples import SAMPLED, marks
@@ -62,7 +61,8 @@ def systematic(leftover: Leftover, negligible: float) -> bool:
 
 def negligible(finding: Finding, signal: str) -> float:
     """Size of a systematic rest that does not matter, SI: a part of the noise, or the error of readings in steps."""
-    steps = [m.value for m in finding.marks if m.effect == "sensor.quantisation" and signal == "slew"]
+    read = signal == finding.task.model.group.reading
+    steps = [m.value for m in finding.marks if m.effect == "sensor.quantisation" and read]
     return max([NOTICEABLE * finding.task.rules[signal].rms, *(q / np.sqrt(12.0) for q in steps)])
 
 
@@ -99,10 +99,11 @@ def marked(finding: Finding) -> list[Cause]:
     """Causes seen in the raw samples; their held-out gain is that of the last third of the log alone."""
     found = []
     for mark in finding.marks:
-        slew = finding.task.measured["slew"]
+        reading = finding.task.model.group.reading or ""
+        slew = finding.task.measured[reading]
         last = slew[2 * slew.size // 3 :]
-        rate = np.gradient(slew - finding.chosen.fit.residuals["slew"], finding.task.model.h)[-last.size :]
-        again = {m.effect: m.gain for m in marks(last, rate, finding.task.rules["slew"].rms)}
+        rate = np.gradient(slew - finding.chosen.fit.residuals[reading], finding.task.model.h)[-last.size :]
+        again = {m.effect: m.gain for m in marks(last, rate, finding.task.rules[reading].rms)}
         effect = registry.effects()[mark.effect]
         found.append(
             Cause(
@@ -289,8 +290,3 @@ def never_exercised(finding: Finding, tolerance: float) -> list[str]:
         for e in finding.task.model.group.effects()
     }
     return [n for n, gain in exercised(finding, tolerance).items() if n not in named and gain < sure[n]]
-
-
-def is_trusted(effect: Effect) -> bool:
-    """True for an effect that is nothing but a nominal parameter off its value."""
-    return all(name in TRUSTED for name in names_of(effect).values())

@@ -51,6 +51,8 @@ def load_log(
         MissingExtraError: the file type needs an optional dependency.
     """
     chosen = mapping if isinstance(mapping, Mapping) or mapping is None else load_mapping(mapping)
+    if chosen is not None:
+        _check_content(Path(path), chosen)
     raw = _load(Path(path), chosen, LOG_SIGNALS, select)
     return Log(
         time=raw.time,
@@ -94,6 +96,16 @@ def load_tracker(path: Path | str, mapping: Mapping | Path | str | None = None) 
         valid=raw.valid.get("slew_external", np.ones(len(raw.time), dtype=bool)),
         gaps=raw.gaps,
     )
+
+
+def _check_content(path: Path, mapping: Mapping) -> None:
+    """Refuse a file of a name that the mapping knows with another content."""
+    wanted = mapping.sha256.get(path.name)
+    if wanted is not None and path.is_file() and digest(path) != wanted:
+        raise DataError(
+            f"{path}: SHA-256 {digest(path)} is not {wanted}, for which {mapping.path or 'the mapping'} was made: get the "
+            "file again, or take its line out of [sha256] if you changed it on purpose"
+        )
 
 
 @dataclass

@@ -133,6 +133,8 @@ class Mapping(_Strict):
         time: where time comes from.
         signals: signal -> where it comes from; names may be our own (``slew``) or the mapping's (``force``).
         compare: how signals map to the variables of a model; `cosim.compare.mapping` reads and checks it.
+        diagnose: what the diagnosis must know of the machine; `cosim.diagnosis.options` reads and checks it.
+        sha256: file name -> SHA-256 of the files that the mapping was made for; another content is refused.
         path: the mapping file, None for a mapping made in memory.
     """
 
@@ -143,6 +145,8 @@ class Mapping(_Strict):
     time: TimeColumn
     signals: Annotated[dict[str, SignalColumn], Field(min_length=1)]
     compare: dict[str, Any] = Field(default_factory=dict)
+    diagnose: dict[str, Any] = Field(default_factory=dict)
+    sha256: dict[str, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]] = Field(default_factory=dict)
     path: Path | None = Field(default=None, exclude=True)
 
     @field_validator("signals")

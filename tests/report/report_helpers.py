@@ -22,6 +22,8 @@ def empty_answer(**changes: Any) -> Answer:
     """An answer that says nothing, but for `changes`; what the lead adds to it is filled with empty values."""
     plain: dict[str, Any] = {}
     for name, item in Answer.model_fields.items():
+        if not item.is_required():
+            continue
         kind = str(item.annotation)
         plain[name] = [] if kind.startswith("list") else {} if kind.startswith("dict") else None
     plain |= {"verdict": "explained", "synthetic": True, "model": "full_order"}

@@ -1,0 +1,92 @@
+"""When a log was sampled, and the finer steps in which its model runs between the samples.
+
+A model is simulated in steps of its own, driven by what the log says between the samples, and read at the samples'
+true stamps: nothing measured is ever moved or made up.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STEP = 1e-3  # s, the longest step of a simulation unless another is asked for
+EVEN = 1e-6  # of an interval: stamps closer than this to even ones are even
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The samples of a log and the steps of its simulation.
+
+    Attributes:
+        stamps: (m,) s, from zero, increasing.
+        step: length of a simulation's step, s.
+    """
+
+    stamps: Array = field(repr=False)
+    step: float
+
+    def __post_init__(self) -> None:
+        """Prepare where each stamp lies among the steps."""
+        count = math.ceil(self.stamps[-1] / self.step - EVEN)
+        time = np.arange(count + 1) * self.step
+        place = np.clip(self.stamps / self.step, 0.0, count)
+        exact = np.round(place)
+        place = np.where(np.abs(place - exact) < EVEN, exact, place)
+        below = np.minimum(place.astype(np.int64), count - 1)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "_below", below)
+        object.__setattr__(self, "_part", place - below)
+
+    time: Array = field(init=False, repr=False, compare=False)
+    _below: NDArray[np.int64] = field(init=False, repr=False, compare=False)
+    _part: Array = field(init=False, repr=False, compare=False)
+
+    def driven(self, values: Array, held: bool) -> Array:
+        """(n,) what samples (m,) hand over at the steps' times.
+
+        Args:
+            values: a signal at the stamps.
+            held: each value holds until the next stamp; the result is then its mean over the step that follows.
+        """
+        if not held:
+            return np.asarray(np.interp(self.time, self.stamps, values), dtype=np.float64)
+        area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(self.stamps))])
+        ends = np.append(self.time, self.time[-1] + self.step)
+        last = self.stamps[-1]
+        total = np.interp(ends, self.stamps, area) + np.maximum(ends - last, 0.0) * values[-1]
+        means = np.diff(total) / self.step
+        # a step without a change of the value has that value exactly, not to the rounding of two large sums
+        first = np.searchsorted(self.stamps, ends[:-1] + EVEN * self.step, "right") - 1
+        final = np.searchsorted(self.stamps, ends[1:] - EVEN * self.step, "left") - 1
+        return np.where(first == final, values[first], means)
+
+    def sampled(self, rows: Array) -> Array:
+        """(..., m) values at the stamps of rows (..., n) at the steps' times, on straight lines between these."""
+        low = rows[..., self._below]
+        return np.asarray(low + self._part * (rows[..., self._below + 1] - low))
+
+
+def grid_of(time: Array, step: float | None = None) -> tuple[Grid | None, float]:
+    """The grid of a log, and its interval between samples, s.
+
+    Args:
+        time: (m,) stamps, s.
+        step: longest step of a simulation, s; by default `STEP`.
+
+    Returns:
+        None in place of the grid where each sample is a step: even sampling, fast enough.
+    """
+    stamps = np.asarray(time - time[0], dtype=np.float64)
+    longest = STEP if step is None else step
+    mean = float(f"{stamps[-1] / (stamps.size - 1):.10g}")
+    middle = float(f"{np.median(np.diff(stamps)):.10g}")
+    even = bool(np.max(np.abs(stamps - np.arange(stamps.size) * mean)) <= 0.01 * mean)
+    interval = mean if even else middle
+    if even:
+        stamps = np.asarray(np.arange(stamps.size) * interval, dtype=np.float64)
+        if interval <= longest * (1.0 + EVEN):
+            return None, interval
+    return Grid(stamps, interval / math.ceil(interval / longest - EVEN)), interval
