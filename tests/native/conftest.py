@@ -1,0 +1,66 @@
+"""Native FMUs of all blocks and chains, built once a session without speed but with every warning an error."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+# instances, benches and client schemes are those of the Python FMUs
+sys.path.append(str(Path(__file__).resolve().parents[1] / "fmus"))
+sys.path.append(str(Path(__file__).resolve().parents[1] / "clients"))
+
+from fmpy import extract
+from fmu_raw import STIMULUS
+
+from cosim.paths import ssp_folder
+from fmus import registry
+from fmus.build import composed_block
+from fmus.native.build import MissingCompilerError, build_native, compiler, write_fmu
+from fmus.native.container import container
+
+QUICK = "-O1 -Wall -Wextra -pedantic -Werror"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def needs_compiler() -> None:
+    """Skip everything where there is no C compiler."""
+    try:
+        compiler()
+    except MissingCompilerError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def fmu_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Every block's native .fmu by name."""
+    folder = tmp_path_factory.mktemp("native")
+    played = {"stimulus": {"stimulus.csv": STIMULUS}}
+    return {
+        name: build_native(
+            composed_block(name), folder / f"{name}.fmu", resources=played.get(name), optimise=QUICK
+        )
+        for name in registry.BLOCKS
+    }
+
+
+@pytest.fixture(scope="session")
+def chains(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Every system's chain as one .fmu, by the system's name."""
+    folder = tmp_path_factory.mktemp("chains")
+    models = {
+        name: container(ssp_folder() / f"{name}.ssd") for name in ("full_order", "physical", "simplified")
+    }
+    return {name: write_fmu(m, folder / f"{m.name}.fmu", optimise=QUICK) for name, m in models.items()}
+
+
+@pytest.fixture(scope="session")
+def unpacked(fmu_files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Every block's FMU unpacked, by name."""
+    folder = tmp_path_factory.mktemp("unpacked")
+    return {name: Path(extract(str(path), str(folder / name))) for name, path in fmu_files.items()}
+
+
+@pytest.fixture(params=registry.BLOCKS)
+def name(request: pytest.FixtureRequest) -> str:
+    """Each block's name in turn."""
+    return request.param
