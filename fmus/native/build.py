@@ -78,14 +78,14 @@ def sources(model: Model, guid: str) -> dict[str, bytes]:
     return own | standard | {"model.h": header(model, guid).encode()}
 
 
-def compiled(content: Mapping[str, bytes], optimise: str = OPTIMISED) -> bytes:
+def compiled(content: Mapping[str, bytes], optimise: str | None = None) -> bytes:
     """The library of these sources for this platform; kept in the cache folder, since only they and the compiler count.
 
     Raises:
         MissingCompilerError: there is no compiler.
         ModelError: it could not compile them; the message holds its words.
     """
-    command = [*compiler(), *FLAGS, *shlex.split(optimise)]
+    command = [*compiler(), *FLAGS, *shlex.split(optimise or OPTIMISED)]
     known = hashlib.sha256("\0".join([*command, release(tuple(compiler()))]).encode())
     for name, data in sorted(content.items()):
         known.update(name.encode() + b"\0" + data)
@@ -124,7 +124,7 @@ def build_description(model: Model) -> bytes:
     return text
 
 
-def entries(model: Model, resources: Mapping[str, bytes], optimise: str = OPTIMISED) -> dict[str, bytes]:
+def entries(model: Model, resources: Mapping[str, bytes], optimise: str | None = None) -> dict[str, bytes]:
     """Everything in the FMU's archive by name."""
     plain = sources(model, "")
     played = b"".join(name.encode() + data for name, data in sorted(resources.items()))
@@ -149,7 +149,7 @@ def entries(model: Model, resources: Mapping[str, bytes], optimise: str = OPTIMI
 
 
 def write_fmu(
-    model: Model, destination: Path, resources: Mapping[str, bytes] | None = None, optimise: str = OPTIMISED
+    model: Model, destination: Path, resources: Mapping[str, bytes] | None = None, optimise: str | None = None
 ) -> Path:
     """Write a native FMU.
 
@@ -157,7 +157,7 @@ def write_fmu(
         model: what it holds.
         destination: the .fmu file.
         resources: files to put among the FMU's resources, by name.
-        optimise: the compiler's options for speed.
+        optimise: the compiler's options for speed; by default `OPTIMISED`.
 
     Returns:
         `destination`.
@@ -184,7 +184,7 @@ def build_native(
     destination: Path,
     starts: Mapping[str, float] | None = None,
     resources: Mapping[str, bytes] | None = None,
-    optimise: str = OPTIMISED,
+    optimise: str | None = None,
 ) -> Path:
     """Build the native twin of `fmus.build.build_fmu`, with the same arguments, variables and refusals.
 

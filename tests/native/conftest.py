@@ -1,6 +1,7 @@
 """Native FMUs of all blocks and chains, built once a session without speed but with every warning an error."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from fmu_raw import STIMULUS
 from cosim.paths import ssp_folder
 from fmus import registry
 from fmus.build import composed_block
+from fmus.native import build as native_build
 from fmus.native.build import MissingCompilerError, build_native, compiler, write_fmu
 from fmus.native.container import container
 
@@ -22,12 +24,15 @@ QUICK = "-O1 -Wall -Wextra -pedantic -Werror"
 
 
 @pytest.fixture(scope="session", autouse=True)
-def needs_compiler() -> None:
-    """Skip everything where there is no C compiler."""
+def quick() -> Iterator[None]:
+    """Skip everything where there is no C compiler; compile without speed, so that each source is compiled once."""
     try:
         compiler()
     except MissingCompilerError as error:
         pytest.skip(str(error))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(native_build, "OPTIMISED", QUICK)
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -36,9 +41,7 @@ def fmu_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("native")
     played = {"stimulus": {"stimulus.csv": STIMULUS}}
     return {
-        name: build_native(
-            composed_block(name), folder / f"{name}.fmu", resources=played.get(name), optimise=QUICK
-        )
+        name: build_native(composed_block(name), folder / f"{name}.fmu", resources=played.get(name))
         for name in registry.BLOCKS
     }
 
@@ -50,7 +53,7 @@ def chains(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     models = {
         name: container(ssp_folder() / f"{name}.ssd") for name in ("full_order", "physical", "simplified")
     }
-    return {name: write_fmu(m, folder / f"{m.name}.fmu", optimise=QUICK) for name, m in models.items()}
+    return {name: write_fmu(m, folder / f"{m.name}.fmu") for name, m in models.items()}
 
 
 @pytest.fixture(scope="session")

@@ -72,7 +72,7 @@ def test_names_fit_into_simulink(chains) -> None:
 def test_values_of_a_fit_go_into_the_start_values(tmp_path) -> None:
     ssd = ssp_folder() / "full_order.ssd"
     model = container(ssd, "fitted", {"mechanical": {"J": 900.0, "theta_0": 0.1}})
-    fmu = write_fmu(model, tmp_path / "fitted.fmu", optimise="-O1")
+    fmu = write_fmu(model, tmp_path / "fitted.fmu")
     slave = Instance(Path(extract(str(fmu), str(tmp_path / "unpacked")))).initialise()
     assert slave.get("mechanical.J", "theta", "slew") == [900.0, 0.1, 0.1]
     slave.close()
