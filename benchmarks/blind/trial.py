@@ -13,7 +13,8 @@ from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
 from cosim.diagnosis.fit import fit
 from cosim.diagnosis.groups import left_out
 from cosim.diagnosis.naming import Finding, unknowns
-from cosim.diagnosis.story import Diagnosis, diagnose
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.story import diagnose
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry

@@ -7,6 +7,7 @@ import numpy as np
 
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.experiment import Proposal
+from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.heldout import Refused
 from cosim.diagnosis.isolability import isolability
 from cosim.diagnosis.lexicon import current
@@ -27,7 +28,6 @@ from cosim.diagnosis.schema import (
     Unexplained,
     Words,
 )
-from cosim.diagnosis.story import Diagnosis
 from cosim.diagnosis.verdict import Cause, names_of
 from cosim.logs import Log
 from cosim.packages import project_version
@@ -55,14 +55,16 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         unexplained=unexplained(diagnosis),
         next_experiment=next_experiment(proposal),
         not_exercised=diagnosis.never,
-        not_judged={g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()},
+        not_judged=not_judged(diagnosis),
         isolability=[Separable(residual=list(where), effects=list(names)) for where, names in apart.classes],
         helpful_signals=apart.advice,
         nominal=nominal(diagnosis),
-        warnings=list(log.warnings) + notes(diagnosis, log),
+        warnings=[*log.warnings, *notes(diagnosis, log), *limits(diagnosis, log)],
         held_out=held_out(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],
         words=words(diagnosis),
+        interrupted=diagnosis.stage or None,
+        span=diagnosis.span if is_part(diagnosis, log) else None,
         made={
             "cosim": project_version(),
             "python": platform.python_version(),
@@ -117,6 +119,42 @@ def words(diagnosis: Diagnosis) -> Words:
     lexicon = diagnosis.machine.lexicon
     shown_ = {n: ShownSignal(unit=s.unit, scale=s.scale, text=s.text) for n, s in lexicon.signals.items()}
     return Words(signals=shown_, units=lexicon.units, blocks=lexicon.blocks)
+
+
+def is_part(diagnosis: Diagnosis, log: Log) -> bool:
+    """True if the fits used a stretch of the log only."""
+    start, end = diagnosis.span
+    return end - start < log.duration - log.step
+
+
+def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
+    """Group -> why nothing is said of it."""
+    found = {g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()}
+    for group in diagnosis.groups:
+        if group.name not in found and group.name not in diagnosis.findings:
+            found[group.name] = "the diagnosis was interrupted before it was judged"
+    return found
+
+
+def limits(diagnosis: Diagnosis, log: Log) -> list[str]:
+    """What limits the answer: an interruption, a stretch of a long log, a rest that differs from it."""
+    found = []
+    if diagnosis.stage:
+        text = f"interrupted ({diagnosis.stage}): only what was finished until then is here"
+        if not diagnosis.gains:
+            text += "; the errors of the nominal model are those of the compiled twin, no gain was measured"
+        found.append(text)
+    if is_part(diagnosis, log):
+        start, end = diagnosis.span
+        found.append(
+            f"the log lasts {log.duration:.0f} s; the diagnosis used the {end - start:.0f} s from {start:.6g} s on, "
+            "whose command visits most, and times in it count from there"
+        )
+    return found + [
+        f"from {item.start:.0f} to {item.end:.0f} s the extended model's error in {item.signal} is "
+        f"{item.ratio:.3g} times that in the stretch used: something else happens there"
+        for item in diagnosis.elsewhere
+    ]
 
 
 def signals(diagnosis: Diagnosis) -> dict[str, Signal]:

@@ -2,15 +2,22 @@
 
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from cosim.console import stderr_console, stdout_console, table, warn
 from cosim.diagnosis.answer import answer
-from cosim.diagnosis.experiment import proposal_for, write_command
+from cosim.diagnosis.experiment import Proposal, proposal_for, write_command
+from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.isolability import isolability
 from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.machine import Machine
 from cosim.diagnosis.model import machine_of
+from cosim.diagnosis.progress import ShownProgress
 from cosim.diagnosis.schema import Answer
-from cosim.diagnosis.story import Diagnosis, diagnose
+from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.stretch import by_twin
+from cosim.diagnosis.watch import Watch
+from cosim.errors import UsageError
 from cosim.logs import Log, Tracker
 from cosim.report.page import save_and_report
 
@@ -37,6 +44,8 @@ def diagnose_into(
 ) -> Answer:
     """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
 
+    Ctrl-C leaves in the folder what had been found until then, and goes on as a KeyboardInterrupt.
+
     Args:
         folder: where it goes.
         log: the log.
@@ -52,29 +61,64 @@ def diagnose_into(
     """
     machine = machine_of(asked, log, mapping)
     announce(log, tracker, machine)
-    folder.mkdir(parents=True, exist_ok=True)
-    with stderr_console().status("diagnosis") as status:
-        found = diagnose(
-            log,
-            tracker=tracker,
-            model=machine,
-            held_out=held_out,
-            tolerance=tolerance,
-            calibrate=calibrate,
-            folder=folder,
-            report=lambda text: status.update(text),
-        )
-        status.update("next experiment and report")
-        with speaking(machine.lexicon):
-            return delivered(found, log, folder)
+    make_folder(folder)
+    with threadpool_limits(1), speaking(machine.lexicon), ShownProgress() as watch:
+        try:
+            found = diagnose(
+                log,
+                tracker=tracker,
+                model=machine,
+                held_out=held_out,
+                tolerance=tolerance,
+                calibrate=calibrate,
+                folder=folder,
+                watch=watch,
+            )
+            return delivered(found, log, folder, watch)
+        except Interrupted as stop:
+            watch.close()
+            leave(stop.found, log, folder)
+            raise
 
 
-def delivered(found: Diagnosis, log: Log, folder: Path) -> Answer:
-    """Write what was found into a folder, and give it in the contract's form."""
-    groups = found.machine.groups
-    proposal = proposal_for(groups, found.findings, found.causes, found.start, found.values)
-    if proposal is not None:
-        proposal = write_command(proposal, folder)
+def make_folder(folder: Path) -> None:
+    """Make the folder of results before anything is computed.
+
+    Raises:
+        UsageError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"cannot write into '{folder}' ({error.strerror or error}); name another folder"
+        ) from None
+
+
+def delivered(found: Diagnosis, log: Log, folder: Path, watch: Watch | None = None) -> Answer:
+    """Write what was found into a folder, and give it in the contract's form.
+
+    Raises:
+        Interrupted: Ctrl-C.
+    """
+    watch = watch or Watch()
+    try:
+        found.stage = "next experiment"
+        watch.stage("next", found.stage)
+        groups = found.machine.groups
+        proposal = proposal_for(groups, found.findings, found.causes, found.start, found.values)
+        if proposal is not None:
+            proposal = write_command(proposal, folder)
+        found.stage = ""
+        watch.stage("report", "report")
+        return written(found, log, folder, proposal)
+    except KeyboardInterrupt:
+        found.stage = found.stage or "report"
+        raise Interrupted(found) from None
+
+
+def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:
+    """Write answer, series and report."""
     result = answer(found, log, proposal)
     (folder / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
     if save_and_report(found, result, folder) is None:
@@ -82,6 +126,16 @@ def delivered(found: Diagnosis, log: Log, folder: Path) -> Answer:
             "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"
         )
     return result
+
+
+def leave(found: Diagnosis, log: Log, folder: Path) -> None:
+    """Write what an interrupted diagnosis has found; the comparison, if it was not reached, by the compiled twin."""
+    warn(f"interrupted ({found.stage}): writing what was found until then; once more Ctrl-C leaves without")
+    if not found.before:
+        found.before = by_twin(found, found.record, found.machine.base)
+    written(found, log, folder, None)
+    judged = ", ".join(found.findings) or "no block"
+    warn(f"{folder} holds what was found: {judged} judged; run it again for the rest")
 
 
 def show(result: Answer, out: Path) -> None:

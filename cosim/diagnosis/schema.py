@@ -126,9 +126,9 @@ class Separable(Model):
 
 
 class Answer(Model):
-    """The whole diagnosis."""
+    """The whole diagnosis; "interrupted" is the verdict of one that Ctrl-C ended before all blocks were judged."""
 
-    verdict: Literal["adequate", "explained", "partly_explained", "unexplained"]
+    verdict: Literal["adequate", "explained", "partly_explained", "unexplained", "interrupted"]
     synthetic: bool
     model: str
     signals: dict[str, Signal]
@@ -147,4 +147,6 @@ class Answer(Model):
     held_out: str = "every third window of the log"
     refused: list[RefusedCause] = []
     words: Words = Words()
+    interrupted: str | None = None  # the stage in which Ctrl-C ended it
+    span: tuple[float, float] | None = None  # s of the log that the fits used, where the log is longer
     made: dict[str, str]

@@ -1,23 +1,25 @@
 """The diagnosis from log to answer, on one page: prepare, localise and name block by block, extend, measure the gain."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cosim.diagnosis.chain import WINDOW, Known, fixed_values, task_for
+from cosim.diagnosis.chain import Known, fixed_values, task_for
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import closed, fitted_chain, write_extended
-from cosim.diagnosis.gain import Gain, measure, run_package
+from cosim.diagnosis.found import Diagnosis, Interrupted
+from cosim.diagnosis.gain import measure, run_package
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.groups import Group, GroupModel, merged
-from cosim.diagnosis.heldout import Held, Refused, confirm
+from cosim.diagnosis.heldout import Held, confirm
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find
 from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.verdict import (
     Cause,
@@ -29,83 +31,17 @@ from cosim.diagnosis.verdict import (
     rests,
     stands,
 )
+from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError
 from cosim.logs import Log, Tracker
 from cosim.ssp.stimulus import stimulus_csv
 
 Array = NDArray[np.float64]
-Report = Callable[[str], None]
 
 TOLERANCE = 0.01
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
 SHORTEST = 15.0  # s: three windows, one of them held out
 FAST = 1e-3  # s: at this interval and below the drive has no news between samples
-
-
-@dataclass
-class Diagnosis:
-    """Everything the diagnosis found.
-
-    Attributes:
-        verdict: "adequate", "explained", "partly_explained" or "unexplained".
-        record: the prepared log.
-        machine: the model.
-        findings: group -> what was found in it, for the groups that could be judged.
-        unjudged: group -> the signals whose absence keeps it from being judged.
-        causes: named causes, the largest gain first.
-        rests: what stays unexplained.
-        never: effects that the log could not have shown.
-        values: ``component.parameter`` -> value of the extended model, SI.
-        deviations: standard deviation of those estimated.
-        start: the start angle.
-        before, after: signals of the nominal and the extended model's FMUs on the log's command.
-        gains: signal -> error on held-out windows.
-        packages: files of the extended model.
-        tracker: what the external tracker says, if there was one.
-        held: the part of the log, or the other log, on which gains are measured; None for every third window.
-        held_before, held_after: as before, after, over the held-out log.
-        refused: causes that the fitting log asks for and the held-out one does not bear out.
-    """
-
-    verdict: str
-    record: Record
-    machine: Machine
-    findings: dict[str, Finding]
-    unjudged: dict[str, list[str]]
-    causes: list[Cause]
-    rests: list[Rest]
-    never: list[str]
-    values: dict[str, float] = field(default_factory=dict)
-    deviations: dict[str, float] = field(default_factory=dict)
-    start: dict[str, float] = field(default_factory=dict)
-    before: dict[str, Array] = field(default_factory=dict)
-    after: dict[str, Array] = field(default_factory=dict)
-    gains: dict[str, Gain] = field(default_factory=dict)
-    packages: dict[str, Path] = field(default_factory=dict)
-    tracker: TrackerFinding | None = None
-    held: Held | None = None
-    held_before: dict[str, Array] = field(default_factory=dict)
-    held_after: dict[str, Array] = field(default_factory=dict)
-    refused: list[Refused] = field(default_factory=list)
-
-    @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.machine.name
-
-    @property
-    def noise(self) -> dict[str, float]:
-        """Signal -> size of its noise per sample, SI: what is left where everything is explained."""
-        return {
-            s: float(np.std(high_pass(self.record.signals[s])))
-            for f in self.findings.values()
-            for s in f.task.rules
-        }
-
-
-def high_pass(signal: Array) -> Array:
-    """Second differences scaled to the size of white noise: what no drive of this bandwidth can produce."""
-    return np.diff(signal, 2) / np.sqrt(6.0)
 
 
 def prepare(log: Log, machine: Machine) -> Record:
@@ -146,41 +82,48 @@ def settled(groups: tuple[Group, ...], seen: TrackerFinding | None) -> tuple[Gro
 
 
 def judge(
-    groups: tuple[Group, ...],
-    record: Record,
-    tolerance: float,
-    report: Report,
-    constants: Mapping[str, float] | None = None,
-    most: int = 3,
-) -> tuple[dict[str, Finding], dict[str, list[str]]]:
-    """Findings of all groups whose drive and first observed signal were measured; what is missing for the others.
+    found: Diagnosis, trust: float, constants: Mapping[str, float] | None = None, watch: Watch | None = None
+) -> None:
+    """Judge all groups whose drive and first observed signal were measured; note what is missing for the others.
 
     Args:
-        groups: the groups of the model, in order.
-        record: the log.
-        tolerance: trust in the nominal parameters.
-        report: called with a line about each group.
+        found: record and groups; findings and conclusions are added group by group.
+        trust: relative standard deviation of the nominal parameters.
         constants: ``component.parameter`` -> SI that is known already, such as a sensor's scale.
-        most: causes looked for in one group.
+        watch: told about each group.
     """
-    findings: dict[str, Finding] = {}
-    unjudged: dict[str, list[str]] = {}
+    record, most = found.record, found.machine.options.causes
     known: list[Known] = []
-    for group in groups:
+    for group in found.groups:
         missing = [s for s in (group.drive, *group.observed[:1]) if s not in record.signals]
         if missing:
-            unjudged[group.name] = missing
+            found.unjudged[group.name] = missing
             known = []
             continue
-        report(f"{group.name}: {len(group.effects())} candidates")
+        enter(found, watch, group.name, f"{group.name}: {len(group.effects())} candidates")
         # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
         task = task_for(group, record, known if group.integrates else [])
         settle(task.model, constants or {})
-        finding = find(task, record, tolerance, most)
-        findings[group.name] = finding
+        finding = find(task, record, trust, most)
+        conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
         known = [*upstream, Known(finding.task.model, finding.chosen.fit)] if adequate(finding) else []
-    return findings, unjudged
+
+
+def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> None:
+    """Causes, rests and what was never exercised in a group, all at once: an interruption leaves all of it or none."""
+    named, left, never = causes(finding, trust), rests(finding, trust), never_exercised(finding, trust)
+    found.findings[name] = finding
+    found.causes += named
+    found.rests += left
+    found.never += never
+
+
+def enter(found: Diagnosis, watch: Watch | None, name: str, text: str) -> None:
+    """A stage begins."""
+    found.stage = text
+    if watch is not None:
+        watch.stage(name, text)
 
 
 def settle(model: GroupModel, constants: Mapping[str, float]) -> None:
@@ -194,7 +137,7 @@ def settle(model: GroupModel, constants: Mapping[str, float]) -> None:
         model.fixed = model.fixed | own
 
 
-def verdict_of(findings: Mapping[str, Finding], named: list[Cause], left: list[Rest]) -> str:
+def verdict_of(named: list[Cause], left: list[Rest]) -> str:
     """One word for the whole."""
     if not named:
         return "unexplained" if left else "adequate"
@@ -211,9 +154,12 @@ def diagnose(
     tolerance: float = TOLERANCE,
     calibrate: bool = False,
     folder: Path | None = None,
-    report: Report = lambda text: None,
+    watch: Watch | None = None,
 ) -> Diagnosis:
     """Compare a log with a model, name what the model gets wrong, extend it and measure the gain.
+
+    Of a log of more than ten minutes the fits use the ten minutes whose command visits most (`cosim.diagnosis.stretch`);
+    the extended model is then run over the rest.
 
     Args:
         log: the log.
@@ -224,43 +170,93 @@ def diagnose(
         tolerance: standard deviation of the trust in each nominal parameter, relative.
         calibrate: fit the nominal parameters freely, so that only missing structure is a cause.
         folder: where the extended packages go; without one they are not written and the FMUs are not run.
-        report: called with a line about each stage.
+        watch: told about each stage.
 
     Raises:
         UsageError: an unknown model.
         DataError: the log lacks the command or is too short, or the tracker does not fit to it.
+        Interrupted: Ctrl-C, once the log is prepared.
     """
     machine = our_machine(model, base) if isinstance(model, str) else model
     trust = FREE if calibrate else tolerance
-    record, held = parted(prepare(log, machine), machine)
+    part = log
+    if log.time_unit == "s" and machine.options.held_out_from is None:
+        part = chosen_stretch(log, machine.drive, from_start=tracker is not None)
+    record, held = parted(prepare(part, machine), machine)
     if held_out is not None:
         held = Held(prepare(held_out, machine), 0, held_out.name, held_out.sha256)
-    with threadpool_limits(1):  # small matrices: more threads only wait for one another
-        seen = None
-        if tracker is not None:
-            report("slew sensor against tracker")
-            seen = compare_tracker(record, tracker)
-        groups = settled(merged(machine.groups, record.signals), seen)
-        constants = dict(machine.base)
-        if seen:
-            constants |= {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")}
-        most = machine.options.causes
-        findings, unjudged = judge(groups, record, trust, report, constants, most)
-        if not findings and seen is None:
-            missing = sorted({s for names in unjudged.values() for s in names})
-            raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")
-        refused = []
-        if held is not None:
-            report("causes tried on the held-out data")
-            refused = [r for f in findings.values() for r in confirm(f, record, held, trust)]
-        diagnosis = concluded(record, machine, findings, unjudged, seen, trust)
-        diagnosis.held, diagnosis.refused = held, refused
-        report("extended model")
-        estimate(diagnosis, groups, trust, constants)
+    found = Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals))
+    found.span, found.held = (float(part.time[0]), float(part.time[-1])), held
+    watch = watch or Watch()
+    try:
+        # small matrices: more threads only wait for one another
+        with threadpool_limits(1), watched_by(watch):
+            stages(found, log, part, tracker, trust, folder, watch)
+    except KeyboardInterrupt:
+        raise Interrupted(found) from None
+    return found
+
+
+def stages(
+    found: Diagnosis,
+    log: Log,
+    part: Log,
+    tracker: Tracker | None,
+    trust: float,
+    folder: Path | None,
+    watch: Watch,
+) -> None:
+    """The diagnosis stage by stage; each leaves what it found in `found`."""
+    watch.plan(planned(found, tracker is not None, folder is not None))
+    constants = dict(found.machine.base)
+    if tracker is not None:
+        enter(found, watch, "tracker", "slew sensor against tracker")
+        seen = compare_tracker(found.record, tracker)
+        found.tracker = seen
+        found.causes += seen.causes
+        found.groups = settled(found.groups, seen)
+        constants |= {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")}
+    judge(found, trust, constants, watch)
+    if not found.findings and tracker is None:
+        missing = sorted({s for names in found.unjudged.values() for s in names})
+        raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")
+    if found.held is not None:
+        enter(found, watch, "held out", "causes tried on the held-out data")
+        held_against(found, trust)
+    found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
+    found.causes.sort(key=lambda c: -c.gain)
+    found.verdict = verdict_of(found.causes, found.rests)
+    enter(found, watch, "extended", "extended model")
+    estimate(found, found.groups, trust, constants)
+    if part is not log:
+        pieces = ((p, prepare(p, found.machine)) for p in others(log, part))
+        found.elsewhere = elsewhere(found, pieces, constants | found.values)
     if folder is not None:
-        report("gain on held-out data, by the FMUs")
-        gain_by_fmus(diagnosis, folder)
-    return diagnosis
+        enter(found, watch, "gain", "gain on held-out data, by the FMUs")
+        gain_by_fmus(found, folder)
+    found.stage = ""
+
+
+def planned(found: Diagnosis, tracker: bool, fmus: bool) -> list[tuple[str, float]]:
+    """The stages to come and their shares of the time, one candidate of a group being 1."""
+    plan = [("tracker", 3.0)] if tracker else []
+    plan += [(g.name, 1.0 + len(g.effects())) for g in found.groups]
+    plan += [("held out", 5.0)] if found.held is not None else []
+    return [*plan, ("extended", 6.0), *([("gain", 10.0)] if fmus else [])]
+
+
+def held_against(found: Diagnosis, trust: float) -> None:
+    """Refuse causes that the held-out data do not bear out."""
+    assert found.held is not None
+    for name, finding in list(found.findings.items()):
+        refused = confirm(finding, found.record, found.held, trust)
+        if refused:
+            found.refused += refused
+            found.causes = [c for c in found.causes if c.group != name]
+            found.rests = [r for r in found.rests if r.block != name]
+            effects = {e.name for e in finding.task.model.group.effects()}
+            found.never = [n for n in found.never if n not in effects]
+            conclude(found, name, finding, trust)
 
 
 def parted(record: Record, machine: Machine) -> tuple[Record, Held | None]:
@@ -278,24 +274,6 @@ def parted(record: Record, machine: Machine) -> tuple[Record, Held | None]:
             f"diagnose.held_out_from = {start:g} leaves too little of the log to fit or to hold out"
         )
     return record.until(first), Held(record, first)
-
-
-def concluded(
-    record: Record,
-    machine: Machine,
-    findings: dict[str, Finding],
-    unjudged: dict[str, list[str]],
-    seen: TrackerFinding | None,
-    tolerance: float,
-) -> Diagnosis:
-    """Causes, what stays unexplained, what was never exercised, and the verdict."""
-    named = [c for f in findings.values() for c in causes(f, tolerance)] + (seen.causes if seen else [])
-    named.sort(key=lambda c: -c.gain)
-    left = [rest for f in findings.values() for rest in rests(f, tolerance)]
-    never = [name for f in findings.values() for name in never_exercised(f, tolerance)]
-    never += [] if seen else ["tracker.clock", "tracker.seam"]
-    verdict = verdict_of(findings, named, left)
-    return Diagnosis(verdict, record, machine, findings, unjudged, named, left, never, tracker=seen)
 
 
 def estimate(
@@ -343,18 +321,10 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     diagnosis.before = run_package(nominal, record, machine, diagnosis.start)
     diagnosis.after = run_package(extended, record, machine, {})
     if held is None:
-        diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, window_of(diagnosis))
+        diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, diagnosis.window)
         return
     start = {n: v for g in machine.groups for n, v in fixed_values(held.record, g).items()}
     diagnosis.held_before = run_package(nominal, held.record, machine, start)
     diagnosis.held_after = run_package(extended, held.record, machine, start)
-    window = window_of(diagnosis)
+    window = diagnosis.window
     diagnosis.gains = measure(held.record, diagnosis.held_before, diagnosis.held_after, window, held.first)
-
-
-def window_of(diagnosis: Diagnosis) -> int:
-    """Samples in a window: those of the fits, so that what they left out is what is judged."""
-    for finding in diagnosis.findings.values():
-        for rule in finding.task.rules.values():
-            return rule.bins * rule.window
-    return round(WINDOW / diagnosis.record.h)

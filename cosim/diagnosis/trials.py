@@ -10,6 +10,7 @@ import numpy as np
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit, fit_from_starts
 from cosim.diagnosis.groups import GroupModel
 from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.watch import counted
 from fmus import registry
 from fmus.contract import Effect, Variable
 
@@ -135,7 +136,7 @@ def tried_all(
         return tried(copied(task), trial.effects, tolerance, trial.fit)
 
     with ThreadPoolExecutor(2) as pool:
-        trials = list(pool.map(first, sets))
+        trials = list(counted(pool.map(first, sets), len(sets)))
         if not trials:
             return []
         best = max(t.fit.log_likelihood for t in trials)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.answer import shown
 from cosim.diagnosis.schema import Answer
 from cosim.errors import DataError, UsageError
-from cosim.report.material import MEASURED, Curve, Material, Noise, Part
+from cosim.report.material import KINDS, MEASURED, Curve, Material, Noise, Part
 
 Array = NDArray[np.float64]
 
@@ -83,14 +83,14 @@ def load(folder: Path) -> Material:
 
 
 def _series(table: Any) -> dict[str, dict[str, Array]]:
-    series: dict[str, dict[str, Array]] = {}
+    series: dict[str, dict[str, Array]] = {kind: {} for kind in KINDS}
     for column in table.column_names:
         kind, _, rest = column.rpartition("/") if not column.startswith("time") else ("", "", "")
         if kind:
             signal = rest.partition(" [")[0]
             values = np.asarray(table[column].to_numpy(), dtype=np.float64) / shown(signal)[1]
             series.setdefault(kind, {})[signal] = values
-    if not series.get(MEASURED):
+    if not series[MEASURED]:
         raise KeyError("no measured series")
     return series
 

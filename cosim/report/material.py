@@ -12,13 +12,14 @@ from cosim.units import factor
 from fmus import registry
 
 if TYPE_CHECKING:
+    from cosim.diagnosis.found import Diagnosis
     from cosim.diagnosis.naming import Finding
-    from cosim.diagnosis.story import Diagnosis
 
 Array = NDArray[np.float64]
 
 MEASURED, NOMINAL, EXTENDED = "measured", "nominal", "extended"
 BLOCK_NOMINAL, BLOCK_EXTENDED = "block_nominal", "block_extended"
+KINDS = (MEASURED, NOMINAL, EXTENDED, BLOCK_NOMINAL, BLOCK_EXTENDED)
 
 
 @dataclass(frozen=True)

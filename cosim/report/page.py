@@ -32,8 +32,8 @@ from cosim.report.words import (
 )
 
 if TYPE_CHECKING:
+    from cosim.diagnosis.found import Diagnosis
     from cosim.diagnosis.schema import Answer
-    from cosim.diagnosis.story import Diagnosis
 
 REPORT = "report.html"
 PACKAGES = ("plotly", "jinja2", "pyarrow")
@@ -151,6 +151,10 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         "versions": {k: v for k, v in answer.made.items() if not k.startswith("log")},
         "page_versions": versions(),
         "gains": {s: answer.gain[s] for s in by_error(answer, list(answer.gain))},
+        # no gain was measured: the nominal errors alone
+        "plain": {}
+        if answer.gain
+        else {s: answer.signals[s] for s in by_error(answer, list(answer.signals))},
         "seed": seed(),
         "window": f"{WINDOW:g}",
         "windows": len(overview.held_out(material)),

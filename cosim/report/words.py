@@ -218,6 +218,13 @@ def sentence(material: Material) -> str:
             f"The simulation agrees with the log: in {judged}, what is left is no more than noise and the tolerance "
             "of the nominal parameters allow."
         )
+    if answer.verdict == "interrupted":
+        judged = listed([BLOCK_NAMES.get(name, name) for name in material.parts] or ["no block"])
+        if not answer.causes:
+            return f"The diagnosis was interrupted. Judged until then: {judged}; no cause was named."
+        return f"The diagnosis was interrupted. Judged until then: {judged}. " + told(
+            answer, [phrase(c, material) for c in answer.causes]
+        )
     if not answer.causes:
         return (
             f"The simulation gets something wrong in the {blocks}, and no effect of the library explains it."

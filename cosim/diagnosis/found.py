@@ -1,0 +1,129 @@
+"""What a diagnosis has found so far; it grows stage by stage, so that an interruption leaves what was done."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.chain import WINDOW
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.gain import Gain
+from cosim.diagnosis.groups import Group
+from cosim.diagnosis.heldout import Held, Refused
+from cosim.diagnosis.machine import Machine
+from cosim.diagnosis.naming import Finding
+from cosim.diagnosis.tracker import TrackerFinding
+from cosim.diagnosis.verdict import Cause, Rest
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """A part of a long log in which the extended model errs more than in the stretch that the fits used.
+
+    Attributes:
+        signal: the signal.
+        start, end: s of the log's own time.
+        ratio: its error over that in the stretch.
+    """
+
+    signal: str
+    start: float
+    end: float
+    ratio: float
+
+
+@dataclass
+class Diagnosis:
+    """Everything the diagnosis found.
+
+    Attributes:
+        verdict: "adequate", "explained", "partly_explained" or "unexplained"; "interrupted" until all is judged.
+        record: the prepared log, or the stretch of it that the fits use.
+        machine: the model.
+        groups: its groups, as far as this log tells them apart.
+        findings: group -> what was found in it, for the groups that could be judged.
+        unjudged: group -> the signals whose absence keeps it from being judged.
+        causes: named causes, the largest gain first.
+        rests: what stays unexplained.
+        never: effects that the log could not have shown.
+        values: ``component.parameter`` -> value of the extended model, SI.
+        deviations: standard deviation of those estimated.
+        start: the start angle.
+        before, after: signals of the nominal and the extended model's FMUs on the log's command.
+        gains: signal -> error on held-out windows.
+        packages: files of the extended model.
+        tracker: what the external tracker says, if there was one.
+        held: the part of the log, or the other log, on which gains are measured; None for every third window.
+        held_before, held_after: as before, after, over the held-out log.
+        refused: causes that the fitting log asks for and the held-out one does not bear out.
+        span: start and end of the stretch that was used, s of the log's own time.
+        elsewhere: where in the rest of the log the extended model errs more.
+        stage: the stage that runs, or in which it was interrupted; empty when all is done.
+    """
+
+    verdict: str
+    record: Record
+    machine: Machine
+    groups: tuple[Group, ...]
+    findings: dict[str, Finding] = field(default_factory=dict)
+    unjudged: dict[str, list[str]] = field(default_factory=dict)
+    causes: list[Cause] = field(default_factory=list)
+    rests: list[Rest] = field(default_factory=list)
+    never: list[str] = field(default_factory=list)
+    values: dict[str, float] = field(default_factory=dict)
+    deviations: dict[str, float] = field(default_factory=dict)
+    start: dict[str, float] = field(default_factory=dict)
+    before: dict[str, Array] = field(default_factory=dict)
+    after: dict[str, Array] = field(default_factory=dict)
+    gains: dict[str, Gain] = field(default_factory=dict)
+    packages: dict[str, Path] = field(default_factory=dict)
+    tracker: TrackerFinding | None = None
+    held: Held | None = None
+    held_before: dict[str, Array] = field(default_factory=dict)
+    held_after: dict[str, Array] = field(default_factory=dict)
+    refused: list[Refused] = field(default_factory=list)
+    span: tuple[float, float] = (0.0, 0.0)
+    elsewhere: list[Elsewhere] = field(default_factory=list)
+    stage: str = ""
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.machine.name
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Signal -> size of its noise per sample, SI: what is left where everything is explained."""
+        return {
+            s: float(np.std(high_pass(self.record.signals[s])))
+            for f in self.findings.values()
+            for s in f.task.rules
+        }
+
+    @property
+    def window(self) -> int:
+        """Samples in a window: those of the fits, so that what they left out is what is judged."""
+        for finding in self.findings.values():
+            for rule in finding.task.rules.values():
+                return rule.bins * rule.window
+        return round(WINDOW / self.record.h)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C in a diagnosis; it carries what had been found until then.
+
+    Attributes:
+        found: the findings of the groups that were finished, and whatever followed.
+    """
+
+    def __init__(self, found: Diagnosis) -> None:
+        super().__init__(f"interrupted: {found.stage}")
+        self.found = found
+
+
+def high_pass(signal: Array) -> Array:
+    """Second differences scaled to the size of white noise: what no drive of this bandwidth can produce."""
+    return np.diff(signal, 2) / np.sqrt(6.0)

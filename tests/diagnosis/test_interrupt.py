@@ -1,0 +1,76 @@
+"""Ctrl-C in a diagnosis leaves what was done: a real process, a real signal."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cosim.diagnosis.schema import Answer
+from cosim.rig import make_log, write
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="a console's Ctrl-C cannot be sent to one process")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short log with friction and a smaller valve gain."""
+    run = make_log(
+        "mixed", 30.0, ["mechanical.coulomb_friction:tau_c=120 N.m", "dcv.gain:K=2.1 mm"], seed=4, start=0.3
+    )
+    path = tmp_path_factory.mktemp("interrupt") / "log.parquet"
+    write(run, path)
+    return path
+
+
+def interrupted(log: Path, folder: Path, at: str) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a diagnosis that gets SIGINT when a line with `at` appears on stderr."""
+    command = [sys.executable, "-m", "cosim", "diagnose", str(log), "--out", str(folder), "--json"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        assert process.stdout is not None
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if at in line and line.startswith("diagnosis:"):
+                process.send_signal(signal.SIGINT)
+                break
+        lines += process.stderr.readlines()
+        out = process.stdout.read()
+        return process.wait(), out, "".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("at", "judged"),
+    [
+        ("dcv:", []),
+        ("mechanical:", ["dcv", "continuity"]),
+        pytest.param("gain on held-out", ["dcv", "continuity", "mechanical"], marks=pytest.mark.slow),
+        pytest.param("report", ["dcv", "continuity", "mechanical"], marks=pytest.mark.slow),
+    ],
+)
+def test_what_was_done_is_left(log: Path, tmp_path: Path, at: str, judged: list[str]) -> None:
+    code, out, messages = interrupted(log, tmp_path / "out", at)
+    assert code == 130, messages
+    assert json.loads(out)["exit_code"] == 130
+    assert f"{tmp_path / 'out'} holds what was found" in messages
+    answer = Answer.model_validate_json((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert answer.interrupted is not None
+    assert at.rstrip(":") in answer.interrupted
+    assert any("interrupted" in warning for warning in answer.warnings)
+    assert {row.block for row in answer.localisation} == set(judged)
+    assert set(answer.not_judged) == {"dcv", "continuity", "mechanical"} - set(judged)
+    found = {cause.effect for cause in answer.causes}
+    assert ("dcv.gain" in found) == ("dcv" in judged)
+    assert ("mechanical.coulomb_friction" in found) == ("mechanical" in judged)
+    assert answer.verdict == ("explained" if "mechanical" in judged else "interrupted")
+    # the comparison with the nominal model is there in any case, and sees the wrong gain
+    assert answer.signals["spool"].rmse > 0.05
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "interrupted" in page
+    assert (tmp_path / "out" / "comparison.parquet").stat().st_size > 100_000
