@@ -5,7 +5,7 @@ differ most, in units of the noise, wins; the nominal parameters may hide part o
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,10 @@ class Proposal:
         excitation: shape, amplitude, duration and what else describes it.
         predicted_gain: log-likelihood by which it would separate them.
         command: (n,) the command at 1 kHz.
+        models: names of the two explanations.
+        predicted: signal -> (2, n) what each predicts, SI; the second as refitted to the first, as it would be.
+        rules: signal -> whitening rule, by which the two are told apart.
+        evidence: (n,) log-likelihood that each sample adds for the one against the other.
         file: CSV with the command, once written.
     """
 
@@ -41,6 +45,10 @@ class Proposal:
     excitation: Description
     predicted_gain: float
     command: Array
+    models: tuple[str, str] = ("", "")
+    predicted: dict[str, Array] = field(default_factory=dict, repr=False)
+    rules: dict[str, Whitener] = field(default_factory=dict, repr=False)
+    evidence: Array = field(default_factory=lambda: np.zeros(0), repr=False)
     file: Path | None = None
 
 
@@ -74,14 +82,24 @@ def white_difference(a: Mapping[str, Array], b: Mapping[str, Array], rules: Mapp
     return np.concatenate([rule(a[s] - b[s]).ravel() for s, rule in rules.items() if s in a])
 
 
+def evidence_of(predicted: Mapping[str, Array], rules: Mapping[str, Whitener]) -> Array:
+    """(n,) log-likelihood that each sample adds for the first of two predictions (2, n) of each signal, if it is true."""
+    found = np.zeros(next(iter(predicted.values())).shape[1])
+    for signal, (one, other) in predicted.items():
+        rule = rules[signal]
+        each = np.repeat(0.5 * rule(one - other).ravel() ** 2 / rule.bins, rule.bins)
+        found[rule.skip : rule.skip + each.size] += each
+    return found
+
+
 def separation(
     model: ChainModel,
     first: Mapping[str, float],
     second: Mapping[str, float],
     rules: Mapping[str, Whitener],
     loose: list[Unknown],
-) -> float:
-    """Log-likelihood by which an experiment would prefer `first`, if it is true, to `second` refitted to it.
+) -> tuple[float, dict[str, float]]:
+    """Log-likelihood by which an experiment would prefer `first`, if it is true, to `second` refitted to it; and that refit.
 
     The second model's parameters take up what they can, to first order, trusted ones at the price of their priors.
     """
@@ -102,7 +120,8 @@ def separation(
     aim = np.concatenate([target, np.zeros(len(loose))])
     solution, *_ = np.linalg.lstsq(rows, aim, rcond=None)
     rest = aim - rows @ solution
-    return 0.5 * float(rest @ rest)
+    refitted = np.clip(z + solution, low, high) * scales
+    return 0.5 * float(rest @ rest), {u.name: float(v) for u, v in zip(loose, refitted, strict=True)}
 
 
 def propose(
@@ -139,12 +158,18 @@ def propose(
         ranked.append((float(raw @ raw), description, command))
     ranked.sort(key=lambda item: -item[0])
     best: Proposal | None = None
+    values: dict[str, float] = {}
     for _, description, command in ranked[:REFINED]:
         model = ChainModel(groups, Record(h, {drive: size * command}), fixed)
-        gain = separation(model, first, second, rules, loose)
+        gain, refit = separation(model, first, second, rules, loose)
         if best is None or gain > best.predicted_gain:
-            best = Proposal(why, description, gain, command)
-    return best if best is not None and best.predicted_gain > 1.0 else None
+            best, values = Proposal(why, description, gain, command), dict(second) | refit
+    if best is None or best.predicted_gain <= 1.0:
+        return None
+    model = ChainModel(groups, Record(h, {drive: size * best.command}), fixed)
+    one, other = model.simulate(dict(first)), model.simulate(values)
+    predicted = {s: np.stack([one[s], other[s]]) for s in rules if s in one}
+    return replace(best, predicted=predicted, rules=dict(rules), evidence=evidence_of(predicted, rules))
 
 
 def proposal_for(
@@ -174,7 +199,8 @@ def proposal_for(
         second = base | twins[0].fit.values
         loose, _ = unknowns(finding.task.model, twins[0].effects, tolerance)
         why = f"tells {cause.effect.name} from {cause.alike[0]}, which this log cannot"
-        return propose(groups, first, second, loose, rules, why, fixed)
+        found = propose(groups, first, second, loose, rules, why, fixed)
+        return found and replace(found, models=(cause.effect.name, cause.alike[0]))
     return None
 
 
@@ -183,4 +209,4 @@ def write_command(proposal: Proposal, folder: Path, h: float = 1e-3) -> Proposal
     file = folder / "next_experiment.csv"
     rows = "".join(f"{k * h:.3f},{u:.6f}\n" for k, u in enumerate(proposal.command.tolist()))
     file.write_text(f"time [s],u [1]\n{rows}", encoding="utf-8")
-    return Proposal(proposal.why, proposal.excitation, proposal.predicted_gain, proposal.command, file)
+    return replace(proposal, file=file)

@@ -121,7 +121,7 @@ def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None)
     """Write answer, series and report."""
     result = answer(found, log, proposal)
     (folder / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
-    if save_and_report(found, result, folder) is None:
+    if save_and_report(found, result, folder, proposal) is None:
         warn(
             "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"
         )

@@ -14,16 +14,18 @@ from numpy.typing import NDArray
 from cosim.diagnosis.answer import shown
 from cosim.diagnosis.schema import Answer
 from cosim.errors import DataError, UsageError
-from cosim.report.material import KINDS, MEASURED, Curve, Material, Noise, Part
+from cosim.report.material import KINDS, MEASURED, Curve, Experiment, Material, Noise, Part
 
 Array = NDArray[np.float64]
 
-ANSWER, SERIES = "diagnosis.json", "comparison.parquet"
+ANSWER, SERIES, PREDICTED = "diagnosis.json", "comparison.parquet", "next_experiment.parquet"
 _KEY = b"cosim.report"
 
 
 def keep(material: Material, folder: Path) -> None:
-    """Write `comparison.parquet`, in the units people read; `diagnosis.json` is written by the command.
+    """Write `comparison.parquet`, and `next_experiment.parquet` if one is proposed, in the units people read.
+
+    `diagnosis.json` is written by the command.
 
     Raises:
         UsageError: the folder cannot be written to.
@@ -45,6 +47,10 @@ def keep(material: Material, folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         pq.write_table(table, folder / SERIES, compression="zstd")
+        if material.experiment is not None:
+            pq.write_table(_predicted(material.experiment), folder / PREDICTED, compression="zstd")
+        else:
+            (folder / PREDICTED).unlink(missing_ok=True)  # of an earlier diagnosis
     except OSError as error:
         raise UsageError(
             f"cannot write into '{folder}' ({error.strerror or error}); name another folder"
@@ -75,11 +81,48 @@ def load(folder: Path) -> Material:
         parts = {p["name"]: _part(p) for p in facts["parts"]}
         tracker = {k: np.array(v) for k, v in facts["tracker"].items()}
         series = _series(table)
+        proposed = answer.next_experiment is not None and (folder / PREDICTED).is_file()
+        experiment = _experiment(pq.read_table(folder / PREDICTED)) if proposed else None
     except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
         raise DataError(
             f"{folder / SERIES} does not hold the series of a diagnosis ({type(error).__name__}: {error}): {remedy}"
         ) from None
-    return Material(answer, float(facts["h"]), series, parts, tracker, folder)
+    return Material(answer, float(facts["h"]), series, parts, tracker, folder, experiment)
+
+
+def _predicted(experiment: Experiment) -> Any:
+    """The experiment as a table: time, command, and a column ``model/signal [unit]`` for each prediction."""
+    import pyarrow as pa
+
+    columns: dict[str, Any] = {
+        "time [s]": np.arange(experiment.command.size) * experiment.h,
+        "u [1]": experiment.command,
+        "evidence [1]": experiment.evidence,
+    }
+    for signal, rows in experiment.predicted.items():
+        unit, scale = shown(signal)
+        for model, values in zip(experiment.models, rows, strict=True):
+            columns[f"{model}/{signal} [{unit}]"] = values * scale
+    noise = {s: [n.bins, n.window, n.free, n.rms] for s, n in experiment.noise.items()}
+    facts = {"models": experiment.models, "h": experiment.h, "noise": noise}
+    return pa.table(columns).replace_schema_metadata({_KEY: json.dumps(facts).encode()})
+
+
+def _experiment(table: Any) -> Experiment:
+    facts = json.loads(table.schema.metadata[_KEY])
+    predicted: dict[str, list[Array]] = {}
+    for column in table.column_names[3:]:
+        signal = column.partition("/")[2].partition(" [")[0]
+        values = np.asarray(table[column].to_numpy(), dtype=np.float64) / shown(signal)[1]
+        predicted.setdefault(signal, []).append(values)
+    return Experiment(
+        tuple(facts["models"]),
+        float(facts["h"]),
+        np.asarray(table["u [1]"].to_numpy(), dtype=np.float64),
+        {s: np.stack(rows) for s, rows in predicted.items()},
+        {s: Noise(*values) for s, values in facts["noise"].items()},
+        np.asarray(table["evidence [1]"].to_numpy(), dtype=np.float64),
+    )
 
 
 def _series(table: Any) -> dict[str, dict[str, Array]]:

@@ -12,6 +12,7 @@ from cosim.units import factor
 from fmus import registry
 
 if TYPE_CHECKING:
+    from cosim.diagnosis.experiment import Proposal
     from cosim.diagnosis.found import Diagnosis
     from cosim.diagnosis.naming import Finding
 
@@ -73,6 +74,27 @@ class Part:
     after: dict[str, list[Curve]]
 
 
+@dataclass(frozen=True)
+class Experiment:
+    """The proposed experiment as two explanations predict it.
+
+    Attributes:
+        models: names of the two.
+        h: step, s.
+        command: (n,).
+        predicted: signal -> (2, n) SI.
+        noise: signal -> how a residual is judged, as in the log.
+        evidence: (n,) log-likelihood that each sample adds for the first, if it is true.
+    """
+
+    models: tuple[str, str]
+    h: float
+    command: Array
+    predicted: dict[str, Array]
+    noise: dict[str, Noise]
+    evidence: Array
+
+
 @dataclass
 class Material:
     """Everything a report shows.
@@ -86,6 +108,7 @@ class Material:
         parts: the groups that were judged.
         tracker: time (s), reading (rad) and raw stamps (s) of the external tracker, (m,) each; empty without one.
         folder: where the diagnosis lies, or None.
+        experiment: the next experiment as predicted, or None.
     """
 
     answer: Answer
@@ -94,6 +117,7 @@ class Material:
     parts: dict[str, Part]
     tracker: dict[str, Array] = field(default_factory=dict)
     folder: Path | None = None
+    experiment: Experiment | None = None
 
     @property
     def time(self) -> Array:
@@ -165,7 +189,9 @@ def component_of(cause: NamedCause) -> str:
     return effect.component if effect else cause.block
 
 
-def gather(found: "Diagnosis", answer: Answer, folder: Path | None = None) -> Material:
+def gather(
+    found: "Diagnosis", answer: Answer, folder: Path | None = None, proposal: "Proposal | None" = None
+) -> Material:
     """The material of a diagnosis just made."""
     from cosim.diagnosis.verdict import names_of, stands
 
@@ -190,7 +216,13 @@ def gather(found: "Diagnosis", answer: Answer, folder: Path | None = None) -> Ma
             series[f"without {cause.effect.name}"] = finding.task.model.simulate(
                 finding.chosen.fit.values | off
             )
-    return Material(answer, found.record.h, series, parts, tracker_of(found), folder)
+    experiment = None
+    if proposal is not None and proposal.predicted:
+        noise = {s: Noise(r.bins, r.window, r.demean, r.rms) for s, r in proposal.rules.items()}
+        experiment = Experiment(
+            proposal.models, 1e-3, proposal.command, proposal.predicted, noise, proposal.evidence
+        )
+    return Material(answer, found.record.h, series, parts, tracker_of(found), folder, experiment)
 
 
 def tracker_of(found: "Diagnosis") -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""Pictures of the whole: signals before and after, shares of the blocks, residuals with their noise, the next command."""
+"""Pictures of the whole: signals before and after, shares of the blocks, residuals with their noise."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,27 +151,4 @@ def tracker(material: Material) -> Picture | None:
         axis("time on the log's clock", "s"),
         [Panel(axis("slew angle", unit), top), Panel(axis("difference", unit), [off])],
         CAPTIONS["tracker"],
-    )
-
-
-def command(material: Material) -> Picture | None:
-    """The command of the next experiment, or None if none is proposed or its file is gone."""
-    import pandas as pd
-
-    proposed = material.answer.next_experiment
-    if proposed is None or proposed.file is None or material.folder is None:
-        return None
-    file = material.folder / proposed.file.replace("\\", "/").rpartition("/")[2]
-    if not file.is_file():
-        return None
-    table = pd.read_csv(file)
-    time, u = table.iloc[:, 0].to_numpy(np.float64), table.iloc[:, 1].to_numpy(np.float64)
-    at, values = envelope(u, bucket(u.size, float(time[1] - time[0])))
-    layer = Layer("line", "command", "extended", time[at.astype(int)], 100.0 * values)
-    return Picture(
-        "next-experiment",
-        "The command to play",
-        axis("time", "s"),
-        [Panel(axis("command u", "%"), [layer])],
-        f"In {file.name}.",
     )

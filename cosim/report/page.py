@@ -12,9 +12,9 @@ from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.packages import project_version
-from cosim.report import overview
+from cosim.report import experiment, overview
 from cosim.report.evidence import free_form, pictures
-from cosim.report.folder import ANSWER, SERIES, keep, load
+from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, load
 from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
 from cosim.report.words import (
@@ -32,6 +32,7 @@ from cosim.report.words import (
 )
 
 if TYPE_CHECKING:
+    from cosim.diagnosis.experiment import Proposal
     from cosim.diagnosis.found import Diagnosis
     from cosim.diagnosis.schema import Answer
 
@@ -52,7 +53,9 @@ def need_extra() -> None:
         raise MissingExtraError("the HTML report", "report") from None
 
 
-def save_and_report(found: "Diagnosis", answer: "Answer", folder: Path) -> Path | None:
+def save_and_report(
+    found: "Diagnosis", answer: "Answer", folder: Path, proposal: "Proposal | None" = None
+) -> Path | None:
     """Keep the series of a diagnosis in its folder and write its report; `diagnosis.json` is there already.
 
     Returns:
@@ -61,7 +64,7 @@ def save_and_report(found: "Diagnosis", answer: "Answer", folder: Path) -> Path 
     Raises:
         UsageError: the folder cannot be written to.
     """
-    keep(gather(found, answer, folder), folder)
+    keep(gather(found, answer, folder, proposal), folder)
     try:
         return write_report(folder)
     except MissingExtraError:
@@ -133,7 +136,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
             free_form(rest.block, curves[0], c, f"rest-{index}-{k}") for k, c in enumerate(curves[1][:2])
         ]
         rests.append({"rest": rest, "pictures": shown(found)})
-    command, seen = overview.command(material), overview.tracker(material)
+    command, seen = experiment.picture(material), overview.tracker(material)
     return {
         "answer": answer,
         "sentence": sentence(material),
@@ -222,7 +225,7 @@ def files(material: Material) -> list[tuple[str, str, str]]:
     found = [(made["log"], "", made["log_sha256"])] if "log" in made else []
     if material.folder is None:
         return found
-    wanted = [ANSWER, SERIES, "next_experiment.csv", "extended.ssp", "extended_open.ssp"]
+    wanted = [ANSWER, SERIES, "next_experiment.csv", PREDICTED, "extended.ssp", "extended_open.ssp"]
     wanted += sorted(p.name for p in material.folder.glob("*.ssv"))
     for name in wanted:
         file = material.folder / name
