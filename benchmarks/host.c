@@ -1,0 +1,166 @@
+/* A co-simulation master in plain C, without Python and without libraries: host PLAN STEPS STEP_SIZE
+
+   The plan is text, one item a line, numbers in SI units:
+     component NAME LIBRARY RESOURCES GUID     in stepping order
+     real REFERENCE VALUE | integer REFERENCE VALUE     start values of the component before
+     wire SOURCE REFERENCE TARGET REFERENCE LATE        components by number; LATE: the value at the start of the step
+     output COMPONENT REFERENCE
+   Writes one row of outputs for the start and one for each step, with all digits. */
+#include <dlfcn.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MOST 64
+
+typedef struct {
+    void (*logger)(void *, const char *, int, const char *, const char *, ...);
+    void *(*allocate)(size_t, size_t);
+    void (*release)(void *);
+    void (*finished)(void *, int);
+    void *environment;
+} Callbacks;
+
+typedef struct {
+    void *slave;
+    int (*setup)(void *, int, double, double, int, double);
+    int (*enter)(void *);
+    int (*leave)(void *);
+    int (*step)(void *, double, double, int);
+    int (*terminate)(void *);
+    void (*release)(void *);
+    int (*set_real)(void *, const unsigned *, size_t, const double *);
+    int (*get_real)(void *, const unsigned *, size_t, double *);
+    int (*set_integer)(void *, const unsigned *, size_t, const int *);
+} Fmu;
+
+typedef struct {
+    int source, target, late;
+    unsigned from, to;
+    double value;
+} Wire;
+
+static Fmu fmus[MOST];
+static Wire wires[MOST], outputs[MOST];
+static int n_fmus, n_wires, n_outputs;
+
+static void logger(void *environment, const char *name, int status, const char *category, const char *message, ...)
+{
+    va_list rest;
+    (void)environment; (void)name; (void)category;
+    if (status == 0) return;
+    va_start(rest, message);
+    vfprintf(stderr, message, rest);
+    va_end(rest);
+    fputc('\n', stderr);
+}
+
+static const Callbacks callbacks = {logger, calloc, free, NULL, NULL};
+
+static void check(int status, const char *what)
+{
+    if (status > 1) { fprintf(stderr, "%s answered %d\n", what, status); exit(4); }
+}
+
+static void load(Fmu *fmu, const char *name, const char *path, const char *resources, const char *guid)
+{
+    void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    if (!library) { fprintf(stderr, "%s\n", dlerror()); exit(2); }
+    void *(*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int) = dlsym(library, "fmi2Instantiate");
+    fmu->setup = dlsym(library, "fmi2SetupExperiment");
+    fmu->enter = dlsym(library, "fmi2EnterInitializationMode");
+    fmu->leave = dlsym(library, "fmi2ExitInitializationMode");
+    fmu->step = dlsym(library, "fmi2DoStep");
+    fmu->terminate = dlsym(library, "fmi2Terminate");
+    fmu->release = dlsym(library, "fmi2FreeInstance");
+    fmu->set_real = dlsym(library, "fmi2SetReal");
+    fmu->get_real = dlsym(library, "fmi2GetReal");
+    fmu->set_integer = dlsym(library, "fmi2SetInteger");
+    fmu->slave = instantiate(name, 1, guid, resources, &callbacks, 0, 1);
+    if (!fmu->slave) { fprintf(stderr, "%s cannot be instantiated\n", name); exit(3); }
+}
+
+static void read_plan(const char *file)
+{
+    char word[32], name[256], path[2048], resources[2048], guid[256];
+    unsigned reference;
+    double real;
+    int integer;
+    FILE *plan = fopen(file, "r");
+    if (!plan) { perror(file); exit(1); }
+    while (fscanf(plan, "%31s", word) == 1) {
+        Fmu *last = &fmus[n_fmus - 1];
+        if (!strcmp(word, "component") && n_fmus < MOST && fscanf(plan, "%255s %2047s %2047s %255s", name, path, resources, guid) == 4)
+            load(&fmus[n_fmus++], name, path, resources, guid);
+        else if (!strcmp(word, "real") && fscanf(plan, "%u %lf", &reference, &real) == 2)
+            check(last->set_real(last->slave, &reference, 1, &real), "fmi2SetReal");
+        else if (!strcmp(word, "integer") && fscanf(plan, "%u %d", &reference, &integer) == 2)
+            check(last->set_integer(last->slave, &reference, 1, &integer), "fmi2SetInteger");
+        else if (!strcmp(word, "wire") && n_wires < MOST
+                 && fscanf(plan, "%d %u %d %u %d", &wires[n_wires].source, &wires[n_wires].from, &wires[n_wires].target, &wires[n_wires].to, &wires[n_wires].late) == 5)
+            n_wires++;
+        else if (!strcmp(word, "output") && n_outputs < MOST && fscanf(plan, "%d %u", &outputs[n_outputs].source, &outputs[n_outputs].from) == 2)
+            n_outputs++;
+        else { fprintf(stderr, "bad plan at '%s'\n", word); exit(1); }
+    }
+    fclose(plan);
+}
+
+static double get(const Wire *wire)
+{
+    double value;
+    check(fmus[wire->source].get_real(fmus[wire->source].slave, &wire->from, 1, &value), "fmi2GetReal");
+    return value;
+}
+
+/* Hand over the inputs of a component; a late wire keeps the value that was taken at the start of the step. */
+static void feed(int target, int starting)
+{
+    for (int w = 0; w < n_wires; w++) {
+        if (wires[w].target != target) continue;
+        if (starting || !wires[w].late) wires[w].value = get(&wires[w]);
+        check(fmus[target].set_real(fmus[target].slave, &wires[w].to, 1, &wires[w].value), "fmi2SetReal");
+    }
+}
+
+static void write_row(double time)
+{
+    printf("%.17g", time);
+    for (int i = 0; i < n_outputs; i++) printf(" %.17g", get(&outputs[i]));
+    putchar('\n');
+}
+
+int main(int count, char **words)
+{
+    if (count != 4) { fputs("host PLAN STEPS STEP_SIZE\n", stderr); return 1; }
+    int steps = atoi(words[2]);
+    double h = atof(words[3]);
+    read_plan(words[1]);
+    for (int c = 0; c < n_fmus; c++) {
+        check(fmus[c].setup(fmus[c].slave, 0, 0.0, 0.0, 0, 0.0), "fmi2SetupExperiment");
+        check(fmus[c].enter(fmus[c].slave), "fmi2EnterInitializationMode");
+    }
+    for (int sweep = 0; sweep < 2; sweep++)
+        for (int c = 0; c < n_fmus; c++) feed(c, 1);
+    for (int c = 0; c < n_fmus; c++) {
+        feed(c, 1);
+        check(fmus[c].leave(fmus[c].slave), "fmi2ExitInitializationMode");
+    }
+    write_row(0.0);
+    for (int k = 0; k < steps; k++) {
+        for (int w = 0; w < n_wires; w++)
+            if (wires[w].late) wires[w].value = get(&wires[w]);
+        for (int c = 0; c < n_fmus; c++) {
+            feed(c, 0);
+            check(fmus[c].step(fmus[c].slave, k * h, h, 1), "fmi2DoStep");
+        }
+        write_row((k + 1) * h);
+    }
+    fflush(stdout);
+    for (int c = 0; c < n_fmus; c++) {
+        check(fmus[c].terminate(fmus[c].slave), "fmi2Terminate");
+        fmus[c].release(fmus[c].slave);
+    }
+    return 0;
+}
