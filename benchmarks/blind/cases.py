@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.blind.sizes import GROUP_OF, RANGES, SIZES, UNKNOWN, Size
+from benchmarks.blind.sizes import GROUP_OF, RANGES, SIZES, TRACKED, UNKNOWN, Size
 from cosim.rig import EFFECTS, Hidden, Noise
 from cosim.rig.excitation import EXCITATIONS
 from cosim.rig.parameters import STEP, nominal_value
@@ -20,14 +20,16 @@ NAMED_EXCITATIONS = ("mixed", "mixed", "sweep", "steps", "multisine", "small_ste
 OWN_EXCITATIONS = ("triangle_steps", "telegraph")
 # share of each kind of case
 KINDS = {
-    "single": 0.44,
+    "single": 0.42,
     "clean": 0.2,
     "unknown": 0.08,
     "left_out": 0.12,
     "pair_across": 0.07,
     "pair_within": 0.07,
     "lugre": 0.02,
+    "tracker": 0.05,
 }
+WITH_TRACKER = 0.25  # share of clean logs that come with a tracker's record
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Case:
 
     Attributes:
         number: of the case in its run.
-        kind: "single", "clean", "unknown", "left_out", "pair_across", "pair_within" or "lugre".
+        kind: "single", "clean", "unknown", "left_out", "pair_across", "pair_within", "lugre" or "tracker".
         size: "weak", "moderate", "strong" or "" for clean.
         hidden: effect -> parameter -> value, SI.
         removed: effect that the diagnosis may not consider, or "".
@@ -46,6 +48,7 @@ class Case:
         settings: nominal parameters that are off, SI.
         start: start angle, rad, or None for the rig's choice.
         seed: of the rig.
+        tracker: an external tracker's record comes with the log.
     """
 
     number: int
@@ -60,6 +63,7 @@ class Case:
     settings: dict[str, float]
     start: float | None
     seed: int
+    tracker: bool = False
 
     def plain(self) -> dict[str, Any]:
         """As plain data."""
@@ -85,6 +89,7 @@ class Case:
             "start": self.start,
             "seed": self.seed,
             "friction": "lugre" if self.kind == "lugre" else "sharp",
+            "tracker": self.tracker,
         }
 
 
@@ -149,6 +154,9 @@ def hidden_for(
     names = list(RANGES)
     if kind == "clean":
         return {}
+    if kind == "tracker":
+        name = list(TRACKED)[index % len(TRACKED)]
+        return {name: TRACKED[name].parameters(name.partition(".")[0], size, rng)}
     if kind == "unknown":
         name = list(UNKNOWN)[index % len(UNKNOWN)]
         return {name: unknown_parameters(name, duration, size, rng)}
@@ -202,4 +210,5 @@ def cases(count: int, seed: int, duration: float = 60.0) -> Iterator[Case]:
             settings=settings_for(hidden, rng),
             start=None if rng.random() < 0.5 else float(rng.uniform(0.3, 2.0)),
             seed=int(rng.integers(1, 2**31)),
+            tracker=kind == "tracker" or (kind == "clean" and rng.random() < WITH_TRACKER),
         )

@@ -59,12 +59,15 @@ def reported(row: Row) -> set[str]:
     return {n for c in row["causes"] for n in (c["effect"], *c["alike"])}
 
 
-def detectable(row: Row) -> bool:
+def detectable(row: Row, measure: str = "gain") -> bool:
     """True if the truth gains enough in this log; sampling effects are seen otherwise and always count."""
-    hidden = true_names(row)
-    if any(n in ("sensor.quantisation", "sensor.dropout") for n in hidden):
-        return True
-    return bool(row["truth"]) and all(v["gain"] >= DETECTABLE for v in row["truth"].values())
+    marked = any(n in ("sensor.quantisation", "sensor.dropout") for n in true_names(row))
+    return (marked or bool(row["truth"])) and all(v[measure] >= DETECTABLE for v in row["truth"].values())
+
+
+def both_detectable(row: Row) -> bool:
+    """True if each of several effects gains enough beyond the others in this log."""
+    return detectable(row, "least")
 
 
 def first(row: Row) -> bool:
@@ -164,7 +167,7 @@ def honesty_lines(rows: list[Row]) -> list[Metric]:
     """Clean logs, unknown causes, several causes, and friction of another law."""
     clean, left_out = of(rows, "clean"), of(rows, "left_out", knowable)
     understood = of(rows, "single", detectable) + clean
-    pairs = [r for k in ("pair_across", "pair_within") for r in of(rows, k, detectable)]
+    pairs = [r for k in ("pair_across", "pair_within") for r in of(rows, k, both_detectable)]
     unknown = "unexplained in its block, none named there"
     return [
         share("a cause named in a clean log", "<= 1 %", clean, lambda r: bool(r["causes"])),
@@ -175,6 +178,12 @@ def honesty_lines(rows: list[Row]) -> list[Metric]:
         share("two effects, exactly", ">= 90 %", pairs, lambda r: set(names(r)) == set(true_names(r))),
         share(
             "two effects, both in the reported set", "-", pairs, lambda r: set(true_names(r)) <= reported(r)
+        ),
+        share(
+            "with a tracker: named first, moderate and strong",
+            ">= 97 %",
+            of(rows, "tracker", lambda r: r["case"]["size"] != "weak"),
+            first,
         ),
         share(
             "LuGre friction named as friction",

@@ -133,6 +133,21 @@ RANGES: dict[str, Ranges] = {
     "sensor.dropout": Ranges({"p_drop": Drawn((0.01, 0.02), (0.05, 0.15), (0.25, 0.5))}),
 }
 
+# what only an external tracker shows; its clock is drawn as the true time at its zero
+TRACKED: dict[str, Ranges] = {
+    "tracker.clock": Ranges(
+        {"offset": Drawn((0.01, 0.03), (0.05, 0.3), (0.5, 1.5), signs=BOTH)}, {"rate": (0.9995, 1.0005)}
+    ),
+    "tracker.seam": Ranges(
+        {"seam": Drawn((0.05 * DEG, 0.1 * DEG), (0.15 * DEG, 0.4 * DEG), (0.6 * DEG, 1.0 * DEG), signs=BOTH)}
+    ),
+    "sensor.bias": Ranges(
+        {"bias": Drawn((0.05 * DEG, 0.1 * DEG), (0.2 * DEG, 1.0 * DEG), (1.5 * DEG, 4.0 * DEG), signs=BOTH)}
+    ),
+    "sensor.gain": RANGES["sensor.gain"],
+    "sensor.drift": RANGES["sensor.drift"],
+}
+
 # causes that the library does not have (docs/rig.md): size relative to the rig's moderate one
 UNKNOWN: dict[str, str] = {
     "unknown.quadratic_drag": "mechanical",

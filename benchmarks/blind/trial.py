@@ -16,7 +16,7 @@ from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.story import diagnose
 from cosim.rig import make_log
-from cosim.rig.write import as_log
+from cosim.rig.write import as_log, as_tracker
 from fmus import registry
 
 TOLERANCE = 0.01
@@ -27,10 +27,11 @@ def run_case(case: Case, fmus: bool) -> dict[str, Any]:
     """The case with its outcome, as plain data; an error of the diagnosis is an outcome too."""
     row: dict[str, Any] = {"case": case.plain()}
     try:
-        log = as_log(make_log(**case.recipe()))
+        run = make_log(**case.recipe())
+        log, tracker = as_log(run), as_tracker(run) if case.tracker else None
         began, cpu = time.perf_counter(), time.process_time()
         with left_out(case.removed), tempfile.TemporaryDirectory() as folder:
-            found = diagnose(log, folder=Path(folder) / "out" if fmus else None)
+            found = diagnose(log, tracker=tracker, folder=Path(folder) / "out" if fmus else None)
         row["seconds"] = time.perf_counter() - began
         row["cpu_seconds"] = time.process_time() - cpu
         row |= said(found)
@@ -69,6 +70,17 @@ def said(found: Diagnosis) -> dict[str, Any]:
         for name, finding in found.findings.items()
         for signal, rest in finding.after.items()
     }
+    events = {
+        f"{name}.{signal}.{kind}": [event.p_value, event.gain, event.excess]
+        for name, finding in found.findings.items()
+        for signal, kinds in finding.events.items()
+        for kind, event in kinds.items()
+    }
+    first = {
+        f"{name}.{signal}": [rest.p_value, rest.gain, rest.rms / finding.task.rules[signal].rms]
+        for name, finding in found.findings.items()
+        for signal, rest in finding.before.items()
+    }
     gains = {s: [g.before, g.after] for s, g in found.gains.items()}
     chosen = {name: list(f.chosen.names) for name, f in found.findings.items()}
     return {
@@ -76,6 +88,8 @@ def said(found: Diagnosis) -> dict[str, Any]:
         "causes": causes,
         "rests": rests,
         "left": left,
+        "first": first,
+        "events": events,
         "chosen": chosen,
         "fmu_gain": gains,
     }
@@ -84,17 +98,23 @@ def said(found: Diagnosis) -> dict[str, Any]:
 def truth(case: Case, found: Diagnosis) -> dict[str, dict[str, float]]:
     """Group -> log-likelihood that the true effects gain over the nominal model and over what was chosen."""
     result: dict[str, dict[str, float]] = {}
-    if any(name in UNKNOWN for name in case.hidden):
+    if case.tracker or any(name in UNKNOWN for name in case.hidden):
         return result
     for name in {GROUP_OF[n] for n in case.hidden}:
         finding = found.findings.get(name)
-        if finding is None:
-            continue
         names = [n for n in case.hidden if GROUP_OF[n] == name and n not in SAMPLED]
+        if finding is None or not names:
+            continue
         best = true_fit(case, finding, names)
+        null = finding.null.fit.log_likelihood
+        # what the least of several causes adds to the others: below a limit the log cannot show that there are several
+        least = min(
+            (best - true_fit(case, finding, [o for o in names if o != n]) for n in names), default=0.0
+        )
         result[name] = {
-            "gain": best - finding.null.fit.log_likelihood,
+            "gain": best - null,
             "ahead": best - finding.chosen.fit.log_likelihood,
+            "least": least if len(names) > 1 else best - null,
         }
     return result
 

@@ -83,8 +83,12 @@ def valve_bases(
     K, w0, zeta = (values[name] for name in group.linear)
     transfer = ([K * w0 * w0], [1.0, 2.0 * zeta * w0, w0 * w0])
     drivers = {drive: record.signals[drive], seen: spool, f"{seen}_rate": np.gradient(spool, h)}
-    warming = changing(drive, record.signals[drive], record.time, transfer, h, "demand", "1")
-    return {seen: families(drivers, transfer, h, "demand", "1") + warming}
+    found = families(drivers, transfer, h, "demand", "1")
+    found += changing(drive, drivers[drive], "time", record.time, transfer, h, "demand", "1")
+    for by in (drive, seen):
+        rate = drivers[f"{seen}_rate"]
+        found += changing(f"{seen}_rate", rate, by, drivers[by], transfer, h, "demand", "1")
+    return {seen: found}
 
 
 def pressure_bases(
@@ -102,8 +106,10 @@ def pressure_bases(
         drivers[drive] = record.signals[drive]
     # not of the slew: nothing in the continuity depends on it, and slow noise would pass for such a dependence
     transfer = ([K_c], [T, 1.0])
-    warming = changing("spool", spool, record.time, transfer, h, "opening", "m")
-    found = {seen: families(drivers, transfer, h, "opening", "m") + warming}
+    opening = families(drivers, transfer, h, "opening", "m")
+    for by, driver in (("time", record.time), (seen, drivers[seen])):
+        opening += changing("spool", spool, by, driver, transfer, h, "opening", "m")
+    found = {seen: opening}
     for supply in group.observed[1:]:
         if supply in predicted:
             flow = {"abs(spool)": np.abs(spool)}
@@ -132,12 +138,18 @@ def angle_bases(
         J, b = (values[name] for name in group.linear)
         transfer = ([1.0], [J, b, 0.0])
         what, unit = "torque", "N.m"
-    warming = changing("omega", rate, record.time, transfer, h, what, unit)
-    return {
-        group.observed[0]: families(drivers, transfer, h, what, unit)
-        + warming
-        + families({"omega": rate}, None, h, "reading", "rad")
-    }
+    found = families(drivers, transfer, h, what, unit)
+    factors = [
+        ("omega", rate, "time", record.time),
+        ("omega", rate, "theta", angle),
+        ("acceleration", np.gradient(rate, h), "theta", angle),
+    ]
+    if "p_load" in drivers:
+        direction = np.tanh(rate / max(0.02 * float(np.abs(rate).max()), 1e-300))
+        factors.append(("direction", direction, "p_load", np.abs(drivers["p_load"])))
+    for of, signal, by, driver in factors:
+        found += changing(of, signal, by, driver, transfer, h, what, unit)
+    return {group.observed[0]: found + families({"omega": rate}, None, h, "reading", "rad")}
 
 
 def command_of(record: Record, drive: str) -> str:

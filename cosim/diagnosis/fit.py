@@ -13,6 +13,7 @@ from cosim.diagnosis.noise import Whitener
 
 Array = NDArray[np.float64]
 
+BENT = 3.0  # standard deviations off its prior beyond which a parameter is tried at its prior as well
 ABSURD = 1e9  # SI; stands for a residual that is no number
 
 
@@ -104,9 +105,7 @@ class Task:
         predicted = self.model.simulate(values)
         # a trial far off may leave the numbers; it must only count as bad
         return {
-            name: np.nan_to_num(
-                measured - predicted[name], copy=False, nan=ABSURD, posinf=ABSURD, neginf=-ABSURD
-            )
+            name: np.nan_to_num(measured - predicted[name], copy=False, nan=ABSURD).clip(-ABSURD, ABSURD)
             for name, measured in self.measured.items()
         }
 
@@ -238,15 +237,22 @@ def fit_from_starts(
     keep: int = 2,
     rounds: int = 12,
 ) -> Fit:
-    """Best of the fits that begin at the `keep` most promising combinations of the starts."""
+    """Best of the fits that begin at the `keep` most promising combinations of the starts.
+
+    Parameters with a prior that an earlier fit has bent far off it begin there and, in further combinations, at their
+    prior: what bent them may be what this fit is to find.
+    """
     listed = [starts.get(u.name, (u.start,)) for u in unknowns]
+    bent = {u.name: u.prior[0] for u in unknowns if u.prior and abs(u.start - u.prior[0]) > BENT * u.prior[1]}
     trials = []
-    # where a limit is out of reach nothing changes with it: a search cannot begin there
-    off = task.white(task.residuals({u.name: u.start for u in unknowns}))
-    for combination in itertools.product(*listed):
-        values = {u.name: float(v) for u, v in zip(unknowns, combination, strict=True)}
-        white = task.white(task.residuals(values))
-        trials.append((float(white @ white), values, np.array_equal(white, off)))
+    for straight in ({}, bent) if bent else ({},):
+        # where a limit is out of reach nothing changes with it: a search cannot begin there
+        off = task.white(task.residuals({u.name: u.start for u in unknowns} | straight))
+        for combination in itertools.product(*listed):
+            values = {u.name: float(v) for u, v in zip(unknowns, combination, strict=True)} | straight
+            white = task.white(task.residuals(values))
+            pull = sum(((values[u.name] - u.prior[0]) / u.prior[1]) ** 2 for u in unknowns if u.prior)
+            trials.append((float(white @ white) + pull, values, np.array_equal(white, off)))
     trials.sort(key=lambda trial: (trial[2], trial[0]))
     best: Fit | None = None
     for _, values, _ in trials[:keep]:

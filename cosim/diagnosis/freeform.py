@@ -18,7 +18,7 @@ from cosim.diagnosis.noise import Whitener
 Array = NDArray[np.float64]
 
 KNOTS = 9
-SLOW_KNOTS = 5  # of a factor that changes over the log
+FACTOR_KNOTS = 5  # of a factor that changes over the log or with another signal
 
 
 @dataclass(frozen=True)
@@ -96,33 +96,40 @@ def families(
 def changing(
     of: str,
     signal: Array,
-    time: Array,
+    by: str,
+    driver: Array,
     transfer: tuple[list[float], list[float]],
     h: float,
     what: str,
     unit: str,
 ) -> list[Basis]:
-    """A missing quantity in proportion to a signal (n,), by a factor that changes with time: something warms or wears.
+    """A missing quantity in proportion to a signal (n,), by a factor that changes with another, `driver` (n,).
 
-    A free function of time alone is not offered: slow noise would pass for it.
+    With time as driver something warms or wears; with the angle, a torque in proportion to acceleration is an inertia
+    that is not the same everywhere. A free function of time alone is not offered: slow noise would pass for it.
     """
-    knots, columns = hats(time, SLOW_KNOTS)
+    knots, columns = hats(driver, FACTOR_KNOTS)
     if not knots.size:
         return []
-    return [Basis(f"{of}, changing with time", what, unit, knots, response(*transfer, h, columns * signal))]
+    return [Basis(f"{of}, changing with {by}", what, unit, knots, response(*transfer, h, columns * signal))]
 
 
 def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable[[Array], Array]) -> Leftover:
-    """Regress a residual (n,) on all families at once, and on each alone, after `white` has made its noise independent."""
+    """Regress a residual (n,) on all families at once, and on each alone, after `white` has made its noise independent.
+
+    The probability of chance is that of the clearest of these tests, times their number.
+    """
     target = white(residual)
     blocks = [np.stack([white(column) for column in basis.columns], axis=1) for basis in bases]
     matrix = np.concatenate(blocks, axis=1) if blocks else np.empty((target.size, 0))
     coefficients, used, rest = solved(matrix, target)
     before = float(target @ target)
     gained = before - rest
-    spare = target.size - used
+    # the values of this signal alone: others of the same task are silent, and an offset takes one of each window
+    windows = rule.windows(residual)
+    spare = windows.size - (windows.shape[0] if rule.demean else 0) - used
     ratio = (gained / max(used, 1)) / (rest / max(spare, 1))
-    p_value = float(f_distribution.sf(ratio, max(used, 1), max(spare, 1))) if used else 1.0
+    p_values = [float(f_distribution.sf(ratio, max(used, 1), max(spare, 1))) if used else 1.0]
     explained = np.zeros_like(residual)
     position = 0
     alone: dict[str, float] = {}
@@ -134,13 +141,16 @@ def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable
         own, rank, left = solved(block, target)
         label = f"{basis.what}({basis.of})"
         alone[label] = 0.5 * (before - left - rank * rest / max(spare, 1))
+        # one family alone stands out more clearly than in the crowd; each is one more chance of a false alarm
+        ratio = (before - left) / max(rank, 1) / (rest / max(spare, 1))
+        p_values.append(float(f_distribution.sf(ratio, max(rank, 1), max(spare, 1))) * len(bases))
         curves[label] = (basis.knots, own)
     rows = rule.windows(explained)
     rows = rows - rows.mean(axis=1, keepdims=True) if rule.demean else rows
     chance = used * rest / max(spare, 1)
     share = max(0.0, gained - chance) / max(gained, 1e-300)
     return Leftover(
-        p_value,
+        min(1.0, 2.0 * min(p_values)),
         0.5 * (gained - chance),
         float(np.sqrt(np.mean(rows**2) * share)),
         explained,

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compare.metrics import fit_percent
+from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.machine import Machine
-from cosim.diagnosis.verdict import held_windows
 from cosim.master import Runner
 
 Array = NDArray[np.float64]

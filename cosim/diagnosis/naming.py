@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from cosim.diagnosis.crossval import refuted
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.freeform import Basis, Leftover, explain
@@ -138,6 +139,7 @@ def find(task: Task, record: Record, tolerance: float = 0.01, most: int = 3) -> 
         if more is None:
             break
         chosen = more
+    chosen = confirmed(task, chosen, null, tolerance)
     finding = Finding(task, null, chosen, single)
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)
@@ -147,6 +149,14 @@ def find(task: Task, record: Record, tolerance: float = 0.01, most: int = 3) -> 
     if finding.marks:
         finding.chosen = with_marks(finding.chosen, finding.marks)
     return finding
+
+
+def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
+    """The chosen set without what held-out windows refute, the worst first."""
+    while chosen.effects and (out := refuted(task, chosen, tolerance)):
+        kept = tuple(e for e in chosen.effects if e is not out[0])
+        chosen = tried(task, kept, tolerance, chosen.fit) if kept else null
+    return chosen
 
 
 def smaller_noise(task: Task, record: Record, found: Fit) -> bool:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from cosim.diagnosis.chain import Known, fixed_values, task_for
+from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import closed, fitted_chain, write_extended
 from cosim.diagnosis.found import Diagnosis, Interrupted
@@ -26,7 +27,6 @@ from cosim.diagnosis.verdict import (
     Rest,
     adequate,
     causes,
-    held_windows,
     never_exercised,
     rests,
     stands,

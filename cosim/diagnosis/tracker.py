@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.naming import CLOSE, SURE
 from cosim.diagnosis.noise import learned, plain
-from cosim.diagnosis.verdict import Cause, held_windows
+from cosim.diagnosis.verdict import Cause
 from cosim.errors import DataError
 from cosim.logs import Tracker
 from fmus import registry

@@ -182,9 +182,8 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
         if (
             name in task.model.group.trusted and not more
         ):  # free already, against its prior: what that costs is what is to be gained
-            value = task.model.nominal(name)
             deviation = task.model.trust(name, tolerance)[0]
-            return 0.5 * ((base.fit.values.get(name, value) - value) / deviation) ** 2
+            return relief(base, name, task.model.nominal(name), deviation, plain.size)
         own = copied(task)
         wanted, starts = unknowns(own.model, (effect,), tolerance)
         listed = {u.name: starts[u.name] for u in wanted if u.name in starts}
@@ -205,6 +204,30 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
     listed.sort(key=lambda e: -gains[e.name])
     reach = 0.3 * gains[listed[0].name] if listed else 0.0
     return listed[:PROMISING] + [e for e in listed[PROMISING:] if gains[e.name] > max(reach, SURE)]
+
+
+def relief(base: Trial, name: str, nominal: float, deviation: float, count: int) -> float:
+    """Log-likelihood that a trusted parameter would gain without its prior: the pull against what the data hold it with.
+
+    Args:
+        base: a fit in which the parameter is free under its prior.
+        name: ``component.parameter``.
+        nominal: mean of its prior, SI.
+        deviation: standard deviation of its prior, SI.
+        count: number of residuals, the priors' not counted.
+    """
+    names = list(base.fit.values)
+    if name not in names or base.fit.slopes is None or names.index(name) >= base.fit.slopes.shape[1]:
+        return 0.0
+    pull = (base.fit.values[name] - nominal) / deviation
+    at = names.index(name)
+    own = base.fit.slopes[:, at].copy()
+    own[count:] = 0.0  # its prior's row goes
+    others = np.linalg.qr(np.delete(base.fit.slopes, at, axis=1))[0]
+    own -= others @ (others.T @ own)
+    held = float(own @ own)
+    # a straight line promises too much where the data hardly hold it: no more than all that is left can be gained
+    return min(0.5 * pull**2 / max(held, 1e-12), base.fit.count / 2.0) if pull else 0.0
 
 
 def sorted_names(effects: Iterable[Effect]) -> tuple[str, ...]:

@@ -5,20 +5,25 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.fit import Task, fit, jacobian
+from cosim.diagnosis.crossval import held_out_gain
+from cosim.diagnosis.fit import jacobian
 from cosim.diagnosis.freeform import Leftover
 from cosim.diagnosis.local import Event
-from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, declared, tried, trusted, unknowns
+from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, declared, tried, trusted
 from cosim.diagnosis.samples import SAMPLED, marks
 from fmus import registry
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-SYSTEMATIC = 1e-8  # probability below which what free functions explain is no chance
-NOTICEABLE = 0.25  # of the noise of one bin: smaller systematic rests do not matter in practice
+SYSTEMATIC = 1e-5  # probability below which what free functions explain is no chance
+NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not matter in practice
 LOCAL = 1e-7  # probability below which something at one time or one frequency is no chance
-CARRIED = 0.15  # of the original systematic residual that may be left for the named causes to stand
+CARRIED = 0.15  # of the original systematic residual that may be left for one named cause to stand
+TOGETHER = 0.05  # the same for several: a sum of two imitates a third more easily
+FORM = (
+    0.05  # of it that may be left of one named cause: its law is known only nearly (friction of another form)
+)
 
 
 @dataclass
@@ -61,9 +66,17 @@ def systematic(leftover: Leftover, negligible: float) -> bool:
 
 def negligible(finding: Finding, signal: str) -> float:
     """Size of a systematic rest that does not matter, SI: a part of the noise, or the error of readings in steps."""
+    limits = [NOTICEABLE * finding.task.rules[signal].rms, rounding(finding, signal) / np.sqrt(12.0)]
+    if len(finding.chosen.effects) == 1:
+        limits.append(FORM * finding.before[signal].rms)
+    return max(limits)
+
+
+def rounding(finding: Finding, signal: str) -> float:
+    """Step of the grid on which a signal's readings lie, SI; 0 without one."""
     read = signal == finding.task.model.group.reading
     steps = [m.value for m in finding.marks if m.effect == "sensor.quantisation" and read]
-    return max([NOTICEABLE * finding.task.rules[signal].rms, *(q / np.sqrt(12.0) for q in steps)])
+    return max(steps, default=0.0)
 
 
 def adequate(finding: Finding) -> bool:
@@ -75,7 +88,9 @@ def adequate(finding: Finding) -> bool:
 
 def local(finding: Finding, signal: str, event: Event) -> bool:
     """True if what stands out of a signal at one time or one frequency is no chance, and matters."""
-    return event.p_value < LOCAL and size_of(finding, signal, event) > negligible(finding, signal)
+    # for a while, at rest, all readings may be off by the same half step
+    limit = max(negligible(finding, signal), 0.5 * rounding(finding, signal))
+    return event.p_value < LOCAL and size_of(finding, signal, event) > limit
 
 
 def size_of(finding: Finding, signal: str, event: Event) -> float:
@@ -85,9 +100,10 @@ def size_of(finding: Finding, signal: str, event: Event) -> float:
 
 def stands(finding: Finding) -> bool:
     """True if the chosen effects carry the systematic part of the residual, even where a small rest remains."""
+    share = CARRIED if len(finding.chosen.effects) == 1 else TOGETHER
     for signal, left in finding.after.items():
         before = finding.before[signal]
-        if systematic(left, negligible(finding, signal)) and left.rms > CARRIED * before.rms:
+        if systematic(left, negligible(finding, signal)) and left.rms > share * before.rms:
             return False
     gain = finding.chosen.fit.log_likelihood - finding.null.fit.log_likelihood
     # something that happens once and carries more than the causes do may well be what called for them
@@ -137,7 +153,7 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                 finding.task.model.group.name,
                 {p: (values.values[n], values.deviations[n]) for p, n in names_of(effect).items()},
                 values.log_likelihood - without.fit.log_likelihood,
-                held_out_gain(finding, effect, tolerance),
+                held_out_gain(finding.task, finding.chosen, effect, tolerance),
                 rivals,
                 [e.name for e, behind in rivals if behind < CLOSE],
             )
@@ -153,35 +169,6 @@ def names_of(effect: Effect) -> dict[str, str]:
 def other_of(trial: Trial, chosen: Trial) -> Effect:
     """The effect of a trial that the chosen set does not have."""
     return next(e for e in trial.effects if e not in chosen.effects)
-
-
-def held_windows(count: int) -> NDArray[np.bool_]:
-    """Which windows are held out: every third, so that they visit every regime of the log."""
-    return np.arange(count) % 3 == 2
-
-
-def held_out_gain(finding: Finding, effect: Effect, tolerance: float) -> float:
-    """Log-likelihood that an effect gains on held-out windows, all parameters estimated on the others."""
-    task = finding.task
-    rule = next(iter(task.rules.values()))
-    count = rule.windows(next(iter(task.measured.values()))).shape[0]
-    held = held_windows(count)
-    if not held.any() or held.all():
-        return float("nan")
-    scores = []
-    for effects in (finding.chosen.effects, tuple(e for e in finding.chosen.effects if e is not effect)):
-        # doubt from upstream spans all windows and is left out here: it would tie the two parts together
-        fitting = Task(task.model, task.measured, task.rules, mask=~held)
-        wanted, _ = unknowns(task.model, effects, tolerance)
-        near = finding.chosen.fit.values
-        placed = [
-            u.__class__(u.name, near.get(u.name, u.start), u.scale, u.low, u.high, u.prior) for u in wanted
-        ]
-        values = fit(fitting, placed).values
-        judged = Task(task.model, task.measured, task.rules, mask=held)
-        white = judged.white(judged.residuals(values))
-        scores.append(-0.5 * float(white @ white))
-    return scores[0] - scores[1]
 
 
 def rests(finding: Finding, tolerance: float = 0.01) -> list[Rest]:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.answer import shown
 from cosim.diagnosis.chain import WINDOW
-from cosim.diagnosis.verdict import held_windows
+from cosim.diagnosis.crossval import held_windows
 from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import MOST, averaged, bucket, envelope

@@ -1,0 +1,53 @@
+"""What an effect gains on windows that were not used to estimate it."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.fit import Task, fit
+from cosim.diagnosis.trials import Trial, unknowns
+from fmus.contract import Effect
+
+REFUTED = -2.0  # log-likelihood on held-out windows below which an effect is refuted by them
+
+
+def held_windows(count: int) -> NDArray[np.bool_]:
+    """Which windows are held out: every third, so that they visit every regime of the log."""
+    return np.arange(count) % 3 == 2
+
+
+def part(task: Task, mask: NDArray[np.bool_]) -> Task:
+    """The task on some windows only; doubt from upstream counts in each part by itself."""
+    found = Task(task.model, task.measured, task.rules, task.doubt, mask)
+    found.set_rules(task.rules)
+    return found
+
+
+def held_out_gain(task: Task, chosen: Trial, effect: Effect, tolerance: float) -> float:
+    """Log-likelihood that an effect gains on held-out windows, all parameters estimated on the others.
+
+    Args:
+        task: data, model and noise of the group.
+        chosen: the accepted set, fitted on all windows.
+        effect: one of its effects.
+        tolerance: trust in the nominal parameters.
+    """
+    rule = next(iter(task.rules.values()))
+    held = held_windows(rule.windows(next(iter(task.measured.values()))).shape[0])
+    if not held.any() or held.all():
+        return float("nan")
+    fitting, judged = part(task, ~held), part(task, held)
+    scores = []
+    for effects in (chosen.effects, tuple(e for e in chosen.effects if e is not effect)):
+        wanted, _ = unknowns(task.model, effects, tolerance)
+        placed = [replace(u, start=chosen.fit.values.get(u.name, u.start)) for u in wanted]
+        white = judged.white(judged.residuals(fit(fitting, placed).values))
+        scores.append(-0.5 * float(white @ white))
+    return scores[0] - scores[1]
+
+
+def refuted(task: Task, chosen: Trial, tolerance: float) -> list[Effect]:
+    """The effects of a set that make it predict held-out windows worse, the worst first."""
+    gains = [(held_out_gain(task, chosen, e, tolerance), e) for e in chosen.effects]
+    return [e for gain, e in sorted(gains, key=lambda item: item[0]) if gain < REFUTED]
