@@ -79,7 +79,7 @@ def plan_batch(plan: Plan, folder: Path) -> Batch:
         models = _for_diagnosis(plan.model)
     else:
         default = estimates.model if estimates and estimates.model else _default(plan, task)
-        for label, path in labelled([_model_file(plan, task, n) for n in plan.model or (default,)]).items():
+        for label, path in _model_files(plan, task, plan.model or (default,)).items():
             with read_system(path) as system:
                 table = parameter_table(plan, estimates, system)
                 models.append(_model(plan, task, system, named_file(label, path), estimates))
@@ -120,12 +120,18 @@ def _default(plan: Plan, task: str) -> str:
     return DEFAULT_MODEL
 
 
-def _model_file(plan: Plan, task: str, name: str) -> Path:
-    if task == "compare":
-        from cosim.compare import open_model
+def _model_files(plan: Plan, task: str, names: Sequence[str]) -> dict[str, Path]:
+    """Files of models, ours under the names they are known by."""
+    files: dict[Path, str] = {}
+    for name in names:
+        if task == "compare":
+            from cosim.compare import open_model
 
-        return open_model(name)
-    return model_path(name, with_input=plan.input is not None)
+            files[open_model(name)] = name
+        else:
+            files[model_path(name, with_input=plan.input is not None)] = name
+    found = labelled(list(files))
+    return {files[path] if files[path] in SYSTEMS else label: path for label, path in found.items()}
 
 
 def _for_diagnosis(names: Sequence[str]) -> list[Model]:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MOST_PANELS, MOST_ROWS = 6, 40
+MOST_PANELS, MOST_ROWS, COLUMNS = 9, 40, 3
 VERDICTS = {
     "adequate": "#2e8b57",
     "explained": "#3182bd",
@@ -37,26 +37,34 @@ def scores_figure(frame: pd.DataFrame) -> "Figure | None":
         return None
     logs, models = (list(dict.fromkeys(frame[key])) for key in ("log", "model"))
     shown = logs[:MOST_ROWS]
-    figure = new_figure(1.0 + 1.1 * (1 + len(models)) * len(columns), 1.6 + 0.32 * len(shown))
-    axes = figure.subplots(1, len(columns), squeeze=False, sharey=True)[0]
-    for axis, column in zip(axes, columns, strict=True):
+    across = min(COLUMNS, len(columns))
+    lines = -(-len(columns) // across)
+    height = 1.0 + 0.28 * len(shown)
+    figure = new_figure(1.6 + 1.05 * (0.4 + len(models)) * across, 0.5 + height * lines)
+    axes = figure.subplots(lines, across, squeeze=False, sharex=True, sharey=True)
+    done = frame.assign(failed=frame["status"] != "done")
+    failed = done.pivot_table(index="log", columns="model", values="failed", aggfunc="all")
+    failed = failed.reindex(index=shown, columns=models).to_numpy(dtype=bool)
+    for axis, column in zip(axes.flat, columns, strict=False):
         table = frame.pivot_table(index="log", columns="model", values=column, aggfunc="mean", dropna=False)
-        table = table.reindex(index=shown, columns=models)
-        _map(axis, table.to_numpy(dtype=float))
-        axis.set_xticks(range(len(models)), models, rotation=30, ha="right")
+        _map(axis, table.reindex(index=shown, columns=models).to_numpy(dtype=float), failed)
+        axis.set_xticks(range(len(models)), models, rotation=20, ha="right")
         axis.set_yticks(range(len(shown)), shown)
-        axis.set_title(column.replace(" rmse", "\nRMSE"), loc="left")
+        axis.set_title(column.replace(" rmse", ""), loc="left")
+    for axis in axes.flat[len(columns) :]:
+        axis.set_visible(False)
     more = f" (the first {len(shown)} of {len(logs)} logs)" if len(logs) > len(shown) else ""
-    figure.suptitle(f"Error of each model against each log{more}; dark is large in its panel", fontsize=10)
+    figure.suptitle(f"RMSE of each model against each log{more}; dark is large in its panel", fontsize=10)
     return figure
 
 
-def _map(axis: "Axes", values: Array) -> None:
+def _map(axis: "Axes", values: Array, failed: NDArray[np.bool_]) -> None:
+    """One panel: numbers on a shade; a dash where the model has no such signal."""
     top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
     axis.imshow(values, aspect="auto", cmap="Blues", vmin=0.0, vmax=1.3 * top or 1.0)
     axis.grid(False)
     for (row, column), value in np.ndenumerate(values):
-        text = "failed" if not np.isfinite(value) else f"{value:.3g}"
+        text = f"{value:.3g}" if np.isfinite(value) else "failed" if failed[row, column] else "-"
         colour = "white" if np.isfinite(value) and value > 0.85 * top and top > 0.0 else "black"
         axis.text(column, row, text, ha="center", va="center", fontsize=8, color=colour)
 

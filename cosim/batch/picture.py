@@ -102,7 +102,7 @@ def fan_figure(
 def _moving(cube: "xr.Dataset", runs: NDArray[np.int64]) -> list[str]:
     """Signals that differ between runs, in the order of the chain; of two that look the same the later one."""
     kept: dict[str, Array] = {}
-    chain = [str(name) for name in cube.attrs["signals"]]
+    chain = [str(name) for name in cube.attrs.get("signals", [])]
     for name in reversed(chain):
         # enough to judge by
         part = cube[name].isel(run=runs[:200], time=slice(None, None, 10)).to_numpy()

@@ -75,12 +75,13 @@ class Store:
             DataError: what lies there is damaged.
         """
         try:
-            if fresh and self.path("plan").is_file():
-                self._clear()
-            if self.path("plan").is_file():
+            known = self.path("plan").is_file()
+            if known and not fresh:
                 self._take_up(about)
                 return len(self.rows)
-            if self.folder.is_dir() and any(self.folder.iterdir()):
+            if known:
+                self._clear()
+            elif self.folder.is_dir() and any(self.folder.iterdir()):
                 raise UsageError(
                     f"'{self.folder}' is not empty and holds no batch: name another folder with --out"
                 )
@@ -162,6 +163,7 @@ class Store:
                     "reason": outcome.reason,
                     "seconds": outcome.seconds,
                     "worker": outcome.worker,
+                    "resident": outcome.resident,
                     "scores": outcome.scores,
                     "notes": outcome.notes,
                 }

@@ -276,13 +276,14 @@ def _twin(component: Component) -> CompiledBlock | Stimulus:
     fmu = component.fmu
     if fmu.identifier not in registry.BLOCKS or fmu.module is None:
         raise ModelError(
-            f"component '{component.name}' is none of our blocks, so it has no compiled twin: {REMEDY}"
+            f"component '{component.name}' is none of our blocks (or one in machine code) and has no compiled twin: {REMEDY}"
         )
     script = (fmu.folder / "resources" / f"{fmu.module[0]}.py").read_text(encoding="utf-8")
-    for acting_on in dict.fromkeys((component.name, fmu.identifier)):
-        block = compiled_block(fmu.identifier, acting_on)
-        if script.startswith(block.composed.source):
-            return Stimulus(fmu.folder) if fmu.identifier == STIMULUS else block
+    sharing = [name for name, block in registry.FMU_OF_COMPONENT.items() if block == fmu.identifier]
+    for acting_on in (fmu.identifier, *sharing):
+        twin = compiled_block(fmu.identifier, acting_on)
+        if script.startswith(twin.composed.source):
+            return Stimulus(fmu.folder) if fmu.identifier == STIMULUS else twin
     raise ModelError(
         f"component '{component.name}': its FMU holds other equations than this version's: build it again "
         f"(python build_fmus.py), or {REMEDY}"

@@ -81,9 +81,13 @@ def swept_values(name: str, text: "str | list[Any]", variable: Variable) -> list
         UsageError: it cannot be read, or has the wrong unit; the message begins with the parameter's name.
     """
     try:
-        return _swept([str(item) for item in text] if isinstance(text, list) else text, variable)
+        return _swept([_text(item) for item in text] if isinstance(text, list) else text, variable)
     except (UsageError, ValueError) as error:
         raise UsageError(f"{name}: {error}") from None
+
+
+def _text(item: Any) -> str:
+    return str(item).lower() if isinstance(item, bool) else str(item)
 
 
 def _swept(text: str | list[str], variable: Variable) -> list[Value]:
@@ -102,6 +106,8 @@ def _swept(text: str | list[str], variable: Variable) -> list[Value]:
         return [float(v) for v in np.linspace(low, high, count)]
     if span:
         raise UsageError(f"'{text}' does not say how many values: write {text.strip().split(' ')[0]}:5")
+    if ":" in text:
+        raise UsageError(f"'{text}' should read from:to:how many, such as '700:900:5 {unit}'")
     items = text.split(",")
     last = re.match(rf"\s*{_NUMBER}\s*(.*)$", items[-1])
     common = last[1] if last else ""
