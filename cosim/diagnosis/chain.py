@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 BIN = 0.01  # s averaged into one value: the drive has no news above some 10 Hz
 WINDOW = 5.0  # s of a window with an initial offset of its own
 UNSETTLED = 0.5  # s at the start that do not count: the state in which a log begins is not known
-REST = 0.05  # s at the start whose mean gives the start angle
 
 
 @dataclass
@@ -33,7 +32,7 @@ class Known:
 
 def fixed_values(record: Record, group: Group) -> dict[str, float]:
     """What the log itself fixes: the angle at which it starts."""
-    first = max(1, round(REST / record.h))
+    first = max(1, round(record.rest / record.h))
     return {n: float(np.mean(record.signals[s][:first])) for n, s in group.starts if s in record.signals}
 
 

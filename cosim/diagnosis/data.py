@@ -9,6 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 from cosim.diagnosis.freeform import Basis, changing, families
 from cosim.diagnosis.grid import Grid
 from cosim.diagnosis.groups import Group
+from cosim.diagnosis.options import REST
 
 Array = NDArray[np.float64]
 
@@ -21,11 +22,13 @@ class Record:
         h: interval between samples, s; the usual one where it varies.
         signals: name -> (n,) SI, with ``p_load`` where both ports were measured.
         grid: the stamps and the finer steps of a simulation; None where each sample is a step.
+        rest: s at the start whose mean gives the start angle.
     """
 
     h: float
     signals: dict[str, Array] = field(repr=False)
     grid: Grid | None = field(default=None, repr=False)
+    rest: float = REST
 
     @property
     def time(self) -> Array:
@@ -38,7 +41,7 @@ class Record:
     def until(self, count: int) -> "Record":
         """The first samples alone."""
         grid = None if self.grid is None else Grid(self.grid.stamps[:count], self.grid.step)
-        return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid)
+        return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid, self.rest)
 
     def has(self, *names: str) -> bool:
         """True if all of these were measured."""

@@ -4,22 +4,25 @@ A cause that the fitting log asks for but that does not make the prediction of t
 has described that one log and not the machine.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.fit import Fit
+from cosim.diagnosis.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.groups import GroupModel
-from cosim.diagnosis.naming import Finding, leftovers, local_tests, rivals, tried
+from cosim.diagnosis.naming import Finding, tried, unknowns
+from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
 WORTH = 0.01  # of the error on held-out data that a cause must take away
+CLUSTERS = 12  # parts of the log that count as independent repetitions in intervals
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,48 @@ class Refused:
     with_it: float
 
 
+def whole(task: Task, size: Mapping[str, float]) -> Task:
+    """The task of fitting the error over the whole log as it is, drift included: what a free run is judged by.
+
+    Args:
+        task: the task of naming, in windows with offsets of their own.
+        size: signal -> size of the error, SI.
+    """
+    rules = {
+        s: Whitener(r.bins, r.window, False, (size[s] ** 2,) + (0.0,) * len(r.sizes[1:]), r.skip)
+        for s, r in task.rules.items()
+    }
+    return Task(task.model, task.measured, rules)
+
+
+def refitted(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near: Fit) -> Fit:
+    """Trusted parameters and effects fitted to the error over the whole log.
+
+    What is left of a real machine's log is mostly what the model lacks and not noise, so windows of the log stand for
+    independent repetitions in the intervals (sandwich estimator; Huber 1967, White 1982).
+    """
+    size = {s: max(float(np.std(r)), 1e-300) for s, r in near.residuals.items()}
+    task = whole(finding.task, size)
+    wanted, starts = unknowns(task.model, effects, tolerance)
+    placed = []
+    for item in wanted:
+        start = near.values.get(item.name, starts.get(item.name, (item.start,))[0])
+        placed.append(Unknown(item.name, start, item.scale, item.low, item.high, item.prior))
+    found = fit(task, placed, rounds=20)
+    if not wanted or found.slopes is None or found.rows is None:
+        return found
+    scales = np.array([u.scale for u in wanted])
+    count = sum(rule.windows(task.measured[s]).size for s, rule in task.rules.items())
+    scores = found.slopes[:count] * found.rows[:count, None]
+    parts = np.stack([part.sum(axis=0) for part in np.array_split(scores, CLUSTERS)])
+    bread = np.linalg.pinv(found.slopes.T @ found.slopes)
+    meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0)
+    covariance = bread @ meat @ bread * np.outer(scales, scales)
+    names = [u.name for u in wanted]
+    deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    return replace(found, covariance=covariance, deviations=deviations)
+
+
 def errors(finding: Finding, fit: Fit, held: Held) -> dict[str, float]:
     """RMSE of the group's signals on held-out data, driven by its measured drive, with a fit's values, SI."""
     model, record = finding.task.model, held.record
@@ -76,40 +121,45 @@ def errors(finding: Finding, fit: Fit, held: Held) -> dict[str, float]:
     return found
 
 
-def confirm(finding: Finding, record: Record, held: Held, tolerance: float) -> list[Refused]:
-    """Take out of a finding, one by one, the causes that do not help on held-out data; the least helpful first.
+def refuse(finding: Finding, held: Held, tolerance: float) -> list[Refused]:
+    """The causes of a finding that do not help on held-out data, taken out one by one, the least helpful first.
 
     Args:
-        finding: what was named in one group; changed in place.
-        record: the log that was fitted.
+        finding: what was named in one group.
         held: the held-out data.
         tolerance: trust in the nominal parameters.
-
-    Returns:
-        What was taken out.
     """
     refused: list[Refused] = []
-    while named := [e for e in finding.chosen.effects if e.name not in SAMPLED]:
-        with_all = errors(finding, finding.chosen.fit, held)
+    effects = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
+    best = refitted(finding, effects, tolerance, finding.chosen.fit)
+    while effects:
+        with_all = errors(finding, best, held)
         if not with_all:
             break
         signal = next(iter(with_all))
         trials = []
-        for effect in named:
-            rest = tuple(e for e in finding.chosen.effects if e is not effect)
-            trial = tried(finding.task, rest, tolerance, finding.chosen.fit) if rest else finding.null
-            trials.append((errors(finding, trial.fit, held)[signal], effect, trial))
-        without, effect, trial = min(trials, key=lambda item: item[0])
+        for effect in effects:
+            rest = tuple(e for e in effects if e is not effect)
+            for less in (rest, *((*rest, s) for s in simpler(finding, effect) if s not in rest)):
+                found = refitted(finding, less, tolerance, best)
+                trials.append((errors(finding, found, held)[signal], effect, less, found))
+        without, effect, less, found = min(trials, key=lambda item: item[0])
         if without * (1.0 - WORTH) > with_all[signal]:
             break
-        gain = finding.chosen.fit.log_likelihood - trial.fit.log_likelihood
+        behind = tried(finding.task, less, tolerance, finding.chosen.fit) if less else finding.null
+        gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
         refused.append(
             Refused(effect, finding.task.model.group.name, signal, gain, without, with_all[signal])
         )
-        finding.chosen = trial
-    if refused:
-        candidates = tuple(e for e in finding.task.model.group.effects() if e.name not in SAMPLED)
-        finding.after = leftovers(finding.task, record, finding.chosen.fit)
-        finding.rivals = rivals(finding.task, finding, candidates, tolerance)
-        finding.events = {s: local_tests(finding.task, s, finding.chosen.fit) for s in finding.task.measured}
+        effects, best = less, found
+    finding.confirmed = bool(effects) and not refused
     return refused
+
+
+def simpler(finding: Finding, effect: Effect) -> list[Effect]:
+    """Candidates that change a part of what an effect changes: Coulomb friction for Stribeck friction."""
+    return [
+        e
+        for e in finding.task.model.group.effects()
+        if e.component == effect.component and set(e.free) < set(effect.free)
+    ]

@@ -55,6 +55,10 @@ class Lexicon:
         unit = display or si
         return unit, factor(si, unit)
 
+    def to_si(self, unit: str, si: str) -> float:
+        """Factor from a unit that this lexicon shows for `si` to it."""
+        return 1.0 if self.units.get(si) == unit else factor(unit, si)
+
     def parameter(self, variable: Variable) -> tuple[str, float]:
         """Unit in which a parameter is shown and the factor from SI to it."""
         return self.quantity(variable.unit, variable.display)

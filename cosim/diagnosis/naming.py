@@ -46,6 +46,7 @@ class Finding:
         before, after: what free functions still explain, by signal.
         events: what is left at one time ("event") or one frequency ("line") only, by signal.
         marks: effects seen in the raw samples.
+        confirmed: held-out data have borne out the chosen effects.
     """
 
     task: Task
@@ -57,6 +58,7 @@ class Finding:
     after: dict[str, Leftover] = field(default_factory=dict)
     events: dict[str, dict[str, Event]] = field(default_factory=dict)
     marks: list[Mark] = field(default_factory=list)
+    confirmed: bool = False
 
 
 def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:

@@ -18,6 +18,7 @@ from fmus import registry
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 TABLE = "diagnose"
+REST = 0.05  # s
 
 
 class Options(BaseModel):
@@ -31,6 +32,7 @@ class Options(BaseModel):
         absolute: signals of which a constant error counts; elsewhere each window has an offset of its own.
         scale: SI unit -> how much smaller or larger than on the crane a typical change is, where searches begin.
         step: longest step of the simulation, s.
+        rest: time at the start over which the first value of a signal is averaged, s; short where a log begins in motion.
         sample: what one sample counts as, s, where the sampling interval is not known.
         held_out_from: the log from this time on (samples, for a log in samples) is not fitted but held out.
         causes: causes looked for in one group at most.
@@ -47,12 +49,13 @@ class Options(BaseModel):
     scale: dict[str, Positive] = {}
     step: float | None = None
     sample: float | None = None
+    rest: float = REST
     held_out_from: Positive | None = None
     causes: Annotated[int, Field(ge=1, le=8)] = 3
     units: dict[str, str] = {}
     blocks: dict[str, str] = {}
 
-    @field_validator("step", "sample", mode="before")
+    @field_validator("step", "sample", "rest", mode="before")
     @classmethod
     def _time(cls, value: object) -> float:
         if not isinstance(value, str):

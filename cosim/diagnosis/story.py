@@ -16,7 +16,7 @@ from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.gain import measure, run_package
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.groups import Group, GroupModel, merged
-from cosim.diagnosis.heldout import Held, confirm
+from cosim.diagnosis.heldout import Held, refitted, refuse
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find
 from cosim.diagnosis.noise import Whitener
@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 TOLERANCE = 0.01
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
 SHORTEST = 15.0  # s: three windows, one of them held out
+SEARCHES = 3  # made again without what held-out data refused
 FAST = 1e-3  # s: at this interval and below the drive has no news between samples
 
 
@@ -70,7 +71,7 @@ def prepare(log: Log, machine: Machine) -> Record:
     signals = {n: v if gains.get(n, 1.0) == 1.0 else gains[n] * v for n, v in log.signals.items()}
     if "p_load" in log:
         signals["p_load"] = log.p_load
-    return Record(interval, signals, grid)
+    return Record(interval, signals, grid, machine.options.rest)
 
 
 def settled(groups: tuple[Group, ...], seen: TrackerFinding | None) -> tuple[Group, ...]:
@@ -105,6 +106,23 @@ def judge(
         task = task_for(group, record, known if group.integrates else [])
         settle(task.model, constants or {})
         finding = find(task, record, trust, most)
+        for _ in range(SEARCHES):
+            if found.held is None:
+                break
+            enter(
+                found,
+                watch,
+                group.name,
+                f"{group.name}: {len(finding.chosen.effects)} causes tried on the held-out data",
+            )
+            turned_down = refuse(finding, found.held, trust)
+            if not turned_down:
+                break
+            found.refused += turned_down
+            group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
+            task = task_for(group, record, known if group.integrates else [])
+            settle(task.model, constants or {})
+            finding = find(task, record, trust, most)
         conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
         known = [*upstream, Known(finding.task.model, finding.chosen.fit)] if adequate(finding) else []
@@ -220,9 +238,6 @@ def stages(
     if not found.findings and tracker is None:
         missing = sorted({s for names in found.unjudged.values() for s in names})
         raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")
-    if found.held is not None:
-        enter(found, watch, "held out", "causes tried on the held-out data")
-        held_against(found, trust)
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
     found.causes.sort(key=lambda c: -c.gain)
     found.verdict = verdict_of(found.causes, found.rests)
@@ -241,22 +256,7 @@ def planned(found: Diagnosis, tracker: bool, fmus: bool) -> list[tuple[str, floa
     """The stages to come and their shares of the time, one candidate of a group being 1."""
     plan = [("tracker", 3.0)] if tracker else []
     plan += [(g.name, 1.0 + len(g.effects())) for g in found.groups]
-    plan += [("held out", 5.0)] if found.held is not None else []
     return [*plan, ("extended", 6.0), *([("gain", 10.0)] if fmus else [])]
-
-
-def held_against(found: Diagnosis, trust: float) -> None:
-    """Refuse causes that the held-out data do not bear out."""
-    assert found.held is not None
-    for name, finding in list(found.findings.items()):
-        refused = confirm(finding, found.record, found.held, trust)
-        if refused:
-            found.refused += refused
-            found.causes = [c for c in found.causes if c.group != name]
-            found.rests = [r for r in found.rests if r.block != name]
-            effects = {e.name for e in finding.task.model.group.effects()}
-            found.never = [n for n in found.never if n not in effects]
-            conclude(found, name, finding, trust)
 
 
 def parted(record: Record, machine: Machine) -> tuple[Record, Held | None]:
@@ -297,6 +297,13 @@ def estimate(
         deviations |= fit.deviations
         rules |= finding.task.rules
     diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
+    if diagnosis.held is not None and len(findings) == len(groups) == 1:
+        (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
+        best = refitted(
+            finding, effects, tolerance, (finding.chosen if stands(finding) else finding.null).fit
+        )
+        diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
+        return
     if diagnosis.rests or diagnosis.unjudged or not findings:
         return
     count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())

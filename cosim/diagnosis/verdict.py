@@ -99,7 +99,12 @@ def size_of(finding: Finding, signal: str, event: Event) -> float:
 
 
 def stands(finding: Finding) -> bool:
-    """True if the chosen effects carry the systematic part of the residual, even where a small rest remains."""
+    """True if the chosen effects carry the systematic part of the residual, even where a small rest remains.
+
+    So do effects that data have borne out which took no part in naming them.
+    """
+    if finding.confirmed:
+        return True
     share = CARRIED if len(finding.chosen.effects) == 1 else TOGETHER
     for signal, left in finding.after.items():
         before = finding.before[signal]

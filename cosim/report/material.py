@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.schema import Answer, NamedCause
-from cosim.units import factor
 from fmus import registry
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ class Material:
                 return self.nominal(name) if cause is but else self.size(cause, parameter)
         if name in self.answer.nominal:
             item = self.answer.nominal[name]
-            return item.value * factor(
+            return item.value * current().to_si(
                 item.unit,
                 registry.block(registry.FMU_OF_COMPONENT.get(component, component))
                 .parameters[parameter]
@@ -176,7 +176,7 @@ class Material:
                 parameter
             ]
         )
-        return item.value * factor(item.unit, variable.unit)
+        return item.value * current().to_si(item.unit, variable.unit)
 
     def named(self, effect: str) -> NamedCause | None:
         """The named cause of that effect, or None."""

@@ -4,9 +4,9 @@ import math
 import tomllib
 from pathlib import Path
 
+from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.schema import Answer, NamedCause, Parameter
 from cosim.report.material import Material, component_of
-from cosim.units import factor
 from fmus import registry
 
 SIGNAL_NAMES = {
@@ -147,7 +147,7 @@ def _scale(cause: NamedCause, name: str, parameter: Parameter) -> float:
     effect = registry.effects()[cause.effect]
     own = effect.parameters.get(name)
     block = registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
-    return factor(parameter.unit, (own or registry.block(block).parameters[name]).unit)
+    return current().to_si(parameter.unit, (own or registry.block(block).parameters[name]).unit)
 
 
 def telling(answer: Answer) -> str | None:
