@@ -1,0 +1,290 @@
+"""``cosim identify``: numbers of the drive from logs, chapter 4 of the source."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+LogFile = Annotated[Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4 or .tdms.", metavar="LOG")]
+LogFiles = Annotated[
+    list[Path], typer.Argument(help="One log or several, fitted together.", metavar="LOG...")
+]
+MappingFile = Annotated[
+    Path | None, typer.Option(help="Mapping file (TOML) for a log with other names.", metavar="FILE")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Number taken as known, such as 'compensator.d_plus=0'; repeatable."),
+]
+Filter = Annotated[
+    str | None,
+    typer.Option(
+        "--filter", help="Low-pass on command and response alike (Butterworth, order 2), such as '50 Hz'."
+    ),
+]
+From = Annotated[str | None, typer.Option("--from", help="Use the log from this time on, such as '10 s'.")]
+To = Annotated[str | None, typer.Option("--to", help="Use the log up to this time.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", help="Folder for .ssv, picture and JSON.", metavar="DIR")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Block = Annotated[
+    str | None, typer.Option(help="dcv, continuity, mechanical or simplified [default: simplified].")
+]
+Input = Annotated[str | None, typer.Option("--input", help="Input signal, instead of a block.")]
+Output = Annotated[str | None, typer.Option("--output", help="Output signal, instead of a block.")]
+Linear = Annotated[
+    bool,
+    typer.Option("--linear", help="Take u as it is, without compensator and dead zone, as the source does."),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command ``identify`` with its subcommands."""
+    group = typer.Typer(
+        help="Numbers of the drive from logs: dead zone, frequency response, transfer functions, observer, scaling.",
+        no_args_is_help=True,
+    )
+    group.command("all")(identify_all)
+    group.command("dead-zone")(dead_zone)
+    group.command("frf")(frf)
+    group.command("transfer-function")(transfer_function)
+    group.command("observer")(observer)
+    group.command("scaling")(scaling)
+    group.command("experiment")(experiment)
+    app.add_typer(group, name="identify")
+
+
+def identify_all(
+    log: LogFile,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Dead zone, valve, pressure and mechanics from one log, and one .ssv for the model."""
+    from cosim.identify.answer import finish
+    from cosim.identify.nominal import nominal
+    from cosim.identify.run_design import all_answer
+    from cosim.identify.texts import load, quantity
+
+    known = nominal(settings or [])
+    answer = all_answer(load(log, mapping, start, stop), known, quantity(cutoff, "Hz", "--filter"))
+    finish(answer, out, as_json)
+
+
+def dead_zone(
+    log: LogFile,
+    response: Annotated[
+        str | None, typer.Option(help="spool, p_load or slew [default: the first of these in the log].")
+    ] = None,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Break points and slopes of the valve's dead zone, best from a slow ramp.
+
+    Where the compensator was off, as in the source's own experiment, say so: --set compensator.d_plus=0 --set
+    compensator.d_minus=0.
+    """
+    from cosim.errors import UsageError
+    from cosim.identify.answer import finish
+    from cosim.identify.dead_zone import RESPONSES
+    from cosim.identify.nominal import nominal
+    from cosim.identify.run import dead_zone_answer
+    from cosim.identify.texts import load, quantity
+
+    if response is not None and response not in RESPONSES:
+        raise UsageError(f"--response '{response}': choose {', '.join(RESPONSES)}")
+    known = nominal(settings or [])
+    loaded = load(log, mapping, start, stop)
+    finish(dead_zone_answer(loaded, known, response, quantity(cutoff, "Hz", "--filter")), out, as_json)
+
+
+def transfer_function(
+    logs: LogFiles,
+    block: Block = None,
+    source: Input = None,
+    target: Output = None,
+    order: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Poles/zeros of a candidate, such as 3/1; repeatable [default: those of the block's table]."
+        ),
+    ] = None,
+    integrators: Annotated[
+        int | None, typer.Option(help="Poles at 0 among them [default: 1 to the slew angle, else 0].")
+    ] = None,
+    delay: Annotated[bool, typer.Option("--delay", help="With a transport delay.")] = False,
+    linear: Linear = False,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Transfer functions fitted to logs: a table of candidates, and the one to use, by BIC and held-out fit."""
+    from cosim.identify.answer import finish
+    from cosim.identify.nominal import nominal
+    from cosim.identify.run import channel, transfer_function_answer
+    from cosim.identify.texts import load, quantity, structure
+
+    chosen = channel(block, source, target, linear, quantity(cutoff, "Hz", "--filter"))
+    at_zero = chosen.integrators if integrators is None else integrators
+    structures = [structure(text, at_zero, delay) for text in order or []]
+    known = nominal(settings or [])
+    loaded = [load(log, mapping, start, stop) for log in logs]
+    finish(transfer_function_answer(loaded, chosen, structures, known), out, as_json)
+
+
+def frf(
+    logs: LogFiles,
+    block: Block = None,
+    source: Input = None,
+    target: Output = None,
+    method: Annotated[str, typer.Option(help="stepped (sines, period by period) or welch.")] = "stepped",
+    extremes: Annotated[
+        bool, typer.Option("--extremes", help="Amplitude from the extremes, as (4.12) prints it.")
+    ] = False,
+    order: Annotated[str | None, typer.Option(help="Poles/zeros of the fit [default: the block's].")] = None,
+    delay: Annotated[bool, typer.Option("--delay", help="Fit a transport delay too.")] = False,
+    segment: Annotated[str | None, typer.Option(help="Segment of Welch's method, such as '8 s'.")] = None,
+    low: Annotated[str | None, typer.Option(help="Lowest frequency, such as '0.5 rad/s' or '1 Hz'.")] = None,
+    high: Annotated[str | None, typer.Option(help="Highest frequency.")] = None,
+    smooth: Annotated[
+        bool,
+        typer.Option("--smooth", help="Savitzky-Golay filter over the points before the fit, as the source."),
+    ] = False,
+    smooth_order: Annotated[int, typer.Option(help="Its order.")] = 11,
+    smooth_window: Annotated[int, typer.Option(help="Its window, in points.")] = 25,
+    linear: Linear = False,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Frequency response with its uncertainty, from stepped sines or by Welch's method, and a fit to it."""
+    from cosim.identify.answer import finish
+    from cosim.identify.nominal import nominal
+    from cosim.identify.run import channel
+    from cosim.identify.run_frf import FrfRequest, frf_answer
+    from cosim.identify.texts import angular, load, quantity, structure
+
+    chosen = channel(block, source, target, linear, quantity(cutoff, "Hz", "--filter"))
+    wanted = FrfRequest(
+        method=method,
+        amplitude="extremes" if extremes else "least squares",
+        structure=None if order is None else structure(order, chosen.integrators, delay),
+        segment=quantity(segment, "s", "--segment"),
+        low=0.0 if low is None else angular(low, "--low"),
+        high=float("inf") if high is None else angular(high, "--high"),
+        smooth=(smooth_order, smooth_window) if smooth else None,
+    )
+    known = nominal(settings or [])
+    loaded = [load(log, mapping, start, stop) for log in logs]
+    finish(frf_answer(loaded, chosen, known, wanted), out, as_json)
+
+
+def observer(
+    log: Annotated[
+        Path | None, typer.Argument(help="Log to take the drive from [default: (4.15)].", metavar="LOG")
+    ] = None,
+    pole: Annotated[
+        list[float] | None,
+        typer.Option(help="Pole of the observer in 1/s; twice [default: -3 and -1.5 times the drive's]."),
+    ] = None,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """State space, controllability, observability, root locus, and the observer's gain from its poles."""
+    from cosim.identify.answer import finish
+    from cosim.identify.nominal import nominal
+    from cosim.identify.run_design import observer_answer
+    from cosim.identify.texts import load, quantity
+
+    known = nominal(settings or [])
+    loaded = None if log is None else load(log, mapping, start, stop)
+    finish(observer_answer(loaded, known, pole or [], quantity(cutoff, "Hz", "--filter")), out, as_json)
+
+
+def scaling(
+    log: Annotated[
+        Path | None, typer.Argument(help="Log in volts, to write a mapping for.", metavar="LOG")
+    ] = None,
+    point: Annotated[
+        list[str] | None,
+        typer.Option(help="Measured point, such as 'spool=3.248 V:2.6 mm'; two or more a signal."),
+    ] = None,
+    column: Annotated[
+        list[str] | None, typer.Option(help="Column of a signal, such as spool='Ch 3'; repeatable.")
+    ] = None,
+    disc_radius: Annotated[
+        str | None, typer.Option(help="Of the slew sensor's disc, such as '200 mm'.")
+    ] = None,
+    time: Annotated[str, typer.Option(help="Column of the time, in seconds.")] = "time",
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Volts to millimetres, bar and degrees (Tables 3.5 and 3.6, (3.2)): a mapping file for a log recorded in volts."""
+    from cosim.identify.answer import finish
+    from cosim.identify.run_design import scaling_answer
+    from cosim.identify.texts import quantity
+
+    radius = quantity(disc_radius, "m", "--disc-radius")
+    finish(scaling_answer(log, point or [], column or [], radius, time), out, as_json)
+
+
+def experiment(
+    name: Annotated[str, typer.Argument(help="slew, dcv, ramp or sine.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="CSV to write: the command u, one value a millisecond.")
+    ],
+    amplitude: Annotated[
+        list[float] | None, typer.Option(help="Of full command; repeatable [default: the source's].")
+    ] = None,
+    low: Annotated[str | None, typer.Option(help="sine: lowest frequency, such as '0.5 rad/s'.")] = None,
+    high: Annotated[str | None, typer.Option(help="sine: highest frequency.")] = None,
+    count: Annotated[int, typer.Option(help="sine: number of frequencies.")] = 40,
+    periods: Annotated[int, typer.Option(help="ramp: number of periods.")] = 2,
+    as_json: AsJson = False,
+) -> None:
+    """Write the command of an experiment, for the crane or for `cosim rig --excitation file`."""
+    from cosim import console
+    from cosim.errors import UsageError
+    from cosim.identify.experiment import write_experiment
+    from cosim.identify.run_design import experiment_of
+    from cosim.identify.texts import angular
+
+    if out.suffix.lower() != ".csv":
+        raise UsageError(f"{out}: a command is written as .csv")
+    band = None if low is None or high is None else (angular(low, "--low"), angular(high, "--high"), count)
+    made = experiment_of(name, amplitude or [], band, periods)
+    plan = write_experiment(made, out)
+    found = {"identify": "experiment", "experiment": name, "duration": {"value": made.duration, "unit": "s"},
+             "travel": {"value": made.travel, "unit": "deg"}, "files": {"csv": str(out), "plan": str(plan)}}  # fmt: skip
+    if as_json:
+        console.emit_json(found)
+        return
+    output = console.stdout_console()
+    line = (
+        f"{name}: {made.duration:.6g} s, about {made.travel:.3g} deg of slew peak to peak at the nominal gain"
+    )
+    for text in (line, f"written: {out}", f"written: {plan}"):
+        output.print(text, markup=False, soft_wrap=True)

@@ -1,0 +1,137 @@
+"""What an identification hands back: numbers, a picture, a parameter set for the SSP, one JSON object."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cosim import console
+from cosim.errors import UsageError
+from cosim.identify.estimate import Quantity
+from cosim.identify.nominal import declared
+from cosim.ssp.write import values_xml
+from cosim.units import factor
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass
+class Answer:
+    """The result of a subcommand.
+
+    Attributes:
+        kind: the subcommand, and the stem of its files.
+        data: for the JSON object, plain.
+        parameters: ``component.parameter`` -> number (SI), for the .ssv.
+        tables: titles, columns and rows for people.
+        lines: sentences for people.
+        notes: warnings.
+        draw: makes the picture.
+        texts: further files, name -> text.
+    """
+
+    kind: str
+    data: dict[str, Any]
+    parameters: dict[str, Quantity] = field(default_factory=dict)
+    tables: list[tuple[str, list[str], list[list[object]]]] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    draw: "Callable[[], Figure] | None" = None
+    texts: dict[str, str] = field(default_factory=dict)
+
+    def as_data(self, files: Mapping[str, Path]) -> dict[str, Any]:
+        """The JSON object."""
+        found = {name: q.as_data() for name, q in self.parameters.items()}
+        return {
+            "identify": self.kind,
+            **self.data,
+            "parameters": found,
+            "notes": self.notes,
+            "files": {name: str(path) for name, path in files.items()},
+        }
+
+
+def parameter_table(parameters: Mapping[str, Quantity], nominal: Mapping[str, float]) -> list[list[object]]:
+    """Rows name, value, lower and upper end of the 95 % interval, unit, nominal, in the units people read."""
+    rows: list[list[object]] = []
+    for name, quantity in parameters.items():
+        unit = declared(name).display or quantity.unit
+        scale = factor(quantity.unit, unit)
+        low, high = quantity.interval
+        known = nominal.get(name)
+        shown = "" if known is None else f"{known * scale:.5g}"
+        rows.append([name, *(f"{v * scale:.6g}" for v in (quantity.value, low, high)), unit, shown])
+    return rows
+
+
+COLUMNS = ["parameter", "value", "95 % from", "to", "unit", "nominal"]
+
+
+def write_ssv(parameters: Mapping[str, Quantity], path: Path) -> Path:
+    """Write the values as a parameter set that ``--parameter-set`` takes; those outside their bounds are refused.
+
+    Raises:
+        UsageError: a value is outside the bounds of its declaration: the model would refuse it.
+    """
+    for name, quantity in parameters.items():
+        variable = declared(name)
+        if not variable.low <= quantity.value <= variable.high:
+            raise UsageError(
+                f"{name} came out as {quantity.value:.6g} {variable.unit}, outside {variable.low:g} .. {variable.high:g}:"
+                " the model cannot take it, and the log probably does not fit the structure"
+            )
+    path.write_bytes(
+        values_xml({n: declared(n) for n in parameters}, {n: q.value for n, q in parameters.items()})
+    )
+    return path
+
+
+def write_files(answer: Answer, folder: Path) -> dict[str, Path]:
+    """Write .ssv, .png, .json and further texts of an answer; returns name -> file.
+
+    Raises:
+        UsageError: the folder cannot be written to.
+    """
+    from cosim.identify.picture import save
+
+    written: dict[str, Path] = {}
+    stem = answer.kind.replace("-", "_")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if answer.parameters:
+            written["ssv"] = write_ssv(answer.parameters, folder / f"{stem}.ssv")
+        if answer.draw is not None:
+            written["png"] = save(answer.draw, folder / f"{stem}.png")
+        for name, text in answer.texts.items():
+            written[name] = folder / name
+            written[name].write_text(text, encoding="utf-8")
+        written["json"] = folder / f"{stem}.json"
+        content = json.dumps(
+            console.to_jsonable(answer.as_data(written)), indent=2, ensure_ascii=False, allow_nan=False
+        )
+        written["json"].write_text(content + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(
+            f"cannot write into '{folder}' ({error.strerror or error}); name another folder"
+        ) from None
+    return written
+
+
+def finish(answer: Answer, out: Path | None, as_json: bool) -> None:
+    """Write the files, and print the answer."""
+    written = write_files(answer, out) if out is not None else {}
+    for note in answer.notes:
+        console.warn(note)
+    if as_json:
+        console.emit_json(answer.as_data(written))
+        return
+    output = console.stdout_console()
+    for title, columns, rows in answer.tables:
+        if rows:
+            output.print(console.table(title, columns, rows))
+    for line in answer.lines:
+        output.print(line, markup=False, soft_wrap=True)
+    for path in written.values():
+        output.print(f"written: {path}", markup=False, soft_wrap=True)

@@ -1,0 +1,286 @@
+"""What the subcommands of ``cosim identify`` do with logs: from request to `Answer`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from cosim.errors import UsageError
+from cosim.identify import picture
+from cosim.identify.answer import COLUMNS, Answer, parameter_table
+from cosim.identify.blocks import form, parameters
+from cosim.identify.candidates import HELD_OUT, Choice, compare_structures
+from cosim.identify.data import Record, record
+from cosim.identify.dead_zone import DeadZone, identify_dead_zone
+from cosim.identify.estimate import Quantity
+from cosim.identify.transfer_function import Structure, TransferFunction, fit_records
+from cosim.logs import Log
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Which signals: those of a block, or any two.
+
+    Attributes:
+        block: of the drive, or empty for other signals.
+        source: input signal.
+        target: output signal.
+        linear: take u without compensator and dead zone.
+        cutoff: low-pass [Hz] on both, or None.
+    """
+
+    block: str
+    source: str
+    target: str
+    linear: bool = False
+    cutoff: float | None = None
+
+    @property
+    def integrators(self) -> int:
+        """Poles at 0 between the two signals: the slew angle is an integral."""
+        return int(self.target == "slew" and self.source != "slew")
+
+    def __str__(self) -> str:
+        return f"{self.target}/{self.source}"
+
+
+def channel(
+    block: str | None,
+    source: str | None,
+    target: str | None,
+    linear: bool = False,
+    cutoff: float | None = None,
+) -> Channel:
+    """The channel that block, or input and output, name.
+
+    Raises:
+        UsageError: both or neither are given, or the block is unknown.
+    """
+    if block is not None and (source is not None or target is not None):
+        raise UsageError("give either --block, or --input and --output")
+    if block is None and source is None and target is None:
+        block = "simplified"
+    if block is not None:
+        item = form(block)
+        return Channel(block, item.source, item.target, linear, cutoff)
+    if source is None or target is None or source == target:
+        raise UsageError(
+            "--input and --output go together and name two signals, such as --input spool --output p_load"
+        )
+    return Channel("", source, target, linear, cutoff)
+
+
+def records_of(logs: Sequence[Log], chosen: Channel, known: Mapping[str, float]) -> list[Record]:
+    """The channel's record of each log."""
+    return [
+        record(log, chosen.source, chosen.target, known, linear=chosen.linear, cutoff=chosen.cutoff)
+        for log in logs
+    ]
+
+
+def record_notes(records: Sequence[Record]) -> list[str]:
+    """What was done to the records."""
+    return [f"{item.name}: {note}" for item in records for note in item.notes]
+
+
+def log_data(logs: Sequence[Log]) -> dict[str, Any]:
+    """The logs as plain data."""
+    return {
+        "logs": [{"path": str(log.source), "sha256": log.sha256, "synthetic": log.synthetic} for log in logs],
+        "synthetic": any(log.synthetic for log in logs),
+    }
+
+
+def dead_zone_answer(
+    log: Log, known: Mapping[str, float], response: str | None, cutoff: float | None
+) -> Answer:
+    """The dead zone from a slow ramp, or any log with command and response."""
+    found = identify_dead_zone(log, known, response=response, cutoff=cutoff)
+    values = dead_zone_parameters(found)
+    nominal = {"dead_zone.b_r": known["dead_zone.b_r"], "dead_zone.b_l": known["dead_zone.b_l"]}
+    nominal |= {"dead_zone.m_r": known["dead_zone.m_r"], "dead_zone.m_l": known["dead_zone.m_l"]}
+    data = {
+        **log_data([log]),
+        "response": found.response,
+        "sides": {side: {n: q.as_data() for n, q in of.items()} for side, of in found.sides.items()},
+        "offset": None if found.offset is None else found.offset.as_data(),
+        "lag": found.lag.as_data() | {"nominal": found.nominal_lag},
+        "best_fit_percent": found.best_fit,
+        # (4.9), Table 4.1: what a compensator for this valve would add
+        "compensator": {
+            name: abs(of["break_point"].value)
+            for side, name in (("right", "d_plus"), ("left", "d_minus"))
+            if (of := found.sides.get(side))
+        },
+    }
+    answer = Answer("dead-zone", data, values, notes=list(found.notes))
+    title = f"dead zone from {found.response}, best fit {found.best_fit:.2f} %"
+    answer.tables.append((title, COLUMNS, parameter_table(values, nominal)))
+    low, high = found.lag.interval
+    answer.lines.append(
+        f"lag {found.lag.value * 1e3:.4g} ms ({low * 1e3:.4g} to {high * 1e3:.4g}), nominal {found.nominal_lag * 1e3:.4g} ms"
+    )
+    answer.draw = lambda: picture.dead_zone_figure(found)
+    return answer
+
+
+def dead_zone_parameters(found: DeadZone) -> dict[str, Quantity]:
+    """Break points and slopes as parameters of the component `dead_zone`."""
+    letters = {"right": "r", "left": "l"}
+    values = {}
+    for side, of in found.sides.items():
+        values[f"dead_zone.b_{letters[side]}"] = of["break_point"]
+        values[f"dead_zone.m_{letters[side]}"] = of["relative_slope"]
+    return values
+
+
+def transfer_function_answer(
+    logs: Sequence[Log], chosen: Channel, structures: Sequence[Structure], known: Mapping[str, float]
+) -> Answer:
+    """Transfer functions of several structures, and the one to use."""
+    items = records_of(logs, chosen, known)
+    rows = tuple(structures)
+    if not rows:
+        rows = (
+            form(chosen.block).rows
+            if chosen.block
+            else (Structure(1 + chosen.integrators, 0, chosen.integrators),)
+        )
+    choice = compare_structures(items, rows)
+    choice.chosen.model.check_known()
+    values, notes = _values(choice, chosen, known)
+    data = {
+        **log_data(logs),
+        "block": chosen.block or None,
+        "input": chosen.source,
+        "output": chosen.target,
+        "candidates": [_row(row) for row in choice.candidates],
+        "failed": choice.failed,
+        "chosen": choice.chosen.name,
+        "why": choice.why,
+        "held_out_share": HELD_OUT,
+        "model": model_data(choice.chosen.model),
+    }
+    notes += record_notes(items) + [f"{name}: {text}" for name, text in choice.failed.items()]
+    answer = Answer("transfer-function", data, values, notes=notes)
+    answer.tables.append(_candidate_table(choice, str(chosen)))
+    if chosen.block and len(logs) > 1:
+        by_log = _by_log(items, chosen, known, choice)
+        data["by_log"] = [
+            {"log": name, "parameters": {n: q.as_data() for n, q in of.items()}} for name, of, _ in by_log
+        ]
+        answer.tables.append(_log_table(by_log))
+    if values:
+        answer.tables.append(
+            (f"{chosen.block} {form(chosen.block).table}", COLUMNS, parameter_table(values, known))
+        )
+    answer.lines.append(f"chosen: {choice.chosen.name} ({choice.chosen.structure}): {choice.why}")
+    answer.lines += [f"  {text}" for text in pole_lines(choice.chosen.model)]
+    answer.draw = lambda: picture.transfer_function_figure(
+        f"{chosen} in {items[0].name}", choice, chosen.target
+    )
+    return answer
+
+
+def _values(
+    choice: Choice, chosen: Channel, known: Mapping[str, float]
+) -> tuple[dict[str, Quantity], list[str]]:
+    """Parameters of the block, of the chosen candidate or else of the one with the block's own structure; and notes."""
+    if not chosen.block:
+        return {}, []
+    for row in [choice.chosen, *choice.candidates]:
+        values = parameters(chosen.block, row.model, known)
+        if values and row is choice.chosen:
+            return values, []
+        if values:
+            return values, [
+                f"the block {chosen.block} has the structure of {row.name}, not of the chosen {choice.chosen.name}: its"
+                f" parameters are those of {row.name}, and {100 - row.held_out:.3g} % of the held-out part is left"
+            ]
+    return {}, [f"no candidate has the structure of the block {chosen.block}: no parameter set is written"]
+
+
+def _row(row: Any) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "poles": row.structure.poles,
+        "zeros": row.structure.zeros,
+        "integrators": row.structure.integrators,
+        "delay": row.structure.delay,
+        "best_fit_percent": row.best_fit,
+        "fitting_percent": row.fitting,
+        "held_out_percent": row.held_out,
+        "bic": row.bic,
+        "determined": row.determined,
+    }
+
+
+def model_data(found: TransferFunction) -> dict[str, Any]:
+    """Coefficients, gain, poles and zeros as plain data, SI."""
+    zeros = found.zeros()
+    return {
+        "numerator": found.numerator,
+        "denominator": found.denominator,
+        "gain": found.quantity("gain").as_data(),
+        "poles": [{name: q.as_data() for name, q in pole.items()} for pole in found.poles()],
+        "zeros": [{"re": float(z.real), "im": float(z.imag)} for z in zeros],
+        "delay": found.quantity("delay").as_data() if found.structure.delay else None,
+    }
+
+
+def _candidate_table(choice: Choice, title: str) -> tuple[str, list[str], list[list[object]]]:
+    lowest = min(row.bic for row in choice.candidates)
+    rows: list[list[object]] = [
+        [
+            row.name + (" *" if row is choice.chosen else ""),
+            str(row.structure),
+            f"{row.best_fit:.2f}",
+            f"{row.fitting:.2f}",
+            f"{row.held_out:.2f}",
+            f"{row.bic - lowest:.1f}",
+            "yes" if row.determined else "no",
+        ]
+        for row in choice.candidates
+    ]
+    columns = [
+        "fit",
+        "structure",
+        "best fit %",
+        "fitting part %",
+        "held out %",
+        "BIC above lowest",
+        "poles known",
+    ]
+    return f"{title}: candidates (* chosen)", columns, rows
+
+
+def _by_log(
+    items: Sequence[Record], chosen: Channel, known: Mapping[str, float], choice: Choice
+) -> list[tuple[str, dict[str, Quantity], float]]:
+    """The chosen structure fitted to each log alone and to all, as TF1 to TF4 of Tables 4.3 and 4.4."""
+    found = []
+    for item in items:
+        model = fit_records([item], choice.chosen.structure, start=choice.chosen.model.fit.theta)
+        found.append((item.name, parameters(chosen.block, model, known), model.best_fit))
+    whole = choice.chosen.model
+    return [*found, ("all data", parameters(chosen.block, whole, known), whole.best_fit)]
+
+
+def _log_table(
+    by_log: list[tuple[str, dict[str, Quantity], float]],
+) -> tuple[str, list[str], list[list[object]]]:
+    rows: list[list[object]] = []
+    for name, of, best in by_log:
+        rows.append(
+            [name, *(f"{q.value:.5g} ± {q.interval[1] - q.value:.2g}" for q in of.values()), f"{best:.2f}"]
+        )
+    return "log by log (SI, ± half the 95 % interval)", ["log", *by_log[0][1], "best fit %"], rows
+
+
+def pole_lines(found: TransferFunction) -> list[str]:
+    """Poles and zeros in words."""
+    texts = ["pole at 0"] * found.structure.integrators
+    for pole in found.poles():
+        parts = [f"{n} {q.value:.5g} ± {q.interval[1] - q.value:.2g} {q.unit}" for n, q in pole.items()]
+        texts.append("pole: " + ", ".join(parts))
+    texts += [f"zero at {z.real:.5g}{f' ± {abs(z.imag):.5g}i' if z.imag else ''} 1/s" for z in found.zeros()]
+    return texts
