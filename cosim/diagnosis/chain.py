@@ -5,7 +5,7 @@ understood, their simulated output drives it instead, and what is not known exac
 estimates) counts as noise in the group behind.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.groups import Group, GroupModel
 from cosim.diagnosis.noise import plain
+from cosim.diagnosis.trials import Trial
+from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
@@ -24,10 +26,12 @@ UNSETTLED = 0.5  # s at the start that do not count: the state in which a log be
 
 @dataclass
 class Known:
-    """A group that is understood: its model and what was estimated."""
+    """A group that is understood: its model, what was estimated, its causes, and every single effect as it was tried."""
 
     model: GroupModel
     fit: Fit
+    named: tuple[Effect, ...] = ()
+    single: list[Trial] = field(default_factory=list)
 
 
 def fixed_values(record: Record, group: Group) -> dict[str, float]:

@@ -46,6 +46,7 @@ class Finding:
         before, after: what free functions still explain, by signal.
         events: what is left at one time ("event") or one frequency ("line") only, by signal.
         marks: effects seen in the raw samples.
+        upstream: effects of the blocks before, with how far each explains the log worse than the accepted one.
         confirmed: held-out data have borne out the chosen effects.
     """
 
@@ -58,6 +59,7 @@ class Finding:
     after: dict[str, Leftover] = field(default_factory=dict)
     events: dict[str, dict[str, Event]] = field(default_factory=dict)
     marks: list[Mark] = field(default_factory=list)
+    upstream: list[tuple[Effect, float]] = field(default_factory=list)
     confirmed: bool = False
 
 
@@ -108,9 +110,8 @@ def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> boo
     if not worth_naming(new, effect, model, tolerance):
         return False
     if all(f"{effect.component}.{p}" in model.group.trusted for p in effect.free):
-        return (
-            new.fit.log_likelihood > old.fit.log_likelihood + 3.0
-        )  # the size is the test; it must also explain something
+        # the size is the test; but what cannot be told from the old explanation is none
+        return new.fit.log_likelihood > old.fit.log_likelihood + CLOSE
     return new.score > old.score + SURE
 
 

@@ -22,6 +22,7 @@ from cosim.diagnosis.naming import Finding, find
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
+from cosim.diagnosis.upstream import upstream_rivals
 from cosim.diagnosis.verdict import (
     Cause,
     Rest,
@@ -123,9 +124,14 @@ def judge(
             task = task_for(group, record, known if group.integrates else [])
             settle(task.model, constants or {})
             finding = find(task, record, trust, most)
+        finding.upstream = upstream_rivals(finding, known if group.integrates else [], record)
         conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
-        known = [*upstream, Known(finding.task.model, finding.chosen.fit)] if adequate(finding) else []
+        chosen = finding.chosen
+        own = Known(
+            finding.task.model, chosen.fit, chosen.effects, finding.single if not chosen.effects else []
+        )
+        known = [*upstream, own] if adequate(finding) else []
 
 
 def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> None:

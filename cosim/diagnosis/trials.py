@@ -227,7 +227,7 @@ def relief(base: Trial, name: str, nominal: float, deviation: float, count: int)
     own -= others @ (others.T @ own)
     held = float(own @ own)
     # a straight line promises too much where the data hardly hold it: no more than all that is left can be gained
-    return min(0.5 * pull**2 / max(held, 1e-12), base.fit.count / 2.0) if pull else 0.0
+    return min(0.5 * pull**2 * (1.0 + 1.0 / max(held, 1e-12)), base.fit.count / 2.0)
 
 
 def sorted_names(effects: Iterable[Effect]) -> tuple[str, ...]:

@@ -148,6 +148,7 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
             (other_of(t, finding.chosen), finding.chosen.score - t.score)
             for t in finding.rivals.get(effect.name, [])
         ]
+        rivals += finding.upstream
         rivals.sort(key=lambda item: item[1])
         rest = tuple(e for e in finding.chosen.effects if e is not effect)
         without = finding.null if not rest else tried(finding.task, rest, tolerance, finding.chosen.fit)
@@ -201,8 +202,11 @@ def strained(finding: Finding, tolerance: float) -> list[Rest]:
     signal = next(iter(finding.after))
     found = []
     for known in trusted(finding.task.model, tolerance):
-        off = abs(chosen.fit.values[known.name] - known.start) - 1.64 * chosen.fit.deviations[known.name]
-        if known.name in freed or off <= (BEYOND + 1.0) * tolerance * abs(known.start):
+        if known.name in freed or known.prior is None:
+            continue
+        pull = abs(chosen.fit.values[known.name] - known.start) / known.prior[1]
+        off = pull - 1.64 * chosen.fit.deviations[known.name] / known.prior[1]
+        if off <= BEYOND + 1.0 or 0.5 * pull**2 <= SURE:
             continue
         change = chosen.fit.values[known.name] / known.start - 1.0
         words = f"{signal} asks for {known.name} {change:+.1%} off its nominal value, and no cause of the library says why"
