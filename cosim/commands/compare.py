@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim import console
+from cosim.errors import UsageError
 
 if TYPE_CHECKING:
     from cosim.compare import CompareTable, Comparison
+    from cosim.compare.extras import Extras
     from cosim.logs import Mapping
 
 DEFAULT_MODEL = "full_order"
@@ -48,6 +50,32 @@ def compare(
             help="Largest RMSE of a signal, such as slew=0.5deg; exit code 1 if missed; repeatable."
         ),
     ] = None,
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="Fit free parameters to the log first.")
+    ] = False,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(help="A free parameter, such as mechanical.J or 'dcv.K=2:3 mm'; repeatable."),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(help="What is known of one beforehand, such as 'dcv.K=2.4+-0.1 mm'; repeatable."),
+    ] = None,
+    fit_to: Annotated[
+        list[str] | None, typer.Option(help="Fit to this signal [default: all measured]; repeatable.")
+    ] = None,
+    held_out: Annotated[
+        str | None,
+        typer.Option(help="Not fitted but scored: a part of the log's end or another log [default: 0.3]."),
+    ] = None,
+    starts: Annotated[int | None, typer.Option(help="Starts of the search [default: 4].")] = None,
+    observer: Annotated[
+        bool, typer.Option("--observer", help="Run the observer's FMU on the log's command and slew.")
+    ] = False,
+    external: Annotated[
+        Path | None,
+        typer.Option(help="Record of the external tracker, held against the slew sensor.", metavar="FILE"),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for pictures and series.", metavar="DIR")
     ] = None,
@@ -66,6 +94,9 @@ def compare(
         settings=settings or [],
         step_size=step_size,
         thresholds=threshold or [],
+        calibration=_calibration(calibrate, free, prior, fit_to, held_out, starts),
+        observer=observer,
+        external=external,
         out=out,
         csv=csv,
         as_json=as_json,
@@ -83,12 +114,17 @@ def compare_log(
     settings: list[str] | None = None,
     step_size: str | None = None,
     thresholds: list[str] | None = None,
+    calibration: dict[str, Any] | None = None,
+    observer: bool = False,
+    external: Path | None = None,
     out: Path | None = None,
     csv: bool = False,
     as_json: bool = False,
     emit: Callable[[Any], None] = console.emit_json,
 ) -> bool:
     """Do what the command does; `demo` uses it too, and puts the JSON object that `emit` gets into its own.
+
+    `calibration` holds the attributes of `cosim.calibrate.command.Request` where the model is to be calibrated first.
 
     Returns:
         Whether a threshold was missed.
@@ -97,6 +133,7 @@ def compare_log(
         DataError, ModelError, UsageError, SimulationError: whatever is wrong with log, model, request or run.
     """
     from cosim.compare import Comparator, CompareTable, load_mapping, open_model
+    from cosim.compare.extras import Extras
     from cosim.compare.limits import check_limits, read_limits
     from cosim.compare.present import as_data
     from cosim.logs import load_log
@@ -112,16 +149,26 @@ def compare_log(
 
         files = [*table.parameter_files, *(parameter_sets or [])]
         given = parameters(comparator.system, files, settings or [])
+        extras = Extras(comparator, given)
+        if calibration is not None:
+            given = extras.calibrate(calibration, table, names)
+        if observer:
+            extras.observe()
+        if external is not None:
+            extras.track(external)
         with console.progress(f"comparing with {comparator.system.name}", 1.0):
             comparison = comparator.run(given)
-    results = check_limits(comparison, limits)
-    written = write_files(comparison, out, csv) if out is not None else {}
+        results = check_limits(comparison, limits)
+        folder = Path("calibration") if calibration is not None and out is None else out
+        written = write_files(comparison, folder, csv) if folder is not None else {}
+        written |= extras.write(comparison, folder) if folder is not None else {}
     if as_json:
         for note in comparison.notes:
             console.warn(note)
-        emit({**as_data(comparison, source), "thresholds": results, "files": written})
+        found = {**as_data(comparison, source), **extras.as_data(comparison)}
+        emit({**found, "thresholds": results, "files": written})
     else:
-        _show(comparison, results, written)
+        _show(comparison, results, written, extras)
     return any(not result["passed"] for result in results)
 
 
@@ -146,6 +193,27 @@ def write_files(comparison: "Comparison", folder: Path, csv: bool) -> dict[str, 
     return written
 
 
+def _calibration(
+    wanted: bool,
+    free: list[str] | None,
+    prior: list[str] | None,
+    fit_to: list[str] | None,
+    held_out: str | None,
+    starts: int | None,
+) -> dict[str, Any] | None:
+    """The options of a calibration, or None where none is wanted.
+
+    Raises:
+        UsageError: there are options, but no calibration.
+    """
+    asked = {"free": free, "prior": prior, "fit_to": fit_to, "held_out": held_out, "starts": starts}
+    given = {name: value for name, value in asked.items() if value}
+    if given and not wanted:
+        names = ", ".join("--" + name.replace("_", "-") for name in given)
+        raise UsageError(f"{names} belongs to a calibration: add --calibrate")
+    return given if wanted else None
+
+
 def _reference(
     model: str | None, mapping: "Mapping | None", table: "CompareTable"
 ) -> tuple[str, Path | None]:
@@ -157,7 +225,9 @@ def _reference(
     return DEFAULT_MODEL, None
 
 
-def _show(comparison: "Comparison", results: list[dict[str, Any]], written: dict[str, Path]) -> None:
+def _show(
+    comparison: "Comparison", results: list[dict[str, Any]], written: dict[str, Path], extras: "Extras"
+) -> None:
     from cosim.compare.present import explanations, tables
 
     output = console.stdout_console()
@@ -173,6 +243,7 @@ def _show(comparison: "Comparison", results: list[dict[str, Any]], written: dict
             output.print(table)
     for text in explanations(comparison):
         output.print(text, markup=False, soft_wrap=True)
+    extras.show(comparison)
     for result in results:
         state, name, unit = "kept" if result["passed"] else "MISSED", result["signal"], result["unit"]
         text = f"RMSE of {name} {result['rmse']:.4g} {unit}, limit {result['limit']:.4g} {unit}"

@@ -63,7 +63,7 @@ class Comparator:
         """
         table = table or CompareTable()
         self.log, self.step, self.notes = on_grid(log, step)
-        self.time = np.arange(len(self.log)) * self.step
+        self.time: Array = np.arange(len(self.log), dtype=np.float64) * self.step
         self.system = source if isinstance(source, System) else read_system(source, parameter_set)
         self._owned = None if isinstance(source, System) else self.system
         try:
@@ -119,7 +119,7 @@ class Comparator:
             UsageError: an unknown name.
             SimulationError: an FMU failed.
         """
-        return self._signals(self._run(parameters or {}, self.command))
+        return self.shown_by_sensors(self._run(parameters or {}, self.command))
 
     def run(self, parameters: Mapping[str, Value] | None = None) -> Comparison:
         """Compare: the whole driven by the command, then every block by what was measured.
@@ -133,17 +133,17 @@ class Comparator:
         """
         given = dict(parameters or {})
         notes: list[str] = []
-        lacking = {name: self._upstream(name, self.command).missing for name in self.outputs}
+        lacking = {name: self.missing(name) for name in self.outputs}
         possible = [name for name, missing in lacking.items() if not missing]
         whole = self._run(given, self.command) if possible else {}
-        simulated = self._signals(whole) if possible else {}
+        simulated = self.shown_by_sensors(whole) if possible else {}
         signals = {name: self._outcome(name, simulated[name], free_offset=False) for name in possible}
         if len(possible) < len(lacking):
             names = ", ".join(sorted({repr(m) for missing in lacking.values() for m in missing}))
             notes.append(f"the log has no {names}: what follows from it cannot be simulated from the command")
         cut = self._cut(whole, possible, notes)
         found, not_judged = groups(self.system, self.bindings, self.measured, cut)
-        single = self._signals(self._run(given, cut)) if found else {}
+        single = self.shown_by_sensors(self._run(given, cut)) if found else {}
         for group in found:
             for name, (before, behind) in separating(
                 self.system, self.bindings, self.measured, group
@@ -159,9 +159,13 @@ class Comparator:
             signals=signals,
             blocks=[self._block(group, single) for group in found],
             not_judged=not_judged,
-            parameters={**self._start_values(), **given},
+            parameters={**self.start_values(), **given},
             notes=[*self.notes, *notes],  # by now with what the runs had to say
         )
+
+    def missing(self, name: str) -> tuple[str, ...]:
+        """Inputs of the model that the log would need to hold for this signal to follow from the command."""
+        return self._upstream(name, self.command).missing
 
     # Helpers
 
@@ -195,8 +199,8 @@ class Comparator:
     def _upstream(self, name: str, cut: tuple[str, ...]) -> Upstream:
         return upstream(self.system, self.bindings[name], self.bindings, cut)
 
-    def _start_values(self) -> dict[str, float]:
-        """Start parameter -> value, from the first samples of the signal it starts with."""
+    def start_values(self) -> dict[str, float]:
+        """Start parameter -> value (SI), from the first samples of the signal it starts with."""
         values = {}
         for parameter, name in self.starts.items():
             if name in self.log:
@@ -208,8 +212,16 @@ class Comparator:
                     self.notes.append(note)
         return values
 
-    def _run(self, parameters: Mapping[str, Value], drive: tuple[str, ...]) -> dict[Port, Array]:
-        inputs: dict[str, Series] = {}
+    def excitation(self, drive: tuple[str, ...]) -> tuple[dict[str, tuple[Array, Array]], list[str]]:
+        """What measured signals put on the inputs of the components.
+
+        Args:
+            drive: names of the signals.
+
+        Returns:
+            ``component.input`` -> (times [s], values), (n,) each, in the FMU's unit; and those that are held over a step.
+        """
+        inputs: dict[str, tuple[Array, Array]] = {}
         hold: list[str] = []
         for name in drive:
             binding = self.bindings[name]
@@ -218,15 +230,20 @@ class Comparator:
                 if wire.target.component not in self.runner.system.components:
                     continue
                 values = wire.factor * binding.gain * self.log[name] + wire.offset
-                inputs[target] = (self.time, values)
+                inputs[target] = (np.asarray(self.time), values)
                 if name in self.log.held or (name in SIGNALS and SIGNALS[name].held):
                     hold.append(target)
+        return inputs, hold
+
+    def _run(self, parameters: Mapping[str, Value], drive: tuple[str, ...]) -> dict[Port, Array]:
+        given, hold = self.excitation(drive)
+        inputs: dict[str, Series] = dict(given)
         ports = {port for n in self.outputs for port, _ in self.bindings[n].parts}
         ports |= {p for n in self.outputs if (p := self.bindings[n].port) is not None}
         result = self.runner.run(
             float(self.time[-1]),
             self.step,
-            parameters=self._settings({**self._start_values(), **parameters}),
+            parameters=self.settings({**self.start_values(), **parameters}),
             inputs=inputs,
             hold=hold,
             record=[str(port) for port in sorted(ports)],
@@ -236,7 +253,7 @@ class Comparator:
                 self.notes.append(message)
         return {port: result.signals[str(port)] for port in ports}
 
-    def _settings(self, parameters: Mapping[str, Value]) -> dict[str, Value]:
+    def settings(self, parameters: Mapping[str, Value]) -> dict[str, Value]:
         """Start values of the components that run, under the components' own names.
 
         Raises:
@@ -252,7 +269,8 @@ class Comparator:
             settings |= {str(p): value for p in ports if p.component in self.runner.system.components}
         return settings
 
-    def _signals(self, recorded: Mapping[Port, Array]) -> dict[str, Array]:
+    def shown_by_sensors(self, recorded: Mapping[Port, Array]) -> dict[str, Array]:
+        """Signal -> what its sensors show (n,) [SI], from the components' outputs."""
         return {name: _measured_value(self.bindings[name], recorded) for name in self.outputs}
 
     def _cut(self, whole: Mapping[Port, Array], possible: list[str], notes: list[str]) -> tuple[str, ...]:

@@ -9,6 +9,9 @@ factor = "1 rad/m"
 
 [compare.start]
 "mechanical.theta_0" = "position"
+
+[compare.calibrate]
+free = ["mechanical.J", "mechanical.b=0:500 N.m.s/rad"]
 """
 
 import tomllib
@@ -40,6 +43,20 @@ class Target(_Strict):
     factor: str | None = None
 
 
+class CalibrateTable(_Strict):
+    """The table ``[compare.calibrate]``: what `cosim compare --calibrate` frees unless the command line says otherwise.
+
+    Attributes:
+        free: texts as of --free, such as ``mechanical.J`` or ``dcv.K=2:3 mm``.
+        prior: texts as of --prior, such as ``dcv.K=2.4+-0.1 mm``.
+        fit_to: signals as of --fit-to.
+    """
+
+    free: tuple[str, ...] = ()
+    prior: tuple[str, ...] = ()
+    fit_to: tuple[str, ...] = ()
+
+
 class CompareTable(_Strict):
     """The table ``[compare]``.
 
@@ -47,12 +64,14 @@ class CompareTable(_Strict):
         parameters: .ssv files to apply, relative to the mapping file.
         signals: signal -> variable of the model, before the names that are known anyway.
         start: ``component.parameter`` -> the signal whose first value it takes.
+        calibrate: what a calibration frees.
         folder: where the mapping file lies.
     """
 
     parameters: tuple[str, ...] = ()
     signals: dict[str, Target] = {}
     start: dict[str, str] = {}
+    calibrate: CalibrateTable = CalibrateTable()
     folder: Path = Field(default=Path(), exclude=True)
 
     @property
@@ -77,7 +96,9 @@ def load_mapping(path: Path) -> tuple[Mapping, CompareTable]:
 
 def _table(content: object, path: Path) -> CompareTable:
     if not isinstance(content, dict) or "folder" in content:
-        raise DataError(f"{path}: '{TABLE}' must be a table with the keys parameters, signals, start")
+        raise DataError(
+            f"{path}: '{TABLE}' must be a table with the keys parameters, signals, start, calibrate"
+        )
     try:
         return CompareTable.model_validate({**content, "folder": path.resolve().parent})
     except ValidationError as error:

@@ -5,7 +5,7 @@ from pathlib import Path
 from cosim.errors import ModelError, UsageError
 from cosim.paths import build_folder, ssp_folder
 from cosim.ssp.build import SYSTEMS
-from cosim.ssp.write import STIMULUS, add_component, read_xml, write_archive, write_ssp, xml_bytes
+from cosim.ssp.write import STIMULUS, add_component, fmu_bytes, read_xml, write_archive, write_ssp, xml_bytes
 
 NAMES = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
 
@@ -55,6 +55,6 @@ def build_wiring(wiring: Path) -> Path:
         return write_ssp(wiring, build_folder() / "ssp" / f"{wiring.stem}_open.ssp", open=True)
     entries: dict[str, bytes] = {}
     for component in components:
-        add_component(entries, component, wiring, {}, None)
+        add_component(entries, component, wiring, {}, None, fmu_bytes)
     entries["SystemStructure.ssd"] = xml_bytes(document)
     return write_archive(entries, build_folder() / "ssp" / f"{wiring.stem}.ssp")

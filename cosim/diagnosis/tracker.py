@@ -3,6 +3,9 @@
 A tracker stamp s stands for the instant offset + rate s of the log. There the tracker reads the true angle, plus a constant
 below the seam at 12 deg where its first marker model is in use (Table 3.4); its zero and scale are trusted. Offset and rate
 are estimated always and together with everything else: a clock error would otherwise pass for a delay.
+
+The estimate is a least-squares one with the noise of the difference made white, so its covariance is the inverse of Fisher's
+information: the Cramer-Rao bound for the noise found.
 """
 
 import itertools
@@ -10,13 +13,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
+from cosim.diagnosis.align import first_offsets
 from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.fit import Fit, Task, Unknown, fit
-from cosim.diagnosis.groups import Group
+from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.naming import CLOSE, SURE
-from cosim.diagnosis.noise import learned, plain
+from cosim.diagnosis.tracker_model import ERRORS, OFFSET, RATE, SEAM, SEAM_ANGLE, SMOOTH, TrackerModel
 from cosim.diagnosis.verdict import Cause
 from cosim.errors import DataError
 from cosim.logs import Tracker
@@ -25,26 +29,10 @@ from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-SEAM_ANGLE = np.radians(12.0)  # Table 3.4
 CLOCK = (2e-3, 1e-5)  # s and relative rate: a clock this good is synchronised
-ERRORS = ("tracker.seam", "sensor.gain", "sensor.bias", "sensor.drift")
-NOMINAL = {
-    "tracker.offset": 0.0,
-    "tracker.rate": 1.0,
-    "tracker.seam": 0.0,
-    "sensor.gain": 1.0,
-    "sensor.bias": 0.0,
-    "sensor.drift": 0.0,
-}
-SCALES = {
-    "tracker.offset": 1e-2,
-    "tracker.rate": 1e-4,
-    "tracker.seam": 1e-3,
-    "sensor.gain": 1e-2,
-    "sensor.bias": 1e-3,
-    "sensor.drift": 1e-5,
-}
-GROUP = Group("sensor", (), "slew", ("slew_external",))
+EDGE = 0.05  # s at both ends of the log that do not count: there the smoothed slew is not good
+NEAR = 5.0  # times the noise of a reading: nearer to the seam than that it does not count
+WINDOWS = 24  # parts of the record, every third of them held out
 
 
 @dataclass
@@ -57,6 +45,8 @@ class TrackerFinding:
         time: (m,) instants of the log at which the tracker reads, s.
         measured, predicted: (m,) rad.
         noise: size of the noise of one reading, rad.
+        seam_angle: (angle at which the seam fits best, lower and upper end of its 95 % interval), rad; None without a seam.
+        everything: fit of offset, rate and all errors, accepted or not.
     """
 
     fit: Fit
@@ -65,57 +55,8 @@ class TrackerFinding:
     measured: Array = field(repr=False)
     predicted: Array = field(repr=False)
     noise: float
-
-
-class TrackerModel:
-    """Tracker readings predicted from the slew sensor, for `fit`."""
-
-    group = GROUP
-
-    def __init__(self, record: Record, stamps: Array) -> None:
-        self.time = record.time
-        self.slew = record.smooth("slew", 10.0)
-        self.stamps = stamps
-
-    def nominal(self, name: str) -> float:
-        """Value where nothing is wrong."""
-        return NOMINAL[name]
-
-    def simulate(self, values: dict[str, float]) -> dict[str, Array]:
-        """(m,) readings, rad."""
-        v = NOMINAL | values
-        t = v["tracker.offset"] + v["tracker.rate"] * self.stamps
-        angle = (np.interp(t, self.time, self.slew) - v["sensor.bias"] - v["sensor.drift"] * t) / v[
-            "sensor.gain"
-        ]
-        return {"slew_external": angle + v["tracker.seam"] * (angle < SEAM_ANGLE)}
-
-
-def first_offset(record: Record, stamps: Array, readings: Array) -> float:
-    """Offset, s, that lays the tracker's record over the log best, to 20 ms; rate one.
-
-    Raises:
-        DataError: the two records do not overlap enough, or neither moves.
-    """
-    time, slew = record.time, record.smooth("slew", 10.0)
-    thin = max(1, round(0.1 / float(np.median(np.diff(stamps)))))
-    s, y = stamps[::thin], readings[::thin]
-    span = s[-1] - s[0]
-    shortest = 0.5 * min(span, time[-1])
-    offsets = np.arange(-s[0] - span + shortest, time[-1] - s[0] - shortest, 0.02)
-    best = (np.inf, 0.0)
-    for offset in offsets:
-        t = s + offset
-        inside = (t >= 0.0) & (t <= time[-1])
-        if inside.sum() < 10:
-            continue
-        error = y[inside] - np.interp(t[inside], time, slew)
-        best = min(best, (float(np.var(error)), float(offset)))
-    if not np.isfinite(best[0]) or np.ptp(slew) < 1e-4:
-        raise DataError(
-            "the tracker's record cannot be laid over the log: they do not overlap, or the slew does not move"
-        )
-    return best[1]
+    seam_angle: tuple[float, float, float] | None
+    everything: Fit = field(repr=False)
 
 
 def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
@@ -126,47 +67,86 @@ def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
     """
     if "slew" not in record.signals:
         raise DataError("the tracker can only be compared with a measured slew angle, which this log lacks")
-    offset = first_offset(record, tracker.time, tracker.slew_external)
-    t = tracker.time + offset
-    use = (t > 0.05) & (t < record.time[-1] - 0.05) & tracker.valid
-    stamps, readings = tracker.time[use], tracker.slew_external[use]
-    model = TrackerModel(record, stamps)
-    window = max(20, min(400, stamps.size // 6))
-    task = Task(model, {"slew_external": readings}, {"slew_external": plain(1, window, False)})  # type: ignore[arg-type]
-    clock = [
-        Unknown("tracker.offset", offset, SCALES["tracker.offset"], offset - 1.0, offset + 1.0),
-        Unknown("tracker.rate", 1.0, SCALES["tracker.rate"], 0.9, 1.1),
-    ]
-    everything = fit(task, [*clock, *(unknown(n) for n in ERRORS)], rounds=30)
-    angle = model.simulate(everything.values)["slew_external"]
-    absorbed = np.stack(
-        [np.ones_like(angle), stamps, angle, (angle < SEAM_ANGLE).astype(float), np.gradient(angle)]
-    )
-    task.set_rules(
-        {
-            "slew_external": learned(
-                task.rules["slew_external"], everything.residuals["slew_external"], absorbed
-            )
+    with threadpool_limits(1):  # small matrices: more threads only wait for one another
+        model, everything = off_the_seam(*synchronised(record, tracker))
+        for _ in range(2):
+            model.learn(everything)
+            everything = model.fit(ERRORS, everything.values)
+        fits = {
+            chosen: model.fit(chosen, everything.values)
+            for size in range(len(ERRORS) + 1)
+            for chosen in itertools.combinations(ERRORS, size)
         }
-    )
-    fits = {}
-    for size in range(len(ERRORS) + 1):
-        for chosen in itertools.combinations(ERRORS, size):
-            fits[chosen] = fit(task, [*clock, *(unknown(n) for n in chosen)], rounds=20)
     each = SURE + 0.5 * float(np.log(everything.count))
     best = max(fits, key=lambda c: fits[c].log_likelihood - each * len(c))
     found = fits[best]
-    predicted = model.simulate(found.values)["slew_external"]
-    instants = found.values["tracker.offset"] + found.values["tracker.rate"] * stamps
-    causes = [named(name, best, fits, task, clock) for name in best] + clock_cause(found, fits[()], task)
-    return TrackerFinding(found, causes, instants, readings, predicted, task.rules["slew_external"].rms)
+    predicted, _ = model.predict(found.values)
+    causes = [named(name, best, fits, model) for name in best] + clock_cause(found, model)
+    angle = seam_angle(model, found) if SEAM in best else None
+    return TrackerFinding(
+        found,
+        causes,
+        model.instants(found.values),
+        model.readings,
+        predicted,
+        model.noise.rms,
+        angle,
+        everything,
+    )
 
 
-def unknown(name: str) -> Unknown:
-    """One of the errors, to be estimated."""
-    reach = 1e4 * SCALES[name]
-    low = 0.2 if name == "sensor.gain" else NOMINAL[name] - reach
-    return Unknown(name, NOMINAL[name], SCALES[name], low, NOMINAL[name] + reach)
+def synchronised(record: Record, tracker: Tracker) -> tuple[TrackerModel, Fit]:
+    """The model over the overlap of both records, with white noise, and its fit of everything.
+
+    Raises:
+        DataError: the two records cannot be laid over each other.
+    """
+    valid = tracker.valid
+    slew = record.smooth("slew", SMOOTH)
+    best: tuple[float, TrackerModel, Fit] | None = None
+    for offset, rate in first_offsets(record.time, slew, tracker.time[valid], tracker.slew_external[valid]):
+        t = offset + rate * tracker.time
+        use = (t > EDGE) & (t < record.time[-1] - EDGE) & valid
+        places = np.rint((tracker.time[use] - tracker.time[use][0]) / tracker.step).astype(np.int64)
+        model = TrackerModel(record, tracker.time[use], tracker.slew_external[use], places)
+        found = model.fit(ERRORS, {OFFSET: offset, RATE: rate})
+        spread = -2.0 * found.log_likelihood / found.count
+        if best is None or spread < best[0]:
+            best = spread, model, found
+    assert best is not None
+    return best[1], best[2]
+
+
+def off_the_seam(model: TrackerModel, found: Fit) -> tuple[TrackerModel, Fit]:
+    """The model without readings so near the seam that noise may put them on its wrong side, and its fit.
+
+    One such reading would count with the whole height of the seam.
+    """
+    angle, _ = model.predict({**found.values, SEAM: 0.0})
+    noise = float(np.std(found.residuals["slew_external"]))
+    kept = np.abs(angle - SEAM_ANGLE) > NEAR * noise
+    if kept.all() or kept.sum() < 0.5 * kept.size:
+        return model, found
+    fewer = model.only(kept)
+    return fewer, fewer.fit(ERRORS, found.values)
+
+
+def seam_angle(model: TrackerModel, found: Fit) -> tuple[float, float, float]:
+    """Angle at which a seam fits best, with its 95 % interval by the likelihood ratio, all else estimated anew."""
+    values = {**found.values, SEAM: 0.0}
+    others = [n for n in found.values if n != SEAM]
+    angle, slopes = model.predict(values, others)
+    grid = np.quantile(angle, np.linspace(0.02, 0.98, 97))
+    grid = np.unique(np.concatenate([grid, SEAM_ANGLE + np.radians(np.arange(-1.0, 1.01, 0.02))]))
+    grid = grid[(grid > angle.min()) & (grid < angle.max())]
+    steps = (angle[None, :] < grid[:, None]).astype(np.float64)
+    white = model.white(np.vstack([model.readings - angle, slopes, steps]))
+    basis, _ = np.linalg.qr(white[1 : 1 + len(others)].T)
+    rest = white - (white @ basis) @ basis.T
+    residual, columns = rest[0], rest[1 + len(others) :]
+    gain = (columns @ residual) ** 2 / np.maximum(np.sum(columns**2, axis=1), 1e-300)
+    inside = grid[gain > gain.max() - 3.84]
+    return float(grid[int(np.argmax(gain))]), float(inside.min()), float(inside.max())
 
 
 def effect_of(name: str) -> Effect:
@@ -175,9 +155,7 @@ def effect_of(name: str) -> Effect:
     return known[name] if name in known else known["tracker.clock"]
 
 
-def named(
-    name: str, best: tuple[str, ...], fits: dict[tuple[str, ...], Fit], task: Task, clock: list[Unknown]
-) -> Cause:
+def named(name: str, best: tuple[str, ...], fits: dict[tuple[str, ...], Fit], model: TrackerModel) -> Cause:
     """One accepted error as a cause, with the others as rivals."""
     found = fits[best]
     without = tuple(n for n in best if n != name)
@@ -187,43 +165,44 @@ def named(
             swapped = tuple(n for n in ERRORS if n in (*without, other))
             rivals.append((effect_of(other), found.log_likelihood - fits[swapped].log_likelihood))
     rivals.sort(key=lambda item: item[1])
-    effect = effect_of(name)
     return Cause(
-        effect,
+        effect_of(name),
         "sensor",
         {name.partition(".")[2]: (found.values[name], found.deviations[name])},
         found.log_likelihood - fits[without].log_likelihood,
-        held_out(task, clock, best, without),
+        held_out(model, found, best, without),
         rivals,
         [e.name for e, behind in rivals if behind < CLOSE],
     )
 
 
-def clock_cause(found: Fit, null: Fit, task: Task) -> list[Cause]:
+def clock_cause(found: Fit, model: TrackerModel) -> list[Cause]:
     """The tracker's clock as a cause, where it is measurably off."""
-    offset, rate = found.values["tracker.offset"], found.values["tracker.rate"]
-    spread = (found.deviations["tracker.offset"], found.deviations["tracker.rate"])
-    off = abs(offset) > max(CLOCK[0], 4.0 * spread[0]) or abs(rate - 1.0) > max(CLOCK[1], 4.0 * spread[1])
-    if not off:
+    offset, rate = found.values[OFFSET], found.values[RATE]
+    spread = (found.deviations[OFFSET], found.deviations[RATE])
+    if not (abs(offset) > max(CLOCK[0], 4.0 * spread[0]) or abs(rate - 1.0) > max(CLOCK[1], 4.0 * spread[1])):
         return []
     errors = {n: v for n, v in found.values.items() if n in ERRORS}
-    synchronised = task.white(task.residuals(errors))
-    gain = found.log_likelihood + 0.5 * float(synchronised @ synchronised)
+    predicted, _ = model.predict({**errors, OFFSET: 0.0, RATE: 1.0})
+    white = model.white((model.readings - predicted)[None, :])[0]
+    gain = found.log_likelihood + 0.5 * float(white @ white)
     parameters = {"offset": (offset, spread[0]), "rate": (rate, spread[1])}
     return [Cause(effect_of("tracker.clock"), "tracker", parameters, gain, float("nan"))]
 
 
-def held_out(task: Task, clock: list[Unknown], best: tuple[str, ...], without: tuple[str, ...]) -> float:
-    """Log-likelihood that an error gains on held-out windows."""
-    rows = task.rules["slew_external"].windows(task.measured["slew_external"]).shape[0]
-    held = held_windows(rows)
-    if not held.any() or held.all():
-        return float("nan")
+def held_out(model: TrackerModel, found: Fit, best: tuple[str, ...], without: tuple[str, ...]) -> float:
+    """Log-likelihood that an error gains on parts of the record that had no share in the estimate."""
+    windows = np.arange(model.stamps.size) * WINDOWS // model.stamps.size
+    held = held_windows(WINDOWS)[windows]
     scores = []
-    for names in (best, without):
-        fitting = Task(task.model, task.measured, task.rules, mask=~held)
-        values = fit(fitting, [*clock, *(unknown(n) for n in names)], rounds=20).values
-        judged = Task(task.model, task.measured, task.rules, mask=held)
-        white = judged.white(judged.residuals(values))
-        scores.append(-0.5 * float(white @ white))
+    try:
+        for names in (best, without):
+            model.mask = ~held
+            values = model.fit(names, found.values).values
+            model.mask = held
+            predicted, _ = model.predict(values)
+            white = model.white((model.readings - predicted)[None, :])[0]
+            scores.append(-0.5 * float(white @ white))
+    finally:
+        model.mask = np.ones(model.stamps.size, dtype=bool)
     return scores[0] - scores[1]

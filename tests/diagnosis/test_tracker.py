@@ -1,15 +1,26 @@
-"""Slew sensor against tracker: clock, seam and sensor errors are found with their sizes, and nothing where all is right."""
+"""Slew sensor against tracker: clock, seam and sensor errors are found with their sizes, as exactly as the data allow."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
+from cosim.diagnosis.data import Record
 from cosim.diagnosis.story import prepare
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
+from cosim.diagnosis.tracker_model import SEAM_ANGLE
+from cosim.errors import DataError
+from cosim.logs import Tracker
 from cosim.rig import as_log, as_tracker, make_log
+from cosim.rig.noise import SIZES
+
+DEG = np.pi / 180.0
+EFFICIENT = (0.7, 1.5)  # mean square error over the Cramer-Rao bound
 
 
 def found(*hidden: str) -> TrackerFinding:
-    run = make_log("mixed", 40.0, list(hidden), seed=3, tracker=True)
+    run = make_log("mixed", 40.0, list(hidden), seed=3, tracker=True, start=9.0 * DEG)
     return compare_tracker(prepare(as_log(run)), as_tracker(run))
 
 
@@ -36,6 +47,102 @@ def test_a_hidden_error_is_named_with_its_size(
     assert abs(estimate - value) < 4.0 * deviation  # four standard deviations
 
 
-def test_clock_and_seam_together() -> None:
-    names = {c.effect.name for c in found("tracker.clock:offset=-2 s,rate=0.9998", "tracker.seam").causes}
-    assert names == {"tracker.clock", "tracker.seam"}
+def test_clock_and_seam_together_and_where_the_seam_is() -> None:
+    finding = found("tracker.clock:offset=-2 s,rate=0.9998", "tracker.seam")
+    assert {c.effect.name for c in finding.causes} == {"tracker.clock", "tracker.seam"}
+    assert finding.seam_angle is not None
+    best, low, high = finding.seam_angle
+    assert low <= SEAM_ANGLE <= high
+    assert high - low < 0.3 * DEG
+    assert abs(best - SEAM_ANGLE) < 0.15 * DEG
+
+
+class Motion:
+    """One true motion across the seam; sensor and tracker read it again with each seed's noise."""
+
+    offset, rate, seam = 7.3, 1.0004, 0.2 * DEG
+
+    def __init__(self) -> None:
+        clock = f"tracker.clock:offset={self.offset} s,rate={self.rate}"
+        run = make_log(
+            "mixed", 30.0, [clock, "tracker.seam:seam=0.2 deg"], seed=3, tracker=True, start=9.0 * DEG
+        )
+        assert run.tracker is not None
+        self.time, self.seen, self.stamps = run.time, run.true["seen"], run.tracker[0]
+        self.sizes = (SIZES["slew"], SIZES["slew_external"])
+        instants = self.offset + self.rate * self.stamps
+        self.true = np.interp(instants, self.time, self.seen)
+        speed = np.interp(instants, self.time, np.gradient(self.seen, self.time))
+        self.slopes = np.stack([speed, speed * self.stamps, (self.true < SEAM_ANGLE).astype(float)])
+
+    def records(self, seed: int) -> tuple[Record, Tracker]:
+        rng = np.random.default_rng(seed)
+        slew = self.seen + self.sizes[0] * rng.standard_normal(self.seen.size)
+        reading = self.true + self.seam * (self.true < SEAM_ANGLE)
+        reading = reading + self.sizes[1] * rng.standard_normal(reading.size)
+        valid = np.ones(reading.size, dtype=bool)
+        tracker = Tracker(self.stamps, Path("tracker.csv"), (), True, "", reading, valid)
+        return Record(1e-3, {"slew": slew}), tracker
+
+    @property
+    def bound(self) -> np.ndarray:
+        """Cramer-Rao bound on the variances of offset, rate and seam.
+
+        The motion is slow and not known: only the sensor shows it, so the sensor's noise counts with the density it has
+        below the motion's bandwidth: 1 / 1000 Hz beside the tracker's 1 / 80 Hz.
+        """
+        density = self.sizes[1] ** 2 + self.sizes[0] ** 2 * 80.0 * self.rate / 1000.0
+        return np.diag(np.linalg.inv(self.slopes @ self.slopes.T / density))
+
+
+@pytest.mark.parametrize("logs", [20, pytest.param(200, marks=pytest.mark.slow)])
+def test_clock_and_seam_reach_the_cramer_rao_bound(logs: int) -> None:
+    motion = Motion()
+    truth = np.array([motion.offset, motion.rate, motion.seam])
+    names = ("tracker.offset", "tracker.rate", "tracker.seam")
+    errors, stated = [], []
+    for seed in range(logs):
+        fit = compare_tracker(*motion.records(seed)).fit
+        errors.append(np.array([fit.values[n] for n in names]) - truth)
+        stated.append([fit.deviations[n] for n in names])
+    ratio = np.mean(np.square(errors), axis=0) / motion.bound
+    # with so few logs chance alone takes a mean of squares further: 99.9 % of it lie between these
+    low, high = chi2.ppf([0.0005, 0.9995], logs) / logs
+    assert np.all(ratio > min(EFFICIENT[0], low)), ratio
+    assert np.all(ratio < max(EFFICIENT[1], high)), ratio
+    # no bias: the mean error lies within 3.5 of its own standard deviations
+    assert np.all(np.abs(np.mean(errors, axis=0)) < 3.5 * np.sqrt(motion.bound / logs))
+    # the stated deviations are those of the bound
+    claimed = np.sqrt(np.mean(np.square(stated), axis=0) / motion.bound)
+    assert np.all((claimed > 0.9) & (claimed < 1.4)), claimed
+
+
+def test_a_repeating_motion_is_laid_over_itself_at_the_right_period() -> None:
+    t = np.arange(30_001) * 1e-3
+    slew = 0.1 * np.sin(2.0 * np.pi * t / 5.0) * (1.0 + 0.01 * t)
+    rng = np.random.default_rng(1)
+    stamps = np.arange(0.0, 20.0, 1.0 / 80.0)
+    true = np.interp(4.0 + 0.999 * stamps, t, slew)
+    tracker = Tracker(stamps, Path("x.csv"), (), True, "", true + 2e-4 * rng.standard_normal(true.size),
+                      np.ones(true.size, dtype=bool))  # fmt: skip
+    fit = compare_tracker(Record(1e-3, {"slew": slew + 2e-4 * rng.standard_normal(t.size)}), tracker).fit
+    assert abs(fit.values["tracker.offset"] - 4.0) < 4.0 * fit.deviations["tracker.offset"]
+    assert abs(fit.values["tracker.rate"] - 0.999) < 4.0 * fit.deviations["tracker.rate"]
+
+
+def test_missing_readings_do_not_count() -> None:
+    record, tracker = Motion().records(1)
+    valid = np.ones(tracker.time.size, dtype=bool)
+    valid[500:700] = False
+    readings = np.where(valid, tracker.slew_external, 9.9)
+    fit = compare_tracker(record, Tracker(tracker.time, tracker.source, (), True, "", readings, valid)).fit
+    assert abs(fit.values["tracker.offset"] - Motion.offset) < 4.0 * fit.deviations["tracker.offset"]
+
+
+def test_records_that_do_not_belong_together_are_refused() -> None:
+    record, tracker = Motion().records(1)
+    still = Record(1e-3, {"slew": np.full(record.time.size, 0.2)})
+    with pytest.raises(DataError, match="does not move"):
+        compare_tracker(still, tracker)
+    with pytest.raises(DataError, match="lacks"):
+        compare_tracker(Record(1e-3, {"u": record.time}), tracker)

@@ -1,0 +1,191 @@
+"""The slew sensor beside the external tracker (fig. 5.16 of the source), once the tracker's clock is known."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compare.metrics import rms
+from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
+from cosim.diagnosis.tracker_model import NOMINAL, SEAM, SEAM_ANGLE
+from cosim.logs import Log, load_tracker
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+DEG = float(np.pi / 180.0)
+NORMAL = 1.959964
+# parameter: unit people read, factor to it, what it is
+SHOWN = {
+    "tracker.offset": ("s", 1.0, "time of the log at the tracker's zero"),
+    "tracker.rate": ("1", 1.0, "seconds of the log per second of the tracker"),
+    "tracker.seam": ("deg", 1.0 / DEG, "added below 12 deg (marker model 1)"),
+    "sensor.gain": ("1", 1.0, "slew sensor per true angle"),
+    "sensor.bias": ("deg", 1.0 / DEG, "slew sensor at angle zero"),
+    "sensor.drift": ("deg/s", 1.0 / DEG, "of the slew sensor"),
+}
+HEADS = ("", "value", "+- (95 %)", "unit", "what")
+
+
+@dataclass(frozen=True)
+class TrackerRun:
+    """A tracker's record laid over a log.
+
+    Attributes:
+        finding: what was found.
+        log: the log's file and the tracker's.
+        time: (m,) instants of the log at which the tracker reads, s.
+        sensor: (m,) slew sensor at these instants, rad.
+        reading: (m,) tracker, rad.
+        corrected: (m,) tracker less its seam minus slew sensor less its errors, rad.
+    """
+
+    finding: TrackerFinding
+    log: tuple[Path, Path]
+    time: Array = field(repr=False)
+    sensor: Array = field(repr=False)
+    reading: Array = field(repr=False)
+    corrected: Array = field(repr=False)
+
+    @property
+    def difference(self) -> Array:
+        """(m,) slew sensor minus tracker, synchronised and nothing else, rad."""
+        return self.sensor - self.reading
+
+
+def run_tracker(log: Log, file: Path) -> TrackerRun:
+    """Lay a tracker's record over a log and find clock, seam and sensor errors.
+
+    Raises:
+        DataError: a file is bad, the log has no slew, or the two cannot be laid over each other.
+    """
+    log.require("slew", "the tracker")
+    tracker = load_tracker(file)
+    even = log if log.uniform else log.resample(log.step)
+    record = Record(even.step, {"slew": even["slew"]})
+    finding = compare_tracker(record, tracker)
+    time = finding.time + even.time[0]
+    sensor = np.interp(finding.time, record.time, even["slew"])
+    return TrackerRun(
+        finding, (log.source, file), time, sensor, finding.measured, finding.measured - finding.predicted
+    )
+
+
+def estimates(run: TrackerRun) -> dict[str, tuple[float, float, bool]]:
+    """Parameter -> (value, standard deviation, whether it differs from nothing wrong), SI.
+
+    Errors that were not accepted come from the fit of everything, so that a reader sees how small they are.
+    """
+    fit, all_of_them = run.finding.fit, run.finding.everything
+    return {
+        n: (fit.values[n], fit.deviations[n], True)
+        if n in fit.values
+        else (all_of_them.values[n], all_of_them.deviations[n], False)
+        for n in NOMINAL
+    }
+
+
+def rows(run: TrackerRun) -> list[list[object]]:
+    """Rows of the table."""
+    found: list[list[object]] = []
+    for name, (value, deviation, accepted) in estimates(run).items():
+        unit, scale, text = SHOWN[name]
+        digits = max(3, int(np.ceil(np.log10(max(abs(value / max(deviation, 1e-300)), 1.0)))) + 2)
+        what = text if accepted else f"{text}: none found"
+        found.append([name, f"{value * scale:.{digits}g}", f"{NORMAL * deviation * scale:.2g}", unit, what])
+    return found
+
+
+def lines(run: TrackerRun) -> list[str]:
+    """What stands below the table, one sentence each."""
+    finding = run.finding
+    found = [
+        f"{finding.measured.size} readings overlap with the log; noise of one {finding.noise / DEG:.3g} deg; slew sensor "
+        f"minus tracker {rms(run.difference) / DEG:.3g} deg rms, {rms(run.corrected) / DEG:.3g} deg with the errors above "
+        "taken out. The intervals are the Cramer-Rao bound for this noise."
+    ]
+    if finding.seam_angle is not None:
+        best, low, high = (x / DEG for x in finding.seam_angle)
+        found.append(
+            f"The seam fits best at {best:.4g} deg (95 %: {low:.4g} to {high:.4g}); the two marker models are said to meet "
+            f"at {SEAM_ANGLE / DEG:g} deg."
+        )
+    elif finding.everything.deviations[SEAM] > DEG:
+        found.append("The motion does not cross 12 deg, so a seam could not be seen.")
+    return found
+
+
+def as_data(run: TrackerRun) -> dict[str, Any]:
+    """The run as plain data; parameters in SI."""
+    finding = run.finding
+    angle = finding.seam_angle
+    return {
+        "file": run.log[1],
+        "parameters": [
+            {
+                "name": name,
+                "value": value,
+                "deviation": deviation,
+                "ci95": [value - NORMAL * deviation, value + NORMAL * deviation],
+                "accepted": accepted,
+                "unit": {"deg": "rad", "deg/s": "rad/s"}.get(SHOWN[name][0], SHOWN[name][0]),
+            }
+            for name, (value, deviation, accepted) in estimates(run).items()
+        ],
+        "seam_angle": None if angle is None else {"value": angle[0], "ci95": list(angle[1:]), "unit": "rad"},
+        "causes": [cause.effect.name for cause in finding.causes],
+        "readings": finding.measured.size,
+        "noise": finding.noise,
+        "rms_difference": rms(run.difference),
+        "rms_corrected": rms(run.corrected),
+        "unit": "rad",
+    }
+
+
+def write_picture(run: TrackerRun, path: Path) -> Path:
+    """Draw sensor, tracker and difference into a file."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    with mpl.rc_context(STYLE):
+        figure = tracker_figure(run)
+        FigureCanvasAgg(figure)
+        figure.savefig(path, dpi=110)
+    return path
+
+
+def tracker_figure(run: TrackerRun) -> "Figure":
+    """Both angles over time, their difference over time, and the difference over the angle with the seam."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 8.0), layout="constrained")
+    upper, middle, lower = figure.subplots(3, 1, height_ratios=[2.0, 1.2, 1.2])
+    upper.plot(run.time, run.sensor / DEG, color=SIMULATED, linewidth=1.2, label="slew sensor")
+    upper.plot(
+        run.time, run.reading / DEG, color=ERROR, linewidth=0.9, linestyle="--", label="tracker, synchronised"
+    )
+    upper.set_ylabel("slew [deg]")
+    band = 2.0 * run.finding.noise / DEG
+    for axes, x, label in ((middle, run.time, "time [s]"), (lower, run.reading / DEG, "tracker [deg]")):
+        axes.axhspan(-band, band, color=BAND, alpha=0.6, linewidth=0.0, label="noise of a reading, ±2 sd")
+        axes.plot(x, run.difference / DEG, ".", color=MEASURED, markersize=1.5, label="slew sensor - tracker")
+        axes.plot(x, -run.corrected / DEG, ".", color=ERROR, markersize=1.2, label="errors taken out")
+        axes.set_xlabel(label)
+        axes.set_ylabel("difference [deg]")
+    upper.axhline(SEAM_ANGLE / DEG, color=MEASURED, linewidth=0.8, linestyle=":")
+    lower.axvline(SEAM_ANGLE / DEG, color=MEASURED, linewidth=0.8, linestyle=":")
+    upper.legend(loc="upper right")
+    middle.legend(loc="upper right", markerscale=5.0)
+    parts = [
+        f"{n.partition('.')[2]} {v * SHOWN[n][1]:.6g} {SHOWN[n][0]}"
+        for n, (v, _, a) in estimates(run).items()
+        if a
+    ]
+    upper.set_title(", ".join(parts), loc="left")
+    figure.suptitle(f"Slew sensor of {run.log[0].name} and tracker {run.log[1].name}", fontsize=11)
+    return figure

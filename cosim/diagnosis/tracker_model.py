@@ -1,0 +1,125 @@
+"""Readings of the tracker predicted from the slew sensor, and the least-squares fit of what is between the two."""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from cosim.calibrate.noise import Noise
+from cosim.calibrate.spectrum import bands, learn
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.fit import Fit
+
+Array = NDArray[np.float64]
+
+SEAM_ANGLE = float(np.radians(12.0))  # Table 3.4
+SMOOTH = 10.0  # Hz; the angle has no news above, and the sensor's noise is left out
+OFFSET, RATE, SEAM = "tracker.offset", "tracker.rate", "tracker.seam"
+ERRORS = (SEAM, "sensor.gain", "sensor.bias", "sensor.drift")
+NOMINAL = {OFFSET: 0.0, RATE: 1.0, SEAM: 0.0, "sensor.gain": 1.0, "sensor.bias": 0.0, "sensor.drift": 0.0}
+SCALES = {
+    OFFSET: 1e-2,
+    RATE: 1e-4,
+    SEAM: 1e-3,
+    "sensor.gain": 1e-2,
+    "sensor.bias": 1e-3,
+    "sensor.drift": 1e-5,
+}
+REACH = {OFFSET: 2.0, RATE: 0.1, SEAM: 10.0, "sensor.gain": 0.8, "sensor.bias": 10.0, "sensor.drift": 0.1}
+
+
+class TrackerModel:
+    """Tracker readings predicted from the slew sensor.
+
+    Args:
+        record: the log.
+        stamps: (m,) of the tracker's own clock, s.
+        readings: (m,) rad.
+        places: (m,) numbers of the readings on the tracker's uniform grid.
+    """
+
+    def __init__(self, record: Record, stamps: Array, readings: Array, places: NDArray[np.int64]) -> None:
+        self.time = record.time
+        self.slew = record.smooth("slew", SMOOTH)
+        self.speed = np.gradient(self.slew, record.h)
+        self.stamps, self.readings, self.places = stamps, readings, places
+        self.noise = Noise(1.0)
+        self.mask = np.ones(stamps.size, dtype=bool)
+
+    def only(self, kept: NDArray[np.bool_]) -> "TrackerModel":
+        """The same for some of the readings."""
+        fewer = copy(self)
+        fewer.stamps, fewer.readings, fewer.places = self.stamps[kept], self.readings[kept], self.places[kept]
+        fewer.mask = np.ones(fewer.stamps.size, dtype=bool)
+        return fewer
+
+    def instants(self, values: Mapping[str, float]) -> Array:
+        """(m,) instants of the log, s."""
+        return values[OFFSET] + values[RATE] * self.stamps
+
+    def predict(self, values: Mapping[str, float], names: Sequence[str] = ()) -> tuple[Array, Array]:
+        """Readings (m,), rad, and their slopes (names, m)."""
+        v = {**NOMINAL, **values}
+        t = self.instants(v)
+        angle = (np.interp(t, self.time, self.slew) - v["sensor.bias"] - v["sensor.drift"] * t) / v[
+            "sensor.gain"
+        ]
+        below = (angle < SEAM_ANGLE).astype(np.float64)
+        speed = (np.interp(t, self.time, self.speed) - v["sensor.drift"]) / v["sensor.gain"]
+        slopes = {
+            OFFSET: speed,
+            RATE: speed * self.stamps,
+            SEAM: below,
+            "sensor.gain": -angle / v["sensor.gain"],
+            "sensor.bias": np.full(t.size, -1.0 / v["sensor.gain"]),
+            "sensor.drift": -t / v["sensor.gain"],
+        }
+        return angle + v[SEAM] * below, np.array([slopes[n] for n in names]).reshape(len(names), t.size)
+
+    def white(self, rows: Array) -> Array:
+        """Rows (k, m) with the noise made independent and of unit size; only what `mask` leaves counts."""
+        white = self.noise.whiten(rows, self.places)
+        return white if self.mask.all() else white[:, self.mask]
+
+    def fit(self, names: Sequence[str], start: Mapping[str, float]) -> Fit:
+        """Least squares over offset, rate and `names`, from `start`."""
+        chosen = (OFFSET, RATE, *names)
+        scales = np.array([SCALES[n] for n in chosen])
+        centre = np.array([start.get(n, NOMINAL[n]) for n in chosen])
+        reach = np.array([REACH[n] for n in chosen])
+
+        def values(z: Array) -> dict[str, float]:
+            return dict(zip(chosen, (centre + z * scales).tolist(), strict=True))
+
+        def cost(z: Array) -> Array:
+            return self.white((self.readings - self.predict(values(z))[0])[None, :])[0]
+
+        def slopes(z: Array) -> Array:
+            _, rows = self.predict(values(z), chosen)
+            return -(self.white(rows) * scales[:, None]).T
+
+        ends = reach / scales
+        done = least_squares(
+            cost, np.zeros(scales.size), slopes, bounds=(-ends, ends), x_scale="jac", xtol=1e-10
+        )
+        norms = np.maximum(np.linalg.norm(done.jac, axis=0), 1e-300)
+        unit = done.jac / norms
+        scaled = scales / norms
+        covariance = np.linalg.pinv(unit.T @ unit, rcond=1e-12, hermitian=True) * np.outer(scaled, scaled)
+        deviations = dict(zip(chosen, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+        found = values(done.x)
+        residuals = {"slew_external": self.readings - self.predict(found)[0]}
+        return Fit(found, deviations, -float(done.cost), done.fun.size, residuals, covariance)
+
+    def learn(self, found: Fit) -> None:
+        """Take over the noise that a fit leaves."""
+        _, slopes = self.predict(found.values, list(found.values))
+        size = np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)[:, None]
+        whole = np.arange(self.places[0], self.places[-1] + 1)
+        even = [
+            np.interp(whole, self.places, row) for row in (found.residuals["slew_external"], *(slopes / size))
+        ]
+        one = bands(even[0], np.stack(even[1:]))
+        self.noise = learn({"slew_external": one}, np.zeros((len(slopes),) * 2))["slew_external"]

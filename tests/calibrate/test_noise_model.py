@@ -1,0 +1,85 @@
+"""White from coloured: exact against the dense Cholesky factor, and noise learned from samples is the noise put in."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+from threadpoolctl import threadpool_limits
+
+from cosim.calibrate.noise import Noise, correlation_times
+from cosim.calibrate.spectrum import bands, learn
+from cosim.rig import Noise as RigNoise
+
+
+def dense(noise: Noise, places: np.ndarray) -> np.ndarray:
+    lags = np.abs(places[:, None] - places)
+    parts = [s * np.exp(-lags / t) for s, t in zip(noise.sizes, noise.times, strict=True)]
+    return noise.white * np.eye(places.size) + sum(parts, np.zeros(lags.shape))
+
+
+@given(
+    white=st.floats(0.01, 10.0),
+    sizes=st.lists(st.floats(0.01, 10.0), min_size=0, max_size=4),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=30, deadline=None)
+def test_whitening_is_the_inverse_cholesky_factor(white: float, sizes: list[float], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    places = np.sort(rng.choice(300, 120, replace=False)).astype(np.int64)  # with gaps
+    noise = Noise(white, tuple(3.0 ** np.arange(len(sizes))), tuple(sizes))
+    rows = rng.standard_normal((2, 120))
+    expected = np.linalg.solve(np.linalg.cholesky(dense(noise, places)), rows.T).T
+    # what is left out for being negligible is below 1e-3 of the spectrum
+    np.testing.assert_allclose(
+        noise.whiten(rows, places), expected, rtol=0.0, atol=1e-8 * np.abs(expected).max()
+    )
+
+
+@pytest.mark.parametrize(("white", "times", "sizes"), [(1.0, (), ()), (0.2, (5.0, 60.0), (1.0, 0.4))])
+def test_effective_samples_are_those_of_the_mean(white: float, times: tuple, sizes: tuple) -> None:
+    noise = Noise(white, times, sizes)
+    covariance = dense(noise, np.arange(400))
+    assert noise.effective(400) == pytest.approx(noise.rms**2 / covariance.mean(), rel=1e-9)
+
+
+# five standard deviations of a correlation of independent samples; sums of exponentials spaced by a factor of three
+# follow 1/f to a few per cent only
+@pytest.mark.parametrize(
+    ("kind", "tau", "left"), [("white", 0.01, 0.025), ("ar1", 0.03, 0.025), ("pink", 0.01, 0.04)]
+)
+def test_noise_learned_is_the_noise_put_in(kind: str, tau: float, left: float) -> None:
+    noise = RigNoise(kind=kind, correlation_time=tau, sizes={"slew": 1.0})
+    x = noise.draw("slew", 40_000, seed=5)
+    found = learn({"x": bands(x, np.empty((0, x.size)))}, np.empty((0, 0)))["x"]
+    assert found.rms == pytest.approx(1.0, rel=0.12)  # slow noise: few independent samples
+    white = found.whiten(x[None, :], np.arange(x.size))[0]
+    assert np.var(white) == pytest.approx(1.0, abs=0.05)
+    for lag in (1, 3, 10, 30, 100, 300):
+        assert abs(np.mean(white[lag:] * white[:-lag])) < left, lag
+
+
+def test_what_a_fit_absorbs_is_put_back() -> None:
+    """A cubic takes the slow part out of a residual; the noise learned is nevertheless the noise that was there."""
+    n, p = 2_000, 4
+    rng = np.random.default_rng(3)
+    basis = np.vander(np.linspace(-1.0, 1.0, n), p).T
+    true = Noise(1.0, (400.0,), (1.0,))
+    power = []
+    step = np.exp(-1.0 / 400.0)
+    for _ in range(20):
+        kicks = np.sqrt(1.0 - step**2) * rng.standard_normal(n)
+        slow, _ = lfilter([1.0], [1.0, -step], kicks, zi=[step * rng.standard_normal()])
+        x = slow + rng.standard_normal(n)
+        coefficients = np.linalg.lstsq(basis.T, x, rcond=None)[0]
+        with threadpool_limits(1):
+            found = learn({"x": bands(x - coefficients @ basis, basis)}, np.zeros((p, p)))["x"]
+        power.append(found.effective(n))
+    # the mean of 2000 such samples is worth a handful of independent ones, and is not taken for a thousand
+    assert true.effective(n) / 3.0 < np.median(power) < 12.0 * true.effective(n)
+
+
+def test_correlation_times_reach_from_a_sample_to_the_log() -> None:
+    times = correlation_times(10_000)
+    assert times[0] == 1.0
+    assert 3_000 < times[-1] <= 10_000
