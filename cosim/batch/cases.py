@@ -139,7 +139,7 @@ def _for_diagnosis(names: Sequence[str]) -> list[Model]:
         Model(File(name, name, "")) if name in SYSTEMS else Model(named_file(Path(name).stem, Path(name)))
         for name in names
     ]
-    return found or [Model(File("", "", ""))]
+    return found or [Model(File("default", "", ""))]  # the log's mapping may name one
 
 
 # What fits together

@@ -187,7 +187,6 @@ def _report(batch: Any, store: Any, frame: pd.DataFrame, warn: Tell) -> Report:
         files["picture"] = picture
     notes = sorted({note for row in store.rows.values() for note in row["notes"]})
     about: dict[str, Any] = {
-        "label": "simulated",
         "task": batch.job.task,
         "engine": batch.job.engine,
         "models": [model.file.label for model in batch.job.models],
@@ -204,6 +203,8 @@ def _report(batch: Any, store: Any, frame: pd.DataFrame, warn: Tell) -> Report:
         "notes": notes[:100],
         "files": files,
     }
+    if batch.job.task == "simulate":
+        about["label"] = "simulated"
     if batch.job.task == "diagnose":
         about["diagnoses"] = _diagnoses(frame)
     missed = too_many or any(not limit["passed"] for limit in limits)

@@ -93,7 +93,7 @@ def diagnoses_figure(frame: pd.DataFrame) -> "Figure | None":
     table = axis.table(
         cellText=rows,
         colLabels=heads,
-        colWidths=[0.2, 0.13, 0.4, 0.13, 0.14],
+        colWidths=[0.18, 0.13, 0.4, 0.12, 0.17],
         cellLoc="left",
         bbox=Bbox.unit(),
     )
