@@ -1,12 +1,18 @@
-"""Slew sensor: a draw-wire over a disc. Nominally the angle itself (CONTRACT section 6); its faults are effects.
+"""Slew sensor: a draw-wire over a disc, and the filter of its input. Nominally the angle itself (CONTRACT section 6).
 
-slew = theta
+    reading = gain * theta + bias                                     (3.2)
+    slew'' + sqrt(2) w slew' + w^2 slew = w^2 reading,  w = 2 pi f_c    (2.1), (3.1): Butterworth, order 2
+
+The reading moves on a straight line over a step, and the filter's solution is exact for that. At f_c = 0 there is no
+filter: slew = reading. Faults of the sensor are effects.
 """
 
+import math
 import sys
 from typing import Annotated, NamedTuple
 
 from fmus.contract import Block, NoMemory, Variable, equation, slot
+from fmus.linear import expm2
 
 
 class Input(NamedTuple):
@@ -22,22 +28,31 @@ class Output(NamedTuple):
 
 
 class State(NamedTuple):
-    """Memoryless but for the reading taken last."""
+    """The reading taken last, before and behind the filter."""
 
     slew: Annotated[float, Variable("rad", "Measured slew angle", display="deg")]
+    reading: Annotated[float, Variable("rad", "Reading before the filter", display="deg")]
+    filtered: Annotated[float, Variable("rad", "Reading behind the filter", display="deg")]
+    filtered_rate: Annotated[float, Variable("rad/s", "Its rate", display="deg/s")]
 
 
 class Parameters(NamedTuple):
-    """Scaling, (3.2): value = gain * angle + bias."""
+    """Scaling, (3.2): value = gain * angle + bias; and the input filter's cut-off."""
 
     gain: Annotated[float, Variable("1", "Reading per angle", 1.0, -1e3, 1e3, source="(3.2); nominal 1 (CONTRACT section 6)")]  # fmt: skip
     bias: Annotated[float, Variable("rad", "Reading at angle zero", 0.0, -1e3, 1e3, display="deg", source="(3.2); nominal 0 (CONTRACT section 6)")]  # fmt: skip
+    f_c: Annotated[float, Variable("Hz", "Cut-off of the input filter; 0: none", 0.0, 0.0, 1e6, nominal=1e3, source="(2.1), (3.1): 1 kHz on the rig; nominal off, the angle itself (CONTRACT section 6)")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):
-    """Nothing but the step."""
+    """Of the filter: transition matrix of (deviation from the lagging line, rate) over the step, and that lag, s."""
 
     h: float
+    lag: float
+    a11: float
+    a12: float
+    a21: float
+    a22: float
 
 
 @slot("chain")
@@ -54,20 +69,33 @@ def transmitted(slew: float, m: NoMemory, p: Parameters) -> float:
 
 @equation
 def start(u: Input, p: Parameters) -> State:
-    """The first reading."""
-    return State(p.gain * u.theta + p.bias)
+    """The first reading, the filter settled."""
+    reading = p.gain * u.theta + p.bias
+    return State(reading, reading, reading, 0.0)
 
 
 @equation
 def coefficients(p: Parameters, h: float) -> Coefficients:
-    """Nothing depends on the step."""
-    return Coefficients(h)
+    """The filter over a step of length h, s: a Butterworth of order 2 lags a line by sqrt(2)/w."""
+    if p.f_c == 0.0:
+        return Coefficients(h, 0.0, 0.0, 0.0, 0.0, 0.0)
+    w = 2.0 * math.pi * p.f_c
+    a11, a12, a21, a22 = expm2(0.0, 1.0, -w * w, -math.sqrt(2.0) * w, h)
+    return Coefficients(h, math.sqrt(2.0) / w, a11, a12, a21, a22)
 
 
 @equation
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
-    """(3.2): the reading at the end of the step."""
-    return State(transmitted(p.gain * sensed_angle(u.theta, m, p) + p.bias, m, p))
+    """(3.2), and (2.1): the reading at the end of the step, behind the filter where there is one."""
+    reading = p.gain * sensed_angle(u.theta, m, p) + p.bias
+    if p.f_c == 0.0:
+        return State(transmitted(reading, m, p), reading, reading, 0.0)
+    slope = (reading - x.reading) / c.h
+    behind = reading - slope * c.lag
+    e = x.filtered - (x.reading - slope * c.lag)
+    v = x.filtered_rate - slope
+    filtered = behind + c.a11 * e + c.a12 * v
+    return State(transmitted(filtered, m, p), reading, filtered, slope + c.a21 * e + c.a22 * v)
 
 
 @equation
@@ -81,4 +109,5 @@ BLOCK = Block(
     title="Slew sensor",
     module=sys.modules[__name__],
     feedthrough={"slew": ("theta",)},
+    helpers=(expm2,),
 )
