@@ -243,7 +243,8 @@ class _Problem:
         inverse = np.linalg.pinv(jacobian / scale, rcond=1e-10) / scale[:, None]
         noise = [np.sqrt(b.spread(d.values)) for b, d in zip(self.bins, densities, strict=True)]
         influence = inverse * np.concatenate([n * w for n, w in zip(noise, self.weights, strict=True)])
-        own, residuals, m = [], [], 0
+        own: list[Array] = []
+        residuals, m = list[Array](), 0
         for i, s in enumerate(self.series):
             common, mine = self.model(theta, i)
             m = common.shape[0]

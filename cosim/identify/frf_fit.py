@@ -20,7 +20,7 @@ TRUST = (
     2e-3  # of the response: no point is trusted beyond this, as the deviation does not know its own transient
 )
 CORRECTIONS = 3  # rounds of fit and correction
-CORRECTION_ERROR = 0.1  # of a point's correction, that it may itself be wrong by
+CORRECTION_ERROR = 0.03  # of a point's correction, that it may itself be wrong by
 
 
 def fit_frf(frf: Frf, structure: Structure) -> TransferFunction:

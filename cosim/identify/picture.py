@@ -163,10 +163,10 @@ def transfer_function_figure(title: str, choice: Choice, target: str) -> "Figure
         places, [f"{row.name}\n{row.structure.poles}/{row.structure.zeros}" for row in choice.candidates]
     )
     lowest = min(min(row.fitting, row.held_out) for row in choice.candidates)
-    bars.set_ylim(max(0.0, lowest - 5.0), 100.0)
+    bars.set_ylim(max(0.0, lowest - 5.0), 104.0 + 0.12 * (100.0 - lowest))
     bars.set_ylabel("best fit [%]")
     bars.set_title("candidates: poles/zeros", loc="left")
-    bars.legend(loc="lower right")
+    bars.legend(loc="upper center", ncols=2)
     plane = figure.add_subplot(grid[1, 1])
     poles, zeros = np.roots(model.denominator), model.zeros()
     plane.plot(poles.real, poles.imag, "x", color=SIMULATED, markersize=8, label="poles")
