@@ -22,12 +22,13 @@ from cosim.errors import CosimError, ModelError
 from fmus.build import ARCHIVE_DATE, PICTURES, checked_starts
 from fmus.compose import Composed
 from fmus.describe import described
+from fmus.native.exchange import extended
 from fmus.native.header import header
 from fmus.native.model import Model, single
 from fmus.native.page import page
 
 TOOL = "slew-cosim, native"
-OWN = ("fmu.c", "instance.h", "saved.h", "semantics.h", "stepping.h", "tables.h")
+OWN = ("fmu.c", "exchange.h", "instance.h", "rates.h", "saved.h", "semantics.h", "stepping.h", "tables.h")
 STANDARD = (
     "fmi2FunctionTypes.h",
     "fmi2Functions.h",
@@ -102,7 +103,7 @@ def compiled(content: Mapping[str, bytes], optimise: str | None = None) -> bytes
         )  # fmt: skip
         if done.returncode != 0:
             raise ModelError(
-                f"{command[0]} could not compile the FMU: {done.stderr[-2000:] or done.stdout[-2000:]}"
+                f"{command[0]} could not compile the FMU: {done.stderr[:2000] or done.stdout[:2000]}"
             )
         data = library.read_bytes()
     kept.parent.mkdir(parents=True, exist_ok=True)
@@ -128,10 +129,11 @@ def entries(model: Model, resources: Mapping[str, bytes], optimise: str | None =
     """Everything in the FMU's archive by name."""
     plain = sources(model, "")
     played = b"".join(name.encode() + data for name, data in sorted(resources.items()))
+    digested = b"".join(name.encode() + plain[name] for name in sorted(plain)) + played
     description = described(
-        model.name, model.title, model.rows, model.feedthrough, model.starts,
-        b"".join(name.encode() + plain[name] for name in sorted(plain)) + played, model.step_size, TOOL, ["fmu.c"],
+        model.name, model.title, model.rows, model.feedthrough, model.starts, digested, model.step_size, TOOL, ["fmu.c"]
     )  # fmt: skip
+    description = extended(description, model, digested)
     content = sources(model, description.get("guid"))
     library = f"binaries/{fmpy.platform}/{model.name}{fmpy.sharedLibraryExtension}"
     found = {

@@ -84,10 +84,12 @@ class Expressions:
     Attributes:
         env: what each variable is: its C text, kind, and whether it is a pointer.
         fails: whether anything so far can raise in Python.
+        with_rates: numbers carry a derivative (`c/rates.h`).
     """
 
     env: dict[str, Value]
     fails: bool
+    with_rates: bool = False
     tuples: Callable[[tuple[Kind, ...]], Struct]
     layouts: dict[str, Struct]
 
@@ -113,7 +115,15 @@ class Expressions:
     def truth(self, node: ast.expr) -> Value:
         """An expression as a condition: a number is true unless it is zero."""
         value = self.number(node)
-        return value if value.kind is TRUTH else Value(f"{value.real().at(ORDER)} != 0.0", TRUTH, EQUALITY)
+        return value if value.kind is TRUTH else Value(f"{self.size(value.real())} != 0.0", TRUTH, EQUALITY)
+
+    def size(self, value: Value) -> str:
+        """A number in a comparison: its value alone, where it carries a derivative."""
+        return (
+            f"creal({value.code})"
+            if self.with_rates and value.kind is REAL and value.constant is None
+            else value.at(SUM)
+        )
 
     def failing(self, helper: str, *arguments: str) -> str:
         """Text of a call that can raise in Python."""
@@ -237,7 +247,7 @@ class Expressions:
             one, other = self.number(left), self.number(right)
             kind = REAL if REAL in (one.kind, other.kind) else WHOLE
             one, other = one.as_kind(kind), other.as_kind(kind)
-            texts.append(Value(f"{one.at(SUM)} {symbol} {other.at(SUM)}", TRUTH, rank))
+            texts.append(Value(f"{self.size(one)} {symbol} {self.size(other)}", TRUTH, rank))
         if len(texts) == 1:
             return texts[0]
         return Value(" && ".join(t.at(EQUALITY) for t in texts), TRUTH, AND)

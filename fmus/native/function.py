@@ -29,6 +29,7 @@ class Function(Statements):
         layouts: dict[str, Struct],
         tuples: Callable[[tuple[Kind, ...]], Struct],
         find: Callable[[str, tuple[Kind, ...]], "Function"],
+        with_rates: bool = False,
     ) -> None:
         """Translate.
 
@@ -41,6 +42,7 @@ class Function(Statements):
         if len(arguments.args) != len(kinds):
             raise RefusedError(f"it takes {len(arguments.args)} arguments, not {len(kinds)}")
         self.node, self.name, self.layouts, self.tuples, self.find = node, name, layouts, tuples, find
+        self.with_rates = with_rates
         self.parameters = dict(zip((a.arg for a in arguments.args), kinds, strict=True))
         self.body = node.body[1:] if ast.get_docstring(node) else node.body
         nodes = [n for statement in self.body for n in ast.walk(statement) if isinstance(n, ast.Name)]

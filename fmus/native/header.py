@@ -1,5 +1,6 @@
 """The C text of a model: model.h, which the rest of the sources builds upon."""
 
+from fmus.native import exchange
 from fmus.native.glue import Glue
 from fmus.native.kinds import c_name, real_text
 from fmus.native.model import HELD, Model, buffers, inner_inputs, numbers, room
@@ -16,6 +17,7 @@ def header(model: Model, guid: str) -> str:
             *(part.program.text() for part in model.parts),
             *structs(model),
             *Glue(model).lines(),
+            *exchange.lines(model),
             "",
         ]
     )
@@ -54,6 +56,7 @@ def definitions(model: Model, guid: str) -> list[str]:
         array("double", "model_inner_highs", [real_text(float(v.high)) for v in bounds]),
         array("char *const", "model_table_files", [f'"{f}"' for f, _ in model.tables]),
         array("int", "model_table_columns", [str(c) for _, c in model.tables]),
+        *exchange.definitions(model),
     ]
 
 

@@ -7,12 +7,13 @@ same (tests/native/test_native_twin.py). What cannot be translated is refused wi
 """
 
 import ast
+import re
 from collections.abc import Sequence
 
 from cosim.errors import ModelError
 from fmus.compose import Composed
 from fmus.contract import Buffer
-from fmus.native.expressions import RefusedError
+from fmus.native.expressions import FAILING, SAFE, TESTS, RefusedError
 from fmus.native.function import Function
 from fmus.native.kinds import ARRAY, ARRAYS, REAL, Kind, Struct, c_name
 
@@ -24,17 +25,18 @@ class Program:
 
     Attributes:
         prefix: begins the names of its types and functions, so that several blocks can share a file.
+        with_rates: every number carries a derivative.
         layouts: the named tuples as structs.
         entries: the functions that the outside calls, by name: start, begin, coefficients, advance, output.
     """
 
-    def __init__(self, composed: Composed, prefix: str) -> None:
+    def __init__(self, composed: Composed, prefix: str, with_rates: bool = False) -> None:
         """Translate a block.
 
         Raises:
             ModelError: an equation of the block or of one of its effects has no translation.
         """
-        self.composed, self.prefix = composed, prefix
+        self.composed, self.prefix, self.with_rates = composed, prefix, with_rates
         tree = ast.parse(composed.source)
         self.nodes = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         self.layouts = {name: self.layout(name) for name in LAYOUTS}
@@ -42,6 +44,13 @@ class Program:
         self.done: dict[tuple[str, tuple[Kind, ...]], Function] = {}
         self.open: list[str] = []
         u, _, x, m, p, c = (self.layouts[name] for name in LAYOUTS)
+        if with_rates:  # a step of length 0, without what is remembered
+            self.entries = {
+                "coefficients": self.translated("coefficients", (p, REAL)),
+                "step": self.translated("step", (x, u, m, p, c)),
+                "output": self.translated("output", (x, u, m, p)),
+            }
+            return
         self.entries = {
             "start": self.translated("start", (u, p)),
             "begin": self.translated("begin", (x, u, p, ARRAYS)),
@@ -87,7 +96,9 @@ class Program:
         same = sum(1 for other, _ in self.done if other == name)
         c = f"{self.prefix}{c_name(name)}{f'_{same + 1}' if same else ''}"
         try:
-            found = Function(self.nodes[name], kinds, c, self.layouts, self.tuples, self.translated)
+            found = Function(
+                self.nodes[name], kinds, c, self.layouts, self.tuples, self.translated, self.with_rates
+            )
         except RefusedError as error:
             raise ModelError(f"{where} cannot be translated to C: function {name}: {error}") from None
         self.open.pop()
@@ -105,4 +116,15 @@ class Program:
         title = ast.get_docstring(ast.parse(self.composed.source)) or self.composed.block.title
         comment = f"/* {title.replace('*/', '* /')} */"
         structs = [s.definition() for s in (*self.layouts.values(), *self.plain.values())]
-        return "\n\n".join([comment, *structs, *(f.text() for f in self.done.values())]) + "\n"
+        text = "\n\n".join([comment, *structs, *(f.text() for f in self.done.values())]) + "\n"
+        return rated(text) if self.with_rates else text
+
+
+def rated(text: str) -> str:
+    """C text of numbers as that of numbers with a derivative: another type, other helpers, the same operators."""
+    helpers = "|".join(
+        (*FAILING, "divide", "modulo", "floor_divide", "power", "min", "max", "round", "whole")
+    )
+    text = re.sub(rf"\bpy_({helpers})\(", r"pc_\1(", text)
+    text = re.sub(rf"\b({'|'.join((*SAFE, *TESTS))})\(", r"pc_\1(", text)
+    return re.sub(r"\bdouble\b", "py_complex", text)

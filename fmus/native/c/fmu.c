@@ -20,6 +20,10 @@
 
 #include "saved.h"
 
+#if EXCHANGE
+#include "exchange.h"
+#endif
+
 /* Life cycle */
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
@@ -48,7 +52,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
         say(functions, shown, fmi2Error, text);
         return NULL;
     }
-    if (type != fmi2CoSimulation) {
+    if (type != fmi2CoSimulation && !(EXCHANGE && type == fmi2ModelExchange)) {
         snprintf(text, sizeof text, "%.100s: %s is for co-simulation only", shown, MODEL_NAME);
         say(functions, shown, fmi2Error, text);
         return NULL;
@@ -64,6 +68,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     if (functions) {
         I->host = *functions;
     }
+    I->exchange = type == fmi2ModelExchange;
     start_values(I);
     return I;
 }
@@ -101,6 +106,11 @@ static fmi2Status begin(Instance *I) {
     if (fault) {
         return refuse_fault(I, "initialisation", fault);
     }
+#if EXCHANGE
+    if (check_exchange(I) != fmi2OK) {
+        return fmi2Error;
+    }
+#endif
     I->begun = 1;
     return I->failed ? fmi2Error : fmi2OK;
 }
@@ -208,13 +218,27 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, 
     if (I && I->mode == INITIALISING && !I->begun) {
         status = begin(I);
     }
+#if EXCHANGE
+    if (I && I->exchange && I->mode == RUNNING && !I->begun && !I->failed) {
+        double rates[N_STATES + 1];
+        status = refresh(I, rates);
+        I->begun = status == fmi2OK;
+    }
+#endif
     for (k = 0; I && k < n; k++) {
         if (r[k] < N_VARIABLES) {
             values[k] = I->values[r[k]];
-        } else {
-            values[k] = NAN;
-            status = refuse_unknown(I, r[k]);
+            continue;
         }
+#if EXCHANGE
+        if (get_local(I, r[k], values + k) == fmi2OK) {
+            continue;
+        }
+#else
+        values[k] = NAN;
+        refuse_unknown(I, r[k]);
+#endif
+        status = fmi2Error;
     }
     return status;
 }

@@ -17,6 +17,7 @@ typedef struct {
     char *name;
     char *resources; /* folder of the FMU's resources */
     fmi2CallbackFunctions host;
+    int exchange; /* for model exchange, not co-simulation */
     int mode;
     int failed;  /* something was refused: no step until a reset or a good state */
     int begun;   /* state and outputs follow from the values as they are */

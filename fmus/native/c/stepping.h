@@ -61,6 +61,9 @@ static fmi2Status move_inputs(const Instance *I, double h, double inputs[]) {
 static fmi2Status prepare(Instance *I, double time, double step) {
     char a[NUMBER_SIZE], b[160];
     int fault = PY_NO_FAULT;
+    if (I->exchange) {
+        return refuse(I, "fmi2DoStep in model exchange");
+    }
     if (I->mode == TERMINATED) {
         return refuse(I, "fmi2DoStep after fmi2Terminate; reset first");
     }

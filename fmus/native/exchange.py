@@ -1,0 +1,208 @@
+"""Model exchange: the derivatives of a block's states, from its own step.
+
+A block's file says how a step of length h changes its state. The derivative of that by h at h = 0 is the right-hand side of
+the block's differential equation; numbers that carry a derivative give it exactly (`c/rates.h`). A first step of length 0
+brings what a state keeps of its input (an opening, a torque) up to date. Blocks whose step has events or remembers the past
+stay with co-simulation; where only an effect does so, the effect is refused.
+"""
+
+import hashlib
+import uuid
+from dataclasses import dataclass, replace
+
+from lxml import etree
+from lxml.builder import E
+
+from cosim.units import base_exponents
+from fmus.contract import Variable
+from fmus.describe import scalar_variable, unit_definitions
+from fmus.native.glue import function
+from fmus.native.kinds import c_name, real_text
+from fmus.native.model import Model, buffers
+from fmus.native.translate import Program
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """What model exchange of a block needs.
+
+    Attributes:
+        states: its continuous states; the other fields of `State` follow from the input.
+        smooth: parameters that must be zero, because their effect has events: dry friction sticks, a reading in steps jumps.
+    """
+
+    states: tuple[str, ...] = ()
+    smooth: tuple[str, ...] = ()
+
+
+EXCHANGE = {
+    "dead_zone": Exchange(),
+    "sensor": Exchange((), ("quantum",)),
+    "continuity": Exchange(("p_load",)),
+    "continuity_physical": Exchange(("p_a", "p_b", "p_supply")),
+    "mechanical": Exchange(("theta", "omega"), ("tau_c", "tau_s")),
+    "simplified": Exchange(("theta", "omega")),
+}
+
+
+def exchange(model: Model) -> Exchange | None:
+    """How a model is exchanged, or None if it is for co-simulation only."""
+    return EXCHANGE.get(model.parts[0].composed.block.name) if len(model.parts) == 1 else None
+
+
+def states(model: Model) -> list[tuple[str, Variable]]:
+    """The continuous states, named x.name."""
+    found = exchange(model)
+    if found is None:
+        return []
+    known = model.parts[0].composed.block.states
+    return [(f"x.{n}", replace(known[n], text=f"State: {known[n].text}")) for n in found.states]
+
+
+def derivative_of(variable: Variable) -> Variable:
+    """The derivative of a state by time; its unit is that of the state per second."""
+    exponents, factor = base_exponents(variable.unit)
+    for unit in (f"{variable.unit}/s", f"{variable.unit}2", "1/s"):
+        try:
+            wanted = {**exponents, "s": exponents.get("s", 0) - 1}
+            if base_exponents(unit) == ({k: v for k, v in wanted.items() if v}, factor):
+                return Variable(unit, f"Derivative of: {variable.text}", nominal=variable.nominal)
+        except ValueError:
+            continue
+    raise ValueError(f"no unit for the derivative of {variable.text}, {variable.unit}")
+
+
+# The C text
+
+
+def definitions(model: Model) -> list[str]:
+    """Numbers and tables of the states, and the parameters that must be off."""
+    found = exchange(model)
+    rows = states(model)
+    names = [n for n, causality, _ in model.rows if causality == "parameter"]
+    still = [] if found is None else forbidden(model, found)
+    first = len(model.rows) - len(names)
+    return [
+        f"#define EXCHANGE {int(found is not None)}",
+        f"#define N_STATES {len(rows)}",
+        f"#define N_STILL {len(still)}",
+        f"static const double model_nominals[] = {{{', '.join(real_text(v.nominal) for _, v in rows) or '0'}}};",
+        f"static const int model_still[] = {{{', '.join(str(first + names.index(n)) for n, _ in still) or '0'}}};",
+        f"static const double model_still_at[] = {{{', '.join(real_text(v) for _, v in still) or '0'}}};",
+    ]
+
+
+def forbidden(model: Model, found: Exchange) -> list[tuple[str, float]]:
+    """Parameters that must have their off value: of effects that remember, and of those with events."""
+    composed = model.parts[0].composed
+    keys = [e.key for e in composed.effects if e.memory] + [
+        n for n in found.smooth if n in composed.parameters
+    ]
+    return [(key, composed.parameters[key].start if key not in found.smooth else 0.0) for key in keys]
+
+
+def lines(model: Model) -> list[str]:
+    """Equations with derivatives, and the functions that `c/exchange.h` calls."""
+    found = exchange(model)
+    if found is None:
+        return []
+    part = model.parts[0]
+    own = f"M->{c_name(part.name)}"
+    program = Program(part.composed, f"rate_{part.program.prefix}", with_rates=True)
+    fields = [f"{own}.x.{c_name(n)}" for n in found.states]
+    out = [f"to[{k}] = {field};" for k, field in enumerate(fields)]
+    back = [f"{field} = from[{k}];" for k, field in enumerate(fields)]
+    return [
+        '#include "rates.h"',
+        "",
+        program.text(),
+        *function("model_get_states", "const Model *M, double to[]", [*out, "(void)M;", "(void)to;"]),
+        *function("model_set_states", "Model *M, const double from[]", [*back, "(void)M;", "(void)from;"]),
+        *rates(model, program, found, own),
+    ]
+
+
+def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str]:
+    """Derivatives of the states and outputs at the present states and inputs."""
+    part = model.parts[0]
+    kinds = {name: struct.c for name, struct in program.layouts.items()}
+    lists = buffers(part.composed)
+
+    def copied(layout: str, place: str) -> str:
+        return ", ".join(f"{place}.{c_name(n)}" for n in program.layouts[layout].names) or "0"
+
+    entries = {w.target[1]: k for k, w in enumerate(model.wires)}
+    values = ", ".join(f"inputs[{entries[n]}]" for n in part.composed.inputs) or "0"
+    state = [f"x.{c_name(n)} = {own}.x.{c_name(n)};" for n in found.states]
+    outputs = [f"outputs[{k}] = creal(y.{c_name(n)});" for k, n in enumerate(part.composed.outputs)]
+    ends = [f"rates[{k}] = cimag(x1.{c_name(n)}) / SEED;" for k, n in enumerate(found.states)]
+    assert not [b for b in lists.values() if b.resource]
+    body = [
+        f"const {kinds['Parameters']} p = {{{copied('Parameters', f'{own}.p')}}};",
+        f"const {kinds['Input']} u = {{{values}}};",
+        f"const {kinds['Memory']} m = {{{copied('Memory', f'{own}.m')}}};",
+        f"{kinds['State']} x = {{{copied('State', f'{own}.x')}}}, x1;",
+        f"{kinds['Coefficients']} c;",
+        f"{kinds['Output']} y;",
+        *("(void)m;", "(void)p;", "(void)u;", "(void)rates;", "(void)inputs;", "(void)py_fault;"),
+        program.call("coefficients", "c", "&p", "0.0"),
+        program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
+        "x = x1; /* what it keeps of the input is that of now */",
+        *state,
+        program.call("output", "y", "&x", "&u", "&m", "&p"),
+        *outputs,
+        program.call("coefficients", "c", "&p", "pc_make(0.0, SEED)"),
+        program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
+        *ends,
+        "(void)c;",
+        "(void)x1;",
+    ]
+    head = "const Model *M, const double inputs[], double outputs[], double rates[], int *py_fault"
+    return function("model_rates", head, body)
+
+
+# The description
+
+
+def extended(root: etree._Element, model: Model, content: bytes) -> etree._Element:
+    """Add model exchange, states and derivatives to a description, whose GUID follows again from all of it."""
+    rows = states(model)
+    if exchange(model) is None:
+        return root
+    slave = root.find("CoSimulation")
+    flags = {f: slave.get(f) for f in ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate",
+                                       "canSerializeFMUstate", "needsExecutionTool")}  # fmt: skip
+    sources = E.SourceFiles(*(E.File(name=f.get("name")) for f in slave.findall("SourceFiles/File")))
+    slave.addprevious(
+        E.ModelExchange(sources, modelIdentifier=model.name, completedIntegratorStepNotNeeded="true", **flags)
+    )
+    known = [v for _, _, v in model.rows]
+    every = [*known, *(v for _, v in rows), *(derivative_of(v) for _, v in rows)]
+    root.replace(root.find("UnitDefinitions"), unit_definitions(every))
+    variables, structure = root.find("ModelVariables"), root.find("ModelStructure")
+    first, n = len(known), len(rows)
+    for k, (name, variable) in enumerate(rows):
+        variables.append(local(name, first + k, variable))
+    for k, (name, variable) in enumerate(rows):
+        node = local(f"der({name})", first + n + k, derivative_of(variable))
+        node[0].set("derivative", str(first + k + 1))
+        variables.append(node)
+    outputs, initial = structure.find("Outputs"), structure.find("InitialUnknowns")
+    places = [str(first + k + 1) for k in range(n)]
+    for unknown in outputs:
+        unknown.set("dependencies", " ".join([*unknown.get("dependencies", "").split(), *places]))
+    derivatives = E.Derivatives(*(E.Unknown(index=str(first + n + k + 1)) for k in range(n)))
+    if n:
+        outputs.addnext(derivatives)
+        initial.extend(E.Unknown(index=str(first + k + 1)) for k in range(2 * n))
+    root.set("guid", "")
+    digest = hashlib.sha256(etree.tostring(root) + content).hexdigest()
+    root.set("guid", f"{{{uuid.UUID(digest[:32])}}}")
+    return root
+
+
+def local(name: str, reference: int, variable: Variable) -> etree._Element:
+    """A calculated variable that is neither input nor output."""
+    node = scalar_variable(name, reference, "output", variable, 0.0)
+    node.set("causality", "local")
+    return node
