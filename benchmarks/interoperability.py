@@ -8,14 +8,11 @@ gives is compared with the same blocks in plain Python under that client's own s
 import argparse
 import importlib.util
 import json
-import platform
-import shutil
 import subprocess
 import sys
-import sysconfig
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +23,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from jacobi import FIRST_INPUT_ZERO, read_parts, simulate
 
-from benchmarks.engines import environment, run_engine
+from benchmarks.engines import run_engine
+from benchmarks.interoperability_page import BUILD, CLIENTS, KINDS, TOLERANCE, H, Row, page
+from benchmarks.plain_host import TIMEOUT, EndError, compiled_host, libpython, run_host
 from benchmarks.runner import machine
 from cosim.errors import ModelError
 from cosim.export import ExportedModel, prepare
@@ -36,21 +35,7 @@ from cosim.ssp.read import read_system
 
 Array = NDArray[np.float64]
 TOP = Path(__file__).resolve().parent.parent
-H = 1e-3
 STEPS = 2000
-TOLERANCE = 1e-9
-"""Of a signal's range: the operations are the same but for the clock and C's own exp and tanh."""
-TIMEOUT = 120.0
-KINDS = {"pythonfmu": "ssp", "native": "native/ssp"}
-BUILD = {"pythonfmu": "python build_fmus.py", "native": "python build_fmus.py --native"}
-CLIENTS = {
-    "cosim": "cosim.master.Runner",
-    "fmpy": "fmpy, simulate_ssp",
-    "ecos": "ecos",
-    "libcosim": "libcosim",
-    "host": "plain C host",
-    "host+python": "plain C host, libpython preloaded",
-}
 MODULES = {"fmpy": "fmpy", "ecos": "ecospy", "libcosim": "libcosimpy"}
 SIGNALS = {
     "full_order": (
@@ -69,28 +54,6 @@ SIGNALS = {
     ),
     "simplified": ("dead_zone.demand", "simplified.theta", "sensor.slew", "observer.slew_estimate"),
 }
-
-
-@dataclass
-class Row:
-    """What one client does with one kind of FMU, over all systems.
-
-    Attributes:
-        kind, client: keys of `KINDS` and `CLIENTS`.
-        loads, runs, agrees: yes or no, or None where it was not tried.
-        ends: whether every process also ended cleanly, or None.
-        difference: largest difference relative to a signal's range, or None.
-        reasons: what the client said where it failed, or why it was not tried.
-    """
-
-    kind: str
-    client: str
-    loads: bool | None = None
-    runs: bool | None = None
-    agrees: bool | None = None
-    ends: bool | None = None
-    difference: float | None = None
-    reasons: list[str] = field(default_factory=list)
 
 
 def gauss_seidel(
@@ -126,66 +89,6 @@ def gauss_seidel(
             parts[name].step(k * h, h)
         table[k + 1] = [parts[a].outputs[b] for a, b in places]
     return dict(zip(signals, table.T, strict=True))
-
-
-class EndError(RuntimeError):
-    """A process gave all its results and then crashed; `found` holds them."""
-
-    def __init__(self, message: str, found: dict[str, Array]) -> None:
-        super().__init__(message)
-        self.found = found
-
-
-def run_host(
-    host: Path, model: ExportedModel, steps: int, h: float, signals: Sequence[str], preload: Path | None
-) -> dict[str, Array]:
-    """Run a system in the plain C host; each signal of shape (steps + 1,).
-
-    Raises:
-        EndError: the process crashed after its last row.
-        RuntimeError: it failed before; the message holds what it wrote.
-    """
-    with tempfile.TemporaryDirectory(prefix="host_") as scratch:
-        plan = Path(scratch, "plan.txt")
-        plan.write_text(_plan(model, signals), encoding="utf-8")
-        variables = dict(environment())
-        if preload is not None:
-            variables |= {"LD_PRELOAD": str(preload), "PYTHONPATH": sysconfig.get_paths()["purelib"]}
-        words = [str(host), str(plan), str(steps), repr(h)]
-        done = subprocess.run(
-            words, env=variables, cwd=scratch, capture_output=True, text=True, timeout=TIMEOUT, check=False
-        )
-    lines = done.stdout.splitlines()
-    message = f"ended with {done.returncode}: {done.stderr[-2000:]}"
-    if len(lines) != steps + 1:
-        raise RuntimeError(message)
-    rows = np.array([line.split() for line in lines], dtype=float)
-    found = {"time": rows[:, 0], **dict(zip(signals, rows[:, 1:].T, strict=True))}
-    if done.returncode != 0:
-        raise EndError(f"all results are there, then the process {message}", found)
-    return found
-
-
-def _plan(model: ExportedModel, signals: Sequence[str]) -> str:
-    system = model.system
-    place = {name: k for k, name in enumerate(model.order)}
-    lines = []
-    for name in model.order:
-        component = system.components[name]
-        fmu = component.fmu
-        library = fmu.folder / "binaries" / "linux64" / f"{fmu.identifier}.so"
-        lines.append(f"component {name} {library} file://{fmu.folder}/resources {fmu.guid}")
-        for key, value in component.starts.items():
-            declared = fmu.variables[key]
-            lines.append(f"{declared.kind.lower()} {declared.reference} {value!r}")
-    for wire in system.wires:
-        ends = (wire.source, wire.target)
-        numbers = " ".join(f"{place[p.component]} {system.variable(p).reference}" for p in ends)
-        lines.append(f"wire {numbers} {int(wire in model.late)}")
-    for signal in signals:
-        owner, _, port = signal.partition(".")
-        lines.append(f"output {place[owner]} {system.components[owner].fmu.variables[port].reference}")
-    return "\n".join(lines) + "\n"
 
 
 class Trials:
@@ -278,24 +181,6 @@ def short(error: Exception) -> str:
     return " ".join(words)[:200]
 
 
-def libpython() -> Path | None:
-    """The shared library of this Python, or None if it has none."""
-    variables = sysconfig.get_config_vars()
-    library = Path(variables.get("LIBDIR") or "", variables.get("INSTSONAME") or "")
-    return library if library.is_file() and ".so" in library.name else None
-
-
-def compiled_host(folder: Path) -> Path | None:
-    """The plain C host, compiled, or None where that is not possible."""
-    compiler = shutil.which("cc")
-    if compiler is None or not sys.platform.startswith("linux"):
-        return None
-    host = folder / "host"
-    source = Path(__file__).with_name("host.c")
-    subprocess.run([compiler, "-std=gnu99", "-O1", "-o", str(host), str(source), "-ldl"], check=True)
-    return host
-
-
 def built(folder: Path) -> dict[str, dict[str, Path]]:
     """The closed packages of each kind that is built.
 
@@ -338,65 +223,6 @@ def validated(packages: Mapping[str, Path]) -> tuple[int, list[str]]:
         count += int(lines[0])
         problems += [f"{system}: {line}" for line in lines[1:] if line]
     return count, problems
-
-
-INTRODUCTION = """# Which tools run our components
-
-Made by `python benchmarks/interoperability.py`; do not edit by hand. Every cell is a run on the machine named below.
-
-- Kinds: `pythonfmu` are the FMUs of `python build_fmus.py`, which need a Python on the host; `native` those of
-  `python build_fmus.py --native`, the same equations in C, which need none.
-- Packages: the closed systems {systems}, unchanged, each run for {seconds:g} s at 1 ms.
-- loads: the package is read, its FMUs are instantiated and make one step. runs: all {steps} steps.
-- agrees: every compared signal is within {tolerance:g} of its range of the same blocks computed in plain Python under
-  the client's own scheme (fmpy, ecos and libcosim delay every wire by one step; ours and the C host do not).
-- ends: every process ended without a crash after its last result.
-- Each run is a process of its own; a crash or a time-out of {timeout:g} s counts as a failure.
-"""
-
-NOT_RUN = """
-## Not run here
-
-There is no MATLAB, no Modelica tool and no Windows at hand. [Export](export.md) says what was checked in their stead.
-
-- Simulink: `cosim export-simulink` writes a script; it was run in Octave against a stand-in for Simulink.
-- OpenModelica and Dymola: `cosim export-modelica` writes a package; its C functions were run event by event.
-- Windows: the FMUs of the kind `pythonfmu` hold win64 binaries.
-"""
-
-
-def page(rows: Sequence[Row], validations: Mapping[str, tuple[int, list[str]]], steps: int) -> str:
-    """docs/interoperability.md."""
-    text = INTRODUCTION.format(
-        systems=", ".join(f"`{name}`" for name in SYSTEMS),
-        seconds=steps * H, steps=steps, tolerance=TOLERANCE, timeout=TIMEOUT,
-    )  # fmt: skip
-    text += "\n| FMU kind | client | loads | runs | agrees | ends | largest difference |\n|---|---|---|---|---|---|---|\n"
-    for row in rows:
-        answers = [
-            {True: "yes", False: "**no**", None: "not tried"}[a]
-            for a in (row.loads, row.runs, row.agrees, row.ends)
-        ]
-        difference = "" if row.difference is None else f"{row.difference:.1e}"
-        text += f"| {row.kind} | {CLIENTS[row.client]} | {' | '.join(answers)} | {difference} |\n"
-    reasons = [f"- {row.kind}, {CLIENTS[row.client]}: {reason}" for row in rows for reason in row.reasons]
-    if reasons:
-        text += "\nWhat the failures said, and why something was not tried:\n\n" + "\n".join(reasons) + "\n"
-    missing = [kind for kind in KINDS if kind not in validations]
-    text += "".join(f"\nThe kind `{kind}` was not built: `{BUILD[kind]}`.\n" for kind in missing)
-    text += "\nFMPy's `validate_fmu`:\n\n"
-    for kind, (count, problems) in validations.items():
-        text += f"- {kind}: {count} FMUs in the packages, {len(problems)} problems\n"
-        text += "".join(f"  - {problem}\n" for problem in problems)
-    if any(row.client == "host" and row.kind == "pythonfmu" and not row.loads for row in rows):
-        text += (
-            "\nA host that is not Python, Simulink and OpenModelica among them, finds Python's symbols only\n"
-            "if its shared library is loaded first; `cosim doctor` names the file. Native FMUs need nothing of the kind.\n"
-        )
-    text += NOT_RUN
-    facts = machine() | {"system": " ".join([platform.system(), *platform.libc_ver()])}
-    text += "\nMachine: " + ", ".join(f"{name} {value}" for name, value in facts.items()) + ".\n"
-    return text
 
 
 def main() -> int:

@@ -58,27 +58,7 @@ def _context(model: ExportedModel, name: str) -> dict[str, Any]:
     ]
     workspace = Names("the MATLAB workspace", MATLAB_KEYWORDS, MATLAB_LENGTH)
     workspace.reserve("tout", "the time that Simulink logs")
-    components = [
-        {
-            "block": block,
-            "file": f"{model.fmus[system.components[c].fmu.source].stem}.fmu",
-            "parameters": _parameters(model, c),
-            "position": [
-                60 + (k + 1) * (WIDTH + GAP),
-                100,
-                60 + (k + 1) * (WIDTH + GAP) + WIDTH,
-                100 + 2 * HEIGHT,
-            ],
-            "inputs": [v.name for v in _of(model, c).inputs],
-            "outputs": list(_of(model, c).listed_outputs or [v.name for v in _of(model, c).outputs]),
-            "same_order": list(_of(model, c).listed_outputs) == [v.name for v in _of(model, c).outputs],
-            "logged": [
-                (v.name, workspace.give(f"{c}_{v.name}", f"output '{c}.{v.name}'"), v.unit or "1")
-                for v in _of(model, c).outputs
-            ],
-        }
-        for k, (c, block) in enumerate(blocks.items())
-    ]
+    components = [_block(model, c, block, k, workspace) for k, (c, block) in enumerate(blocks.items())]
     return {
         "name": name,
         "source": system.path.name,
@@ -93,6 +73,26 @@ def _context(model: ExportedModel, name: str) -> dict[str, Any]:
         "inputs": inputs,
         "wires": [_wire(model, blocks, w) for w in system.wires],
         "constants": [_constant(model, blocks, port) for port in model.open_ports()],
+    }
+
+
+def _block(model: ExportedModel, name: str, block: str, place: int, workspace: Names) -> dict[str, Any]:
+    """What the template writes of a component; blocks stand in a row, in stepping order."""
+    fmu = _of(model, name)
+    declared = [v.name for v in fmu.outputs]
+    left = 60 + (place + 1) * (WIDTH + GAP)
+    return {
+        "block": block,
+        "file": f"{fmu.stem}.fmu",
+        "parameters": _parameters(model, name),
+        "position": [left, 100, left + WIDTH, 100 + 2 * HEIGHT],
+        "inputs": [v.name for v in fmu.inputs],
+        "outputs": list(fmu.listed_outputs or declared),
+        "same_order": list(fmu.listed_outputs) == declared,
+        "logged": [
+            (v.name, workspace.give(f"{name}_{v.name}", f"output '{name}.{v.name}'"), v.unit or "1")
+            for v in fmu.outputs
+        ],
     }
 
 

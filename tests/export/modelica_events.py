@@ -105,68 +105,77 @@ def doubles(values):
     return (ctypes.c_double * len(values))(*values)
 
 
+class Events:
+    """The events of a system model."""
+
+    def __init__(self, library, package):
+        self.library, self.parts = library, read_package(package.read_text())
+        models, instances = self.parts["models"], self.parts["instances"]
+        self.fmus = {n: Fmu(library, package, models[m], values, n) for n, (m, values) in instances.items()}
+        self.fed = {target: source for source, target in self.parts["connections"]}
+        self.equations = dict(self.parts["equations"])
+        self.holds = set(self.parts["holds"])
+        self.sampled = {}
+        self.known = {}
+
+    def value(self, port):
+        """Value at this event, or None while it is not known yet."""
+        if port in self.known:
+            return self.known[port]
+        if port in self.fed:
+            owner = self.fed[port].partition(".")[0]
+            # a Hold has sampled nothing before the start, where it hands its input over
+            return self.value(self.fed[f"{owner}.u"] if owner in self.holds else self.fed[port])
+        if port not in self.equations:
+            return None
+        name = re.search(r"[A-Za-z_]\w*\.\w+", self.equations[port])
+        if name is None:
+            return ast.literal_eval(self.equations[port])
+        found = self.value(name[0])
+        factor, offset = re.findall(rf"\(({NUMBER})\)", self.equations[port])
+        return None if found is None else float(factor) * found + float(offset)
+
+    def event(self, k, drive):
+        """Evaluate one event; returns the outputs and inputs that are known then."""
+        h = self.parts["step"]
+        self.known = {name: drive(name, k * h) for name in self.parts["inputs"]}
+        if k:
+            self.known |= {f"{name}.y": self.sampled[name] for name in self.holds}
+        waiting = set(self.fmus)
+        while waiting:
+            ready = [name for name in sorted(waiting) if self.evaluate(name, k, h)]
+            assert ready, f"an algebraic loop through {sorted(waiting)}"
+            waiting -= set(ready)
+        if not k:
+            for name, fmu in self.fmus.items():
+                references, names = fmu.model["inputs"]
+                u = doubles([self.value(f"{name}.{n}") for n in names])
+                self.library.shim_leave(fmu.fmu, *vector(references, int), u)
+        self.sampled = {name: self.value(self.fed[f"{name}.u"]) for name in self.holds}
+        return {
+            port: number for port, number in self.known.items() if port.partition(".")[0] not in self.holds
+        }
+
+    def evaluate(self, name, k, h):
+        """Evaluate a component if its inputs are known."""
+        fmu = self.fmus[name]
+        references, names = fmu.model["inputs" if k else "direct"]
+        u = [self.value(f"{name}.{n}") for n in names]
+        if None in u:
+            return False
+        call, times = ("shim_step", (k * h, h)) if k else ("shim_initial", ())
+        found = fmu.call(call, references, u, *times)
+        if k == 3:  # a tool may evaluate an event again
+            assert fmu.call(call, references, u, *times) == found
+        self.known |= {f"{name}.{output}": number for output, number in found.items()}
+        return True
+
+
 def run(library, package, steps, drive=lambda name, time: 0.0):
     """Every output at every event: name -> shape (steps + 1,)."""
-    parts = read_package(package.read_text())
-    h = parts["step"]
-    fmus = {
-        name: Fmu(library, package, parts["models"][model], values, name)
-        for name, (model, values) in parts["instances"].items()
-    }
-    fed = {target: source for source, target in parts["connections"]}
-    equations = dict(parts["equations"])
-    sampled, table = {}, []
-    for k in range(steps + 1):
-        time, known = k * h, {}
-        known |= {name: drive(name, time) for name in parts["inputs"]}
-        if k:
-            known |= {f"{name}.y": sampled[name] for name in parts["holds"]}
-
-        def value(port, known=known, first=k == 0):
-            """Value at this event, or None while it is not known yet."""
-            if port in known:
-                return known[port]
-            if port in fed:
-                owner = fed[port].partition(".")[0]
-                if first and owner in parts["holds"]:
-                    return value(fed[f"{owner}.u"])
-                return value(fed[port])
-            if port in equations:
-                name = re.search(r"[A-Za-z_]\w*\.\w+", equations[port])
-                if name is None:
-                    return ast.literal_eval(equations[port])
-                found = value(name[0])
-                factor, offset = re.findall(rf"\(({NUMBER})\)", equations[port])
-                return None if found is None else float(factor) * found + float(offset)
-            return None
-
-        waiting = set(fmus)
-        while waiting:
-            before = len(waiting)
-            for name in sorted(waiting):
-                fmu = fmus[name]
-                references, names = fmu.model["inputs" if k else "direct"]
-                u = [value(f"{name}.{n}") for n in names]
-                if None in u:
-                    continue
-                found = (
-                    fmu.call("shim_step", references, u, time, h)
-                    if k
-                    else fmu.call("shim_initial", references, u)
-                )
-                if k == 3:  # a tool may evaluate an event again
-                    assert fmu.call("shim_step", references, u, time, h) == found
-                known |= {f"{name}.{output}": number for output, number in found.items()}
-                waiting.discard(name)
-            assert len(waiting) < before, f"an algebraic loop through {sorted(waiting)}"
-        if not k:
-            for name, fmu in fmus.items():
-                references, names = fmu.model["inputs"]
-                u = doubles([value(f"{name}.{n}") for n in names])
-                library.shim_leave(fmu.fmu, *vector(references, int), u)
-        sampled = {name: value(fed[f"{name}.u"]) for name in parts["holds"]}
-        table.append({port: known[port] for port in known if port.partition(".")[0] not in parts["holds"]})
-    for fmu in fmus.values():
+    events = Events(library, package)
+    table = [events.event(k, drive) for k in range(steps + 1)]
+    for fmu in events.fmus.values():
         library.shim_close(fmu.fmu)
     return {port: np.array([row[port] for row in table]) for port in table[0]}
 

@@ -13,7 +13,7 @@ from modelica_events import read_package
 
 from cosim.cli import main
 from cosim.errors import ModelError
-from cosim.export import prepare, write_modelica
+from cosim.export import prepare, write_modelica, write_simulink
 from cosim.master import Runner
 from cosim.ssp.read import read_system
 from cosim.ssp.system import Wire
@@ -213,3 +213,57 @@ def test_command_writes_package_and_script(built, tmp_path, capsys):
     text = (tmp_path / "m" / "simplified" / "package.mo").read_text()
     assert "      a = 5.0," in text
     assert "step = 0.002" in text
+
+
+@pytest.fixture(scope="session")
+def native(tmp_path_factory):
+    """A closed package of native FMUs, which need no Python."""
+    from cosim.paths import ssp_folder
+    from cosim.ssp.stimulus import stimulus_csv
+    from fmus.native.package import write_native_ssp
+
+    if shutil.which("cc") is None:
+        pytest.skip("there is no C compiler")
+    times = np.arange(401) * 1e-3
+    stimulus = stimulus_csv(times, LEVEL * np.cos(3.0 * times))
+    file = tmp_path_factory.mktemp("native") / "simplified.ssp"
+    return write_native_ssp(ssp_folder() / "simplified.ssd", file, stimulus=stimulus)
+
+
+def test_native_fmus_run_and_need_no_precaution(native, shim, tmp_path):
+    package = export(native, tmp_path / "m")
+    done = events(shim, package, tmp_path / "out.npz")
+    assert done.returncode == 0, done.stderr
+    with Runner(native) as runner:
+        expected = runner.run(STEPS * 1e-3, 1e-3)
+    with np.load(tmp_path / "out.npz") as found:
+        for signal, values in expected.signals.items():
+            np.testing.assert_array_equal(found[signal], values, err_msg=signal)
+    with read_system(native) as system:
+        script = write_simulink(prepare(system), tmp_path / "s")[0].read_text()
+    assert "ython" not in script
+    assert "DebugExecutionForFMUViaOutOfProcess" not in script
+
+
+def test_fmu_that_is_another_one_is_named(native, shim, tmp_path):
+    package = export(native, tmp_path / "m")
+    package.write_text(package.read_text().replace('"sensor", "{', '"sensor", "{0'))
+    done = events(shim, package, tmp_path / "out.npz", steps=5)
+    assert (done.returncode, "FMU 'sensor' cannot be instantiated" in done.stderr) == (9, True), done.stderr
+
+
+def test_single_fmu_is_a_system_of_one_component(built, shim, tmp_path):
+    import zipfile
+
+    with zipfile.ZipFile(built["full_order"]) as archive:
+        (tmp_path / "dcv.fmu").write_bytes(archive.read("resources/dcv.fmu"))
+    package = export(tmp_path / "dcv.fmu", tmp_path / "m")
+    parts = read_package(package.read_text())
+    assert (list(parts["instances"]), parts["inputs"]) == (["dcv"], ["demand"])
+    done = events(shim, package, tmp_path / "out.npz", LEVEL, steps=100)
+    assert done.returncode == 0, done.stderr
+    times = np.arange(101) * 1e-3
+    with Runner(tmp_path / "dcv.fmu") as runner:
+        expected = runner.run(0.1, 1e-3, inputs={"demand": (times, LEVEL * np.cos(3.0 * times))})
+    with np.load(tmp_path / "out.npz") as found:
+        np.testing.assert_allclose(found["dcv.spool"], expected.signals["dcv.spool"], rtol=0.0, atol=1e-15)

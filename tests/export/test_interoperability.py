@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks import interoperability
-from benchmarks.interoperability import CLIENTS, KINDS, Row, Trials, page
+from benchmarks.interoperability import Trials
+from benchmarks.interoperability_page import CLIENTS, KINDS, Row, page
 from cosim.errors import ModelError
 
 STEPS = 120

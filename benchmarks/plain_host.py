@@ -1,0 +1,99 @@
+"""The plain C host of the table of clients: a master without Python, for what a foreign host meets.
+
+`host.c` reads a plan that is written here, and prints the outputs of each step.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.export import ExportedModel
+
+Array = NDArray[np.float64]
+TIMEOUT = 120.0
+
+
+class EndError(RuntimeError):
+    """A process gave all its results and then crashed; `found` holds them."""
+
+    def __init__(self, message: str, found: dict[str, Array]) -> None:
+        super().__init__(message)
+        self.found = found
+
+
+def run_host(
+    host: Path, model: ExportedModel, steps: int, h: float, signals: Sequence[str], preload: Path | None
+) -> dict[str, Array]:
+    """Run a system in the plain C host; each signal of shape (steps + 1,).
+
+    Raises:
+        EndError: the process crashed after its last row.
+        RuntimeError: it failed before; the message holds what it wrote.
+    """
+    with tempfile.TemporaryDirectory(prefix="host_") as scratch:
+        plan = Path(scratch, "plan.txt")
+        plan.write_text(_plan(model, signals), encoding="utf-8")
+        variables = dict(os.environ)
+        if preload is not None:
+            variables |= {"LD_PRELOAD": str(preload), "PYTHONPATH": sysconfig.get_paths()["purelib"]}
+        words = [str(host), str(plan), str(steps), repr(h)]
+        done = subprocess.run(
+            words, env=variables, cwd=scratch, capture_output=True, text=True, timeout=TIMEOUT, check=False
+        )
+    lines = done.stdout.splitlines()
+    message = f"ended with {done.returncode}: {done.stderr[-2000:]}"
+    if len(lines) != steps + 1:
+        raise RuntimeError(message)
+    rows = np.array([line.split() for line in lines], dtype=float)
+    found = {"time": rows[:, 0], **dict(zip(signals, rows[:, 1:].T, strict=True))}
+    if done.returncode != 0:
+        raise EndError(f"all results are there, then the process {message}", found)
+    return found
+
+
+def _plan(model: ExportedModel, signals: Sequence[str]) -> str:
+    system = model.system
+    place = {name: k for k, name in enumerate(model.order)}
+    lines = []
+    for name in model.order:
+        component = system.components[name]
+        fmu = component.fmu
+        library = fmu.folder / "binaries" / "linux64" / f"{fmu.identifier}.so"
+        lines.append(f"component {name} {library} file://{fmu.folder}/resources {fmu.guid}")
+        for key, value in component.starts.items():
+            declared = fmu.variables[key]
+            lines.append(f"{declared.kind.lower()} {declared.reference} {value!r}")
+    for wire in system.wires:
+        ends = (wire.source, wire.target)
+        numbers = " ".join(f"{place[p.component]} {system.variable(p).reference}" for p in ends)
+        lines.append(f"wire {numbers} {int(wire in model.late)}")
+    for signal in signals:
+        owner, _, port = signal.partition(".")
+        lines.append(f"output {place[owner]} {system.components[owner].fmu.variables[port].reference}")
+    return "\n".join(lines) + "\n"
+
+
+def libpython() -> Path | None:
+    """The shared library of this Python, or None if it has none."""
+    variables = sysconfig.get_config_vars()
+    library = Path(variables.get("LIBDIR") or "", variables.get("INSTSONAME") or "")
+    return library if library.is_file() and ".so" in library.name else None
+
+
+def compiled_host(folder: Path) -> Path | None:
+    """The plain C host, compiled, or None where that is not possible."""
+    compiler = shutil.which("cc")
+    if compiler is None or not sys.platform.startswith("linux"):
+        return None
+    host = folder / "host"
+    source = Path(__file__).with_name("host.c")
+    subprocess.run([compiler, "-std=gnu99", "-O1", "-o", str(host), str(source), "-ldl"], check=True)
+    return host
