@@ -30,11 +30,12 @@ def write_picture(found: Calibration, comparison: Comparison, path: Path) -> Pat
 
 
 def calibration_figure(found: Calibration, comparison: Comparison) -> "Figure":
-    """Of every fitted signal: measured, before and after above, both errors below; the parameters at the end."""
+    """Of every fitted signal that changes: measured, before and after, both errors below; the parameters at the end."""
     from matplotlib.figure import Figure
 
     series = found.series[-1]
-    names = [n for n, s in found.signals.items() if s.fitted and n in series.measured]
+    fitted = [n for n, s in found.signals.items() if s.fitted and n in series.measured]
+    names = [n for n in fitted if _moved(found, series, n)] or fitted
     columns = 1 if len(names) == 1 else 2
     rows = -(-len(names) // columns)
     last = 0.3 * len(found.parameters) + 0.8
@@ -55,6 +56,12 @@ def calibration_figure(found: Calibration, comparison: Comparison) -> "Figure":
     title = f"{found.model} calibrated to {found.series[0].source.name} ({kind}); shown: {series.source.name}{where}"
     figure.suptitle(title, fontsize=11)
     return figure
+
+
+def _moved(found: Calibration, series: Series, name: str) -> bool:
+    """Whether calibration changes a signal by more than a tenth of its noise somewhere."""
+    change = float(np.max(np.abs(series.after[name] - series.before[name])))
+    return change > 0.1 * found.signals[name].after.noise_floor
 
 
 def _signal(

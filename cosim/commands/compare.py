@@ -207,7 +207,7 @@ def _calibration(
         UsageError: there are options, but no calibration.
     """
     asked = {"free": free, "prior": prior, "fit_to": fit_to, "held_out": held_out, "starts": starts}
-    given = {name: value for name, value in asked.items() if value}
+    given = {name: value for name, value in asked.items() if value is not None}
     if given and not wanted:
         names = ", ".join("--" + name.replace("_", "-") for name in given)
         raise UsageError(f"{names} belongs to a calibration: add --calibrate")

@@ -44,7 +44,7 @@ def test_the_parameter_set_gives_the_calibrated_model(run, log_file, tmp_path):
     assert found["engine"] == "compiled"
     assert found["held_out"]["from"] == pytest.approx(4.2, abs=0.01)
     files = result["files"]
-    assert {v.name: v.value for v in read_ssv(files["calibrated"])}["mechanical.b"] == 26700.0
+    assert {v.name: v.value for v in read_ssv(Path(files["calibrated"]))}["mechanical.b"] == 26700.0
     assert (
         json.loads(Path(files["calibration"]).read_text(encoding="utf-8"))["parameters"]
         == found["parameters"]
