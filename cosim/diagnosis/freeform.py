@@ -5,8 +5,8 @@ angle, time), passed through the linear part of the group. It serves three ends:
 errors do not inflate, a test whether anything systematic is left, and a picture of what is missing.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +29,28 @@ class Basis:
         of: the signal that the missing quantity would depend on.
         what: the missing quantity ("torque", "reading", ...), with `unit`.
         knots: (k,) where the hats stand, in the signal's unit.
-        columns: (k, n) their response in the observed signal.
+        driver: (n,) the signal.
+        transfer: numerator and denominator of the linear part behind it, or None for none.
+        h: step, s.
+        factor: (n,) what the hats are multiplied with, or None.
     """
 
     of: str
     what: str
     unit: str
     knots: Array
-    columns: Array
+    driver: Array = field(repr=False)
+    transfer: tuple[list[float], list[float]] | None
+    h: float
+    factor: Array | None = field(default=None, repr=False)
+
+    def columns(self) -> Iterator[Array]:
+        """(n,) response of each hat in the observed signal, one at a time: all of them at once would fill the memory."""
+        for unit in np.eye(self.knots.size):
+            hat = np.interp(self.driver, self.knots, unit)
+            if self.factor is not None:
+                hat = hat * self.factor
+            yield hat if self.transfer is None else response(*self.transfer, self.h, hat)
 
 
 @dataclass(frozen=True)
@@ -47,7 +61,7 @@ class Leftover:
         p_value: probability of explaining this much by chance.
         gain: log-likelihood gained beyond what chance would give.
         rms: size of the explained part, in the observed signal's unit.
-        explained: (n,) the explained part.
+        explained: (windows, bins) means of the explained part.
         by_signal: "what(of)" -> log-likelihood that this family alone gains beyond chance, largest first.
         curves: "what(of)" -> (knots, missing quantity) of that family alone.
     """
@@ -62,18 +76,24 @@ class Leftover:
 
 def hats(signal: Array, knots: int = KNOTS) -> tuple[Array, Array]:
     """(k,) knots at quantiles of a signal (n,), and (k, n) piecewise linear functions that are one at one knot each."""
+    at = knots_of(signal, knots)
+    return at, np.array([np.interp(signal, at, unit) for unit in np.eye(at.size)]).reshape(
+        at.size, signal.size
+    )
+
+
+def knots_of(signal: Array, knots: int = KNOTS) -> Array:
+    """(k,) knots at quantiles of a signal (n,); none where it has too few values."""
     # distinct values: a signal at rest most of the time would otherwise put all knots there
     spread = np.unique(np.round(signal / max(np.ptp(signal), 1e-300), 3)) * max(np.ptp(signal), 1e-300)
     at = np.unique(np.quantile(spread, np.linspace(0.0, 1.0, knots)))
-    if at.size < 3:
-        return at[:0], np.empty((0, signal.size))
-    return at, np.stack([np.interp(signal, at, unit) for unit in np.eye(at.size)])
+    return at[:0] if at.size < 3 else at
 
 
 def response(numerator: list[float], denominator: list[float], h: float, columns: Array) -> Array:
-    """Response of a transfer function to each row of `columns` (k, n), held over steps of h s."""
+    """Response of a transfer function to `columns` (..., n), held over steps of h s."""
     b, a, _ = cont2discrete((numerator, denominator), h)
-    return np.asarray(lfilter(np.ravel(b), a, columns, axis=1))
+    return np.asarray(lfilter(np.ravel(b), a, columns, axis=-1))
 
 
 def families(
@@ -84,13 +104,8 @@ def families(
     unit: str,
 ) -> list[Basis]:
     """One family for each driving signal (n,), acting through a transfer function, or directly without one."""
-    found = []
-    for of, signal in drivers.items():
-        knots, columns = hats(signal)
-        if knots.size:
-            passed = columns if transfer is None else response(*transfer, h, columns)
-            found.append(Basis(of, what, unit, knots, passed))
-    return found
+    found = [Basis(of, what, unit, knots_of(s), s, transfer, h) for of, s in drivers.items()]
+    return [basis for basis in found if basis.knots.size]
 
 
 def changing(
@@ -108,10 +123,10 @@ def changing(
     With time as driver something warms or wears; with the angle, a torque in proportion to acceleration is an inertia
     that is not the same everywhere. A free function of time alone is not offered: slow noise would pass for it.
     """
-    knots, columns = hats(driver, FACTOR_KNOTS)
+    knots = knots_of(driver, FACTOR_KNOTS)
     if not knots.size:
         return []
-    return [Basis(f"{of}, changing with {by}", what, unit, knots, response(*transfer, h, columns * signal))]
+    return [Basis(f"{of}, changing with {by}", what, unit, knots, driver, transfer, h, signal)]
 
 
 def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable[[Array], Array]) -> Leftover:
@@ -120,7 +135,12 @@ def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable
     The probability of chance is that of the clearest of these tests, times their number.
     """
     target = white(residual)
-    blocks = [np.stack([white(column) for column in basis.columns], axis=1) for basis in bases]
+    blocks: list[Array] = []
+    means: list[Array] = []  # the same columns as bin means: the residual's own rate is not needed
+    for basis in bases:
+        pairs = [(white(column), rule.windows(column)) for column in basis.columns()]
+        blocks.append(np.stack([column for column, _ in pairs], axis=1))
+        means.append(np.stack([rows for _, rows in pairs]))
     matrix = np.concatenate(blocks, axis=1) if blocks else np.empty((target.size, 0))
     coefficients, used, rest = solved(matrix, target)
     before = float(target @ target)
@@ -130,13 +150,13 @@ def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable
     spare = windows.size - (windows.shape[0] if rule.demean else 0) - used
     ratio = (gained / max(used, 1)) / (rest / max(spare, 1))
     p_values = [float(f_distribution.sf(ratio, max(used, 1), max(spare, 1))) if used else 1.0]
-    explained = np.zeros_like(residual)
+    explained = np.zeros_like(windows)
     position = 0
     alone: dict[str, float] = {}
     curves: dict[str, tuple[Array, Array]] = {}
-    for basis, block in zip(bases, blocks, strict=True):
+    for basis, block, rows in zip(bases, blocks, means, strict=True):
         width = block.shape[1]
-        explained += coefficients[position : position + width] @ basis.columns
+        explained += np.tensordot(coefficients[position : position + width], rows, axes=1)
         position += width
         own, rank, left = solved(block, target)
         label = f"{basis.what}({basis.of})"
@@ -145,8 +165,7 @@ def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable
         ratio = (before - left) / max(rank, 1) / (rest / max(spare, 1))
         p_values.append(float(f_distribution.sf(ratio, max(rank, 1), max(spare, 1))) * len(bases))
         curves[label] = (basis.knots, own)
-    rows = rule.windows(explained)
-    rows = rows - rows.mean(axis=1, keepdims=True) if rule.demean else rows
+    rows = explained - explained.mean(axis=1, keepdims=True) if rule.demean else explained
     chance = used * rest / max(spare, 1)
     share = max(0.0, gained - chance) / max(gained, 1e-300)
     return Leftover(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -86,8 +87,8 @@ def learn_noise(task: Task, record: Record, found: Fit) -> None:
     """Set the task's whitening rules from the part of the residuals that free functions do not explain."""
     rules = {}
     for signal, bases in bases_of(task, record, found).items():
-        columns = [b.columns for b in bases] + ([task.doubt[signal]] if signal in task.doubt else [])
-        rules[signal] = learned(task.rules[signal], found.residuals[signal], np.concatenate(columns))
+        columns = chain.from_iterable([*(b.columns() for b in bases), task.doubt.get(signal, ())])
+        rules[signal] = learned(task.rules[signal], found.residuals[signal], columns)
     task.set_rules(rules)
 
 

@@ -7,6 +7,7 @@ fall smoothly, so a resonance or a line that the model misses is never taken for
 window has a free offset.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -107,18 +108,19 @@ def plain(bins: int, window: int, demean: bool, skip: int = 0) -> Whitener:
     return Whitener(bins, window, demean, (1.0,) + (0.0,) * len(CORRELATION_TIMES), skip)
 
 
-def learned(rule: Whitener, residual: Array, absorbed: Array) -> Whitener:
+def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array]) -> Whitener:
     """The rule with the noise of `residual` (n,): the variances of largest Whittle likelihood.
 
-    What the rows of `absorbed` (k, n) explain of the residual is taken out first, and the spectra expected of each kind
+    What the rows (n,) of `absorbed` explain of the residual is taken out first, and the spectra expected of each kind
     of noise are those that remain behind the same projection: slow noise has few degrees of freedom, and free functions
     absorb many of them.
     """
     rows = centred(rule, residual)
     shapes = expected(rule.window, rule.demean)
     kept = np.ones(shapes.shape[1], dtype=bool)
-    if absorbed.shape[0]:
-        columns = np.stack([centred(rule, column).ravel() for column in absorbed], axis=1)
+    listed = [centred(rule, column).ravel() for column in absorbed]
+    if listed:
+        columns = np.stack(listed, axis=1)
         left, values, _ = np.linalg.svd(
             columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False
         )

@@ -182,7 +182,7 @@ def diagnose(
 ) -> Diagnosis:
     """Compare a log with a model, name what the model gets wrong, extend it and measure the gain.
 
-    Of a log of more than ten minutes the fits use the ten minutes whose command visits most (`cosim.diagnosis.stretch`);
+    Of a log of more than five minutes the fits use the five minutes whose command visits most (`cosim.diagnosis.stretch`);
     the extended model is then run over the rest.
 
     Args:
