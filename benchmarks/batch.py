@@ -36,32 +36,44 @@ class Row:
         what: which model.
         way: who does it.
         runs: how many.
-        seconds: median of the whole command.
-        ratio: seconds per those of cosim batch with FMUs, for the same model.
+        seconds: median duration of the whole command.
+        cpu_seconds: median time its processes computed, which other work on the machine disturbs less.
+        ratio: `cpu_seconds` per those of cosim batch with FMUs, for the same model.
     """
 
     what: str
     way: str
     runs: int
     seconds: float
+    cpu_seconds: float
     ratio: float
 
 
-def call(command: list[str]) -> tuple[float, dict[str, object]]:
-    """Duration [s] and JSON of a command.
+def call(command: list[str]) -> tuple[float, float, dict[str, object]]:
+    """Duration [s], time computed [s] and JSON of a command.
 
     Raises:
         RuntimeError: it failed.
     """
-    began = time.perf_counter()
+    began, before = time.perf_counter(), computed()
     done = subprocess.run([sys.executable, *command], cwd=TOP, capture_output=True, text=True, check=False)
-    seconds = time.perf_counter() - began
+    seconds, busy = time.perf_counter() - began, computed() - before
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)}: {done.stderr[-2000:]}")
     found: dict[str, object] = json.loads(
         done.stdout.splitlines()[-1] if done.stdout[0] != "{" else done.stdout
     )
-    return seconds, found
+    return seconds, busy, found
+
+
+def computed() -> float:
+    """Time that ended children of this process have computed, s; 0 where the system does not say."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0.0
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def ours(model: Path, runs: int, stop: float, engine: str, folder: Path, extra: list[str]) -> list[str]:
@@ -114,25 +126,31 @@ def compare(runs: int, stop: float, repeat: int, scratch: Path) -> list[Row]:
         RuntimeError: a way failed, or its results differ.
     """
     ways = sweeps(scratch, runs, stop)
-    taken: dict[tuple[str, str], list[float]] = {key: [] for key in ways}
+    taken: dict[tuple[str, str], list[tuple[float, float]]] = {key: [] for key in ways}
     finals: dict[str, np.ndarray] = {}
     for turn in range(repeat):
         for (what, way), command in ways.items():
             words = command()
-            seconds, found = call(words)
-            taken[what, way].append(seconds)
-            print(f"  {turn + 1}/{repeat} {what}, {way}: {seconds:.1f} s", file=sys.stderr, flush=True)
+            seconds, busy, found = call(words)
+            taken[what, way].append((seconds, busy))
+            said = f"{what}, {way}: {seconds:.1f} s, {busy:.1f} s computed"
+            print(f"  {turn + 1}/{repeat} {said}", file=sys.stderr, flush=True)
             if what == "mechanics":
                 folder = Path(words[words.index("--out") + 1]) if "--out" in words else Path()
                 values = final_values(found, folder)
                 reference = finals.setdefault(what, values)
                 if np.max(np.abs(values - reference)) > AGREE * np.max(np.abs(reference)):
                     raise RuntimeError(f"{way} gives other angles than the first way")
-    medians = {key: statistics.median(values) for key, values in taken.items()}
-    return [
-        Row(what, way, runs, median, median / medians[what, "cosim batch, FMU"])
-        for (what, way), median in medians.items()
-    ]
+    medians = {
+        key: [statistics.median(column) for column in zip(*values, strict=True)]
+        for key, values in taken.items()
+    }
+    rows = []
+    for (what, way), (seconds, busy) in medians.items():
+        own = medians[what, "cosim batch, FMU"]
+        ratio = busy / own[1] if own[1] else seconds / own[0]
+        rows.append(Row(what, way, runs, seconds, busy, ratio))
+    return rows
 
 
 def growth(engine: str, counts: list[int], stop: float, scratch: Path) -> list[dict[str, float]]:
@@ -147,7 +165,7 @@ def growth(engine: str, counts: list[int], stop: float, scratch: Path) -> list[d
     rows = []
     for count in counts:
         folder = scratch / f"{engine}_{count}"
-        _, found = call(ours(package, count, stop, engine, folder, []))
+        _, _, found = call(ours(package, count, stop, engine, folder, []))
         lines = [json.loads(line) for line in (folder / "journal.jsonl").read_text().splitlines()]
         resident = max(line["resident"] for line in lines) / 2**20
         seconds = float(found["seconds"])  # type: ignore[arg-type]
@@ -183,9 +201,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="benchmark_") as name:
         rows = compare(options.runs, options.stop, options.repeat, Path(name))
         result["rows"] = [asdict(row) for row in rows]
-        cells = [(row.what, row.way, row.seconds, row.ratio) for row in rows]
+        cells = [(row.what, row.way, row.seconds, row.cpu_seconds, row.ratio) for row in rows]
         title = f"{options.runs} runs of {options.stop:g} s at 1 ms, {WORKERS} processes"
-        stdout_console().print(table(title, ("model", "way", "seconds", "ratio"), cells))
+        stdout_console().print(table(title, ("model", "way", "seconds", "CPU s", "ratio of CPU s"), cells))
         for engine, counts in (("fmu", [20, 40, 80, 160]), ("compiled", [250, 500, 1000, 2000])):
             if options.growth:
                 found = growth(engine, counts, options.stop, Path(name))

@@ -247,9 +247,7 @@ class Store:
         """Bring all signals to one length, write the axis of time, and gather the metadata for quick opening."""
         group = self._group()
         signals = [array for _, array in group.arrays() if array.ndim == 2]
-        if not signals:
-            return
-        size = max(array.shape[1] for array in signals)
+        size = max((array.shape[1] for array in signals), default=0)
         for array in signals:
             if array.shape[1] < size:
                 array.resize((array.shape[0], size))

@@ -158,6 +158,8 @@ def test_all_failed_is_exit_code_4(rogue: Path, tmp_path: Path, run_cosim: Any) 
     assert code == 4
     assert "no run was done" in said
     assert "SIGABRT" in said
+    assert set(pd.read_parquet(tmp_path / "b" / "runs.parquet")["status"]) == {"failed"}
+    assert cube(tmp_path / "b").sizes["run"] == 2
 
 
 def running(words: list[object]) -> subprocess.Popen[bytes]:
