@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from cosim.batch.files import find_logs, find_trackers, labelled, named_file
 from cosim.batch.job import File, Job, Model, Run
@@ -53,11 +54,19 @@ class Batch:
     def identity(self) -> str:
         """Digest of all that results depend on, versions of files and of the project included."""
         job = {key: value for key, value in asdict(self.job).items() if key != "folder"}
-        text = json.dumps(to_jsonable([FORMAT, project_version(), job]))
+        text = json.dumps(to_jsonable([FORMAT, project_version(), _without_paths(job)]))
         digest = hashlib.sha256(text.encode())
         for run in self.runs:
             digest.update(repr((run.model, run.log, sorted(run.parameters.items()))).encode())
         return digest.hexdigest()
+
+
+def _without_paths(value: Any) -> Any:
+    """Plain data where a file is known by name and content, wherever it lies."""
+    if isinstance(value, dict):
+        known = value.keys() - {"path"} if value.get("sha256") else value.keys()
+        return {key: _without_paths(value[key]) for key in sorted(known)}
+    return [_without_paths(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def plan_batch(plan: Plan, folder: Path) -> Batch:

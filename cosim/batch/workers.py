@@ -66,6 +66,11 @@ class _Lane:
         self.runs = 0
 
     def submit(self, job: Job, runs: list[Run]) -> "Future[Outcomes]":
+        if self.pool is not None:
+            try:
+                self.future = self.pool.submit(execute, job, runs)
+            except BrokenProcessPool:  # it died while it had nothing to do
+                self.retire()
         if self.pool is None:
             before = set(multiprocessing.active_children())
             # spawned, not forked: the parent has threads of its own
@@ -74,8 +79,7 @@ class _Lane:
             self.future = self.pool.submit(execute, job, runs)
             made = [child for child in multiprocessing.active_children() if child not in before]
             self.process, self.runs = (made[0] if made else None), 0
-        else:
-            self.future = self.pool.submit(execute, job, runs)
+        assert self.future is not None
         self.runs += len(runs)
         return self.future
 

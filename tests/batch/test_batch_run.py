@@ -225,6 +225,24 @@ def _gone(pids: set[int]) -> None:
     assert not alive
 
 
+def test_a_process_that_dies_between_two_runs_is_replaced(rogue: Path, tmp_path: Path) -> None:
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1,2"}), tmp_path)
+    crew = Processes(1, 1e12)
+    try:
+        first = crew.submit(batch.job, batch.runs[:1])
+        (outcome,) = first.result()
+        crew.settle(first)
+        pid = int(outcome.worker.partition(":")[2])
+        os.kill(pid, signal.SIGTERM)
+        _gone({pid})
+        time.sleep(0.5)
+        second = crew.submit(batch.job, batch.runs[1:]).result()
+        assert (second[0].status, second[0].number) == ("done", 1)
+        assert second[0].worker != outcome.worker
+    finally:
+        crew.close()
+
+
 def test_a_line_cut_short_is_done_again(rogue: Path, tmp_path: Path) -> None:
     asked = plan(rogue, sweep={"r.k": "1:4:4"}, workers=1)
     conduct(asked, tmp_path / "b")
@@ -257,8 +275,12 @@ def test_a_changed_model_is_another_batch(toys: Any, rogue: Path, tmp_path: Path
     assert plan_batch(asked.model_copy(update={"workers": 2}), tmp_path / "x").identity == first
     assert plan_batch(asked.model_copy(update={"output_step": "20 ms"}), tmp_path).identity != first
     assert plan_batch(asked.model_copy(update={"set": {"r.b": "1"}}), tmp_path).identity != first
-    package.write_bytes(toys.ssp({"r": "rogue"}, [], stop=0.2).read_bytes())
-    assert plan_batch(asked, tmp_path).identity != first
+    (tmp_path / "moved").mkdir()
+    moved = package.rename(tmp_path / "moved" / "m.ssp")
+    again = asked.model_copy(update={"model": (str(moved),)})
+    assert plan_batch(again, tmp_path).identity == first, "where the file lies is no matter"
+    moved.write_bytes(toys.ssp({"r": "rogue"}, [], stop=0.2).read_bytes())
+    assert plan_batch(again, tmp_path).identity != first
 
 
 def test_processes_are_replaced_before_they_outgrow_their_memory(rogue: Path, tmp_path: Path) -> None:
