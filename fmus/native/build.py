@@ -107,9 +107,9 @@ def compiled(content: Mapping[str, bytes], optimise: str | None = None) -> bytes
             )
         data = library.read_bytes()
     kept.parent.mkdir(parents=True, exist_ok=True)
-    part = kept.with_suffix(f".{os.getpid()}.part")
-    part.write_bytes(data)
-    part.replace(kept)
+    with tempfile.NamedTemporaryFile(dir=kept.parent, suffix=".part", delete=False) as part:
+        part.write(data)
+    Path(part.name).replace(kept)  # at once, so that no other thread or process reads half a file
     return data
 
 

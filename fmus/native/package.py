@@ -11,7 +11,7 @@ from lxml import etree
 
 from cosim.errors import ModelError, UsageError
 from cosim.ssp.archive import open_archive, read_entry
-from cosim.ssp.write import NAMESPACES, Values, changed, values_xml, write_archive, write_ssp
+from cosim.ssp.write import NAMESPACES, STIMULUS, Values, changed, values_xml, write_archive, write_ssp
 from cosim.ssp.xml import parse
 from fmus import registry
 from fmus.build import checked_starts, composed_block
@@ -107,7 +107,7 @@ def swap_component(
     if not values or binding is None:
         return
     bound = binding.get("source", "")
-    composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
+    _, composed = block_of(description_of(entries[file]), stem, package)
     given = dict(values)
     if bound in entries:
         for node in parse(entries[bound], f"{package}: {bound}").findall(
@@ -126,22 +126,37 @@ def twin(fmu: bytes, stem: str, where: str, values: Mapping[str, float]) -> byte
         where: what to call it in messages.
         values: start values that differ, by parameter.
     """
+    root = description_of(fmu)
     with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
-        root = etree.fromstring(archive.read("modelDescription.xml"))
         played = (
             archive.read("resources/stimulus.csv") if "resources/stimulus.csv" in archive.namelist() else None
         )
-    tool, block = root.get("generationTool", ""), root.get("modelName", "")
-    if tool == TOOL and not values:
+    if root.get("generationTool") == TOOL and not values:
         return fmu
+    stem, composed = block_of(root, stem, where)
+    starts = described_starts(root, composed, where) | dict(values)
+    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played)
+
+
+def block_of(root: etree._Element, stem: str, where: str) -> tuple[str, Composed]:
+    """The component that one of our FMUs runs, by its description and its file's name, and its block with effects.
+
+    Raises:
+        ModelError: it is not ours.
+    """
+    tool, block = root.get("generationTool", ""), root.get("modelName", "")
     if tool not in (TOOL, PYTHON_TOOL) or block not in registry.BLOCKS:
         raise ModelError(
             f"{where} is no FMU of this project ('{block}' by {tool or 'an unknown tool'}): it has no native twin"
         )
-    stem = stem if registry.FMU_OF_COMPONENT.get(stem, stem) == block else block
-    composed = composed_block(block, stem)
-    starts = described_starts(root, composed, where) | dict(values)
-    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played)
+    known = stem if registry.FMU_OF_COMPONENT.get(stem, stem) == block else block
+    return known, composed_block(block, known)
+
+
+def description_of(fmu: bytes) -> etree._Element:
+    """The root of an FMU's model description."""
+    with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
+        return etree.fromstring(archive.read("modelDescription.xml"))
 
 
 def described_starts(root: etree._Element, composed: Composed, where: str) -> dict[str, float]:
@@ -161,3 +176,27 @@ def described_starts(root: etree._Element, composed: Composed, where: str) -> di
             "install the package that provides them, or build the model again"
         )
     return found
+
+
+def values_of(package: Path) -> dict[str, dict[str, float]]:
+    """What the FMUs of a package of ours start with beyond the declarations: component -> parameter -> value, SI.
+
+    ``container(wiring, "crane", values_of(extended))`` is the chain of an extended package in one FMU.
+
+    Raises:
+        ModelError: the package is bad, or an FMU in it is not ours or has effects that are not installed here.
+    """
+    found = {}
+    with open_archive(package, str(package)) as archive:
+        root = parse(
+            read_entry(archive, "SystemStructure.ssd", str(package)), f"{package}: SystemStructure.ssd"
+        )
+        for component in root.findall(".//ssd:Component", NAMESPACES):
+            name, file = component.get("name", ""), component.get("source", "")
+            if name == STIMULUS:
+                continue
+            stem, where = PurePosixPath(file).stem, f"{package.name}: {file}"
+            description = description_of(read_entry(archive, file, str(package)))
+            _, composed = block_of(description, stem, where)
+            found[name] = dict(changed(composed, described_starts(description, composed, where)))
+    return {name: values for name, values in found.items() if values}

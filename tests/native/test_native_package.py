@@ -25,7 +25,8 @@ from cosim.paths import ssp_folder
 from cosim.ssp.stimulus import stimulus_csv
 from cosim.ssp.write import write_archive, write_ssp
 from fmus.native import build as native_build
-from fmus.native.package import swapped, write_native_ssp
+from fmus.native.container import container
+from fmus.native.package import swapped, values_of, write_native_ssp
 
 __all__ = [
     "engine",
@@ -81,6 +82,20 @@ def test_swapping_takes_values_into_fmus_and_bindings(python_package, tmp_path) 
         swapped(python_package, tmp_path / "c.ssp", {"mechanic": {"J": 950.0}})
     with pytest.raises(UsageError, match="mechanical has no 'Jay'"):
         swapped(python_package, tmp_path / "c.ssp", {"mechanical": {"Jay": 950.0}})
+
+
+def test_the_values_of_a_package_make_a_chain(python_package) -> None:
+    found = values_of(python_package)
+    assert found["mechanical"] == {"J": 801.0, "tau_c": 80.0}
+    assert found["dead_zone"] == {"play": 0.02}
+    assert found["compensator"] == {"form": 3.0, "limit": 2.0}
+    starts = container(FULL, values=found).starts
+    assert (starts["mechanical.tau_c"], starts["dead_zone.play"], starts["compensator.form"]) == (
+        80.0,
+        0.02,
+        3.0,
+    )
+    assert "stimulus" not in found
 
 
 def described(fmu: Path, change) -> Path:

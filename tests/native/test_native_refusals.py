@@ -7,6 +7,8 @@ from fmpy import extract
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmu_raw import ERROR, OK, Instance
 from fmu_scenarios import BAD_USE, NEED_AN_INPUT
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from test_fmu_refusals import SAYS
 
 from fmus.build import composed_block
@@ -30,6 +32,7 @@ def damaged(place: int, data: bytes):
     return use
 
 
+KEPT: dict[str, Instance] = {}
 NAN, ZERO = struct.pack("d", float("nan")), struct.pack("d", 0.0)
 STATES = {
     "state_of_another_model": (damaged(8, b"{00000000"), "it was not saved by mechanical {"),
@@ -161,3 +164,17 @@ def test_a_step_that_cannot_be_computed_is_refused_in_words(unpacked) -> None:
     assert slave.step(0.0) == ERROR
     assert slave.messages == ["s: the step at t = 0.0 s failed: a number is no whole number within 2^53"]
     slave.close()
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.floats(allow_nan=False).filter(lambda v: not 1e-6 <= v <= 1e9))
+def test_numbers_are_written_as_python_writes_them(unpacked, value) -> None:
+    """The shortest text that reads back as the same number."""
+    if "slave" not in KEPT:
+        KEPT["slave"] = Instance(unpacked["mechanical"], "m")
+    slave = KEPT["slave"]
+    slave.messages.clear()
+    assert slave.status(slave.fmu.setReal, [slave.vr["J"]], [value]) == ERROR
+    assert slave.messages[0].startswith(
+        f"m: J = {value!r} is refused: it must be a number from 1e-06 to 1000000000.0; "
+    )
