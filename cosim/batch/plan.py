@@ -53,7 +53,7 @@ class Plan(BaseModel):
         set: parameter -> value of every run.
         sweep: parameter -> values to go through (`cosim.batch.values`).
         vary: parameter -> distribution to draw from (`cosim.batch.values`).
-        from_file: diagnosis.json or .ssv with 95 % intervals, all of which are varied; ``from`` in a file.
+        from_file: diagnosis.json, calibration.json or .ssv whose 95 % intervals are varied; ``from`` in a file.
         design: how the values of several parameters are combined.
         samples: how many draws.
         seed: of the draws.

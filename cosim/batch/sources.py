@@ -1,20 +1,20 @@
-"""Parameters with their 95 % intervals from files: a diagnosis.json, or an .ssv whose parameters carry intervals.
+"""Parameters with their 95 % intervals from files: diagnosis.json, calibration.json, or an .ssv that carries intervals.
 
 In an .ssv the interval of a parameter stands in an annotation, in the unit of its value; other programs ignore it:
 
     <ssv:Parameter name="mechanical.J">
       <ssv:Real value="763.9" unit="kg.m2"/>
-      <ssc:Annotations><ssc:Annotation type="slew-cosim.ci95"><ci95 low="745" high="790"/></ssc:Annotation></ssc:Annotations>
+      <ssv:Annotations><ssc:Annotation type="slew-cosim.ci95"><ci95 low="745" high="790"/></ssc:Annotation></ssv:Annotations>
     </ssv:Parameter>
 """
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from lxml import etree
-from pydantic import ValidationError
 
 from cosim.diagnosis.schema import Answer, Parameter
 from cosim.errors import DataError, ModelError, UsageError
@@ -50,38 +50,61 @@ class Estimates:
         uncertain: parameters with an interval.
         known: parameters without one.
         model: the package they belong to, where the file names one.
+        notes: what the user should know.
     """
 
     uncertain: tuple[Estimate, ...]
     known: tuple[Estimate, ...]
     model: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 def read_estimates(path: Path) -> Estimates:
-    """Parameters and intervals of a diagnosis.json or .ssv file.
+    """Parameters and intervals of a diagnosis.json, calibration.json or .ssv file.
 
     Raises:
-        DataError: it is no diagnosis.
+        DataError: it is neither a diagnosis nor a calibration.
         ModelError: it is no parameter set.
         UsageError: another suffix, or it holds no interval.
     """
     suffix = path.suffix.lower()
     if suffix not in (".json", ".ssv"):
-        raise UsageError(f"--from {path}: give a diagnosis.json or an .ssv file")
-    found = _diagnosis(path) if suffix == ".json" else _parameter_set(path)
+        raise UsageError(f"--from {path}: give a diagnosis.json, a calibration.json or an .ssv file")
+    found = _from_json(path) if suffix == ".json" else _parameter_set(path)
     if not found.uncertain:
         raise UsageError(f"{path} holds no parameter with a 95 % interval, so there is nothing to vary")
     return found
 
 
-def _diagnosis(path: Path) -> Estimates:
+def _from_json(path: Path) -> Estimates:
     try:
-        answer = Answer.model_validate(json.loads(path.read_text(encoding="utf-8")))
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(content, dict) and "verdict" not in content and "parameters" in content:
+            return _calibration(content)
+        return _diagnosis(path, Answer.model_validate(content))
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
-    except (ValueError, ValidationError) as error:
+    except (ValueError, KeyError, TypeError) as error:  # ValidationError is a ValueError
         first = str(error).splitlines()[0]
-        raise DataError(f"{path} is no diagnosis.json of this version: {first}") from None
+        raise DataError(f"{path} is no diagnosis.json or calibration.json of this version: {first}") from None
+
+
+def _calibration(content: dict[str, Any]) -> Estimates:
+    """Parameters as `cosim.calibrate.present.as_data` writes them, in the FMU's units; undetermined ones are left alone."""
+    found = [
+        Estimate(p["name"], float(p["value"]), p["unit"] or "", tuple(p["ci95"]) if p["ci95"] else None)
+        for p in content["parameters"]
+        if p["determined"]
+    ]
+    found += [Estimate(name, float(value), "", None) for name, value in content["start_values"].items()]
+    pairs = [f"{' and '.join(c['parameters'])} ({c['correlation']:.2f})" for c in content["correlated"]]
+    notes = (
+        [f"drawn independently, though their estimates are correlated: {', '.join(pairs)}"] if pairs else []
+    )
+    return replace(_sorted(found, None), notes=tuple(notes))
+
+
+def _diagnosis(path: Path, answer: Answer) -> Estimates:
     pairs = dict(answer.nominal)
     for cause in answer.causes:
         effect = registry.effects().get(cause.effect)
@@ -116,7 +139,7 @@ def _parameter_set(path: Path) -> Estimates:
 def _intervals(path: Path) -> Iterator[tuple[str, tuple[float, float]]]:
     root = parse(path.read_bytes(), str(path))
     for parameter in root.iterfind(f"{SSV}Parameters/{SSV}Parameter"):
-        for note in parameter.iterfind(f"{SSC}Annotations/{SSC}Annotation[@type='{ANNOTATION}']"):
+        for note in parameter.iterfind(f"{SSV}Annotations/{SSC}Annotation[@type='{ANNOTATION}']"):
             name = parameter.get("name", "")
             child = next((c for c in note if etree.QName(c).localname == "ci95"), None)
             try:

@@ -14,9 +14,7 @@ MISSED = 1
 SHOWN = 12  # lines of a table on the terminal
 SHOWN_SCORES = (" rmse [", " final [", " max [")
 
-Logs = Annotated[
-    list[str] | None, typer.Argument(help="Logs, folders of logs, or patterns.", metavar="LOG")
-]
+Logs = Annotated[list[str] | None, typer.Argument(help="Logs, folders of logs, or patterns.", metavar="LOG")]
 PlanFile = Annotated[
     Path | None, typer.Option(help="The batch as a TOML file; options change it.", metavar="FILE")
 ]
@@ -36,7 +34,9 @@ Vary = Annotated[
 ]
 From = Annotated[
     Path | None,
-    typer.Option("--from", help="diagnosis.json or .ssv with 95 % intervals, to be varied.", metavar="FILE"),
+    typer.Option(
+        "--from", help="diagnosis.json, calibration.json or .ssv: vary its 95 % intervals.", metavar="FILE"
+    ),
 ]
 DesignOption = Annotated[
     str | None,

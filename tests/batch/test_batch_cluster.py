@@ -6,14 +6,16 @@ from typing import Any
 
 import pandas as pd
 import pytest
-import xarray as xr
 
-from cosim.batch.conduct import conduct
-from cosim.batch.plan import Plan
-from cosim.batch.workers import Cluster
-from cosim.errors import UsageError
+for needed in ("distributed", "xarray", "zarr"):
+    pytest.importorskip(needed, reason="needs the extra 'batch'")
 
-pytest.importorskip("distributed")
+import xarray as xr  # noqa: E402
+
+from cosim.batch.conduct import conduct  # noqa: E402
+from cosim.batch.plan import Plan  # noqa: E402
+from cosim.batch.workers import Cluster  # noqa: E402
+from cosim.errors import UsageError  # noqa: E402
 
 
 @pytest.fixture(scope="module")

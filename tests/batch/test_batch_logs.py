@@ -6,13 +6,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 
-from cosim.batch.conduct import conduct
-from cosim.batch.plan import Plan
-from cosim.compare import Comparator
-from cosim.errors import UsageError
-from cosim.logs import load_log
+for needed in ("distributed", "xarray", "zarr"):
+    pytest.importorskip(needed, reason="needs the extra 'batch'")
+
+import xarray as xr  # noqa: E402
+
+from cosim.batch.conduct import conduct  # noqa: E402
+from cosim.batch.plan import Plan  # noqa: E402
+from cosim.compare import Comparator  # noqa: E402
+from cosim.errors import UsageError  # noqa: E402
+from cosim.logs import load_log  # noqa: E402
 
 
 @pytest.fixture(scope="module")

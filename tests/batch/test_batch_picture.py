@@ -5,12 +5,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 
-from cosim.batch.overview import diagnoses_figure, scores_figure
-from cosim.batch.parameters import Varied
-from cosim.batch.picture import effects_figure, fan_figure, write_picture
-from cosim.batch.summary import quantiles, sensitivity, thresholds
+for needed in ("distributed", "xarray", "zarr"):
+    pytest.importorskip(needed, reason="needs the extra 'batch'")
+
+import xarray as xr  # noqa: E402
+
+from cosim.batch.overview import diagnoses_figure, scores_figure  # noqa: E402
+from cosim.batch.parameters import Varied  # noqa: E402
+from cosim.batch.picture import effects_figure, fan_figure, write_picture  # noqa: E402
+from cosim.batch.summary import quantiles, sensitivity, thresholds  # noqa: E402
 
 J = Varied("m.J", "kg.m2", ("kg.m2", 1.0, 0.0), True)
 K = Varied("v.K", "m", ("mm", 1e3, 0.0), True)

@@ -176,13 +176,45 @@ def test_intervals_of_a_diagnosis_are_varied(packages: dict[str, Path], tmp_path
     assert [p.name for p in kept.varied] == ["mechanical.tau_c"]
 
 
+def test_intervals_of_a_calibration_are_varied(packages: dict[str, Path], tmp_path: Path) -> None:
+    parameters = [
+        {"name": "mechanical.J", "unit": "kg.m2", "value": 800.0, "ci95": [780.0, 820.0], "determined": True},
+        {
+            "name": "mechanical.b",
+            "unit": "N.m.s/rad",
+            "value": 27e3,
+            "ci95": [26e3, 28e3],
+            "determined": True,
+        },
+        {"name": "mechanical.tau_c", "unit": "N.m", "value": 0.0, "ci95": None, "determined": True},
+        {"name": "dcv.K", "unit": "m", "value": 1.0, "ci95": [0.0, 2.0], "determined": False},
+    ]
+    correlated = [{"parameters": ["mechanical.J", "mechanical.b"], "correlation": 0.97}]
+    content = {
+        "parameters": parameters,
+        "correlated": correlated,
+        "start_values": {"mechanical.theta_0": 0.2},
+    }
+    file = write(tmp_path / "calibration.json", json.dumps(content))
+    asked = {"model": str(packages["full_order"]), "from": str(file), "samples": 9}
+    batch = plan_batch(Plan.model_validate(asked), tmp_path)
+    assert [p.name for p in batch.varied] == ["mechanical.J", "mechanical.b"]
+    assert batch.job.models[0].fixed == {"mechanical.tau_c": 0.0, "mechanical.theta_0": 0.2}
+    assert "mechanical.J and mechanical.b (0.97)" in batch.notes[0]
+    del parameters[0]["ci95"]
+    with pytest.raises(
+        DataError, match=r"calibration\.json is no diagnosis\.json or calibration\.json.*ci95"
+    ):
+        read_estimates(write(file, json.dumps(content)))
+
+
 SSV = """<ssv:ParameterSet xmlns:ssv='http://ssp-standard.org/SSP1/SystemStructureParameterValues'
  xmlns:ssc='http://ssp-standard.org/SSP1/SystemStructureCommon' version='1.0' name='fitted'><ssv:Parameters>
  <ssv:Parameter name='mechanical.J'><ssv:Real value='800' unit='kg.m2'/>{note}</ssv:Parameter>
  <ssv:Parameter name='mechanical.b'><ssv:Real value='27000' unit='N.m.s/rad'/></ssv:Parameter>
  </ssv:Parameters></ssv:ParameterSet>"""
-NOTE = """<ssc:Annotations><ssc:Annotation type='slew-cosim.ci95'><ci95 low='780' high='830'/>
- </ssc:Annotation></ssc:Annotations>"""
+NOTE = """<ssv:Annotations><ssc:Annotation type='slew-cosim.ci95'><ci95 low='780' high='830'/>
+ </ssc:Annotation></ssv:Annotations>"""
 
 
 def test_intervals_of_a_parameter_set_are_varied(packages: dict[str, Path], tmp_path: Path) -> None:

@@ -11,15 +11,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 
-from cosim.batch.cases import plan_batch
-from cosim.batch.conduct import conduct
-from cosim.batch.drive import carry_out
-from cosim.batch.plan import Plan
-from cosim.batch.store import Coordinates, Store
-from cosim.batch.workers import Processes
-from cosim.errors import UsageError
+for needed in ("distributed", "xarray", "zarr"):
+    pytest.importorskip(needed, reason="needs the extra 'batch'")
+
+import xarray as xr  # noqa: E402
+
+from cosim.batch.cases import plan_batch  # noqa: E402
+from cosim.batch.conduct import conduct  # noqa: E402
+from cosim.batch.drive import carry_out  # noqa: E402
+from cosim.batch.plan import Plan  # noqa: E402
+from cosim.batch.store import Coordinates, Store  # noqa: E402
+from cosim.batch.workers import Processes  # noqa: E402
+from cosim.errors import UsageError  # noqa: E402
 
 TOP = Path(__file__).resolve().parents[2]
 MIB = 2.0**20
