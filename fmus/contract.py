@@ -158,11 +158,14 @@ class Free:
         starts: values from which searches begin, SI.
         scale: typical size of a moderate deviation from the off value, SI.
         floor: deviation from the off value that is too small to matter in practice, SI; 0 where the size alone does not tell.
+        limits: measured signal that the parameter limits, above if its starts are positive: searches begin at its extremes
+            too, because where a limit is out of reach nothing leads to it.
     """
 
     starts: tuple[float, ...]
     scale: float
     floor: float = 0.0
+    limits: str = ""
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def said(found: Diagnosis) -> dict[str, Any]:
         for r in found.rests
     ]
     left = {
-        f"{name}.{signal}": [rest.p_value, rest.gain, rest.rms / finding.task.rules[signal].rms]
+        f"{name}.{signal}": [rest.p_value, rest.gain, rest.rms / finding.task.rules[signal].rms, rest.held_out]
         for name, finding in found.findings.items()
         for signal, rest in finding.after.items()
     }
@@ -77,7 +77,7 @@ def said(found: Diagnosis) -> dict[str, Any]:
         for kind, event in kinds.items()
     }
     first = {
-        f"{name}.{signal}": [rest.p_value, rest.gain, rest.rms / finding.task.rules[signal].rms]
+        f"{name}.{signal}": [rest.p_value, rest.gain, rest.rms / finding.task.rules[signal].rms, rest.held_out]
         for name, finding in found.findings.items()
         for signal, rest in finding.before.items()
     }

@@ -17,6 +17,12 @@ def held_windows(count: int) -> NDArray[np.bool_]:
     return np.arange(count) % 3 == 2
 
 
+def window_numbers(task: Task) -> NDArray[np.int64]:
+    """The window to which each of a task's whitened values belongs."""
+    shapes = [rule.windows(task.measured[s]).shape for s, rule in task.rules.items()]
+    return np.concatenate([np.repeat(np.arange(count), bins) for count, bins in shapes])
+
+
 def part(task: Task, mask: NDArray[np.bool_]) -> Task:
     """The task on some windows only; doubt from upstream counts in each part by itself."""
     found = Task(task.model, task.measured, task.rules, task.doubt, mask)

@@ -18,6 +18,7 @@ from cosim.diagnosis.noise import Whitener
 Array = NDArray[np.float64]
 
 KNOTS = 9
+RIDGE = 0.1  # of a column's square: of what is visited less, hardly a coefficient is taken
 FACTOR_KNOTS = 5  # of a factor that changes over the log or with another signal
 
 
@@ -64,6 +65,8 @@ class Leftover:
         explained: (windows, bins) means of the explained part.
         by_signal: "what(of)" -> log-likelihood that this family alone gains beyond chance, largest first.
         curves: "what(of)" -> (knots, missing quantity) of that family alone.
+        held_out: log-likelihood that the better of all families together and the best one alone gains on each
+            window with coefficients from the others: slow noise is explained once and not again.
     """
 
     p_value: float
@@ -72,6 +75,7 @@ class Leftover:
     explained: Array
     by_signal: dict[str, float]
     curves: dict[str, tuple[Array, Array]]
+    held_out: float
 
 
 def hats(signal: Array, knots: int = KNOTS) -> tuple[Array, Array]:
@@ -129,10 +133,17 @@ def changing(
     return [Basis(f"{of}, changing with {by}", what, unit, knots, driver, transfer, h, signal)]
 
 
-def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable[[Array], Array]) -> Leftover:
+def explain(
+    residual: Array,
+    bases: list[Basis],
+    rule: Whitener,
+    white: Callable[[Array], Array],
+    window: NDArray[np.int64],
+) -> Leftover:
     """Regress a residual (n,) on all families at once, and on each alone, after `white` has made its noise independent.
 
-    The probability of chance is that of the clearest of these tests, times their number.
+    The probability of chance is that of the clearest of these tests, times their number. `window` is the number of
+    the window to which each whitened value belongs.
     """
     target = white(residual)
     blocks: list[Array] = []
@@ -148,34 +159,61 @@ def explain(residual: Array, bases: list[Basis], rule: Whitener, white: Callable
     # the values of this signal alone: others of the same task are silent, and an offset takes one of each window
     windows = rule.windows(residual)
     spare = windows.size - (windows.shape[0] if rule.demean else 0) - used
-    ratio = (gained / max(used, 1)) / (rest / max(spare, 1))
-    p_values = [float(f_distribution.sf(ratio, max(used, 1), max(spare, 1))) if used else 1.0]
+    level = rest / max(spare, 1)
+    p_values = [chance_of(gained, used, level, spare)]
     explained = np.zeros_like(windows)
     position = 0
     alone: dict[str, float] = {}
     curves: dict[str, tuple[Array, Array]] = {}
+    held_out = again(matrix, target, window)
     for basis, block, rows in zip(bases, blocks, means, strict=True):
         width = block.shape[1]
         explained += np.tensordot(coefficients[position : position + width], rows, axes=1)
         position += width
         own, rank, left = solved(block, target)
         label = f"{basis.what}({basis.of})"
-        alone[label] = 0.5 * (before - left - rank * rest / max(spare, 1))
+        gain = 0.5 * (before - left - rank * level)
         # one family alone stands out more clearly than in the crowd; each is one more chance of a false alarm
-        ratio = (before - left) / max(rank, 1) / (rest / max(spare, 1))
-        p_values.append(float(f_distribution.sf(ratio, max(rank, 1), max(spare, 1))) * len(bases))
-        curves[label] = (basis.knots, own)
+        p_values.append(chance_of(before - left, rank, level, spare) * len(bases))
+        if gain > max(alone.values(), default=0.0):
+            held_out = max(held_out, again(block, target, window))
+        alone[label], curves[label] = gain, (basis.knots, own)
     rows = explained - explained.mean(axis=1, keepdims=True) if rule.demean else explained
-    chance = used * rest / max(spare, 1)
-    share = max(0.0, gained - chance) / max(gained, 1e-300)
+    share = max(0.0, gained - used * level) / max(gained, 1e-300)
     return Leftover(
         min(1.0, 2.0 * min(p_values)),
-        0.5 * (gained - chance),
+        0.5 * (gained - used * level),
         float(np.sqrt(np.mean(rows**2) * share)),
         explained,
         dict(sorted(alone.items(), key=lambda item: -item[1])),
         curves,
+        held_out,
     )
+
+
+def chance_of(gained: float, used: int, level: float, spare: int) -> float:
+    """Probability that `used` free parameters explain this much of noise of a `level` known from `spare` values."""
+    if not used or level <= 0.0:
+        return 1.0
+    return float(f_distribution.sf(gained / used / level, used, max(spare, 1)))
+
+
+def again(matrix: Array, target: Array, window: NDArray[np.int64]) -> float:
+    """Log-likelihood that columns gain on each window with coefficients from all the others, summed up.
+
+    Columns that the other windows hardly visit get hardly a coefficient (ridge).
+    """
+    sizes = np.sqrt(np.sum(matrix**2, axis=0))
+    scaled = matrix[:, sizes > 0.0] / sizes[sizes > 0.0]
+    gram, inner = scaled.T @ scaled, scaled.T @ target
+    gain = 0.0
+    for one in np.unique(window):
+        mine = window == one
+        columns, values = scaled[mine], target[mine]
+        others = gram - columns.T @ columns + RIDGE * np.eye(gram.shape[0])
+        rest = values - columns @ np.linalg.solve(others, inner - columns.T @ values)
+        gain += 0.5 * float(values @ values - rest @ rest)
+    return gain
 
 
 def solved(matrix: Array, target: Array) -> tuple[Array, int, float]:

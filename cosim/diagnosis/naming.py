@@ -6,7 +6,7 @@ from itertools import chain
 
 import numpy as np
 
-from cosim.diagnosis.crossval import refuted
+from cosim.diagnosis.crossval import refuted, window_numbers
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.freeform import Basis, Leftover, explain
@@ -76,10 +76,11 @@ def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
 def leftovers(task: Task, record: Record, found: Fit) -> dict[str, Leftover]:
     """What free functions explain of a fit's residuals, by signal."""
     silent = {s: np.zeros_like(r) for s, r in found.residuals.items()}
+    window = window_numbers(task)
     explained = {}
     for signal, bases in bases_of(task, record, found).items():
         white = partial(lambda signal, values: task.white(silent | {signal: values}), signal)
-        explained[signal] = explain(found.residuals[signal], bases, task.rules[signal], white)
+        explained[signal] = explain(found.residuals[signal], bases, task.rules[signal], white, window)
     return explained
 
 

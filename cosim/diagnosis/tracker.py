@@ -186,6 +186,8 @@ def clock_cause(found: Fit, model: TrackerModel) -> list[Cause]:
     predicted, _ = model.predict({**errors, OFFSET: 0.0, RATE: 1.0})
     white = model.white((model.readings - predicted)[None, :])[0]
     gain = found.log_likelihood + 0.5 * float(white @ white)
+    if gain < SURE:
+        return []
     parameters = {"offset": (offset, spread[0]), "rate": (rate, spread[1])}
     return [Cause(effect_of("tracker.clock"), "tracker", parameters, gain, float("nan"))]
 

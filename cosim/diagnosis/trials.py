@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,6 +91,8 @@ def tried(
 ) -> Trial:
     """Fit a set of effects; parameters that `near` has already estimated begin there."""
     wanted, starts = unknowns(task.model, effects, tolerance)
+    for name, extremes in reached(task, effects).items():
+        starts[name] = (*starts[name], *extremes)
     if near is not None:
         for name in near.values:
             if name in starts:
@@ -106,7 +108,31 @@ def tried(
     found = (
         fit_from_starts(task, wanted, starts, rounds=rounds) if starts else fit(task, wanted, rounds=rounds)
     )
-    return Trial(effects, found, price)
+    return Trial(effects, out_of_reach(task, effects, found), price)
+
+
+def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...]]:
+    """``component.parameter`` of a limit -> the extreme of the signal that it limits, and a little less, SI."""
+    found: dict[str, tuple[float, ...]] = {}
+    for effect in effects:
+        for parameter, free in effect.free.items():
+            if free.limits in task.measured:
+                means = task.rules[free.limits].windows(task.measured[free.limits])
+                extreme = float(means.max() if free.starts[0] > 0.0 else means.min())
+                found[f"{effect.component}.{parameter}"] = (extreme, 0.99 * extreme)
+    return found
+
+
+def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit) -> Fit:
+    """The fit with limits that the signal never meets at their nominal value: the data say nothing of them."""
+    if found.slopes is None:
+        return found
+    nominal = {}
+    for effect in effects:
+        for name in (f"{effect.component}.{p}" for p, free in effect.free.items() if free.limits):
+            if name in found.values and not found.slopes[:, list(found.values).index(name)].any():
+                nominal[name] = task.model.nominal(name)
+    return replace(found, values=found.values | nominal) if nominal else found
 
 
 def tried_all(

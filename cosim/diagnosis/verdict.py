@@ -17,6 +17,7 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 SYSTEMATIC = 1e-5  # probability below which what free functions explain is no chance
+AGAIN = 20.0  # log-likelihood that it must gain in windows other than those in which it was found
 NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not matter in practice
 LOCAL = 1e-7  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.15  # of the original systematic residual that may be left for one named cause to stand
@@ -60,8 +61,11 @@ class Rest:
 
 
 def systematic(leftover: Leftover, negligible: float) -> bool:
-    """True if a residual holds something that is neither chance nor negligible (a size in the signal's unit)."""
-    return leftover.p_value < SYSTEMATIC and leftover.rms > negligible
+    """True if a residual holds something that is neither chance nor negligible (a size in the signal's unit).
+
+    It must show again in windows that had no share in finding it.
+    """
+    return leftover.p_value < SYSTEMATIC and leftover.rms > negligible and leftover.held_out > AGAIN
 
 
 def negligible(finding: Finding, signal: str) -> float:
@@ -227,7 +231,7 @@ def local_rests(finding: Finding, signal: str) -> list[Rest]:
         else:
             words = f"{signal} rings at {event.start:.2f} Hz beyond what noise and the model give"
         size = size_of(finding, signal, event)
-        left = Leftover(event.p_value, event.gain, size, residual, {kind: event.gain}, {})
+        left = Leftover(event.p_value, event.gain, size, residual, {kind: event.gain}, {}, event.gain)
         found.append(Rest(finding.task.model.group.name, signal, left, words))
     return found[:1]
 

@@ -9,7 +9,7 @@ EFFECT = Effect(
     source="two bolts restrict the spool (SYSTEM section 1); Tables 3.5, 3.6",
     key="x_max",
     free={
-        "x_max": Free(starts=(1.2e-3, 1.8e-3, 2.2e-3), scale=0.4e-3),
-        "x_min": Free(starts=(-1.2e-3, -1.8e-3, -2.2e-3), scale=0.4e-3),
+        "x_max": Free(starts=(1.2e-3, 1.8e-3, 2.2e-3), scale=0.4e-3, limits="spool"),
+        "x_min": Free(starts=(-1.2e-3, -1.8e-3, -2.2e-3), scale=0.4e-3, limits="spool"),
     },
 )

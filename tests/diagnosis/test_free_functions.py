@@ -20,7 +20,8 @@ def leftover(residual: np.ndarray):
         "x", DRIVER, "time", TIME, TRANSFER, H, "force", "N"
     )
     # values of another signal of the same task, which is silent here, stand behind
-    return explain(residual, bases, rule, lambda r: np.concatenate([rule(r).ravel(), np.zeros(3000)]))
+    window = np.repeat(np.arange(12), 500)
+    return explain(residual, bases, rule, lambda r: np.concatenate([rule(r).ravel(), np.zeros(3000)]), window)
 
 
 def test_hats_are_a_partition_of_unity() -> None:
@@ -47,6 +48,7 @@ def test_a_missing_force_is_found_and_named_by_its_signal() -> None:
     missing = np.abs(DRIVER) * 0.5
     found = leftover(missing + rng.normal(size=N) * np.sqrt(10.0))
     assert found.p_value < 1e-12
+    assert found.held_out > 100.0
     assert next(iter(found.by_signal)) == "force(x)"
     assert found.rms == pytest.approx(np.sqrt(np.mean(missing**2)), rel=0.1)
 
