@@ -38,7 +38,8 @@ def table() -> str:
         "|---|---|---|---|",
     ]
     for effect in registry.effects().values():
-        lines.append(f"| `{effect.name}` | {effect.text} | {parameters(effect)} | {effect.residual} |")  # noqa: PERF401
+        asked = " Considered on request only." if effect.asked else ""
+        lines.append(f"| `{effect.name}` | {effect.text}{asked} | {parameters(effect)} | {effect.residual} |")
     return "\n".join(lines)
 
 

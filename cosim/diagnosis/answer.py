@@ -61,6 +61,7 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         nominal=nominal(diagnosis),
         warnings=[*log.warnings, *notes(diagnosis, log), *limits(diagnosis, log)],
         held_out=held_out(diagnosis),
+        held_out_from=held_from(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],
         words=words(diagnosis),
         interrupted=diagnosis.stage or None,
@@ -71,6 +72,7 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
             **{name: version(name) for name in ("numpy", "scipy", "numba", "fmpy", "pythonfmu")},
             "log": log.name,
             "log_sha256": log.sha256,
+            **held_file(diagnosis),
         },
     )
 
@@ -103,6 +105,27 @@ def held_out(diagnosis: Diagnosis) -> str:
     return f"another log, {held.name}, which took no part in the fits"
 
 
+def held_from(diagnosis: Diagnosis) -> float | None:
+    """Time in the log from which it was held out, its end where another log was; None for every third window."""
+    if diagnosis.held is None:
+        return None
+    return float(
+        diagnosis.held.record.time[diagnosis.held.first]
+        if diagnosis.held.first
+        else diagnosis.record.time[-1]
+    )
+
+
+def held_file(diagnosis: Diagnosis) -> dict[str, str]:
+    """Name and checksum of another log that was held out."""
+    held = diagnosis.held
+    return (
+        {}
+        if held is None or not held.name
+        else {"log_held_out": held.name, "log_held_out_sha256": held.sha256}
+    )
+
+
 def turned_down(item: Refused) -> RefusedCause:
     """A refused cause in display units."""
     unit, scale = shown(item.signal)
@@ -118,7 +141,8 @@ def words(diagnosis: Diagnosis) -> Words:
     """Units and words of a machine that is not the crane, for whoever makes the report again."""
     lexicon = diagnosis.machine.lexicon
     shown_ = {n: ShownSignal(unit=s.unit, scale=s.scale, text=s.text) for n, s in lexicon.signals.items()}
-    return Words(signals=shown_, units=lexicon.units, blocks=lexicon.blocks)
+    values = diagnosis.machine.base if lexicon.signals else {}
+    return Words(signals=shown_, units=lexicon.units, blocks=lexicon.blocks, values=values)
 
 
 def is_part(diagnosis: Diagnosis, log: Log) -> bool:

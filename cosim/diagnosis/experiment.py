@@ -179,8 +179,9 @@ def proposal_for(
     fixed: dict[str, float],
     values: Mapping[str, float],
     tolerance: float = 0.01,
+    size: float = 1.0,
 ) -> Proposal | None:
-    """An experiment for the first cause that has a twin in this log, or None."""
+    """An experiment for the first cause that has a twin in this log, or None; `size` is that of the full command, SI."""
     for cause in causes:
         if not cause.alike or cause.group not in findings:
             continue
@@ -199,7 +200,7 @@ def proposal_for(
         second = base | twins[0].fit.values
         loose, _ = unknowns(finding.task.model, twins[0].effects, tolerance)
         why = f"tells {cause.effect.name} from {cause.alike[0]}, which this log cannot"
-        found = propose(groups, first, second, loose, rules, why, fixed)
+        found = propose(groups, first, second, loose, rules, why, fixed, size=size)
         return found and replace(found, models=(cause.effect.name, cause.alike[0]))
     return None
 

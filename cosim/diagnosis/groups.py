@@ -262,6 +262,8 @@ class GroupModel:
         """Standard deviation of the trust in a nominal value, lowest and highest estimate, SI."""
         value = self.nominal(name)
         if value > 0.0:
+            if tolerance > 1.0:  # not even its order of magnitude is known
+                return value * tolerance, 1e-3 * value, 1e3 * value
             return value * tolerance, 0.1 * value, 10.0 * value
         # zero or negative: the value itself says little about its size
         variable = self.declared(name)

@@ -121,38 +121,58 @@ def errors(finding: Finding, fit: Fit, held: Held) -> dict[str, float]:
     return found
 
 
+@dataclass(frozen=True)
+class Step:
+    """A set of causes fitted to the whole fitting log: its error there, and on held-out data, SI."""
+
+    effects: tuple[Effect, ...]
+    fit: Fit
+    fitted: float
+    held: float
+
+
 def refuse(finding: Finding, held: Held, tolerance: float) -> list[Refused]:
-    """The causes of a finding that do not help on held-out data, taken out one by one, the least helpful first.
+    """The causes of a finding that do not help on held-out data.
+
+    They are taken in one by one, the one that makes the error over the fitting log smallest first, and each must make the
+    error on held-out data smaller. Of a cause that holds another (Stribeck friction holds Coulomb friction) the simpler one
+    is tried first, and the fuller must be better than that.
 
     Args:
-        finding: what was named in one group.
+        finding: what was named in one group; `confirmed` is set if nothing is refused.
         held: the held-out data.
         tolerance: trust in the nominal parameters.
     """
+    signal = next((s for s in finding.task.measured if s in held.record.signals), "")
+    if not signal or finding.task.model.group.drive not in held.record.signals:
+        return []
+
+    def step(effects: tuple[Effect, ...], near: Fit) -> Step:
+        fit_ = refitted(finding, effects, tolerance, near)
+        fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))
+        return Step(effects, fit_, fitted, errors(finding, fit_, held)[signal])
+
+    waiting = [e for e in finding.chosen.effects if e.name not in SAMPLED]
+    at = step((), finding.chosen.fit)
     refused: list[Refused] = []
-    effects = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
-    best = refitted(finding, effects, tolerance, finding.chosen.fit)
-    while effects:
-        with_all = errors(finding, best, held)
-        if not with_all:
-            break
-        signal = next(iter(with_all))
-        trials = []
-        for effect in effects:
-            rest = tuple(e for e in effects if e is not effect)
-            for less in (rest, *((*rest, s) for s in simpler(finding, effect) if s not in rest)):
-                found = refitted(finding, less, tolerance, best)
-                trials.append((errors(finding, found, held)[signal], effect, less, found))
-        without, effect, less, found = min(trials, key=lambda item: item[0])
-        if without * (1.0 - WORTH) > with_all[signal]:
-            break
-        behind = tried(finding.task, less, tolerance, finding.chosen.fit) if less else finding.null
-        gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
-        refused.append(
-            Refused(effect, finding.task.model.group.name, signal, gain, without, with_all[signal])
-        )
-        effects, best = less, found
-    finding.confirmed = bool(effects) and not refused
+    while waiting := [e for e in waiting if e.name not in {known.name for known in at.effects}]:
+        trials = [(e, step((*at.effects, e), finding.chosen.fit)) for e in waiting]
+        effect, with_it = min(trials, key=lambda item: item[1].fitted)
+        waiting.remove(effect)
+        for less in simpler(finding, effect):
+            plain = step((*at.effects, less), finding.chosen.fit)
+            if less not in at.effects and plain.held < at.held * (1.0 - WORTH):
+                at = plain
+        without = tuple(e for e in at.effects if e not in simpler(finding, effect))
+        if with_it.held < at.held * (1.0 - WORTH):
+            at = with_it if without == at.effects else step((*without, effect), with_it.fit)
+        else:
+            kept = tuple(e for e in finding.chosen.effects if e is not effect)
+            behind = tried(finding.task, kept, tolerance, finding.chosen.fit) if kept else finding.null
+            gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
+            group = finding.task.model.group.name
+            refused.append(Refused(effect, group, signal, gain, at.held, with_it.held))
+    finding.confirmed = bool(at.effects) and not refused
     return refused
 
 

@@ -117,11 +117,14 @@ def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> boo
     return new.score > old.score + SURE
 
 
-def find(task: Task, record: Record, tolerance: float = 0.01, most: int = 3) -> Finding:
+def find(
+    task: Task, record: Record, tolerance: float = 0.01, most: int = 3, within: bool = True
+) -> Finding:
     """Name the effects in one group: forward with swaps and removals, the noise learned anew after each step.
 
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
-    whenever a cause has made it smaller, everything is fitted again before the next is looked for.
+    whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
+    this log refute are taken out again, unless other data will judge them (`within` is False).
     """
     candidates = tuple(e for e in task.model.group.effects() if e.name not in SAMPLED)
     null = tried(task, (), tolerance)
@@ -144,7 +147,8 @@ def find(task: Task, record: Record, tolerance: float = 0.01, most: int = 3) -> 
         if more is None:
             break
         chosen = more
-    chosen = confirmed(task, chosen, null, tolerance)
+    if within:
+        chosen = confirmed(task, chosen, null, tolerance)
     finding = Finding(task, null, chosen, single)
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)

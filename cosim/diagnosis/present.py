@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cosim.console import stderr_console, stdout_console, table, warn
@@ -105,8 +106,13 @@ def delivered(found: Diagnosis, log: Log, folder: Path, watch: Watch | None = No
     try:
         found.stage = "next experiment"
         watch.stage("next", found.stage)
-        groups = found.machine.groups
-        proposal = proposal_for(groups, found.findings, found.causes, found.start, found.values)
+        proposal = None
+        if found.record.grid is None:  # what is proposed is a command at 1 kHz
+            size = full_command(found)
+            groups = found.machine.groups
+            proposal = proposal_for(
+                groups, found.findings, found.causes, found.start, found.values, size=size
+            )
         if proposal is not None:
             proposal = write_command(proposal, folder)
         found.stage = ""
@@ -115,6 +121,12 @@ def delivered(found: Diagnosis, log: Log, folder: Path, watch: Watch | None = No
     except KeyboardInterrupt:
         found.stage = found.stage or "report"
         raise Interrupted(found) from None
+
+
+def full_command(found: Diagnosis) -> float:
+    """The largest command that a proposal may use, SI: 1 for a valve's, as large as in the log for another drive."""
+    drive = found.machine.drive
+    return 1.0 if drive == "u" else float(np.max(np.abs(found.record.signals[drive])))
 
 
 def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:

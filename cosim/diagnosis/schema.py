@@ -74,11 +74,12 @@ class ShownSignal(Model):
 
 
 class Words(Model):
-    """Units and words of a machine that is not the crane."""
+    """Units and words of a machine that is not the crane; `values`: ``component.parameter`` -> SI before the diagnosis."""
 
     signals: dict[str, ShownSignal] = {}
     units: dict[str, str] = {}
     blocks: dict[str, str] = {}
+    values: dict[str, float] = {}
 
 
 class Packages(Model):
@@ -145,6 +146,7 @@ class Answer(Model):
     nominal: dict[str, Parameter]
     warnings: list[str]
     held_out: str = "every third window of the log"
+    held_out_from: float | None = None
     refused: list[RefusedCause] = []
     words: Words = Words()
     interrupted: str | None = None  # the stage in which Ctrl-C ended it

@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 0.01
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
+UNKNOWN = 30.0  # the same for a machine whose parameters are rough guesses
 SHORTEST = 15.0  # s: three windows, one of them held out
 SEARCHES = 3  # made again without what held-out data refused
 FAST = 1e-3  # s: at this interval and below the drive has no news between samples
@@ -106,7 +107,7 @@ def judge(
         # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
         task = task_for(group, record, known if group.integrates else [])
         settle(task.model, constants or {})
-        finding = find(task, record, trust, most)
+        finding = find(task, record, trust, most, within=found.held is None)
         for _ in range(SEARCHES):
             if found.held is None:
                 break
@@ -123,7 +124,7 @@ def judge(
             group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
             task = task_for(group, record, known if group.integrates else [])
             settle(task.model, constants or {})
-            finding = find(task, record, trust, most)
+            finding = find(task, record, trust, most, within=found.held is None)
         finding.upstream = upstream_rivals(finding, known if group.integrates else [], record)
         conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
@@ -202,7 +203,8 @@ def diagnose(
         Interrupted: Ctrl-C, once the log is prepared.
     """
     machine = our_machine(model, base) if isinstance(model, str) else model
-    trust = FREE if calibrate else tolerance
+    free = FREE if isinstance(model, str) or not machine.options.trusted else UNKNOWN
+    trust = free if calibrate else tolerance
     part = log
     if log.time_unit == "s" and machine.options.held_out_from is None:
         part = chosen_stretch(log, machine.drive, from_start=tracker is not None)

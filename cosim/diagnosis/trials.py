@@ -61,7 +61,8 @@ def trusted(model: GroupModel, tolerance: float) -> list[Unknown]:
     for name in model.group.trusted:
         value = model.nominal(name)
         deviation, low, high = model.trust(name, tolerance)
-        found.append(Unknown(name, value, deviation, low, high, (value, deviation)))
+        scale = min(deviation, abs(value) or deviation)
+        found.append(Unknown(name, value, scale, low, high, (value, deviation)))
     return found
 
 

@@ -12,29 +12,10 @@ from cosim.report import hydraulics, reading, torque, valve
 from cosim.report.material import BLOCK_EXTENDED, Curve, Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import averaged, binned
-from cosim.report.words import BLOCK_NAMES, CAPTIONS, axis, effect_name, signal_name
+from cosim.report.words import CAPTIONS, axis, block_name, effect_name, quantity, signal_name
 
 Array = NDArray[np.float64]
 Maker = Callable[[Material, NamedCause], Picture]
-
-# where a quantity "of" which something depends, or "what" is missing, is shown: (name, SI unit, shown unit)
-QUANTITIES: dict[str, tuple[str, str, str]] = {
-    "omega": ("slew speed", "rad/s", "deg/s"),
-    "theta": ("slew angle", "rad", "deg"),
-    "slew": ("slew angle", "rad", "deg"),
-    "time": ("time", "s", "s"),
-    "p_load": ("load pressure", "Pa", "bar"),
-    "u": ("command", "1", "%"),
-    "spool": ("spool position", "m", "mm"),
-    "spool_rate": ("spool speed", "m/s", "mm/s"),
-    "abs(spool)": ("spool opening", "m", "mm"),
-    "torque": ("missing torque", "N.m", "N.m"),
-    "demand": ("missing demand", "1", "%"),
-    "opening": ("missing opening", "m", "mm"),
-    "supply": ("missing supply pressure", "Pa", "bar"),
-    "lagged supply": ("missing supply pressure, lagged", "Pa", "bar"),
-    "reading": ("missing reading", "rad", "deg"),
-}
 
 
 def _pressure_steps(material: Material, cause: NamedCause) -> Picture:
@@ -59,6 +40,8 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "continuity.cracking_pressure": (torque.over_pressure,),
     "mechanical.coulomb_friction": (torque.over_speed,),
     "mechanical.stribeck_friction": (torque.over_speed,),
+    "mechanical.constant_load": (torque.over_speed,),
+    "mechanical.coulomb_asymmetry": (torque.over_speed,),
     "mechanical.viscous_friction": (torque.over_speed,),
     "mechanical.inertia": (torque.over_acceleration,),
     "mechanical.gravity_load": (torque.over_angle,),
@@ -103,6 +86,16 @@ def strongest(material: Material, cause: NamedCause) -> tuple[str, Curve | None]
     return best
 
 
+def angle_of(material: Material) -> str:
+    """The signal by which the mechanics are judged."""
+    found = [
+        next(iter(p.noise))
+        for n, p in material.parts.items()
+        if n in ("mechanical", "simplified") and p.noise
+    ]
+    return found[0] if found else "slew"
+
+
 def driver(material: Material, of: str, cause: NamedCause) -> Array | None:
     """(n,) SI of what a free-form curve is a function of, from predictions without noise where there are any."""
     extended = material.series[BLOCK_EXTENDED] | {
@@ -111,7 +104,7 @@ def driver(material: Material, of: str, cause: NamedCause) -> Array | None:
     if of == "time":
         return material.time
     if of in ("omega", "theta"):
-        angle = extended.get("slew")
+        angle = extended.get(angle_of(material))
         return angle if angle is None or of == "theta" else np.gradient(angle, material.h)
     name = of.removeprefix("abs(").removesuffix(")").removesuffix("_rate")
     values = extended.get(name)
@@ -133,10 +126,8 @@ def residual(material: Material, cause: NamedCause) -> Picture | None:
     x = driver(material, of, cause)
     if x is None:
         of, x = "time", material.time
-    text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
-    from cosim.units import factor
-
-    scale, (shown_unit, shown_scale) = factor(si, unit), shown(signal)
+    text, unit, scale = quantity(of)
+    shown_unit, shown_scale = shown(signal)
     size = max(1, round(0.02 / material.h))
     layers = []
     for name, role, predicted in (("without it", "nominal", without), ("with it", "extended", extended)):
@@ -150,36 +141,34 @@ def residual(material: Material, cause: NamedCause) -> Picture | None:
         f"Residual of the {signal_name(signal)} with and without {effect_name(cause.effect)}",
         axis(text, unit),
         [Panel(axis(f"residual of the {signal_name(signal)}", shown_unit), layers)],
-        CAPTIONS["residual"].format(block=BLOCK_NAMES.get(cause.block, cause.block)),
+        CAPTIONS["residual"].format(block=block_name(cause.block)),
     )
 
 
 def free_form(block: str, signal: str, curve: Curve, key: str) -> Picture:
     """The free-form curve of what is missing."""
-    from cosim.units import factor
-
     what, _, of = curve.label.partition("(")
     of = of.removesuffix(")") if not of.startswith("abs(") else of.removesuffix("))") + ")"
-    (x_text, x_si, x_unit), (y_text, y_si, y_unit) = (QUANTITIES.get(n, (n, "1", "1")) for n in (of, what))
+    (x_text, x_unit, x_scale), (y_text, y_unit, y_scale) = quantity(of), quantity(what)
     layers = [
         Layer(
             "line",
             "piecewise linear, at quantiles of the data",
             "plain",
-            curve.knots * factor(x_si, x_unit),
-            curve.values * factor(y_si, y_unit),
+            curve.knots * x_scale,
+            curve.values * y_scale,
         ),
         Layer(
             "points",
             "knots",
             "plain",
-            curve.knots * factor(x_si, x_unit),
-            curve.values * factor(y_si, y_unit),
+            curve.knots * x_scale,
+            curve.values * y_scale,
         ),
     ]
     return Picture(
         key,
-        f"{y_text.capitalize()} against {x_text} ({BLOCK_NAMES.get(block, block)}, seen in the {signal_name(signal)})",
+        f"{y_text.capitalize()} against {x_text} ({block_name(block)}, seen in the {signal_name(signal)})",
         axis(x_text, x_unit),
         [Panel(axis(y_text, y_unit), layers)],
         CAPTIONS["free_form"].format(driver=x_text, gain=curve.gain),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.answer import shown
+from cosim.diagnosis.lexicon import Lexicon, Shown, speaking
 from cosim.diagnosis.schema import Answer
 from cosim.errors import DataError, UsageError
 from cosim.report.material import KINDS, MEASURED, Curve, Experiment, Material, Noise, Part
@@ -19,6 +20,7 @@ from cosim.report.material import KINDS, MEASURED, Curve, Experiment, Material, 
 Array = NDArray[np.float64]
 
 ANSWER, SERIES, PREDICTED = "diagnosis.json", "comparison.parquet", "next_experiment.parquet"
+HELD_OUT = "held_out.parquet"
 _KEY = b"cosim.report"
 
 
@@ -33,20 +35,23 @@ def keep(material: Material, folder: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    columns: dict[str, Any] = {"time [s]": material.time}
-    for kind, signals in material.series.items():
-        for signal, values in signals.items():
-            unit, scale = shown(signal)
-            columns[f"{kind}/{signal} [{unit}]"] = (values * scale).astype(np.float32)
     facts = {
         "h": material.h,
+        "even": material.stamps is None,
         "tracker": {k: v.tolist() for k, v in material.tracker.items()},
         "parts": [_plain(part) for part in material.parts.values()],
     }
-    table = pa.table(columns).replace_schema_metadata({_KEY: json.dumps(facts).encode()})
+    table = pa.table(_columns(material)).replace_schema_metadata({_KEY: json.dumps(facts).encode()})
     try:
         folder.mkdir(parents=True, exist_ok=True)
         pq.write_table(table, folder / SERIES, compression="zstd")
+        if material.other is not None:
+            other = {"h": material.other.h, "even": material.other.stamps is None}
+            series = pa.table(_columns(material.other))
+            series = series.replace_schema_metadata({_KEY: json.dumps(other).encode()})
+            pq.write_table(series, folder / HELD_OUT, compression="zstd")
+        else:
+            (folder / HELD_OUT).unlink(missing_ok=True)
         if material.experiment is not None:
             pq.write_table(_predicted(material.experiment), folder / PREDICTED, compression="zstd")
         else:
@@ -57,6 +62,16 @@ def keep(material: Material, folder: Path) -> None:
         ) from None
 
 
+def _columns(material: Material) -> dict[str, Any]:
+    """Time and one column for each series, in the units people read; series of a part of the log end in blanks."""
+    columns: dict[str, Any] = {"time [s]": material.time}
+    for kind, signals in material.series.items():
+        for signal, values in signals.items():
+            unit, scale = shown(signal)
+            columns[f"{kind}/{signal} [{unit}]"] = (values * scale).astype(np.float32)
+    return columns
+
+
 def load(folder: Path) -> Material:
     """The material of a diagnosis folder.
 
@@ -64,7 +79,6 @@ def load(folder: Path) -> Material:
         DataError: a file is missing or is not what `cosim diagnose` writes.
     """
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     remedy = "give a folder that 'cosim diagnose LOG --out FOLDER' has written"
     for name in (ANSWER, SERIES):
@@ -75,19 +89,45 @@ def load(folder: Path) -> Material:
     except ValueError as error:
         first = str(error).splitlines()[0]
         raise DataError(f"{folder / ANSWER} is not a diagnosis of this version ({first}): {remedy}") from None
-    try:
-        table = pq.read_table(folder / SERIES)
+    with speaking(lexicon_of(answer)):
+        try:
+            return _read(folder, answer)
+        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
+            raise DataError(
+                f"{folder / SERIES} does not hold the series of a diagnosis ({type(error).__name__}: {error}): {remedy}"
+            ) from None
+
+
+def lexicon_of(answer: Answer) -> Lexicon:
+    """The units and words in which an answer was told."""
+    words = answer.words
+    signals = {n: Shown(s.unit, s.scale, s.text) for n, s in words.signals.items()}
+    return Lexicon(signals, dict(words.units), dict(words.blocks))
+
+
+def _read(folder: Path, answer: Answer) -> Material:
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(folder / SERIES)
+    facts = json.loads((table.schema.metadata or {})[_KEY])
+    parts = {p["name"]: _part(p) for p in facts["parts"]}
+    tracker = {k: np.array(v) for k, v in facts["tracker"].items()}
+    series = _series(table)
+    proposed = answer.next_experiment is not None and (folder / PREDICTED).is_file()
+    experiment = _experiment(pq.read_table(folder / PREDICTED)) if proposed else None
+    stamps = _stamps(table, facts)
+    found = Material(answer, float(facts["h"]), series, parts, tracker, folder, experiment, stamps)
+    if (folder / HELD_OUT).is_file():
+        table = pq.read_table(folder / HELD_OUT)
         facts = json.loads((table.schema.metadata or {})[_KEY])
-        parts = {p["name"]: _part(p) for p in facts["parts"]}
-        tracker = {k: np.array(v) for k, v in facts["tracker"].items()}
-        series = _series(table)
-        proposed = answer.next_experiment is not None and (folder / PREDICTED).is_file()
-        experiment = _experiment(pq.read_table(folder / PREDICTED)) if proposed else None
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
-        raise DataError(
-            f"{folder / SERIES} does not hold the series of a diagnosis ({type(error).__name__}: {error}): {remedy}"
-        ) from None
-    return Material(answer, float(facts["h"]), series, parts, tracker, folder, experiment)
+        stamps = _stamps(table, facts)
+        found.other = Material(answer, float(facts["h"]), _series(table), {}, stamps=stamps)
+    return found
+
+
+def _stamps(table: Any, facts: dict[str, Any]) -> Array | None:
+    """Stamps of a log that is not evenly sampled."""
+    return None if facts.get("even", True) else np.asarray(table["time [s]"].to_numpy(), dtype=np.float64)
 
 
 def _predicted(experiment: Experiment) -> Any:

@@ -12,6 +12,7 @@ from cosim.diagnosis.schema import Answer, NamedCause
 from fmus import registry
 
 if TYPE_CHECKING:
+    from cosim.diagnosis.data import Record
     from cosim.diagnosis.experiment import Proposal
     from cosim.diagnosis.found import Diagnosis
     from cosim.diagnosis.naming import Finding
@@ -109,6 +110,8 @@ class Material:
         tracker: time (s), reading (rad) and raw stamps (s) of the external tracker, (m,) each; empty without one.
         folder: where the diagnosis lies, or None.
         experiment: the next experiment as predicted, or None.
+        stamps: (n,) s, where the samples are not evenly spaced.
+        other: measured, nominal and extended series of a held-out log.
     """
 
     answer: Answer
@@ -118,10 +121,20 @@ class Material:
     tracker: dict[str, Array] = field(default_factory=dict)
     folder: Path | None = None
     experiment: Experiment | None = None
+    stamps: Array | None = None
+    other: "Material | None" = None
+
+    def at(self, samples: Array) -> Array:
+        """Times of positions counted in samples, s."""
+        if self.stamps is None:
+            return samples * self.h
+        return np.asarray(np.interp(samples, np.arange(self.stamps.size), self.stamps))
 
     @property
     def time(self) -> Array:
         """(n,) s, from zero."""
+        if self.stamps is not None:
+            return self.stamps
         return np.arange(len(next(iter(self.measured.values()))), dtype=np.float64) * self.h
 
     @property
@@ -139,6 +152,8 @@ class Material:
 
     def nominal(self, name: str) -> float:
         """Nominal value of ``component.parameter``, SI."""
+        if name in self.answer.words.values:
+            return self.answer.words.values[name]
         component, _, parameter = name.partition(".")
         for effect in registry.effects().values():
             if effect.component == component and parameter in effect.parameters:
@@ -222,7 +237,20 @@ def gather(
         experiment = Experiment(
             proposal.models, 1e-3, proposal.command, proposal.predicted, noise, proposal.evidence
         )
-    return Material(answer, found.record.h, series, parts, tracker_of(found), folder, experiment)
+    stamps = stamps_of(found.record)
+    made = Material(answer, found.record.h, series, parts, tracker_of(found), folder, experiment, stamps)
+    if found.held is not None and found.held_after:
+        record = found.held.record
+        kinds = {MEASURED: dict(record.signals), NOMINAL: found.held_before, EXTENDED: found.held_after}
+        made.other = Material(answer, record.h, kinds, {}, stamps=stamps_of(record))
+    return made
+
+
+def stamps_of(record: "Record") -> Array | None:
+    """Stamps of a log that is not evenly sampled."""
+    if record.grid is None or np.ptp(np.diff(record.time)) <= 1e-9 * record.h:
+        return None
+    return record.time
 
 
 def tracker_of(found: "Diagnosis") -> dict[str, Array]:

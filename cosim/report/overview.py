@@ -1,5 +1,7 @@
 """Pictures of the whole: signals before and after, shares of the blocks, residuals with their noise."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,13 +11,16 @@ from cosim.diagnosis.crossval import held_windows
 from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import MOST, averaged, bucket, envelope
-from cosim.report.words import BLOCK_NAMES, CAPTIONS, axis, by_error, signal_name
+from cosim.report.words import CAPTIONS, axis, block_name, by_error, signal_name
 
 Array = NDArray[np.float64]
 
 
 def held_out(material: Material) -> list[tuple[float, float]]:
     """Spans of time, s, that were not used for fitting."""
+    start = material.answer.held_out_from
+    if start is not None:
+        return [(start, float(material.time[-1]))] if start < material.time[-1] else []
     window = round(WINDOW / material.h)
     count = len(material.time) // window
     return [(k * WINDOW, (k + 1) * WINDOW) for k in np.flatnonzero(held_windows(count)).tolist()]
@@ -27,12 +32,23 @@ def signals(material: Material) -> list[Picture]:
     return [_signal(material, signal) for signal in by_error(material.answer, seen)]
 
 
+def held_signals(material: Material) -> list[Picture]:
+    """The same for a held-out log, which is what the gains are measured on."""
+    if material.other is None:
+        return []
+    found = []
+    for picture in signals(material.other):
+        key, title = f"held-out-{picture.key}", f"{picture.title}: held-out data"
+        found.append(replace(picture, key=key, title=title))
+    return found
+
+
 def _signal(material: Material, signal: str) -> Picture:
     unit, scale = shown(signal)
     size = bucket(material.time.size, material.h)
     measured = material.measured[signal] * scale
     at, values = envelope(measured, size)
-    top = [Layer("line", "measured", "measured", at * material.h, values)]
+    top = [Layer("line", "measured", "measured", material.at(at), values)]
     spans, errors = [], []
     item = material.answer.signals.get(signal)
     if item is not None and item.noise_floor > 0.0:
@@ -44,12 +60,12 @@ def _signal(material: Material, signal: str) -> Picture:
         if simulated is None:
             continue
         middle, mean = averaged(simulated * scale, size)
-        top.append(Layer("line", name, role, middle * material.h, mean))  # type: ignore[arg-type]
+        top.append(Layer("line", name, role, material.at(middle), mean))  # type: ignore[arg-type]
         error = measured - simulated * scale
         _, peaks = envelope(error, size)
         low, high = np.sort(peaks[: 2 * middle.size].reshape(-1, 2), axis=1).T if size > 1 else (error, error)
-        spans.append(Layer("band", "", role, middle * material.h, low, high))  # type: ignore[arg-type]
-        errors.append(Layer("line", name, role, middle * material.h, averaged(error, size)[1]))  # type: ignore[arg-type]
+        spans.append(Layer("band", "", role, material.at(middle), low, high))  # type: ignore[arg-type]
+        errors.append(Layer("line", name, role, material.at(middle), averaged(error, size)[1]))  # type: ignore[arg-type]
     return Picture(
         f"signal-{signal}",
         f"{signal_name(signal).capitalize()}, driven by the command alone",
@@ -63,7 +79,7 @@ def _signal(material: Material, signal: str) -> Picture:
 def shares(material: Material) -> Picture:
     """How the systematic part of the residual is divided between the blocks."""
     rows = sorted(material.answer.localisation, key=lambda r: -r.share)
-    labels = tuple(f"{BLOCK_NAMES.get(r.block, r.block)}: {signal_name(r.signal)}" for r in rows)
+    labels = tuple(f"{block_name(r.block)}: {signal_name(r.signal)}" for r in rows)
     x = np.arange(len(rows), dtype=np.float64)
     ratio = np.array([r.residual_rms / r.noise_floor if r.noise_floor > 0.0 else 0.0 for r in rows])
     return Picture(
@@ -117,8 +133,8 @@ def residuals(material: Material) -> list[Picture]:
                 if at.size > 2 * MOST:
                     kept, values = envelope(values, -(-at.size // MOST))
                     at = at[kept.astype(int)]
-                layers.append(Layer("line", name, role, at * material.h, values * scale))  # type: ignore[arg-type]
-            block = BLOCK_NAMES.get(part.name, part.name)
+                layers.append(Layer("line", name, role, material.at(at), values * scale))  # type: ignore[arg-type]
+            block = block_name(part.name)
             told = CAPTIONS["block_free" if noise.free else "block"]
             caption = told.format(
                 block=block.capitalize(),

@@ -9,20 +9,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.diagnosis.chain import WINDOW
+from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.packages import project_version
 from cosim.report import experiment, overview
 from cosim.report.evidence import free_form, pictures
-from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, load
+from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, lexicon_of, load
 from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
 from cosim.report.words import (
-    BLOCK_NAMES,
+    block_name,
     by_error,
     doubts,
     effect_in_block,
     fit_text,
+    kind_of_motion,
     number,
     phrase,
     prose,
@@ -34,7 +36,8 @@ from cosim.report.words import (
 if TYPE_CHECKING:
     from cosim.diagnosis.experiment import Proposal
     from cosim.diagnosis.found import Diagnosis
-    from cosim.diagnosis.schema import Answer
+    from cosim.diagnosis.lexicon import speaking
+from cosim.diagnosis.schema import Answer
 
 REPORT = "report.html"
 PACKAGES = ("plotly", "jinja2", "pyarrow")
@@ -81,7 +84,9 @@ def write_report(folder: Path) -> Path:
     """
     need_extra()
     file = folder / REPORT
-    text = page(load(folder))
+    material = load(folder)
+    with speaking(lexicon_of(material.answer)):
+        text = page(material)
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -112,8 +117,9 @@ def page(material: Material) -> str:
     environment.filters["unit"] = unit_text
     environment.filters["signal"] = signal_name
     environment.filters["effect"] = effect_in_block
-    environment.filters["block"] = lambda name: BLOCK_NAMES.get(name, name)
+    environment.filters["block"] = block_name
     environment.filters["prose"] = prose
+    environment.filters["motion"] = kind_of_motion
     environment.filters["fit"] = fit_text
     environment.filters["four"] = lambda value: number(value)
     # inside a script element only "<" can do harm
@@ -143,7 +149,9 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         "doubts": doubts(answer),
         "duration": f"{material.time[-1]:.4g}",
         "rate": f"{1.0 / material.h:.4g}",
-        "signals": shown(overview.signals(material) + ([seen] if seen else [])),
+        "signals": shown(
+            overview.held_signals(material) + overview.signals(material) + ([seen] if seen else [])
+        ),
         "nominal": [(name, *interval(p), p.unit) for name, p in answer.nominal.items()],
         "shares": shown([overview.shares(material)] if answer.localisation else []),
         "residuals": shown(overview.residuals(material)),
@@ -223,6 +231,8 @@ def files(material: Material) -> list[tuple[str, str, str]]:
     """(name, size, SHA-256) of the log and of the diagnosis' files."""
     made = material.answer.made
     found = [(made["log"], "", made["log_sha256"])] if "log" in made else []
+    if "log_held_out" in made:
+        found.append((made["log_held_out"], "", made["log_held_out_sha256"]))
     if material.folder is None:
         return found
     wanted = [ANSWER, SERIES, "next_experiment.csv", PREDICTED, "extended.ssp", "extended_open.ssp"]

@@ -7,7 +7,7 @@ from cosim.diagnosis.schema import NamedCause
 from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, reversals, slopes
-from cosim.report.words import CAPTIONS, axis, effect_name
+from cosim.report.words import CAPTIONS, axis, effect_name, kind_of_motion, quantity
 
 Array = NDArray[np.float64]
 
@@ -29,12 +29,14 @@ class Motion:
 
     def __init__(self, material: Material, cause: NamedCause) -> None:
         h, signals = material.h, material.measured
-        if "p_load" not in signals or "slew" not in signals:
-            raise LookupError("the torque needs p_load and slew")
-        pick = points(signals["slew"].size, h)
-        theta = low_pass(signals["slew"], h, CUTOFF)
+        part = material.parts.get("mechanical")
+        drive, angle = ("p_load", "slew") if part is None else (part.drive, next(iter(part.noise)))
+        if drive not in signals or angle not in signals:
+            raise LookupError(f"the torque needs {drive} and {angle}")
+        pick = points(signals[angle].size, h)
+        theta = low_pass(signals[angle], h, CUTOFF)
         omega, alpha = slopes(theta, h)
-        pressure = low_pass(signals["p_load"], h, CUTOFF)
+        pressure = low_pass(signals[drive], h, CUTOFF)
         self.theta, self.omega, self.alpha, self.pressure = (v[pick] for v in (theta, omega, alpha, pressure))
         self.area = material.nominal("mechanical.A") * material.nominal("mechanical.r")
         self.inertia = material.value("mechanical.J", cause)
@@ -74,6 +76,10 @@ def law(material: Material, cause: NamedCause, motion: Motion) -> Array:
         return size("tau_c") * np.sign(omega)
     if cause.effect == "mechanical.stribeck_friction":
         return (size("tau_c") + size("tau_s") * np.exp(-((omega / size("omega_s")) ** 2))) * np.sign(omega)
+    if cause.effect == "mechanical.constant_load":
+        return size("tau_load") + zero
+    if cause.effect == "mechanical.coulomb_asymmetry":
+        return size("tau_d") + zero
     if cause.effect == "mechanical.gravity_load":
         return size("tau_g") * np.sin(motion.theta - size("theta_g"))
     if cause.effect == "mechanical.gear_ripple":
@@ -112,16 +118,16 @@ def over_speed(material: Material, cause: NamedCause) -> Picture:
         torque = (material.size(cause, "b") - motion.damping) * speed
     else:
         torque = law_over(material, cause, motion, omega=speed)
-    caption = CAPTIONS["over_speed"]
+    (text, unit, scale), (of, force, _) = quantity("omega"), quantity("torque")
     return _drawn(
         f"evidence-{cause.effect.replace('.', '-')}",
-        f"Missing torque against speed: {effect_name(cause.effect)}",
-        motion.omega / DEG,
+        f"{of.capitalize()} against {text}: {effect_name(cause.effect)}",
+        motion.omega * scale,
         motion.missing,
-        (axis("slew speed", "deg/s"), axis("missing torque", "N.m")),
-        (speed / DEG, torque),
+        (axis(text, unit), axis(of, force)),
+        (speed * scale, torque),
         motion,
-        caption,
+        kind_of_motion(CAPTIONS["over_speed"]),
     )
 
 
@@ -130,16 +136,16 @@ def over_angle(material: Material, cause: NamedCause) -> Picture:
     motion = Motion(material, cause)
     angle = np.linspace(motion.theta.min(), motion.theta.max(), 801)
     torque = law_over(material, cause, motion, theta=angle)
-    caption = CAPTIONS["over_angle"]
+    (text, unit, scale), (of, force, _) = quantity("theta"), quantity("torque")
     return _drawn(
         f"evidence-{cause.effect.replace('.', '-')}",
-        f"Missing torque against angle: {effect_name(cause.effect)}",
-        motion.theta / DEG,
+        f"{of.capitalize()} against {text}: {effect_name(cause.effect)}",
+        motion.theta * scale,
         motion.missing,
-        (axis("slew angle", "deg"), axis("missing torque", "N.m")),
-        (angle / DEG, torque),
+        (axis(text, unit), axis(of, force)),
+        (angle * scale, torque),
         motion,
-        caption,
+        kind_of_motion(CAPTIONS["over_angle"]),
     )
 
 

@@ -27,6 +27,36 @@ BLOCK_NAMES = {
     "tracker": "tracker",
     "simplified": "drive",
 }
+# where a quantity "of" which something depends, or "what" is missing, is shown: (name, SI unit, shown unit)
+QUANTITIES: dict[str, tuple[str, str, str]] = {
+    "omega": ("slew speed", "rad/s", "deg/s"),
+    "theta": ("slew angle", "rad", "deg"),
+    "slew": ("slew angle", "rad", "deg"),
+    "time": ("time", "s", "s"),
+    "p_load": ("load pressure", "Pa", "bar"),
+    "u": ("command", "1", "%"),
+    "spool": ("spool position", "m", "mm"),
+    "spool_rate": ("spool speed", "m/s", "mm/s"),
+    "abs(spool)": ("spool opening", "m", "mm"),
+    "torque": ("missing torque", "N.m", "N.m"),
+    "demand": ("missing demand", "1", "%"),
+    "opening": ("missing opening", "m", "mm"),
+    "supply": ("missing supply pressure", "Pa", "bar"),
+    "lagged supply": ("missing supply pressure, lagged", "Pa", "bar"),
+    "reading": ("missing reading", "rad", "deg"),
+}
+# words for rotation -> words for a linear axis
+TURNING = (
+    ("slew speed", "speed"),
+    ("slew angle", "position"),
+    ("torque", "force"),
+    ("Torque", "Force"),
+    ("the column", "the axis"),
+    ("turns", "moves"),
+    ("angle", "position"),
+    ("inertia", "mass"),
+    ("Inertia", "Mass"),
+)
 NOISY = 1.1  # times the sensor's noise within which an error is called the noise
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
@@ -100,7 +130,7 @@ def effect_name(effect: str) -> str:
 def effect_in_block(effect: str) -> str:
     """An effect with its block: "Coulomb friction (mechanics)"."""
     block = effect.partition(".")[0]
-    return f"{effect_name(effect)} ({BLOCK_NAMES.get(block, block)})"
+    return f"{effect_name(effect)} ({block_name(block)})"
 
 
 def prose(text: str) -> str:
@@ -117,7 +147,31 @@ def fit_text(percent: float) -> str:
 
 def signal_name(signal: str) -> str:
     """A signal as people call it."""
-    return SIGNAL_NAMES.get(signal, signal)
+    own = current().signals.get(signal)
+    return own.text if own else SIGNAL_NAMES.get(signal, signal)
+
+
+def block_name(block: str) -> str:
+    """A block as people call it."""
+    return current().blocks.get(block) or BLOCK_NAMES.get(block, block)
+
+
+def quantity(of: str) -> tuple[str, str, float]:
+    """What something depends on, in words; the unit in which it is shown, and the factor from SI to it."""
+    lexicon = current()
+    if of in lexicon.signals:
+        return signal_name(of), *lexicon.signal(of)
+    text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
+    return kind_of_motion(text), *lexicon.quantity(si, unit)
+
+
+def kind_of_motion(text: str) -> str:
+    """Words about a turning machine, for a machine that moves along a line where this one does."""
+    if current().units.get("rad") != "m":
+        return text
+    for turning, linear in TURNING:
+        text = text.replace(turning, linear)
+    return text
 
 
 def listed(items: list[str]) -> str:
@@ -211,15 +265,15 @@ def told(answer: Answer, wrong: list[tuple[str, str]]) -> str:
 def sentence(material: Material) -> str:
     """The verdict as a person would say it."""
     answer = material.answer
-    blocks = listed(sorted({BLOCK_NAMES.get(r.block, r.block) for r in answer.unexplained}) or ["model"])
+    blocks = listed(sorted({block_name(r.block) for r in answer.unexplained}) or ["model"])
     if answer.verdict == "adequate":
-        judged = listed([BLOCK_NAMES.get(name, name) for name in material.parts] or ["model"])
+        judged = listed([block_name(name) for name in material.parts] or ["model"])
         return (
             f"The simulation agrees with the log: in {judged}, what is left is no more than noise and the tolerance "
             "of the nominal parameters allow."
         )
     if answer.verdict == "interrupted":
-        judged = listed([BLOCK_NAMES.get(name, name) for name in material.parts] or ["no block"])
+        judged = listed([block_name(name) for name in material.parts] or ["no block"])
         if not answer.causes:
             return f"The diagnosis was interrupted. Judged until then: {judged}; no cause was named."
         return f"The diagnosis was interrupted. Judged until then: {judged}. " + told(
