@@ -104,7 +104,10 @@ class TrackerModel:
         done = least_squares(
             cost, np.zeros(scales.size), slopes, bounds=(-ends, ends), x_scale="jac", xtol=1e-10
         )
-        norms = np.maximum(np.linalg.norm(done.jac, axis=0), 1e-300)
+        norms = np.linalg.norm(done.jac, axis=0)
+        norms = np.maximum(
+            norms, 1e-9 * max(float(norms.max()), 1e-300)
+        )  # what nothing shows is all but unknown
         unit = done.jac / norms
         scaled = scales / norms
         covariance = np.linalg.pinv(unit.T @ unit, rcond=1e-12, hermitian=True) * np.outer(scaled, scaled)
