@@ -47,6 +47,7 @@ def test_a_cluster_gives_what_this_machine_gives(rogue: Path, scheduler: str, tm
     xr.testing.assert_identical(*cubes)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_takes_one_run(rogue: Path, scheduler: str, tmp_path: Path) -> None:
     sweep = {"r.k": "1:8:8", "r.die": "0,0,1,0,0,0,0,0"}
     report = conduct(plan(rogue, sweep=sweep, design="zip", scheduler=scheduler), tmp_path / "b")

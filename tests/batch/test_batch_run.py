@@ -81,7 +81,7 @@ def test_results_do_not_depend_on_the_number_of_processes(
     reference: tuple[Plan, Path], tmp_path: Path
 ) -> None:
     asked, folder = reference
-    conduct(asked.model_copy(update={"workers": 3, "runs_per_worker": 4}), tmp_path / "three")
+    conduct(asked.model_copy(update={"workers": 3, "runs_per_worker": 8}), tmp_path / "three")
     same(folder, tmp_path / "three")
 
 
@@ -138,6 +138,7 @@ def test_a_process_that_dies_takes_one_run(rogue: Path, tmp_path: Path, run_cosi
     assert (again.about["runs_before"], again.about["runs_now"], again.missed) == (10, 2, True)
 
 
+@pytest.mark.slow
 def test_a_parcel_whose_process_dies_loses_one_run_only(
     rogue: Path, tmp_path: Path, monkeypatch: Any
 ) -> None:
