@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SHORTEST = 2.0  # s
-MOVES = 5.0  # times its noise that a measured signal must move
+MOVES = 12.0  # times its noise that a signal must move from end to end; a million samples of noise span ten
 SMALLEST_COMMAND = 0.02  # [1], peak to peak
 AT_STOP = 0.985  # of the spool's travel: from here on a stop may hold it
 SETTLING = 0.6  # s after a stop in which the valve's motion is still not that of a linear one

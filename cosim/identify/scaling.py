@@ -105,7 +105,7 @@ def calibrate(signal: str, points: Iterable[tuple[float, float]]) -> Channel:
         )
     basis = np.column_stack([volts, np.ones(volts.size)])
     (gain, offset), *_ = np.linalg.lstsq(basis, values, rcond=None)
-    if gain == 0.0:
+    if np.ptp(values) == 0.0:
         raise UsageError(
             f"the points of '{signal}' have one value at all voltages: there is no scaling between them"
         )

@@ -43,7 +43,7 @@ def test_values_give_the_observer_block_the_same_gain():
 
 
 def test_double_pole_is_placed():
-    assert design_observer(drive(), [-8.0, -8.0]).gain == pytest.approx([3.4784, 4.64])
+    assert design_observer(drive(), [-8.0, -8.0]).gain == pytest.approx([5.184, 4.64])
 
 
 @pytest.mark.parametrize(
