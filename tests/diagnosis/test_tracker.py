@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from cosim.diagnosis.data import Record
+from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.story import prepare
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.tracker_model import SEAM_ANGLE
@@ -21,7 +22,7 @@ EFFICIENT = (0.7, 1.5)  # mean square error over the Cramer-Rao bound
 
 def found(*hidden: str) -> TrackerFinding:
     run = make_log("mixed", 40.0, list(hidden), seed=3, tracker=True, start=9.0 * DEG)
-    return compare_tracker(prepare(as_log(run)), as_tracker(run))
+    return compare_tracker(prepare(as_log(run), our_machine("full_order")), as_tracker(run))
 
 
 def test_nothing_is_named_where_nothing_is_wrong() -> None:
@@ -128,6 +129,17 @@ def test_a_repeating_motion_is_laid_over_itself_at_the_right_period() -> None:
     fit = compare_tracker(Record(1e-3, {"slew": slew + 2e-4 * rng.standard_normal(t.size)}), tracker).fit
     assert abs(fit.values["tracker.offset"] - 4.0) < 4.0 * fit.deviations["tracker.offset"]
     assert abs(fit.values["tracker.rate"] - 0.999) < 4.0 * fit.deviations["tracker.rate"]
+
+
+def test_a_seam_that_is_never_crossed_is_not_pretended() -> None:
+    run = make_log("mixed", 25.0, ["tracker.seam:seam=0.2 deg"], seed=3, tracker=True)
+    assert run.true["seen"].max() < SEAM_ANGLE
+    finding = compare_tracker(prepare(as_log(run)), as_tracker(run))
+    assert not np.isfinite(finding.everything.deviations["tracker.seam"])
+    assert not np.isfinite(finding.everything.deviations["sensor.bias"])
+    assert np.isfinite(finding.everything.deviations["tracker.offset"])
+    (cause,) = finding.causes
+    assert {cause.effect.name, *cause.alike} >= {"tracker.seam", "sensor.bias"}
 
 
 def test_missing_readings_do_not_count() -> None:
