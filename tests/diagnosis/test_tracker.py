@@ -66,7 +66,7 @@ class Motion:
     def __init__(self) -> None:
         clock = f"tracker.clock:offset={self.offset} s,rate={self.rate}"
         run = make_log(
-            "mixed", 30.0, [clock, "tracker.seam:seam=0.2 deg"], seed=3, tracker=True, start=9.0 * DEG
+            "mixed", 30.0, [clock, "tracker.seam:seam=0.2 deg"], seed=3, tracker=True, start=11.0 * DEG
         )
         assert run.tracker is not None
         self.time, self.seen, self.stamps = run.time, run.true["seen"], run.tracker[0]
