@@ -88,8 +88,9 @@ def notes(diagnosis: Diagnosis, log: Log) -> list[str]:
     grid = diagnosis.record.grid
     if grid is not None:
         spread = np.diff(grid.stamps)
+        low, high = (f"{1e3 * v:.4g}" for v in (spread.min(), spread.max()))
         found.append(
-            f"sampled every {1e3 * spread.min():.4g} to {1e3 * spread.max():.4g} ms: simulated in steps of "
+            f"sampled every {low if low == high else f'{low} to {high}'} ms: simulated in steps of "
             f"{1e3 * grid.step:.4g} ms, the command held from stamp to stamp, and compared at the stamps themselves"
         )
     return found

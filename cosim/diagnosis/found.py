@@ -58,6 +58,7 @@ class Diagnosis:
         tracker: what the external tracker says, if there was one.
         held: the part of the log, or the other log, on which gains are measured; None for every third window.
         held_before, held_after: as before, after, over the held-out log.
+        calibrated: trusted parameters fitted without any cause, where they were freed: what the extension is held against.
         refused: causes that the fitting log asks for and the held-out one does not bear out.
         span: start and end of the stretch that was used, s of the log's own time.
         elsewhere: where in the rest of the log the extended model errs more.
@@ -85,6 +86,7 @@ class Diagnosis:
     held_before: dict[str, Array] = field(default_factory=dict)
     held_after: dict[str, Array] = field(default_factory=dict)
     refused: list[Refused] = field(default_factory=list)
+    calibrated: dict[str, float] = field(default_factory=dict)
     span: tuple[float, float] = (0.0, 0.0)
     elsewhere: list[Elsewhere] = field(default_factory=list)
     stage: str = ""

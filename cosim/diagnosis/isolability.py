@@ -8,7 +8,7 @@ effects with the same signature only by the shape of what they leave (Krysander 
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from cosim.diagnosis.groups import Group
+from cosim.diagnosis.groups import Group, merged
 from fmus import registry
 
 BY_TRACKER = ("sensor.gain", "sensor.bias", "sensor.drift", "tracker.clock", "tracker.seam")
@@ -30,9 +30,12 @@ class Isolability:
 
 
 def residuals(groups: tuple[Group, ...], signals: Collection[str]) -> dict[str, tuple[str, ...]]:
-    """Effect -> names of the groups whose residual shows it, for the signals that are measured."""
+    """Effect -> names of the groups whose residual shows it, for the signals that are measured.
+
+    Groups between which nothing was measured are judged as one.
+    """
     found: dict[str, list[str]] = {name: [] for name in registry.effects()}
-    for group in groups:
+    for group in merged(groups, signals):
         if group.drive in signals and group.observed[0] in signals:
             for effect in group.effects():
                 found[effect.name].append(group.name)

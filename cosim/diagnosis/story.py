@@ -311,6 +311,8 @@ def estimate(
             finding, effects, tolerance, (finding.chosen if stands(finding) else finding.null).fit
         )
         diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
+        if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
+            diagnosis.calibrated = refitted(finding, (), tolerance, finding.null.fit).values
         return
     if diagnosis.rests or diagnosis.unjudged or not findings:
         return
@@ -330,7 +332,8 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     if closed(machine.source) and record.grid is None:
         stimulus = stimulus_csv(record.time, record.signals[machine.drive])
     values = diagnosis.values | diagnosis.start
-    nominal = write_extended(machine.source, machine.values, folder / "nominal", None)["open"]
+    plain = machine.values | diagnosis.calibrated
+    nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
     diagnosis.packages = write_extended(machine.source, values, folder, stimulus)
     extended = diagnosis.packages["open"]
     diagnosis.before = run_package(nominal, record, machine, diagnosis.start)

@@ -191,7 +191,7 @@ def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
         quantities[name] = Quantity(parameter, nominal)
     if cause.effect in PHRASES:
         noun, how = PHRASES[cause.effect]
-        return noun, how.format(**quantities)
+        return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
     sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
     return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"
 
