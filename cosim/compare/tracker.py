@@ -95,6 +95,9 @@ def rows(run: TrackerRun) -> list[list[object]]:
     found: list[list[object]] = []
     for name, (value, deviation, accepted) in estimates(run).items():
         unit, scale, text = SHOWN[name]
+        if not np.isfinite(deviation):
+            found.append([name, "-", "-", unit, f"{text}: not determined"])
+            continue
         digits = max(3, int(np.ceil(np.log10(max(abs(value / max(deviation, 1e-300)), 1.0)))) + 2)
         what = text if accepted else f"{text}: none found"
         found.append([name, f"{value * scale:.{digits}g}", f"{NORMAL * deviation * scale:.2g}", unit, what])
@@ -115,8 +118,10 @@ def lines(run: TrackerRun) -> list[str]:
             f"The seam fits best at {best:.4g} deg (95 %: {low:.4g} to {high:.4g}); the two marker models are said to meet "
             f"at {SEAM_ANGLE / DEG:g} deg."
         )
-    elif finding.everything.deviations[SEAM] > DEG:
-        found.append("The motion does not cross 12 deg, so a seam could not be seen.")
+    elif not np.isfinite(finding.everything.deviations[SEAM]):
+        found.append(
+            f"The motion stays on one side of {SEAM_ANGLE / DEG:g} deg: a seam cannot be told from a bias of the sensor."
+        )
     return found
 
 
@@ -129,9 +134,11 @@ def as_data(run: TrackerRun) -> dict[str, Any]:
         "parameters": [
             {
                 "name": name,
-                "value": value,
-                "deviation": deviation,
-                "ci95": [value - NORMAL * deviation, value + NORMAL * deviation],
+                "value": value if np.isfinite(deviation) else None,
+                "deviation": deviation if np.isfinite(deviation) else None,
+                "ci95": [value - NORMAL * deviation, value + NORMAL * deviation]
+                if np.isfinite(deviation)
+                else None,
                 "accepted": accepted,
                 "unit": {"deg": "rad", "deg/s": "rad/s"}.get(SHOWN[name][0], SHOWN[name][0]),
             }
@@ -180,12 +187,12 @@ def tracker_figure(run: TrackerRun) -> "Figure":
     upper.axhline(SEAM_ANGLE / DEG, color=MEASURED, linewidth=0.8, linestyle=":")
     lower.axvline(SEAM_ANGLE / DEG, color=MEASURED, linewidth=0.8, linestyle=":")
     upper.legend(loc="upper right")
-    middle.legend(loc="upper right", markerscale=5.0)
-    parts = [
-        f"{n.partition('.')[2]} {v * SHOWN[n][1]:.6g} {SHOWN[n][0]}"
-        for n, (v, _, a) in estimates(run).items()
-        if a
-    ]
+    middle.legend(loc="center right", markerscale=5.0, frameon=True)
+    parts = []
+    for name, (value, _, accepted) in estimates(run).items():
+        unit, scale, _ = SHOWN[name]
+        if accepted:
+            parts.append(f"{name.partition('.')[2]} {value * scale:.6g} {unit.removesuffix('1')}".rstrip())
     upper.set_title(", ".join(parts), loc="left")
     figure.suptitle(f"Slew sensor of {run.log[0].name} and tracker {run.log[1].name}", fontsize=11)
     return figure

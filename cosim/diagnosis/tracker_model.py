@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from cosim.calibrate.determined import sight
 from cosim.calibrate.noise import Noise
 from cosim.calibrate.spectrum import bands, learn
 from cosim.diagnosis.data import Record
@@ -111,7 +112,9 @@ class TrackerModel:
         unit = done.jac / norms
         scaled = scales / norms
         covariance = np.linalg.pinv(unit.T @ unit, rcond=1e-12, hermitian=True) * np.outer(scaled, scaled)
-        deviations = dict(zip(chosen, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+        # what two errors only show together (bias and seam, where the motion does not cross it) has no deviation of its own
+        own = sight(unit, np.empty((unit.shape[0], 0))).own * scaled
+        deviations = dict(zip(chosen, own.tolist(), strict=True))
         found = values(done.x)
         residuals = {"slew_external": self.readings - self.predict(found)[0]}
         return Fit(found, deviations, -float(done.cost), done.fun.size, residuals, covariance)
