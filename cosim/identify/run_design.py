@@ -23,7 +23,14 @@ from cosim.identify.scaling import (
     volt_columns,
     wire_over_disc,
 )
-from cosim.identify.state_space import design_observer, drive, observer_values, root_locus
+from cosim.identify.state_space import (
+    Observer,
+    RootLocus,
+    design_observer,
+    drive,
+    observer_values,
+    root_locus,
+)
 from cosim.identify.transfer_function import fit_records
 from cosim.logs import Log
 from cosim.logs.load import open_source
@@ -118,10 +125,19 @@ def observer_answer(
     answer = Answer("observer", data, values, notes=notes)
     answer.lines = [
         f"drive, {origin}: theta/u = {gain:.5g} / (s (s + {pole:.5g})), deg",
+        *_observer_lines(observer, loci),
+    ]
+    answer.draw = lambda: picture.root_locus_figure(loci, observer)
+    return answer
+
+
+def _observer_lines(observer: Observer, loci: Mapping[str, RootLocus]) -> list[str]:
+    """Matrices, ranks, gain and loci in words."""
+    plant, poles, gain = observer.plant, observer.poles, observer.gain
+    lines = [
         f"A = {plant.A.tolist()}, B = {plant.B.tolist()}, C = {plant.C.tolist()}",
         f"rank of controllability {plant.controllability}, of observability {plant.observability}, of 2 states",
-        f"observer poles {observer.poles[0]:.5g} and {observer.poles[1]:.5g} 1/s: L = [{observer.gain[0]:.5g},"
-        f" {observer.gain[1]:.5g}]",
+        f"observer poles {poles[0]:.5g} and {poles[1]:.5g} 1/s: L = [{gain[0]:.5g}, {gain[1]:.5g}]",
     ]
     for name, locus in loci.items():
         limit = (
@@ -129,11 +145,10 @@ def observer_answer(
             if np.isfinite(locus.limit)
             else "stable at every gain"
         )
-        answer.lines.append(
+        lines.append(
             f"proportional control of {name}: {limit}, phase margin {locus.margins[1]:.3g} deg at 1 /deg"
         )
-    answer.draw = lambda: picture.root_locus_figure(loci, observer)
-    return answer
+    return lines
 
 
 def _unit(name: str) -> str:
