@@ -18,6 +18,7 @@ from cosim.diagnosis.noise import Whitener
 Array = NDArray[np.float64]
 
 KNOTS = 9
+SYSTEMATIC = 1e-5  # probability below which what free functions explain is no chance
 RIDGE = 0.1  # of a column's square: of what is visited less, hardly a coefficient is taken
 FACTOR_KNOTS = 5  # of a factor that changes over the log or with another signal
 

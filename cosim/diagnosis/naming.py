@@ -9,7 +9,7 @@ import numpy as np
 from cosim.diagnosis.crossval import refuted, window_numbers
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
-from cosim.diagnosis.freeform import Basis, Leftover, explain
+from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
 from cosim.diagnosis.groups import GroupModel
 from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.noise import learned
@@ -117,9 +117,7 @@ def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> boo
     return new.score > old.score + SURE
 
 
-def find(
-    task: Task, record: Record, tolerance: float = 0.01, most: int = 3, within: bool = True
-) -> Finding:
+def find(task: Task, record: Record, tolerance: float = 0.01, most: int = 3, within: bool = True) -> Finding:
     """Name the effects in one group: forward with swaps and removals, the noise learned anew after each step.
 
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
@@ -152,6 +150,10 @@ def find(
     finding = Finding(task, null, chosen, single)
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)
+    while out := outweighed(finding, tolerance):
+        kept = tuple(e for e in finding.chosen.effects if e is not out)
+        finding.chosen = tried(task, kept, tolerance, finding.chosen.fit)
+        finding.after = leftovers(task, record, finding.chosen.fit)
     finding.rivals = rivals(task, finding, candidates, tolerance)
     finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
     finding.marks = sampled(task, record, finding.chosen.fit)
@@ -166,6 +168,20 @@ def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial
         kept = tuple(e for e in chosen.effects if e is not out[0])
         chosen = tried(task, kept, tolerance, chosen.fit) if kept else null
     return chosen
+
+
+def outweighed(finding: Finding, tolerance: float) -> Effect | None:
+    """The least of several causes, if more is left unexplained than it explains: it may be what it imitates of that."""
+    left = sum(r.gain for r in finding.after.values() if r.p_value < SYSTEMATIC and r.held_out > 0.0)
+    if len(finding.chosen.effects) < 2 or left <= 0.0:
+        return None
+    losses = []
+    for effect in finding.chosen.effects:
+        rest = tuple(e for e in finding.chosen.effects if e is not effect)
+        without = tried(finding.task, rest, tolerance, finding.chosen.fit)
+        losses.append((finding.chosen.fit.log_likelihood - without.fit.log_likelihood, effect))
+    loss, effect = min(losses, key=lambda item: item[0])
+    return effect if loss < left else None
 
 
 def smaller_noise(task: Task, record: Record, found: Fit) -> bool:

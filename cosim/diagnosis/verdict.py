@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.crossval import held_out_gain
 from cosim.diagnosis.fit import jacobian
-from cosim.diagnosis.freeform import Leftover
+from cosim.diagnosis.freeform import SYSTEMATIC, Leftover
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, declared, tried, trusted
 from cosim.diagnosis.samples import SAMPLED, marks
@@ -16,7 +16,6 @@ from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-SYSTEMATIC = 1e-5  # probability below which what free functions explain is no chance
 AGAIN = 20.0  # log-likelihood that it must gain in windows other than those in which it was found
 NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not matter in practice
 LOCAL = 1e-7  # probability below which something at one time or one frequency is no chance
@@ -204,13 +203,16 @@ def strained(finding: Finding, tolerance: float) -> list[Rest]:
     chosen = finding.chosen if stands(finding) else finding.null
     freed = {n for e in chosen.effects for n in names_of(e).values()}
     signal = next(iter(finding.after))
+    # a single cause whose law is known only nearly bends the parameters beside it
+    gain = chosen.fit.log_likelihood - finding.null.fit.log_likelihood
+    enough = max(SURE, FORM**2 * gain) if len(chosen.effects) == 1 else SURE
     found = []
     for known in trusted(finding.task.model, tolerance):
         if known.name in freed or known.prior is None:
             continue
         pull = abs(chosen.fit.values[known.name] - known.start) / known.prior[1]
         off = pull - 1.64 * chosen.fit.deviations[known.name] / known.prior[1]
-        if off <= BEYOND + 1.0 or 0.5 * pull**2 <= SURE:
+        if off <= BEYOND + 1.0 or 0.5 * pull**2 <= enough:
             continue
         change = chosen.fit.values[known.name] / known.start - 1.0
         words = f"{signal} asks for {known.name} {change:+.1%} off its nominal value, and no cause of the library says why"

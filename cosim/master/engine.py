@@ -48,7 +48,9 @@ class Engine:
         self.in_values = np.zeros(len(plan.in_source))
         used = sorted({r.index for r in plan.recorded if r.index >= 0})
         self.recorded = np.array(used, dtype=np.int64)
-        self.rows = np.empty((len(used), len(time))).T  # a signal is one piece of memory: the result needs no copy
+        self.rows = np.empty(
+            (len(used), len(time))
+        ).T  # a signal is one piece of memory: the result needs no copy
         self.stop = np.zeros(1, dtype=np.int64)
         self.wall_time = 0.0
         self._scale = np.zeros(plan.n_values)  # largest value met of each number, while loops are iterated

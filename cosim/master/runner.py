@@ -122,7 +122,9 @@ class Runner:
         try:
             self._initialise(loop, settings, sampled[0])
             if all(item.series < 0 for item in plan.recorded):
-                sampled = sampled[:1].copy()  # the loop has its own table; hours of samples need not be held twice
+                sampled = sampled[
+                    :1
+                ].copy()  # the loop has its own table; hours of samples need not be held twice
             loop.run(0, whole, step_size, engine, progress)
             if whole < len(grid) - 1:
                 loop.run(whole, whole + 1, float(grid[-1] - grid[-2]), engine, progress)
