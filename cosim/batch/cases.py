@@ -16,6 +16,7 @@ from cosim.batch.job import File, Job, Model, Run
 from cosim.batch.parameters import Table, Varied, parameter_table
 from cosim.batch.plan import Plan
 from cosim.batch.sources import Estimates, read_estimates
+from cosim.batch.twin import Twin
 from cosim.console import to_jsonable
 from cosim.errors import UsageError
 from cosim.packages import project_version
@@ -90,6 +91,8 @@ def plan_batch(plan: Plan, folder: Path) -> Batch:
         default = estimates.model if estimates and estimates.model else _default(plan, task)
         for label, path in _model_files(plan, task, plan.model or (default,)).items():
             with read_system(path) as system:
+                if plan.engine == "compiled" and task == "simulate":
+                    Twin(system).check()
                 table = parameter_table(plan, estimates, system)
                 models.append(_model(plan, task, system, named_file(label, path), estimates))
     files = [named_file(label, path) for label, path in labelled(logs).items()]

@@ -84,6 +84,14 @@ class Twin:
         self._kept: dict[str, _Kept] = {}
         self._driven: Array | None = None
 
+    def check(self) -> None:
+        """See that the system as it is wired can be run.
+
+        Raises:
+            ModelError: it has a loop.
+        """
+        self._plan((), (), None)
+
     def close(self) -> None:
         """Forget what was kept."""
         self._kept.clear()

@@ -98,6 +98,18 @@ def test_requests_without_sense_are_refused_before_any_run(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_model_without_a_twin_is_refused_before_any_run(
+    packages: dict[str, Path], rogue: Path, tmp_path: Path
+) -> None:
+    for model, sweep, said in (
+        (packages["physical"], {"mechanical.J": "700,800"}, "has a loop"),
+        (rogue, {"r.k": "1,2"}, "none of our blocks"),
+    ):
+        asked = Plan.model_validate({"model": str(model), "sweep": sweep, "engine": "compiled"})
+        with pytest.raises(ModelError, match=said):
+            plan_batch(asked, tmp_path)
+
+
 def test_values_out_of_the_models_bounds_are_refused(packages: dict[str, Path], tmp_path: Path) -> None:
     asked = {"model": str(packages["full_order"])}
     for bad in ({"sweep": {"mechanical.J": "-5,700 kg.m2"}}, {"vary": {"mechanical.J": "-5:700 kg.m2"}}):
