@@ -149,7 +149,7 @@ def test_scaling_prints_the_channels(tmp_path):
     ("arguments", "kind", "message"),
     [
         (["transfer-function", "LOG", "--order", "2-0"], UsageError, "should read poles/zeros"),
-        (["transfer-function", "LOG", "--set", "dcv.k=1"], UsageError, "did you mean"),
+        (["transfer-function", "LOG", "--set", "dcv.k=1"], UsageError, "known are K, w0"),
         (["transfer-function", "LOG", "--set", "dvc.K=1 mm"], UsageError, "did you mean dcv"),
         (["dead-zone", "LOG", "--response", "p_a"], UsageError, "choose spool, p_load, slew"),
         (["dead-zone", "LOG", "--filter", "700 Hz"], UsageError, "half the sampling rate, 500 Hz"),
