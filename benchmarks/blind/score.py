@@ -98,7 +98,7 @@ def honest(row: Row) -> bool:
 
 
 def knowable(row: Row) -> bool:
-    """True if the log can tell the hidden cause, left out of the library, from what the library offers instead."""
+    """True if the log can tell the hidden cause, unknown to the library, from what the library offers instead."""
     return bool(row["truth"]) and all(v["ahead"] >= DETECTABLE for v in row["truth"].values())
 
 
@@ -172,7 +172,8 @@ def honesty_lines(rows: list[Row]) -> list[Metric]:
     return [
         share("a cause named in a clean log", "<= 1 %", clean, lambda r: bool(r["causes"])),
         share("clean log called adequate", "-", clean, lambda r: r["verdict"] == "adequate"),
-        share(f"unknown cause (rig) {unknown}", ">= 95 %", of(rows, "unknown"), honest),
+        share(f"unknown cause (rig) {unknown}", "-", of(rows, "unknown"), honest),
+        share("the same, where the log can tell", ">= 95 %", of(rows, "unknown", knowable), honest),
         share("unknown cause (left out, where the log can tell) likewise", ">= 95 %", left_out, honest),
         share("false 'unexplained' (clean or known cause)", "<= 2 %", understood, lambda r: bool(r["rests"])),
         share("two effects, exactly", ">= 90 %", pairs, lambda r: set(names(r)) == set(true_names(r))),

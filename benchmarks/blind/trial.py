@@ -11,11 +11,11 @@ import numpy as np
 from benchmarks.blind.cases import Case
 from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
 from cosim.diagnosis.fit import fit
+from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import left_out
 from cosim.diagnosis.naming import Finding, unknowns
-from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.story import diagnose
-from cosim.rig import make_log
+from cosim.rig import RigRun, make_log
 from cosim.rig.write import as_log, as_tracker
 from fmus import registry
 
@@ -35,7 +35,7 @@ def run_case(case: Case, fmus: bool) -> dict[str, Any]:
         row["seconds"] = time.perf_counter() - began
         row["cpu_seconds"] = time.process_time() - cpu
         row |= said(found)
-        row["truth"] = truth(case, found)
+        row["truth"] = truth(case, found, run)
     except Exception:
         row["error"] = traceback.format_exc()
     return row
@@ -66,7 +66,12 @@ def said(found: Diagnosis) -> dict[str, Any]:
         for r in found.rests
     ]
     left = {
-        f"{name}.{signal}": [rest.p_value, rest.gain, rest.rms / finding.task.rules[signal].rms, rest.held_out]
+        f"{name}.{signal}": [
+            rest.p_value,
+            rest.gain,
+            rest.rms / finding.task.rules[signal].rms,
+            rest.held_out,
+        ]
         for name, finding in found.findings.items()
         for signal, rest in finding.after.items()
     }
@@ -77,7 +82,12 @@ def said(found: Diagnosis) -> dict[str, Any]:
         for kind, event in kinds.items()
     }
     first = {
-        f"{name}.{signal}": [rest.p_value, rest.gain, rest.rms / finding.task.rules[signal].rms, rest.held_out]
+        f"{name}.{signal}": [
+            rest.p_value,
+            rest.gain,
+            rest.rms / finding.task.rules[signal].rms,
+            rest.held_out,
+        ]
         for name, finding in found.findings.items()
         for signal, rest in finding.before.items()
     }
@@ -95,10 +105,19 @@ def said(found: Diagnosis) -> dict[str, Any]:
     }
 
 
-def truth(case: Case, found: Diagnosis) -> dict[str, dict[str, float]]:
+def truth(case: Case, found: Diagnosis, run: RigRun) -> dict[str, dict[str, float]]:
     """Group -> log-likelihood that the true effects gain over the nominal model and over what was chosen."""
     result: dict[str, dict[str, float]] = {}
-    if case.tracker or any(name in UNKNOWN for name in case.hidden):
+    if case.tracker:
+        return result
+    for name in {UNKNOWN[n] for n in case.hidden if n in UNKNOWN} & found.findings.keys():
+        finding = found.findings[name]
+        best = noise_alone(finding, run)
+        result[name] = {
+            "gain": best - finding.null.fit.log_likelihood,
+            "ahead": best - finding.chosen.fit.log_likelihood,
+        }
+    if result:
         return result
     for name in {GROUP_OF[n] for n in case.hidden}:
         finding = found.findings.get(name)
@@ -117,6 +136,15 @@ def truth(case: Case, found: Diagnosis) -> dict[str, dict[str, float]]:
             "least": least if len(names) > 1 else best - null,
         }
     return result
+
+
+def noise_alone(finding: Finding, run: RigRun) -> float:
+    """Log-likelihood of a group whose residual is nothing but the sensors' noise: what the best of all models reaches."""
+    true = dict(run.true) | {"slew": run.true["sensed"]}
+    task = finding.task
+    noise = {s: measured - true[s][: measured.size] for s, measured in task.measured.items()}
+    white = task.white(noise)
+    return -0.5 * float(white @ white)
 
 
 def true_fit(case: Case, finding: Finding, names: list[str]) -> float:

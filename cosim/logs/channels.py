@@ -26,14 +26,16 @@ class MdfSource(Source):
             from asammdf import MDF
         except ImportError:
             raise MissingExtraError(f"reading {path.name}", "mf4") from None
-        with translated(path, "MDF"), MDF(path) as file:
-            self._places = [
-                (g, c)
-                for g, group in enumerate(file.groups)
-                for c in range(len(group.channels))
-                if c != file.masters_db.get(g)
-            ]
-            heads = [(file.groups[g].channels[c].name, _mdf_unit(file, g, c)) for g, c in self._places]
+        with translated(path, "MDF"):
+            opened: Any = MDF(path)  # its groups' attributes are set at run time
+            with opened as file:
+                self._places = [
+                    (g, c)
+                    for g, group in enumerate(file.groups)
+                    for c in range(len(group.channels))
+                    if c != file.masters_db.get(g)
+                ]
+                heads = [(file.groups[g].channels[c].name, _mdf_unit(file, g, c)) for g, c in self._places]
         if not heads:
             raise DataError(f"{path}: holds no channel")
         super().__init__(path, [parse_label(name, unit) for name, unit in heads])
