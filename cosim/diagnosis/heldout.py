@@ -4,7 +4,7 @@ A cause that the fitting log asks for but that does not make the prediction of t
 has described that one log and not the machine.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -172,7 +172,45 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> list[Refused]:
             gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
             group = finding.task.model.group.name
             refused.append(Refused(effect, group, signal, gain, at.held, with_it.held))
+    refused += pruned(finding, at, step, signal, tolerance)
     finding.confirmed = bool(at.effects) and not refused
+    return refused
+
+
+def pruned(
+    finding: Finding,
+    at: Step,
+    step: Callable[[tuple[Effect, ...], Fit], Step],
+    signal: str,
+    tolerance: float,
+) -> list[Refused]:
+    """What the whole set can do without, or with something simpler in its place: early steps could not know what followed.
+
+    Args:
+        finding: what was named in one group.
+        at: the set that was taken in.
+        step: makes a set of effects, from a fit nearby.
+        signal: what is judged.
+        tolerance: trust in the nominal parameters.
+    """
+    refused: list[Refused] = []
+    while at.effects:
+        trials = []
+        for effect in at.effects:
+            rest = tuple(e for e in at.effects if e is not effect)
+            less = [e for e in simpler(finding, effect) if e.name not in {r.name for r in rest}]
+            trials += [(effect, step(other, at.fit)) for other in (rest, *((*rest, e) for e in less))]
+        effect, fewer = min(trials, key=lambda item: item[1].held)
+        if fewer.held * (1.0 - WORTH) > at.held:
+            break
+        both = [
+            tried(finding.task, e, tolerance, finding.chosen.fit) if e else finding.null
+            for e in (at.effects, fewer.effects)
+        ]
+        gain = both[0].fit.log_likelihood - both[1].fit.log_likelihood
+        group = finding.task.model.group.name
+        refused.append(Refused(effect, group, signal, gain, fewer.held, at.held))
+        at = fewer
     return refused
 
 
