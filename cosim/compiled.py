@@ -57,6 +57,9 @@ def compiled_text(composed: Composed) -> str:
     text = composed.source.replace(
         "import math\n", "import math\nimport numpy as np\nfrom numba import njit\n", 1
     )
+    # numba tells unions of tuple types apart by name only: tuples of two blocks with equal names would be mixed in its cache
+    own = rf"\1 = namedtuple('\1_{composed.digest}', \2)\n\1_{composed.digest} = \1"
+    text = re.sub(r'(?m)^(\w+) = namedtuple\("\1", (.*)\)$', own, text)
     short = short_functions(composed)
     text = re.sub(r"\ndef (\w+)", lambda found: decorated(found[1], found[1] in short), text)
     columns = ", ".join(f"inputs[{i}, k]" for i in range(len(composed.block.inputs)))

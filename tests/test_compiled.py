@@ -2,6 +2,10 @@
 
 import ast
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -110,3 +114,25 @@ def test_unknown_parameter_is_named() -> None:
     with pytest.raises(KeyError, match="has no 'tau_cc'; did you mean tau_c"):
         compiled_block("mechanical").run(np.zeros((1, 3)), H, {"tau_cc": 1.0})
     assert math.isfinite(compiled_block("mechanical").nominal["J"])
+
+
+LOADED = """
+import sys
+import numpy as np
+from cosim.compiled import compiled_block
+for name in sys.argv[1:]:
+    compiled_block(name, name).run(np.full((1, 20), 1e-4), 1e-3, {})
+"""
+
+
+def test_code_compiled_beside_another_block_is_loaded_without_it(tmp_path: Path) -> None:
+    for blocks in (["dcv", "continuity"], ["continuity"]):
+        environment = os.environ | {"COSIM_CACHE": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
+        done = subprocess.run(
+            [sys.executable, "-c", LOADED, *blocks],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr

@@ -140,7 +140,7 @@ def truth(case: Case, found: Diagnosis, run: RigRun) -> dict[str, dict[str, floa
 
 def noise_alone(finding: Finding, run: RigRun) -> float:
     """Log-likelihood of a group whose residual is nothing but the sensors' noise: what the best of all models reaches."""
-    true = dict(run.true) | {"slew": run.true["sensed"]}
+    true = dict(run.true) | {"slew": run.true["seen"]}
     task = finding.task
     noise = {s: measured - true[s][: measured.size] for s, measured in task.measured.items()}
     white = task.white(noise)
