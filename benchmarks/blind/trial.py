@@ -15,6 +15,7 @@ from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import left_out
 from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.verdict import Cause, Rest
 from cosim.rig import RigRun, make_log
 from cosim.rig.write import as_log, as_tracker
 from fmus import registry
@@ -43,65 +44,58 @@ def run_case(case: Case, fmus: bool) -> dict[str, Any]:
 
 def said(found: Diagnosis) -> dict[str, Any]:
     """What the diagnosis answered, as plain data."""
-    causes = [
-        {
-            "effect": cause.effect.name,
-            "group": cause.group,
-            "gain": cause.gain,
-            "held_out": cause.held_out,
-            "alike": list(cause.alike),
-            "parameters": {n: [float(v), float(d)] for n, (v, d) in cause.parameters.items()},
-        }
-        for cause in found.causes
-    ]
-    rests = [
-        {
-            "block": r.block,
-            "signal": r.signal,
-            "what": r.what,
-            "p": r.leftover.p_value,
-            "gain": r.leftover.gain,
-            "relative": r.leftover.rms / found.findings[r.block].task.rules[r.signal].rms,
-        }
-        for r in found.rests
-    ]
-    left = {
-        f"{name}.{signal}": [
-            rest.p_value,
-            rest.gain,
-            rest.rms / finding.task.rules[signal].rms,
-            rest.held_out,
-        ]
-        for name, finding in found.findings.items()
-        for signal, rest in finding.after.items()
-    }
-    events = {
-        f"{name}.{signal}.{kind}": [event.p_value, event.gain, event.excess]
-        for name, finding in found.findings.items()
-        for signal, kinds in finding.events.items()
-        for kind, event in kinds.items()
-    }
-    first = {
-        f"{name}.{signal}": [
-            rest.p_value,
-            rest.gain,
-            rest.rms / finding.task.rules[signal].rms,
-            rest.held_out,
-        ]
-        for name, finding in found.findings.items()
-        for signal, rest in finding.before.items()
-    }
-    gains = {s: [g.before, g.after] for s, g in found.gains.items()}
-    chosen = {name: list(f.chosen.names) for name, f in found.findings.items()}
     return {
         "verdict": found.verdict,
-        "causes": causes,
-        "rests": rests,
-        "left": left,
-        "first": first,
-        "events": events,
-        "chosen": chosen,
-        "fmu_gain": gains,
+        "causes": [plain_cause(cause) for cause in found.causes],
+        "rests": [plain_rest(rest, found) for rest in found.rests],
+        "left": leftovers(found, "after"),
+        "first": leftovers(found, "before"),
+        "events": {
+            f"{name}.{signal}.{kind}": [event.p_value, event.gain, event.excess]
+            for name, finding in found.findings.items()
+            for signal, kinds in finding.events.items()
+            for kind, event in kinds.items()
+        },
+        "chosen": {name: list(f.chosen.names) for name, f in found.findings.items()},
+        "fmu_gain": {s: [g.before, g.after] for s, g in found.gains.items()},
+    }
+
+
+def plain_cause(cause: Cause) -> dict[str, Any]:
+    """A named cause as plain data."""
+    return {
+        "effect": cause.effect.name,
+        "group": cause.group,
+        "gain": cause.gain,
+        "held_out": cause.held_out,
+        "alike": list(cause.alike),
+        "parameters": {n: [float(v), float(d)] for n, (v, d) in cause.parameters.items()},
+    }
+
+
+def plain_rest(rest: Rest, found: Diagnosis) -> dict[str, Any]:
+    """What stays unexplained, its size in units of the noise."""
+    return {
+        "block": rest.block,
+        "signal": rest.signal,
+        "what": rest.what,
+        "p": rest.leftover.p_value,
+        "gain": rest.leftover.gain,
+        "relative": rest.leftover.rms / found.findings[rest.block].task.rules[rest.signal].rms,
+    }
+
+
+def leftovers(found: Diagnosis, when: str) -> dict[str, list[float]]:
+    """Group and signal -> probability, gain, size in units of the noise, and held-out gain of what free functions explain."""
+    return {
+        f"{name}.{signal}": [
+            left.p_value,
+            left.gain,
+            left.rms / finding.task.rules[signal].rms,
+            left.held_out,
+        ]
+        for name, finding in found.findings.items()
+        for signal, left in getattr(finding, when).items()
     }
 
 
