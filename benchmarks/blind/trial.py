@@ -86,7 +86,7 @@ def plain_rest(rest: Rest, found: Diagnosis) -> dict[str, Any]:
 
 
 def leftovers(found: Diagnosis, when: str) -> dict[str, list[float]]:
-    """Group and signal -> probability, gain, size in units of the noise, and held-out gain of what free functions explain."""
+    """Group and signal -> probability, gain, size by the noise, held-out gain of what free functions explain."""
     return {
         f"{name}.{signal}": [
             left.p_value,
