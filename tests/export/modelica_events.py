@@ -122,10 +122,11 @@ class Events:
         """Value at this event, or None while it is not known yet."""
         if port in self.known:
             return self.known[port]
+        if port.removesuffix(".y") in self.holds:
+            # a Hold has sampled nothing before the start, where it hands its input over; from then on it is known
+            return self.value(f"{port.removesuffix('.y')}.u")
         if port in self.fed:
-            owner = self.fed[port].partition(".")[0]
-            # a Hold has sampled nothing before the start, where it hands its input over
-            return self.value(self.fed[f"{owner}.u"] if owner in self.holds else self.fed[port])
+            return self.value(self.fed[port])
         if port not in self.equations:
             return None
         name = re.search(r"[A-Za-z_]\w*\.\w+", self.equations[port])
