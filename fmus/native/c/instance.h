@@ -29,6 +29,24 @@ typedef struct {
     Model model;
 } Instance;
 
+/* The next number up, in size, of as many digits. */
+static void raise_digits(char *digits) {
+    char *exponent = strchr(digits, 'e'), *at = exponent - 1;
+    int e = atoi(exponent + 1);
+    for (; at >= digits; at--) { /* a sign and what the locale puts between the digits stay */
+        if (*at == '9') {
+            *at = '0';
+        } else if (*at >= '0' && *at < '9') {
+            ++*at;
+            return;
+        }
+    }
+    for (at = digits; *at < '0' || *at > '9'; at++) {
+    }
+    *at = '1'; /* 9.9 became 0.0: it is 10 */
+    sprintf(exponent, "e%+03d", e + 1);
+}
+
 /* The shortest text that reads back as the same number, in Python's form: 1e-06, 0.25, 100000000000.0 */
 static const char *number(double value, char text[NUMBER_SIZE]) {
     char digits[NUMBER_SIZE], *exponent;
@@ -39,6 +57,10 @@ static const char *number(double value, char text[NUMBER_SIZE]) {
     }
     for (precision = 0; precision < 17; precision++) {
         snprintf(digits, sizeof digits, "%.*e", precision, value);
+        if (strtod(digits, NULL) == value) {
+            break;
+        }
+        raise_digits(digits); /* above a power of two there is twice the room: the second nearest may read back */
         if (strtod(digits, NULL) == value) {
             break;
         }
