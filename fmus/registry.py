@@ -51,6 +51,6 @@ def effects_on(component: str) -> tuple[Effect, ...]:
 
 
 def suggestion(name: str, known: "tuple[str, ...] | list[str]") -> str:
-    """Text that offers the closest of the known names, or all of them."""
-    close = difflib.get_close_matches(name, known, n=3)
+    """Text that offers the closest of the known names (those that differ in case alone first), or all of them."""
+    close = [k for k in known if k.lower() == name.lower()] or difflib.get_close_matches(name, known, n=3)
     return f"did you mean {' or '.join(close)}?" if close else f"known are {', '.join(known)}"
