@@ -8,7 +8,7 @@ import pytest
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import ChainModel, write_extended
 from cosim.diagnosis.gain import run_package
-from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.machine import our_machine
 
 H = 1e-3
 TIME = np.arange(8001) * H
@@ -39,10 +39,11 @@ START = {"mechanical.theta_0": 0.3}
     ids=["nominal", "first", "second", "third"],
 )
 def test_the_twin_equals_the_fmus(values: dict[str, float], tmp_path: Path) -> None:
-    record = Record(H, {"u": COMMAND})
-    twin = ChainModel(MODELS["full_order"], record, dict(START)).simulate(values)
-    packages = write_extended("full_order", values | START, tmp_path, None)
-    fmus = run_package(packages["open"], record, {})
+    machine = our_machine("full_order")
+    twin = ChainModel(machine.groups, Record(H, {"u": COMMAND}), dict(START)).simulate(values)
+    packages = write_extended(machine.source, values | START, tmp_path, None)
+    # what a log holds is what is recorded of the FMUs
+    fmus = run_package(packages["open"], Record(H, {"u": COMMAND} | twin), machine, {})
     for signal in ("spool", "p_load", "p_supply", "slew"):
         scale = max(float(np.ptp(twin[signal])), 1e-9 * float(np.abs(twin[signal]).max()))
         assert (
