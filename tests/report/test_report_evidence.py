@@ -11,14 +11,15 @@ from cosim.report.evidence import MAKERS, free_form, pictures
 from cosim.report.material import Curve
 from cosim.report.picture import Panel
 from cosim.report.words import PHRASES
-from cosim.rig import Hidden, make_log
+from cosim.rig import EFFECTS, Hidden, make_log
 from fmus import effects, registry
 
-# effects whose picture shows means (or responses) beside the two models' lines
+# effects that the rig can hide whose picture shows means (or responses) beside the two models' lines
 BESIDE = [
     e
     for e in MAKERS
-    if e not in ("mechanical.compliance", "sensor.quantisation", "sensor.dropout", "dcv.stroke_limit")
+    if e in EFFECTS
+    and e not in ("mechanical.compliance", "sensor.quantisation", "sensor.dropout", "dcv.stroke_limit")
 ]
 JUMPS = {
     "mechanical.coulomb_friction",
