@@ -147,12 +147,7 @@ def explain(
     the window to which each whitened value belongs.
     """
     target = white(residual)
-    blocks: list[Array] = []
-    means: list[Array] = []  # the same columns as bin means: the residual's own rate is not needed
-    for basis in bases:
-        pairs = [(white(column), rule.windows(column)) for column in basis.columns()]
-        blocks.append(np.stack([column for column, _ in pairs], axis=1))
-        means.append(np.stack([rows for _, rows in pairs]))
+    blocks, means = prepared(bases, rule, white)
     matrix = np.concatenate(blocks, axis=1) if blocks else np.empty((target.size, 0))
     coefficients, used, rest = solved(matrix, target)
     before = float(target @ target)
@@ -190,6 +185,18 @@ def explain(
         curves,
         held_out,
     )
+
+
+def prepared(
+    bases: list[Basis], rule: Whitener, white: Callable[[Array], Array]
+) -> tuple[list[Array], list[Array]]:
+    """Columns of each family, whitened (values, k) and as bin means (k, windows, bins): their own rate is not needed."""
+    blocks, means = [], []
+    for basis in bases:
+        pairs = [(white(column), rule.windows(column)) for column in basis.columns()]
+        blocks.append(np.stack([column for column, _ in pairs], axis=1))
+        means.append(np.stack([rows for _, rows in pairs]))
+    return blocks, means
 
 
 def chance_of(gained: float, used: int, level: float, spare: int) -> float:
