@@ -126,12 +126,6 @@ def described(
         variables.append(
             scalar_variable(own, reference, causality, variable, starts.get(own, variable.start))
         )
-    index = {own: i + 1 for i, (own, _, _) in enumerate(rows)}
-    outputs, initial = E.Outputs(), E.InitialUnknowns()
-    for output in [own for own, causality, _ in rows if causality == "output"]:
-        depends = " ".join(str(index[i]) for i in feedthrough.get(output, ()))
-        outputs.append(E.Unknown(index=str(index[output]), dependencies=depends))
-        initial.append(E.Unknown(index=str(index[output])))
     root = etree.Element(
         "fmiModelDescription",
         fmiVersion="2.0",
@@ -143,13 +137,7 @@ def described(
         generationDateAndTime=GENERATION_DATE,
         variableNamingConvention="structured",
     )
-    flags = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true" if sources else "false",
-             "canBeInstantiatedOnlyOncePerProcess": "false", "canNotUseMemoryManagementFunctions": "true",
-             "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "needsExecutionTool": "false"}  # fmt: skip
-    slave = etree.Element("CoSimulation", modelIdentifier=name, **flags)
-    if sources:
-        slave.append(E.SourceFiles(*(E.File(name=file) for file in sources)))
-    root.append(slave)
+    root.append(co_simulation(name, sources))
     root.append(unit_definitions(v for _, _, v in rows))
     categories = E.LogCategories()
     for category in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"):
@@ -157,10 +145,33 @@ def described(
     root.append(categories)
     root.append(E.DefaultExperiment(startTime="0", stopTime="10", stepSize=repr(step_size)))
     root.append(variables)
-    root.append(E.ModelStructure(outputs, initial))
-    digest = hashlib.sha256(etree.tostring(root) + content).hexdigest()
-    root.set("guid", f"{{{uuid.UUID(digest[:32])}}}")
+    root.append(structure(rows, feedthrough))
+    root.set("guid", f"{{{uuid.UUID(hashlib.sha256(etree.tostring(root) + content).hexdigest()[:32])}}}")
     return root
+
+
+def co_simulation(name: str, sources: Sequence[str]) -> etree._Element:
+    """What the FMU can do as a co-simulation slave."""
+    flags = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true" if sources else "false",
+             "canBeInstantiatedOnlyOncePerProcess": "false", "canNotUseMemoryManagementFunctions": "true",
+             "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "needsExecutionTool": "false"}  # fmt: skip
+    slave = etree.Element("CoSimulation", modelIdentifier=name, **flags)
+    if sources:
+        slave.append(E.SourceFiles(*(E.File(name=file) for file in sources)))
+    return slave
+
+
+def structure(
+    rows: Sequence[tuple[str, str, Variable]], feedthrough: Mapping[str, tuple[str, ...]]
+) -> etree._Element:
+    """Outputs, with the inputs that they depend on directly."""
+    index = {own: i + 1 for i, (own, _, _) in enumerate(rows)}
+    outputs, initial = E.Outputs(), E.InitialUnknowns()
+    for output in [own for own, causality, _ in rows if causality == "output"]:
+        depends = " ".join(str(index[i]) for i in feedthrough.get(output, ()))
+        outputs.append(E.Unknown(index=str(index[output]), dependencies=depends))
+        initial.append(E.Unknown(index=str(index[output])))
+    return E.ModelStructure(outputs, initial)
 
 
 def documentation(composed: Composed, starts: Mapping[str, float]) -> bytes:

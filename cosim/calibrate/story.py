@@ -52,6 +52,9 @@ class Options:
     given: Mapping[str, Value] | None = None
 
 
+UNSETTLED = "the search had not settled when it ended: take the values with care, or give closer bounds"
+
+
 def calibrate(
     comparator: Comparator,
     free: Sequence[Free],
@@ -74,19 +77,10 @@ def calibrate(
         DataError: the log holds nothing to fit to.
         SimulationError: the model fails at the values that fit best.
     """
-    options = options or Options()
-    begun = clock.perf_counter()
+    options, begun = options or Options(), clock.perf_counter()
     count = len(comparator.log)
     stop = count if second is not None else _fitted_samples(count, options.held_out)
-    problem = Problem(
-        comparator,
-        free,
-        given=options.given,
-        signals=options.signals,
-        stop=stop,
-        engine=options.engine,
-        progress=progress,
-    )
+    problem = _problem(comparator, free, options, stop, progress)
     with threadpool_limits(1):
         found, blind, unseen = _determined(problem, options)
         parameters, spread, notes = estimates(problem, found, unseen)
@@ -96,10 +90,6 @@ def calibrate(
     series = [_series(comparator, problem.simulate, before, values, stop)]
     if second is not None:
         series.append(_series(second, _simulator(second, problem), before, values, 0))
-    if not found.settled:
-        notes.append(
-            "the search had not settled when it ended: take the values with care, or give closer bounds"
-        )
     return Calibration(
         model=comparator.system.name,
         engine=problem.engine,
@@ -108,11 +98,7 @@ def calibrate(
         covariance=spread,
         undetermined=blind,
         correlated=correlated(spread, names),
-        start_values={
-            u.name: float(z * u.size)
-            for u, z in zip(problem.unknowns, found.z, strict=True)
-            if u in problem.nuisances
-        },
+        start_values=_start_values(problem, found),
         signals=_signals(problem, found, series, [comparator, *([second] if second else [])]),
         starts=found.starts,
         evaluations=problem.evaluations,
@@ -229,17 +215,40 @@ def _score(comparator: Comparator, series: Series, name: str, part: str, where: 
     )
 
 
+def _problem(
+    comparator: Comparator,
+    free: Sequence[Free],
+    options: Options,
+    stop: int,
+    progress: Callable[[int], None] | None,
+) -> Problem:
+    """What is fitted to what, as the options ask."""
+    given, asked, engine = options.given, options.signals, options.engine
+    return Problem(comparator, free, given=given, signals=asked, stop=stop, engine=engine, progress=progress)
+
+
+def _start_values(problem: Problem, found: Found) -> dict[str, float]:
+    """Initial values that were estimated besides."""
+    pairs = zip(problem.unknowns, found.z, strict=True)
+    return {u.name: float(z * u.size) for u, z in pairs if u in problem.nuisances}
+
+
 def _lacking(problem: Problem, found: Found) -> list[str]:
-    """A note where a residual is more than noise: then the values are those that make up best for what is missing."""
+    """Notes where the search has not settled, or a residual is more than noise.
+
+    The values are then those that make up best for what is missing.
+    """
     ratios = {
         n: rms(found.residuals[n]) / problem.comparator.floors[n]
         for n in problem.signals
         if problem.comparator.floors[n] > 0.0
     }
     large = [f"{n} {ratio:.2g} times" for n, ratio in ratios.items() if ratio > LACKING]
+    notes = [] if found.settled else [UNSETTLED]
     if not large:
-        return []
+        return notes
     return [
+        *notes,
         f"the calibrated model still misses more than the sensors' noise ({', '.join(large)}): it lacks something, and the "
-        "values make up for that as well as they can; `cosim diagnose --calibrate` looks for what it is"
+        "values make up for that as well as they can; `cosim diagnose --calibrate` looks for what it is",
     ]

@@ -13,9 +13,49 @@ if TYPE_CHECKING:
     from cosim.compare import CompareTable, Comparison
     from cosim.compare.extras import Extras
     from cosim.logs import Mapping
+    from cosim.ssp.system import System
 
 DEFAULT_MODEL = "full_order"
 MISSED = 1
+
+
+# the options of the command, each a type of its own
+ParameterSets = Annotated[
+    list[Path] | None,
+    typer.Option(help="An .ssv with names such as mechanical.J; repeatable.", metavar="FILE"),
+]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
+]
+StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' [default: the log's own, uniform].")]
+Thresholds = Annotated[
+    list[str] | None,
+    typer.Option(help="Largest RMSE of a signal, such as slew=0.5deg; exit code 1 if missed; repeatable."),
+]
+Calibrate = Annotated[bool, typer.Option("--calibrate", help="Fit free parameters to the log first.")]
+Freed = Annotated[
+    list[str] | None,
+    typer.Option(help="A free parameter, such as mechanical.J or 'dcv.K=2:3 mm'; repeatable."),
+]
+Priors = Annotated[
+    list[str] | None,
+    typer.Option(help="What is known of one beforehand, such as 'dcv.K=2.4+-0.1 mm'; repeatable."),
+]
+FitTo = Annotated[
+    list[str] | None, typer.Option(help="Fit to this signal [default: all measured]; repeatable.")
+]
+HeldOut = Annotated[
+    str | None,
+    typer.Option(help="Not fitted but scored: a part of the log's end or another log [default: 0.3]."),
+]
+Starts = Annotated[int | None, typer.Option(help="Starts of the search [default: 4].")]
+WithObserver = Annotated[
+    bool, typer.Option("--observer", help="Run the observer's FMU on the log's command and slew.")
+]
+External = Annotated[
+    Path | None,
+    typer.Option(help="Record of the external tracker, held against the slew sensor.", metavar="FILE"),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -34,48 +74,18 @@ def compare(
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping file (TOML) for a log with other names.", metavar="FILE")
     ] = None,
-    parameter_set: Annotated[
-        list[Path] | None,
-        typer.Option(help="An .ssv with names such as mechanical.J; repeatable.", metavar="FILE"),
-    ] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
-    ] = None,
-    step_size: Annotated[
-        str | None, typer.Option(help="Such as '1 ms' [default: the log's own, uniform].")
-    ] = None,
-    threshold: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Largest RMSE of a signal, such as slew=0.5deg; exit code 1 if missed; repeatable."
-        ),
-    ] = None,
-    calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="Fit free parameters to the log first.")
-    ] = False,
-    free: Annotated[
-        list[str] | None,
-        typer.Option(help="A free parameter, such as mechanical.J or 'dcv.K=2:3 mm'; repeatable."),
-    ] = None,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(help="What is known of one beforehand, such as 'dcv.K=2.4+-0.1 mm'; repeatable."),
-    ] = None,
-    fit_to: Annotated[
-        list[str] | None, typer.Option(help="Fit to this signal [default: all measured]; repeatable.")
-    ] = None,
-    held_out: Annotated[
-        str | None,
-        typer.Option(help="Not fitted but scored: a part of the log's end or another log [default: 0.3]."),
-    ] = None,
-    starts: Annotated[int | None, typer.Option(help="Starts of the search [default: 4].")] = None,
-    observer: Annotated[
-        bool, typer.Option("--observer", help="Run the observer's FMU on the log's command and slew.")
-    ] = False,
-    external: Annotated[
-        Path | None,
-        typer.Option(help="Record of the external tracker, held against the slew sensor.", metavar="FILE"),
-    ] = None,
+    parameter_set: ParameterSets = None,
+    settings: Settings = None,
+    step_size: StepSize = None,
+    threshold: Thresholds = None,
+    calibrate: Calibrate = False,
+    free: Freed = None,
+    prior: Priors = None,
+    fit_to: FitTo = None,
+    held_out: HeldOut = None,
+    starts: Starts = None,
+    observer: WithObserver = False,
+    external: External = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for pictures and series.", metavar="DIR")
     ] = None,
@@ -124,10 +134,7 @@ def compare_log(
 ) -> bool:
     """Do what the command does; `demo` uses it too, and puts the JSON object that `emit` gets into its own.
 
-    `calibration` holds the attributes of `cosim.calibrate.command.Request` where the model is to be calibrated first.
-
-    Returns:
-        Whether a threshold was missed.
+    `calibration` holds the attributes of `cosim.calibrate.command.Request`. Returns whether a threshold was missed.
 
     Raises:
         DataError, ModelError, UsageError, SimulationError: whatever is wrong with log, model, request or run.
@@ -137,39 +144,64 @@ def compare_log(
     from cosim.compare.limits import check_limits, read_limits
     from cosim.compare.present import as_data
     from cosim.logs import load_log
-    from cosim.units import parse_quantity
 
     names, table = load_mapping(mapping) if mapping is not None else (None, CompareTable())
-    step = parse_quantity(step_size, "s") if step_size else None
-    loaded = load_log(file, names)
     source = open_model(*_reference(model, names, table))
-    with Comparator(loaded, source, table=table, step=step) as comparator:
+    with Comparator(load_log(file, names), source, table=table, step=_seconds(step_size)) as comparator:
         limits = read_limits(thresholds or [], comparator)
-        from cosim.request import parameters
-
-        files = [*table.parameter_files, *(parameter_sets or [])]
-        given = parameters(comparator.system, files, settings or [])
+        given = _parameters(comparator.system, table, parameter_sets, settings)
         extras = Extras(comparator, given)
         if calibration is not None:
             given = extras.calibrate(calibration, table, names)
-        if observer:
-            extras.observe()
-        if external is not None:
-            extras.track(external)
+        _beside(extras, observer, external)
         with console.progress(f"comparing with {comparator.system.name}", 1.0):
             comparison = comparator.run(given)
         results = check_limits(comparison, limits)
         folder = Path("calibration") if calibration is not None and out is None else out
-        written = write_files(comparison, folder, csv) if folder is not None else {}
-        written |= extras.write(comparison, folder) if folder is not None else {}
+        written = {} if folder is None else write_files(comparison, folder, csv)
+        written |= {} if folder is None else extras.write(comparison, folder)
     if as_json:
-        for note in comparison.notes:
-            console.warn(note)
-        found = {**as_data(comparison, source), **extras.as_data(comparison)}
-        emit({**found, "thresholds": results, "files": written})
+        emit(_answer(comparison, as_data(comparison, source), extras, results, written))
     else:
         _show(comparison, results, written, extras)
     return any(not result["passed"] for result in results)
+
+
+def _beside(extras: "Extras", observer: bool, external: Path | None) -> None:
+    """Observer and tracker beside the log, where asked for."""
+    if observer:
+        extras.observe()
+    if external is not None:
+        extras.track(external)
+
+
+def _parameters(
+    system: "System", table: "CompareTable", sets: list[Path] | None, settings: list[str] | None
+) -> dict[str, Any]:
+    """Start values from the mapping's .ssv files, the command line's, and its single settings, the later ones stronger."""
+    from cosim.request import parameters
+
+    return parameters(system, [*table.parameter_files, *(sets or [])], settings or [])
+
+
+def _seconds(text: str | None) -> float | None:
+    """A step as the user wrote it, in s."""
+    from cosim.units import parse_quantity
+
+    return parse_quantity(text, "s") if text else None
+
+
+def _answer(
+    comparison: "Comparison",
+    data: dict[str, Any],
+    extras: "Extras",
+    results: list[Any],
+    written: dict[str, Path],
+) -> dict[str, Any]:
+    """The JSON object; the comparison's notes go to stderr."""
+    for note in comparison.notes:
+        console.warn(note)
+    return {**data, **extras.as_data(comparison), "thresholds": results, "files": written}
 
 
 def write_files(comparison: "Comparison", folder: Path, csv: bool) -> dict[str, Path]:

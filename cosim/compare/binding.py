@@ -1,6 +1,10 @@
 """Which variables of a system the signals of a log stand for."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cosim.compare.mapping import CompareTable
 from cosim.errors import DataError, UsageError
@@ -9,6 +13,8 @@ from cosim.ssp.hints import did_you_mean
 from cosim.ssp.system import Port, System, Wire
 from cosim.units import parse_quantity, parse_unit
 
+Array = NDArray[np.float64]
+HANDED_ON = 1e-6  # relative difference up to which a block hands on what its sensors show
 # our names (docs/design.md); a system without such a component simply has no such signal
 DEFAULTS = {
     "u": "stimulus.u",
@@ -170,3 +176,33 @@ def gain_between(signal: str, unit: str, target: str, factor: str | None) -> flo
             f"signal '{signal}' [{unit}] does not fit the model's [{target or '1'}]: {error}; "
             "in a mapping, compare.signals can give a factor"
         ) from None
+
+
+def measured_value(binding: Binding, recorded: Mapping[Port, Array]) -> Array:
+    """What the sensors show of a signal, in its unit."""
+    total = sum(factor * recorded[port] for port, factor in binding.parts)
+    return np.asarray(total) / binding.gain
+
+
+def cut_signals(
+    measured: Iterable[str],
+    bindings: Mapping[str, Binding],
+    whole: Mapping[Port, Array],
+    possible: list[str],
+    notes: list[str],
+) -> tuple[str, ...]:
+    """The signals to cut at: not where a block hands on something else than its sensors show."""
+    kept = []
+    for name in measured:
+        binding = bindings[name]
+        if name in possible and binding.port is not None:
+            handed = whole[binding.port] / binding.gain
+            shown = measured_value(binding, whole)
+            if np.max(np.abs(handed - shown)) > HANDED_ON * max(float(np.max(np.abs(shown))), 1e-300):
+                notes.append(
+                    f"{binding.port} hands on something else than the sensors of '{name}' show: the blocks behind it "
+                    "are judged together with it"
+                )
+                continue
+        kept.append(name)
+    return tuple(kept)

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compare.binding import Binding, bind, start_values
+from cosim.compare.binding import bind, cut_signals, measured_value, start_values
 from cosim.compare.mapping import CompareTable
 from cosim.compare.metrics import Score, noise_floor, score
 from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
@@ -25,7 +25,6 @@ from cosim.ssp.read import read_system, resolve, settable_names
 from cosim.ssp.system import Port, System, Value
 
 Array = NDArray[np.float64]
-HANDED_ON = 1e-6  # relative difference up to which a block hands on what its sensors show
 
 
 class Comparator:
@@ -141,7 +140,7 @@ class Comparator:
         if len(possible) < len(lacking):
             names = ", ".join(sorted({repr(m) for missing in lacking.values() for m in missing}))
             notes.append(f"the log has no {names}: what follows from it cannot be simulated from the command")
-        cut = self._cut(whole, possible, notes)
+        cut = cut_signals(self.measured, self.bindings, whole, possible, notes)
         whole = {}  # in a log of hours half a gigabyte
         found, not_judged = groups(self.system, self.bindings, self.measured, cut)
         single = self.shown_by_sensors(self._run(given, cut)) if found else {}
@@ -272,24 +271,7 @@ class Comparator:
 
     def shown_by_sensors(self, recorded: Mapping[Port, Array]) -> dict[str, Array]:
         """Signal -> what its sensors show (n,) [SI], from the components' outputs."""
-        return {name: _measured_value(self.bindings[name], recorded) for name in self.outputs}
-
-    def _cut(self, whole: Mapping[Port, Array], possible: list[str], notes: list[str]) -> tuple[str, ...]:
-        """The signals to cut at: not where a block hands on something else than its sensors show."""
-        kept = []
-        for name in self.measured:
-            binding = self.bindings[name]
-            if name in possible and binding.port is not None:
-                handed = whole[binding.port] / binding.gain
-                shown = _measured_value(binding, whole)
-                if np.max(np.abs(handed - shown)) > HANDED_ON * max(float(np.max(np.abs(shown))), 1e-300):
-                    notes.append(
-                        f"{binding.port} hands on something else than the sensors of '{name}' show: the blocks behind it "
-                        "are judged together with it"
-                    )
-                    continue
-            kept.append(name)
-        return tuple(kept)
+        return {name: measured_value(self.bindings[name], recorded) for name in self.outputs}
 
     def _block(self, group: Group, simulated: Mapping[str, Array]) -> BlockOutcome:
         outcomes = {name: self._outcome(name, simulated[name], free_offset=True) for name in group.signals}
@@ -308,9 +290,3 @@ class Comparator:
             free_offset=free_offset and drifts,
         )
         return SignalOutcome(name, rated, measured, simulated, valid)
-
-
-def _measured_value(binding: Binding, recorded: Mapping[Port, Array]) -> Array:
-    """What the sensors show of a signal, in its unit."""
-    total = sum(factor * recorded[port] for port, factor in binding.parts)
-    return np.asarray(total) / binding.gain

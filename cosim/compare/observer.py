@@ -17,6 +17,7 @@ from cosim.compare.comparator import Comparator
 from cosim.compare.metrics import fit_percent, rms
 from cosim.errors import DataError, UsageError
 from cosim.master import Runner
+from cosim.ssp.system import System
 
 Array = NDArray[np.float64]
 COMPONENT = "observer"
@@ -74,6 +75,23 @@ class ObserverRun:
     notes: list[str] = field(default_factory=list)
 
 
+NO_ESTIMATES = "the log holds no estimates of its own: compared with the measured slew only"
+
+
+def alone(system: System) -> System:
+    """The observer of a system by itself."""
+    return dataclasses.replace(
+        system,
+        components={COMPONENT: system.components[COMPONENT]},
+        wires=(),
+        inputs={},
+        outputs={},
+        parameters={},
+        notes=[],
+        folder=None,
+    )
+
+
 def run_observer(comparator: Comparator, parameters: dict[str, Any] | None = None) -> ObserverRun:
     """Run the model's observer on the log's command and slew.
 
@@ -96,18 +114,8 @@ def run_observer(comparator: Comparator, parameters: dict[str, Any] | None = Non
     h = comparator.step
     if comparator.time[-1] < SETTLING + 1.0:
         raise DataError(f"{log.source}: {comparator.time[-1]:.3g} s are too short for the observer to settle")
-    alone = dataclasses.replace(
-        system,
-        components={COMPONENT: system.components[COMPONENT]},
-        wires=(),
-        inputs={},
-        outputs={},
-        parameters={},
-        notes=[],
-        folder=None,
-    )
     own = {n: v for n, v in (parameters or {}).items() if n.startswith(COMPONENT + ".")}
-    with Runner(alone) as runner:
+    with Runner(alone(system)) as runner:
         result = runner.run(
             float(comparator.time[-1]),
             h,
@@ -124,11 +132,6 @@ def run_observer(comparator: Comparator, parameters: dict[str, Any] | None = Non
     traces += [
         _trace(n, REFERENCE[n], estimates[n], measured[n], h, spread if n == RATE else None) for n in measured
     ]
-    notes = (
-        []
-        if len(logged) == 2
-        else ["the log holds no estimates of its own: compared with the measured slew only"]
-    )
     steps = comparator.time.size - 1
     return ObserverRun(
         traces,
@@ -138,7 +141,7 @@ def run_observer(comparator: Comparator, parameters: dict[str, Any] | None = Non
         log.time[0] + comparator.time,
         estimates,
         {"logged": logged, "measured": measured},
-        notes,
+        [] if len(logged) == 2 else [NO_ESTIMATES],
     )
 
 

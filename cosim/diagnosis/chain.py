@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
-from cosim.diagnosis.groups import Group, GroupModel
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import plain
 from cosim.diagnosis.trials import Trial
 from fmus.contract import Effect

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit
-from cosim.diagnosis.groups import Group, GroupModel
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.groups import Group
 from cosim.diagnosis.naming import unknowns
 from cosim.diagnosis.noise import Whitener
 from cosim.ssp.write import (

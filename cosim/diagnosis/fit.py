@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from cosim.diagnosis.groups import GroupModel
+from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.noise import Whitener
 
 Array = NDArray[np.float64]

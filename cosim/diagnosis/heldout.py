@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit
-from cosim.diagnosis.groups import GroupModel
+from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding, tried, unknowns
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED

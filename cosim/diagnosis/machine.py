@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cosim.compare.mapping import CompareTable
-from cosim.diagnosis.cut import TRUSTED, Bound, Wiring, bound, cut, start_values, wiring_of
+from cosim.diagnosis.cut import TRUSTED, Bound, bound, cut, start_values
 from cosim.diagnosis.groups import COMPONENT_VALUES, MODELS, Group
 from cosim.diagnosis.lexicon import Lexicon, Shown
 from cosim.diagnosis.options import Options
+from cosim.diagnosis.wiring import Wiring, wiring_of
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.logs import Log
 from cosim.logs.mapping import Mapping as LogMapping

@@ -10,7 +10,7 @@ from cosim.diagnosis.crossval import refuted, window_numbers
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
-from cosim.diagnosis.groups import GroupModel
+from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.noise import learned
 from cosim.diagnosis.samples import SAMPLED, Mark, marks

@@ -8,18 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cosim.diagnosis.chain import Known, fixed_values, task_for
-from cosim.diagnosis.crossval import held_windows
+from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.extend import closed, fitted_chain, write_extended
+from cosim.diagnosis.extension import FREE, estimate, gain_by_fmus
 from cosim.diagnosis.found import Diagnosis, Interrupted
-from cosim.diagnosis.gain import measure, run_package
 from cosim.diagnosis.grid import grid_of
-from cosim.diagnosis.groups import Group, GroupModel, merged
-from cosim.diagnosis.heldout import Held, refitted, refuse
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.groups import Group, merged
+from cosim.diagnosis.heldout import Held, refuse
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find
-from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.upstream import upstream_rivals
@@ -30,17 +28,14 @@ from cosim.diagnosis.verdict import (
     causes,
     never_exercised,
     rests,
-    stands,
 )
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError
 from cosim.logs import Log, Tracker
-from cosim.ssp.stimulus import stimulus_csv
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 0.01
-FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
 UNKNOWN = 30.0  # the same for a machine whose parameters are rough guesses
 SHORTEST = 15.0  # s: three windows, one of them held out
 SEARCHES = 3  # made again without what held-out data refused
@@ -183,8 +178,7 @@ def diagnose(
 ) -> Diagnosis:
     """Compare a log with a model, name what the model gets wrong, extend it and measure the gain.
 
-    Of a log of more than five minutes the fits use the five minutes whose command visits most (`cosim.diagnosis.stretch`);
-    the extended model is then run over the rest.
+    Of a long log the fits use the five minutes whose command visits most (`stretch`); the rest is then simulated.
 
     Args:
         log: the log.
@@ -282,67 +276,3 @@ def parted(record: Record, machine: Machine) -> tuple[Record, Held | None]:
             f"diagnose.held_out_from = {start:g} leaves too little of the log to fit or to hold out"
         )
     return record.until(first), Held(record, first)
-
-
-def estimate(
-    diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float, constants: dict[str, float]
-) -> None:
-    """Values of the extended model, from all windows but the held-out ones.
-
-    Where every block is understood they are fitted together, driven by the command alone; otherwise block by block, so
-    that a block that is not understood does not bend the others.
-    """
-    findings = diagnosis.findings
-    effects = tuple(c.effect for c in diagnosis.causes if c.group in findings)
-    near: dict[str, float] = {}
-    deviations: dict[str, float] = {}
-    start: dict[str, float] = {}
-    rules: dict[str, Whitener] = {}
-    for finding in findings.values():
-        fit = (finding.chosen if stands(finding) else finding.null).fit
-        start |= {n: v for n, v in finding.task.model.fixed.items() if n.endswith(".theta_0")}
-        near |= fit.values
-        deviations |= fit.deviations
-        rules |= finding.task.rules
-    diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
-    if diagnosis.held is not None and len(findings) == len(groups) == 1:
-        (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
-        best = refitted(
-            finding, effects, tolerance, (finding.chosen if stands(finding) else finding.null).fit
-        )
-        diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
-        if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
-            diagnosis.calibrated = refitted(finding, (), tolerance, finding.null.fit).values
-        return
-    if diagnosis.rests or diagnosis.unjudged or not findings:
-        return
-    count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
-    mask = ~held_windows(count) if diagnosis.held is None else None
-    chain = fitted_chain(groups, diagnosis.record, rules, effects, near, start, tolerance, mask, constants)
-    diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
-    diagnosis.deviations = chain.deviations
-    diagnosis.start = {n: chain.values[n] for n in start}
-
-
-def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
-    """Write both packages, run their FMUs on the log's command, and measure the errors on what was held out."""
-    machine, record, held = diagnosis.machine, diagnosis.record, diagnosis.held
-    folder.mkdir(parents=True, exist_ok=True)
-    stimulus = None
-    if closed(machine.source) and record.grid is None:
-        stimulus = stimulus_csv(record.time, record.signals[machine.drive])
-    values = diagnosis.values | diagnosis.start
-    plain = machine.values | diagnosis.calibrated
-    nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
-    diagnosis.packages = write_extended(machine.source, values, folder, stimulus)
-    extended = diagnosis.packages["open"]
-    diagnosis.before = run_package(nominal, record, machine, diagnosis.start)
-    diagnosis.after = run_package(extended, record, machine, {})
-    if held is None:
-        diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, diagnosis.window)
-        return
-    start = {n: v for g in machine.groups for n, v in fixed_values(held.record, g).items()}
-    diagnosis.held_before = run_package(nominal, held.record, machine, start)
-    diagnosis.held_after = run_package(extended, held.record, machine, start)
-    window = diagnosis.window
-    diagnosis.gains = measure(held.record, diagnosis.held_before, diagnosis.held_after, window, held.first)

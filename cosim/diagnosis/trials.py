@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit, fit_from_starts
-from cosim.diagnosis.groups import GroupModel
+from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.watch import counted
 from fmus import registry

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.chain import Known, delivered
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
-from cosim.diagnosis.groups import GroupModel
+from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding
 from cosim.diagnosis.trials import Trial
 from fmus.contract import Effect

@@ -97,9 +97,8 @@ class Runner:
             stop_time: [s].
             step_size: communication step [s].
             parameters: start values by name, in the FMU's (SI) unit: ``component.variable``, or a connector of the system.
-            inputs: ``(times, values)`` or constants for inputs of the system or a component (in place of its connection).
-                Held ones are sampled at the start of each step, the others, linearly interpolated, at its end.
-            hold: inputs that are held even if their FMU does not declare them discrete.
+            inputs: ``(times, values)`` or constants for inputs; held ones act from a step's start, others at its end.
+            hold: inputs held even if their FMU does not declare them discrete.
             record: signals to record; None for all Real outputs and driven inputs.
             start_time: [s].
             partial_step: let the last step be shorter where the stop time is no multiple of the step size.
@@ -114,17 +113,14 @@ class Runner:
             raise UsageError("this Runner is closed: make a new one")
         grid, whole, notes = time_grid(start_time, stop_time, step_size, partial_step)
         settings = self._settings(parameters or {})
-        given = dict(inputs or {})
-        plan = self._plan(tuple(given), tuple(sorted(hold)), None if record is None else tuple(record))
-        sampled, table = sample_all(given, grid, plan.held)
+        plan = self._plan(tuple(inputs or {}), tuple(sorted(hold)), None if record is None else tuple(record))
+        sampled, table = sample_all(dict(inputs or {}), grid, plan.held)
         instances = [self._instances[name] for name in plan.order.names]
         loop = Engine(plan, instances, grid, table)
         try:
             self._initialise(loop, settings, sampled[0])
             if all(item.series < 0 for item in plan.recorded):
-                sampled = sampled[
-                    :1
-                ].copy()  # the loop has its own table; hours of samples need not be held twice
+                sampled = sampled[:1].copy()  # the loop has its own; hours need not be held twice
             loop.run(0, whole, step_size, engine, progress)
             if whole < len(grid) - 1:
                 loop.run(whole, whole + 1, float(grid[-1] - grid[-2]), engine, progress)

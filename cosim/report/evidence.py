@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer import shown
+from cosim.diagnosis.remarks import shown
 from cosim.diagnosis.schema import NamedCause
 from cosim.report import hydraulics, reading, torque, valve
 from cosim.report.material import BLOCK_EXTENDED, Curve, Material

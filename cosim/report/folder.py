@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer import shown
 from cosim.diagnosis.lexicon import Lexicon, Shown, speaking
+from cosim.diagnosis.remarks import shown
 from cosim.diagnosis.schema import Answer
 from cosim.errors import DataError, UsageError
 from cosim.report.material import KINDS, MEASURED, Curve, Experiment, Material, Noise, Part

@@ -154,7 +154,7 @@ def step_response(material: Material, cause: NamedCause, signal: str = "spool") 
     without, extended = material.without(cause, signal), material.series[BLOCK_EXTENDED].get(signal)
     if without is None or extended is None:
         raise LookupError(f"the predictions of {signal} were not kept")
-    from cosim.diagnosis.answer import shown
+    from cosim.diagnosis.remarks import shown
 
     unit, scale = shown(signal)
     measured = material.measured[signal]

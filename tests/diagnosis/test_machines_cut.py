@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 
 from cosim.compare.mapping import load_mapping
-from cosim.diagnosis.cut import Wiring, bound, cut, start_values, wiring_of_file, wiring_of_system
+from cosim.diagnosis.cut import bound, cut, start_values
 from cosim.diagnosis.groups import MODELS, merged
 from cosim.diagnosis.machine import machine_for
 from cosim.diagnosis.options import options_of
+from cosim.diagnosis.wiring import Wiring, wiring_of_file, wiring_of_system
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.logs import Log
 from cosim.paths import examples_folder, ssp_folder

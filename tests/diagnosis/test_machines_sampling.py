@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.diagnosis.grid import Grid, grid_of
-from cosim.diagnosis.groups import MODELS, GroupModel
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.groups import MODELS
 
 
 def test_a_fast_even_log_needs_no_grid() -> None:

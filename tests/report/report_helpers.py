@@ -7,7 +7,8 @@ import numpy as np
 
 from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.groups import MODELS, GroupModel
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.groups import MODELS
 from cosim.diagnosis.naming import declared
 from cosim.diagnosis.schema import Answer, NamedCause, Parameter, Signal, Unexplained
 from cosim.report.material import Curve, Material, Noise, Part

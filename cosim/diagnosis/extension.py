@@ -1,0 +1,82 @@
+"""The extended model of a diagnosis: its values from all blocks together, its packages, and its gain by the FMUs."""
+
+from pathlib import Path
+
+from cosim.diagnosis.chain import fixed_values
+from cosim.diagnosis.crossval import held_windows
+from cosim.diagnosis.extend import closed, fitted_chain, write_extended
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.gain import measure, run_package
+from cosim.diagnosis.groups import Group
+from cosim.diagnosis.heldout import refitted
+from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.verdict import (
+    stands,
+)
+from cosim.ssp.stimulus import stimulus_csv
+
+FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
+
+
+def estimate(
+    diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float, constants: dict[str, float]
+) -> None:
+    """Values of the extended model, from all windows but the held-out ones.
+
+    Where every block is understood they are fitted together, driven by the command alone; otherwise block by block, so
+    that a block that is not understood does not bend the others.
+    """
+    findings = diagnosis.findings
+    effects = tuple(c.effect for c in diagnosis.causes if c.group in findings)
+    near: dict[str, float] = {}
+    deviations: dict[str, float] = {}
+    start: dict[str, float] = {}
+    rules: dict[str, Whitener] = {}
+    for finding in findings.values():
+        fit = (finding.chosen if stands(finding) else finding.null).fit
+        start |= {n: v for n, v in finding.task.model.fixed.items() if n.endswith(".theta_0")}
+        near |= fit.values
+        deviations |= fit.deviations
+        rules |= finding.task.rules
+    diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
+    if diagnosis.held is not None and len(findings) == len(groups) == 1:
+        (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
+        best = refitted(
+            finding, effects, tolerance, (finding.chosen if stands(finding) else finding.null).fit
+        )
+        diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
+        if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
+            diagnosis.calibrated = refitted(finding, (), tolerance, finding.null.fit).values
+        return
+    if diagnosis.rests or diagnosis.unjudged or not findings:
+        return
+    count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
+    mask = ~held_windows(count) if diagnosis.held is None else None
+    chain = fitted_chain(groups, diagnosis.record, rules, effects, near, start, tolerance, mask, constants)
+    diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
+    diagnosis.deviations = chain.deviations
+    diagnosis.start = {n: chain.values[n] for n in start}
+
+
+def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
+    """Write both packages, run their FMUs on the log's command, and measure the errors on what was held out."""
+    machine, record, held = diagnosis.machine, diagnosis.record, diagnosis.held
+    folder.mkdir(parents=True, exist_ok=True)
+    stimulus = None
+    if closed(machine.source) and record.grid is None:
+        stimulus = stimulus_csv(record.time, record.signals[machine.drive])
+    values = diagnosis.values | diagnosis.start
+    plain = machine.values | diagnosis.calibrated
+    nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
+    diagnosis.packages = write_extended(machine.source, values, folder, stimulus)
+    extended = diagnosis.packages["open"]
+    diagnosis.before = run_package(nominal, record, machine, diagnosis.start)
+    diagnosis.after = run_package(extended, record, machine, {})
+    if held is None:
+        diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, diagnosis.window)
+        return
+    start = {n: v for g in machine.groups for n, v in fixed_values(held.record, g).items()}
+    diagnosis.held_before = run_package(nominal, held.record, machine, start)
+    diagnosis.held_after = run_package(extended, held.record, machine, start)
+    window = diagnosis.window
+    diagnosis.gains = measure(held.record, diagnosis.held_before, diagnosis.held_after, window, held.first)

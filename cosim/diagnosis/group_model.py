@@ -1,0 +1,136 @@
+"""A group of blocks simulated over a log, again and again with other parameters."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compiled import CompiledBlock, compiled_block
+from cosim.diagnosis.grid import Grid
+from cosim.diagnosis.groups import COMPONENT_VALUES, Group
+from fmus.contract import Variable
+
+Array = NDArray[np.float64]
+
+
+def compiled_stage(component: str, block: str) -> CompiledBlock:
+    """The compiled block of a component."""
+    return compiled_block(block, component)
+
+
+class GroupModel:
+    """A group simulated over a log, again and again with other parameters.
+
+    Args:
+        group: the blocks.
+        drive: (n,) the driving signal, SI, one value a sample.
+        h: interval between samples, s.
+        fixed: ``component.parameter`` -> SI of everything that differs from nominal and is not estimated.
+        grid: the stamps of the samples and the finer steps; None where each sample is a step.
+    """
+
+    def __init__(
+        self,
+        group: Group,
+        drive: Array,
+        h: float,
+        fixed: dict[str, float] | None = None,
+        grid: Grid | None = None,
+    ) -> None:
+        self.group = group
+        self.grid = grid
+        self.drive = np.ascontiguousarray(drive, dtype=np.float64)
+        self.h = h
+        self.fixed = COMPONENT_VALUES | (fixed or {})
+        self.stages = [(c, compiled_stage(c, b)) for c, b in group.stages]
+        self.kept: dict[int, tuple[tuple[float, ...], Array]] = {}
+
+    def nominal(self, name: str) -> float:
+        """Value of ``component.parameter`` before anything is estimated."""
+        if name in self.fixed:
+            return self.fixed[name]
+        component, _, parameter = name.partition(".")
+        for found, block in self.stages:
+            if found == component:
+                return block.nominal[parameter]
+        slot = self.group.upstream_slot
+        if slot and slot[0] == component:
+            return compiled_stage(slot[0], slot[1]).nominal[parameter]
+        raise KeyError(name)
+
+    def copy(self) -> "GroupModel":
+        """The same with runs of its own to remember, for another thread."""
+        return GroupModel(self.group, self.drive, self.h, self.fixed, self.grid)
+
+    def declared(self, name: str) -> Variable:
+        """Declaration of ``component.parameter``."""
+        component, _, parameter = name.partition(".")
+        return dict(self.stages)[component].composed.parameters[parameter]
+
+    def trust(self, name: str, tolerance: float) -> tuple[float, float, float]:
+        """Standard deviation of the trust in a nominal value, lowest and highest estimate, SI."""
+        value = self.nominal(name)
+        if value > 0.0:
+            if tolerance > 1.0:  # not even its order of magnitude is known
+                return value * tolerance, 1e-3 * value, 1e3 * value
+            return value * tolerance, 0.1 * value, 10.0 * value
+        # zero or negative: the value itself says little about its size
+        variable = self.declared(name)
+        typical = variable.nominal * dict(self.group.scale).get(variable.unit, 1.0)
+        return max(abs(value), typical) * tolerance, variable.low, variable.high
+
+    def simulate(self, values: dict[str, float]) -> dict[str, Array]:
+        """Predicted signals, (n,) each, SI, with ``component.parameter`` -> value replaced."""
+        settings = self.fixed | values
+        signal = self.fed(settings)
+        h = self.h
+        if self.grid is not None:
+            signal, h = self.grid.driven(signal, self.group.held), self.grid.step
+        changed = False
+        outputs = np.empty((0, 0))
+        for i, (component, block) in enumerate(self.stages):
+            own = {n.partition(".")[2]: v for n, v in settings.items() if n.startswith(component + ".")}
+            key = tuple(own.get(name, v) for name, v in block.nominal.items())
+            if i == 0 and self.group.upstream_slot:
+                prefix = self.group.upstream_slot[0] + "."
+                key += tuple(sorted(v for n, v in settings.items() if n.startswith(prefix)))
+            kept = self.kept.get(i)
+            if kept is not None and kept[0] == key and not changed:
+                outputs = kept[1]
+            else:
+                # a held drive acts from the start of a step, a continuous one is known at its end
+                steps = signal[:-1] if i == 0 and self.group.held else signal[1:]
+                outputs = block.run(steps[None, :], h, own, signal[:1])
+                changed = True
+                if i + 1 < len(self.stages):
+                    self.kept[i] = (key, outputs)
+            signal = outputs[0]
+        return self.observed(outputs)
+
+    def fed(self, settings: dict[str, float]) -> Array:
+        """The drive as the first block feels it."""
+        slot = self.group.upstream_slot
+        if slot is None:
+            return self.drive
+        component, block, equation = slot
+        own = {n.partition(".")[2]: v for n, v in settings.items() if n.startswith(component + ".")}
+        compiled = compiled_stage(component, block)
+        if all(own.get(name, v) == v for name, v in compiled.nominal.items()):
+            return self.drive
+        memory = compiled.module.Memory(*([0.0] * len(compiled.module.Memory._fields)))
+        return np.asarray(
+            getattr(compiled.module, f"over_{equation}")(self.drive, memory, compiled.parameters(own))
+        )
+
+    def observed(self, outputs: Array) -> dict[str, Array]:
+        """Measured signals from the outputs of the last stage."""
+        names = list(self.stages[-1][1].composed.outputs)
+        row = dict(zip(names, outputs, strict=True))
+        parts = dict(self.group.parts)
+        found = {}
+        for signal in self.group.observed:
+            # what the sensors show, which is not always what the next block feels
+            (output, factor), *more = parts.get(signal, ((signal, 1.0),))
+            values = row[output] if factor == 1.0 else factor * row[output]
+            for output, factor in more:
+                values = values + factor * row[output]
+            found[signal] = values if self.grid is None else self.grid.sampled(values)
+        return found

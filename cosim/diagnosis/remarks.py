@@ -1,0 +1,113 @@
+"""What the answer says besides its figures: warnings, what was held out or refused, and what was not judged."""
+
+import numpy as np
+
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.heldout import Refused
+from cosim.diagnosis.lexicon import current
+from cosim.diagnosis.schema import (
+    RefusedCause,
+)
+from cosim.logs import Log
+
+
+def shown(signal: str) -> tuple[str, float]:
+    """Display unit of a signal and the factor from SI to it."""
+    return current().signal(signal)
+
+
+def notes(diagnosis: Diagnosis, log: Log) -> list[str]:
+    """What the user should know of how the log was taken."""
+    found = []
+    if log.time_unit != "s":
+        found.append(
+            f"the log counts samples and its sampling time is not known: one sample counts as {diagnosis.record.h:g} s, "
+            "and every time and rate here is on that scale"
+        )
+    grid = diagnosis.record.grid
+    if grid is not None:
+        spread = np.diff(grid.stamps)
+        low, high = (f"{1e3 * v:.4g}" for v in (spread.min(), spread.max()))
+        found.append(
+            f"sampled every {low if low == high else f'{low} to {high}'} ms: simulated in steps of "
+            f"{1e3 * grid.step:.4g} ms, the command held from stamp to stamp, and compared at the stamps themselves"
+        )
+    return found
+
+
+def held_out(diagnosis: Diagnosis) -> str:
+    """What the gains are measured on, in words."""
+    held = diagnosis.held
+    if held is None:
+        return "every third window of the log"
+    if held.first:
+        return f"the log from {held.record.time[held.first]:.4g} s on, which took no part in the fits"
+    return f"another log, {held.name}, which took no part in the fits"
+
+
+def held_from(diagnosis: Diagnosis) -> float | None:
+    """Time in the log from which it was held out, its end where another log was; None for every third window."""
+    if diagnosis.held is None:
+        return None
+    return float(
+        diagnosis.held.record.time[diagnosis.held.first]
+        if diagnosis.held.first
+        else diagnosis.record.time[-1]
+    )
+
+
+def held_file(diagnosis: Diagnosis) -> dict[str, str]:
+    """Name and checksum of another log that was held out."""
+    held = diagnosis.held
+    return (
+        {}
+        if held is None or not held.name
+        else {"log_held_out": held.name, "log_held_out_sha256": held.sha256}
+    )
+
+
+def turned_down(item: Refused) -> RefusedCause:
+    """A refused cause in display units."""
+    unit, scale = shown(item.signal)
+    without, with_it = item.without * scale, item.with_it * scale
+    why = (
+        f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but on held-out data the error of "
+        f"{item.signal} goes from {without:.4g} to {with_it:.4g} {unit} with it"
+    )
+    return RefusedCause(effect=item.effect.name, block=item.group, why=why)
+
+
+def is_part(diagnosis: Diagnosis, log: Log) -> bool:
+    """True if the fits used a stretch of the log only."""
+    start, end = diagnosis.span
+    return end - start < log.duration - log.step
+
+
+def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
+    """Group -> why nothing is said of it."""
+    found = {g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()}
+    for group in diagnosis.groups:
+        if group.name not in found and group.name not in diagnosis.findings:
+            found[group.name] = "the diagnosis was interrupted before it was judged"
+    return found
+
+
+def limits(diagnosis: Diagnosis, log: Log) -> list[str]:
+    """What limits the answer: an interruption, a stretch of a long log, a rest that differs from it."""
+    found = []
+    if diagnosis.stage:
+        text = f"interrupted ({diagnosis.stage}): only what was finished until then is here"
+        if not diagnosis.gains:
+            text += "; the errors of the nominal model are those of the compiled twin, no gain was measured"
+        found.append(text)
+    if is_part(diagnosis, log):
+        start, end = diagnosis.span
+        found.append(
+            f"the log lasts {log.duration:.0f} s; the diagnosis used the {end - start:.0f} s from {start:.6g} s on, "
+            "whose command visits most, and times in it count from there"
+        )
+    return found + [
+        f"from {item.start:.0f} to {item.end:.0f} s the extended model's error in {item.signal} is "
+        f"{item.ratio:.3g} times that in the stretch used: something else happens there"
+        for item in diagnosis.elsewhere
+    ]
