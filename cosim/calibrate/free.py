@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from cosim.diagnosis.cut import TRUSTED
 from cosim.errors import UsageError
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import resolve, settable_names
@@ -20,18 +21,6 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})?\s*:\s*({_NUMBER})?\s*(.*)")
 _PRIOR = re.compile(rf"\s*({_NUMBER})\s*(?:\+-|\+/-|±)\s*({_NUMBER})\s*(.*)")
 REACH = 3.0  # a start is drawn between a third and three times the first where no bounds are given
-# what our own models leave open by default (CONTRACT section 4)
-USUAL = (
-    "dcv.K",
-    "dcv.w0",
-    "dcv.zeta",
-    "continuity.K_c",
-    "continuity.T",
-    "mechanical.J",
-    "mechanical.b",
-    "simplified.k",
-    "simplified.a",
-)
 
 
 @dataclass(frozen=True)
@@ -92,16 +81,16 @@ def read_free(
 
     Args:
         system: the model.
-        texts: such as ``dcv.K=2:3 mm``; where there are none, those of `USUAL` that the model has.
+        texts: such as ``dcv.K=2:3 mm``; where there are none, those of `TRUSTED` that the model has.
         priors: such as ``dcv.K=2.4+-0.1 mm``; each names a free parameter.
         values: ``component.variable`` -> value that replaces the model's own as the start.
 
     Raises:
         UsageError: a text cannot be read, or names something that does not exist or cannot be fitted; bounds are empty or
-            leave out the start; nothing is named and the model has none of `USUAL`.
+            leave out the start; nothing is named and the model has none of `TRUSTED`.
     """
     if not texts:
-        texts = [name for name in USUAL if resolve(system, name)]
+        texts = [name for name in TRUSTED if resolve(system, name)]
     if not texts:
         raise UsageError(f"nothing is free: name parameters with --free, such as {_examples(system)}")
     found: dict[str, Free] = {}

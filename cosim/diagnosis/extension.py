@@ -10,9 +10,7 @@ from cosim.diagnosis.gain import measure, run_package
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.heldout import refitted
 from cosim.diagnosis.noise import Whitener
-from cosim.diagnosis.verdict import (
-    stands,
-)
+from cosim.diagnosis.verdict import stands
 from cosim.ssp.stimulus import stimulus_csv
 
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none

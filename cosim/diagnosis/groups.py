@@ -5,7 +5,7 @@ the continuity between spool and pressure; mechanics and slew sensor between pre
 finds them in a model's wiring.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -201,8 +201,3 @@ def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, 
         else:
             found.append(group)
     return tuple(found)
-
-
-def names_of(effects: Iterable[Effect]) -> list[str]:
-    """Names of effects, in order."""
-    return [effect.name for effect in effects]
