@@ -1,0 +1,26 @@
+"""What tests of several parts share: our packages, built once."""
+
+import pytest
+
+from cosim.paths import ssp_folder
+from cosim.ssp.write import write_ssp
+
+
+@pytest.fixture(scope="session")
+def packages(tmp_path_factory):
+    """The open packages by name."""
+    folder = tmp_path_factory.mktemp("packages")
+    return {
+        name: write_ssp(ssp_folder() / f"{name}.ssd", folder / f"{name}_open.ssp", open=True)
+        for name in ("simplified", "full_order", "physical")
+    }
+
+
+@pytest.fixture
+def built(packages, monkeypatch):
+    """The build folder of the command line: the packages under their names."""
+    folder = packages["simplified"].parent
+    if not (folder / "ssp").exists():
+        (folder / "ssp").symlink_to(folder, target_is_directory=True)
+    monkeypatch.setenv("COSIM_BUILD", str(folder))
+    return folder
