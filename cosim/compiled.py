@@ -25,6 +25,7 @@ from fmus import registry
 from fmus.compose import Composed, compose
 from fmus.contract import Buffer, Effect
 from fmus.specialise import collect
+from fmus.syntax import parsed
 
 Array = NDArray[np.float64]
 
@@ -84,7 +85,7 @@ def short_functions(composed: Composed) -> set[str]:
     LLVM leaves the calls in such a block as they are, and handing on tuples of many fields costs more than the step itself;
     in the other blocks it does better by itself.
     """
-    tree = ast.parse(composed.source)
+    tree = parsed(composed.source)
     functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
     looped = {
         name for name, f in functions.items() if any(isinstance(n, ast.For | ast.While) for n in ast.walk(f))

@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from fmus.contract import Block, Buffer, Effect, Variable
+from fmus.syntax import parsed
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ def header(block: Block, effects: tuple[Effect, ...]) -> str:
 
 def bare_text(function: Callable[..., Any], name: str | None = None) -> str:
     """Source of an equation without decorators and annotations, under another name if one is given."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    tree = parsed(textwrap.dedent(inspect.getsource(function)))
     node = tree.body[0]
     assert isinstance(node, ast.FunctionDef)
     node.decorator_list = []

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from textwrap import indent
 
 from fmus.compose import Composed
+from fmus.syntax import parsed
 
 TUPLES = {"x": "State", "x1": "State", "u": "Input", "m": "Memory", "p": "Parameters", "c": "Coefficients"}
 
@@ -51,7 +52,7 @@ def flat_text(composed: Composed) -> str:
 class _Flat:
     def __init__(self, composed: Composed) -> None:
         self.composed = composed
-        tree = ast.parse(composed.source)
+        tree = parsed(composed.source)
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         layouts = {name: list(getattr(composed.module, name)._fields) for name in TUPLES.values()}
         self.fields = {kind: [f"{kind}__{n}" for n in layouts[layout]] for kind, layout in TUPLES.items()}
@@ -122,13 +123,13 @@ class _Flat:
             f"u__{name} = {'now' if variable.kind == 'time' else f'values[{i}]'}"
             for i, (name, variable) in enumerate(self.composed.block.inputs.items())
         ]
-        end = [*after, *ast.parse(f"{x} = {x1}").body] if after else []
+        end = [*after, *parsed(f"{x} = {x1}").body] if after else []
         returns = _Returns(x1 if after else x, [*end, *self.stores()])
         step = ast.Module([*before, *copy.deepcopy(self.flat["step"].body)], [])
         returns.visit(step)
-        node = ast.parse("def advance(now):\n    pass").body[0]
+        node = parsed("def advance(now):\n    pass").body[0]
         assert isinstance(node, ast.FunctionDef)
-        node.body = [*ast.parse("\n".join(inputs)).body, *step.body]
+        node.body = [*parsed("\n".join(inputs)).body, *step.body]
         return node
 
     def stores(self) -> list[ast.stmt]:
@@ -138,9 +139,9 @@ class _Flat:
         if any(isinstance(n, ast.Return) for s in statements for n in ast.walk(s)) or not isinstance(
             last, ast.Return
         ):
-            return ast.parse(f"values[{first}:{first + len(self.composed.outputs)}] = output()").body
+            return parsed(f"values[{first}:{first + len(self.composed.outputs)}] = output()").body
         assert isinstance(last.value, ast.Tuple)
-        targets = ast.parse("\n".join(f"values[{first + i}] = 0" for i in range(len(last.value.elts)))).body
+        targets = parsed("\n".join(f"values[{first + i}] = 0" for i in range(len(last.value.elts)))).body
         for target, value in zip(targets, last.value.elts, strict=True):
             assert isinstance(target, ast.Assign)
             target.value = value
@@ -161,7 +162,7 @@ class _Flat:
         texts = [*starts, *(ast.unparse(ast.fix_missing_locations(f)) for f in (*others, advance))]
         listed = {kind: "".join(f"{n}, " for n in self.fields[kind]) for kind in TUPLES}
         text = TEMPLATE.format(
-            title=ast.get_docstring(ast.parse(self.composed.source)),
+            title=ast.get_docstring(parsed(self.composed.source)),
             functions=indent("\n".join(texts), "    "),
             c_names=", ".join(self.fields["c"]),
             **{kind: listed[kind] for kind in "pcxm"},
@@ -289,7 +290,7 @@ class _Returns(ast.NodeTransformer):
 
     def visit_Return(self, node: ast.Return) -> list[ast.stmt]:
         assert node.value is not None
-        assign = ast.parse(f"{self.target} = 0").body[0]
+        assign = parsed(f"{self.target} = 0").body[0]
         assert isinstance(assign, ast.Assign)
         assign.value = node.value
         return [assign, *copy.deepcopy(self.after), ast.Return(None)]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from fmus.native.calls import Calls
 from fmus.native.expressions import RefusedError
 from fmus.native.kinds import AND, ATOM, NONE, NUMBERS, WHOLE, Kind, Struct, Value, c_name, joined
+from fmus.syntax import parsed
 
 
 class Statements(Calls):
@@ -109,8 +110,9 @@ class Statements(Calls):
             self.store(node.target, node.value)
 
     def _do_AugAssign(self, node: ast.AugAssign) -> None:
-        target = ast.parse(ast.unparse(node.target), mode="eval").body
-        self.store(node.target, ast.BinOp(target, node.op, node.value))
+        [target] = parsed(ast.unparse(node.target)).body
+        assert isinstance(target, ast.Expr)
+        self.store(node.target, ast.BinOp(target.value, node.op, node.value))
 
     def store(self, target: ast.expr, source: ast.expr) -> None:
         """An assignment to a variable, an element of a list, or several variables."""

@@ -16,6 +16,7 @@ from fmus.contract import Buffer
 from fmus.native.expressions import FAILING, SAFE, TESTS, RefusedError
 from fmus.native.function import Function
 from fmus.native.kinds import ARRAY, ARRAYS, REAL, Kind, Struct, c_name
+from fmus.syntax import parsed
 
 LAYOUTS = ("Input", "Output", "State", "Memory", "Parameters", "Coefficients")
 
@@ -37,7 +38,7 @@ class Program:
             ModelError: an equation of the block or of one of its effects has no translation.
         """
         self.composed, self.prefix, self.with_rates = composed, prefix, with_rates
-        tree = ast.parse(composed.source)
+        tree = parsed(composed.source)
         self.nodes = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         self.layouts = {name: self.layout(name) for name in LAYOUTS}
         self.plain: dict[tuple[Kind, ...], Struct] = {}
@@ -113,7 +114,7 @@ class Program:
 
     def text(self) -> str:
         """Structs, then functions, each before its callers."""
-        title = ast.get_docstring(ast.parse(self.composed.source)) or self.composed.block.title
+        title = ast.get_docstring(parsed(self.composed.source)) or self.composed.block.title
         comment = f"/* {title.replace('*/', '* /')} */"
         structs = [s.definition() for s in (*self.layouts.values(), *self.plain.values())]
         text = "\n\n".join([comment, *structs, *(f.text() for f in self.done.values())]) + "\n"
