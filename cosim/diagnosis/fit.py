@@ -172,20 +172,40 @@ def fit(
         return Fit(
             {}, {}, -0.5 * float(residual @ residual), residual.size, task.residuals(base), np.empty((0, 0))
         )
-    inner = np.clip(z0, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
-    with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
-        found = least_squares(
-            cost,
-            inner,
-            slopes,
-            bounds=(low, high),
-            method="dogbox",
-            max_nfev=rounds,
-            xtol=1e-5,
-            ftol=1e-6,
-            gtol=1e-12,
-        )
+    found = searched(cost, slopes, z0, (low, high), rounds)
     return summarised(task, unknowns, values(found.x), found, (low, high), len(priors))
+
+
+def searched(
+    cost: Callable[[Array], Array],
+    slopes: Callable[[Array], Array],
+    z: Array,
+    bounds: tuple[Array, Array],
+    rounds: int,
+) -> OptimizeResult:
+    """Least squares from `z` within bounds, at most `rounds` iterations.
+
+    A step ends where it meets a bound, and scipy takes a step cut that short for the end of the search: from there it
+    goes on, that unknown held. For the same reason a search begins on a bound and not beside it.
+    """
+    while True:
+        with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
+            found = least_squares(
+                cost,
+                z,
+                slopes,
+                bounds=bounds,
+                method="dogbox",
+                max_nfev=rounds,
+                xtol=1e-5,
+                ftol=1e-6,
+                gtol=1e-12,
+            )
+        rounds -= found.nfev
+        before = (z == bounds[0]) | (z == bounds[1])
+        if found.status <= 0 or rounds < 2 or not np.any((found.active_mask != 0) & ~before):
+            return found
+        z = found.x
 
 
 def summarised(

@@ -74,7 +74,8 @@ class GroupModel:
             return value * tolerance, 0.1 * value, 10.0 * value
         # zero or negative: the value itself says little about its size
         variable = self.declared(name)
-        typical = variable.nominal * dict(self.group.scale).get(variable.unit, 1.0)
+        scale = dict(self.group.scale)
+        typical = variable.nominal * scale.get(name, scale.get(variable.unit, 1.0))
         return max(abs(value), typical) * tolerance, variable.low, variable.high
 
     def simulate(self, values: dict[str, float]) -> dict[str, Array]:

@@ -54,7 +54,8 @@ class Group:
         starts: ``component.parameter`` -> the signal whose first value it takes.
         absolute: a constant error counts; elsewhere each window has an offset of its own.
         asked: effects that are candidates on request only and were requested.
-        scale: SI unit -> how much smaller or larger than on the crane a typical change is, for the searches.
+        scale: SI unit, or ``component.parameter`` -> how much smaller or larger than on the crane a typical change is, for
+            the searches.
     """
 
     name: str
@@ -125,12 +126,12 @@ DYNAMIC: dict[str, tuple[str, ...]] = {
 
 @cache
 def scaled(name: str, scale: tuple[tuple[str, float], ...]) -> Effect:
-    """The effect with starts, typical size and floor of its parameters multiplied by the factor of their unit."""
+    """The effect with starts, typical size and floor of its parameters multiplied by their own factor or that of their unit."""
     effect, factors = registry.effects()[name], dict(scale)
     free = {}
     for parameter, item in effect.free.items():
         variable = effect.parameters.get(parameter) or registry.block(block_of(effect)).parameters[parameter]
-        factor = factors.get(variable.unit, 1.0)
+        factor = factors.get(f"{effect.component}.{parameter}", factors.get(variable.unit, 1.0))
         starts = tuple(v * factor for v in item.starts)
         free[parameter] = Free(starts, item.scale * factor, item.floor * factor)
     return replace(effect, free=free)

@@ -110,7 +110,8 @@ def machine_for(
     values: dict[str, float] = {}
     for file in table.parameter_files:
         values |= read_values(file)
-    check_names(wiring, [*values, *(options.trusted or ())], path)
+    own = [n for n in options.scale if n.partition(".")[0] in wiring.blocks]  # the others are units
+    check_names(wiring, [*values, *own, *(options.trusted or ())], path)
     groups = [
         replace(
             group,

@@ -30,7 +30,8 @@ class Options(BaseModel):
         consider: effects that are candidates on request only, and are requested.
         exclude: effects that this machine cannot have.
         absolute: signals of which a constant error counts; elsewhere each window has an offset of its own.
-        scale: SI unit -> how much smaller or larger than on the crane a typical change is, where searches begin.
+        scale: SI unit, or ``component.parameter`` for one of this unit -> how much smaller or larger than on the crane a
+            typical change is, where searches begin.
         step: longest step of the simulation, s.
         rest: time at the start over which the first value of a signal is averaged, s; short where a log begins in motion.
         sample: what one sample counts as, s, where the sampling interval is not known.

@@ -44,6 +44,14 @@ def test_a_prior_pulls_by_its_weight() -> None:
     assert found.deviations["m.a"] == pytest.approx(np.sqrt(exact / 2.0), rel=1e-3)
 
 
+@pytest.mark.parametrize("start", [0.0, 1e-9])
+def test_a_bound_does_not_end_the_search(start: float) -> None:
+    held = Unknown("m.a", start, 1.0, 0.0, 50.0)
+    found = fit(task(-X - 2.0 * X**2), [held, Unknown("m.c", 1.0, 1.0, -50.0, 50.0)])
+    assert found.values == pytest.approx({"m.a": 0.0, "m.c": -2.0}, abs=1e-6)
+    assert found.at_bound == ("m.a",)
+
+
 def test_doubt_along_a_direction_leaves_nothing_to_gain_there() -> None:
     doubtful = task(5.0 * X)
     before = float(np.sum(doubtful.white(doubtful.residuals({})) ** 2))

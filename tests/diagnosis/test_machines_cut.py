@@ -1,5 +1,6 @@
 """Any chain of our blocks is cut at its measured signals; the crane's own groups come out of the same code."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -83,6 +84,9 @@ def test_searches_begin_at_the_machines_own_scale() -> None:
     found = machine("emps", {"force": "N", "position": "m", "reference": "m"})
     friction = next(e for e in found.groups[0].effects() if e.name == "mechanical.coulomb_friction")
     assert friction.free["tau_c"].floor == pytest.approx(0.3)
+    limit = replace(found.groups[0], scale=(("N.m", 0.1), ("mechanical.tau_c", 2.0)))
+    friction = next(e for e in limit.effects() if e.name == "mechanical.coulomb_friction")
+    assert friction.free["tau_c"].floor == pytest.approx(6.0)
 
 
 def test_an_unmeasured_chain_is_one_group() -> None:
