@@ -126,7 +126,7 @@ DYNAMIC: dict[str, tuple[str, ...]] = {
 
 @cache
 def scaled(name: str, scale: tuple[tuple[str, float], ...]) -> Effect:
-    """The effect with starts, typical size and floor of its parameters multiplied by their own factor or that of their unit."""
+    """The effect with starts, typical size and floor of each parameter times its own factor or that of its unit."""
     effect, factors = registry.effects()[name], dict(scale)
     free = {}
     for parameter, item in effect.free.items():
