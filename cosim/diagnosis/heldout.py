@@ -131,12 +131,13 @@ class Step:
     held: float
 
 
-def refuse(finding: Finding, held: Held, tolerance: float) -> list[Refused]:
-    """The causes of a finding that do not help on held-out data.
+def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused], tuple[Effect, ...]]:
+    """The causes of a finding that do not help on held-out data, and what is kept of it.
 
-    They are taken in one by one, the one that makes the error over the fitting log smallest first, and each must make the
-    error on held-out data smaller. Of a cause that holds another (Stribeck friction holds Coulomb friction) the simpler one
-    is tried first, and the fuller must be better than that.
+    A cause is kept if without it the error on held-out data is larger. Because some help together only (friction and a
+    limit of the stroke bend the same curve at its two ends), causes are taken in one by one from none and left out one
+    by one from all, and the better end counts. Of a cause that holds another (Stribeck friction holds Coulomb friction)
+    the fuller must be better than the simpler.
 
     Args:
         finding: what was named in one group; `confirmed` is set if nothing is refused.
@@ -144,74 +145,75 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> list[Refused]:
         tolerance: trust in the nominal parameters.
     """
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
-    if not signal or finding.task.model.group.drive not in held.record.signals:
-        return []
+    waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
+    if not waiting or not signal or finding.task.model.group.drive not in held.record.signals:
+        return [], finding.chosen.effects
+    done: dict[frozenset[str], Step] = {}
 
-    def step(effects: tuple[Effect, ...], near: Fit) -> Step:
-        fit_ = refitted(finding, effects, tolerance, near)
-        fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))
-        return Step(effects, fit_, fitted, errors(finding, fit_, held)[signal])
+    def step(effects: tuple[Effect, ...]) -> Step:
+        key = frozenset(e.name for e in effects)
+        if key not in done:
+            fit_ = refitted(finding, effects, tolerance, finding.chosen.fit)
+            fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))
+            done[key] = Step(effects, fit_, fitted, errors(finding, fit_, held)[signal])
+        return done[key]
 
-    waiting = [e for e in finding.chosen.effects if e.name not in SAMPLED]
-    at = step((), finding.chosen.fit)
-    refused: list[Refused] = []
-    while waiting := [e for e in waiting if e.name not in {known.name for known in at.effects}]:
-        trials = [(e, step((*at.effects, e), finding.chosen.fit)) for e in waiting]
-        effect, with_it = min(trials, key=lambda item: item[1].fitted)
-        waiting.remove(effect)
-        for less in simpler(finding, effect):
-            plain = step((*at.effects, less), finding.chosen.fit)
-            if less not in at.effects and plain.held < at.held * (1.0 - WORTH):
-                at = plain
-        without = tuple(e for e in at.effects if e not in simpler(finding, effect))
-        if with_it.held < at.held * (1.0 - WORTH):
-            at = with_it if without == at.effects else step((*without, effect), with_it.fit)
-        else:
-            kept = tuple(e for e in finding.chosen.effects if e is not effect)
-            behind = tried(finding.task, kept, tolerance, finding.chosen.fit) if kept else finding.null
-            gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
-            group = finding.task.model.group.name
-            refused.append(Refused(effect, group, signal, gain, at.held, with_it.held))
-    refused += pruned(finding, at, step, signal, tolerance)
+    at = min((balanced(finding, step(e), waiting, step) for e in ((), waiting)), key=lambda s: s.held)
+    kept = {e.name for e in at.effects}
+    refused = []
+    for effect in (e for e in waiting if e.name not in kept):
+        others = tuple(e for e in finding.chosen.effects if e is not effect)
+        behind = tried(finding.task, others, tolerance, finding.chosen.fit) if others else finding.null
+        gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
+        with_it = step(widened(finding, at.effects, effect))
+        refused.append(Refused(effect, finding.task.model.group.name, signal, gain, at.held, with_it.held))
     finding.confirmed = bool(at.effects) and not refused
-    return refused
+    return refused, at.effects
 
 
-def pruned(
-    finding: Finding,
-    at: Step,
-    step: Callable[[tuple[Effect, ...], Fit], Step],
-    signal: str,
-    tolerance: float,
-) -> list[Refused]:
-    """What the whole set can do without, or with something simpler in its place: early steps could not know what followed.
+def balanced(
+    finding: Finding, at: Step, waiting: tuple[Effect, ...], step: Callable[[tuple[Effect, ...]], Step]
+) -> Step:
+    """The set from which nothing can be left out, and into which nothing more can be taken, that held-out data bear out.
 
     Args:
         finding: what was named in one group.
-        at: the set that was taken in.
-        step: makes a set of effects, from a fit nearby.
-        signal: what is judged.
-        tolerance: trust in the nominal parameters.
+        at: where to begin.
+        waiting: the effects named.
+        step: fits a set of effects.
     """
-    refused: list[Refused] = []
-    while at.effects:
-        trials = []
-        for effect in at.effects:
-            rest = tuple(e for e in at.effects if e is not effect)
-            less = [e for e in simpler(finding, effect) if e.name not in {r.name for r in rest}]
-            trials += [(effect, step(other, at.fit)) for other in (rest, *((*rest, e) for e in less))]
-        effect, fewer = min(trials, key=lambda item: item[1].held)
-        if fewer.held * (1.0 - WORTH) > at.held:
+    for _ in waiting:
+        before = at
+        while more := [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]:
+            # the one that describes the fitting log best, of those that held-out data bear out
+            better = [s for s in more if s.held < at.held * (1.0 - WORTH)]
+            if not better:
+                break
+            at = min(better, key=lambda s: s.fitted)
+        while at.effects:  # left out, or something simpler in its place
+            fewer = min((step(e) for e in narrowed(finding, at.effects)), key=lambda s: s.held)
+            if fewer.held * (1.0 - WORTH) > at.held:
+                break
+            at = fewer
+        if {e.name for e in at.effects} == {e.name for e in before.effects}:
             break
-        both = [
-            tried(finding.task, e, tolerance, finding.chosen.fit) if e else finding.null
-            for e in (at.effects, fewer.effects)
-        ]
-        gain = both[0].fit.log_likelihood - both[1].fit.log_likelihood
-        group = finding.task.model.group.name
-        refused.append(Refused(effect, group, signal, gain, fewer.held, at.held))
-        at = fewer
-    return refused
+    return at
+
+
+def narrowed(finding: Finding, effects: tuple[Effect, ...]) -> list[tuple[Effect, ...]]:
+    """The sets with one effect less, or with a simpler one in its place."""
+    found = []
+    for effect in effects:
+        rest = tuple(e for e in effects if e is not effect)
+        less = [e for e in simpler(finding, effect) if e.name not in {r.name for r in rest}]
+        found += [rest, *((*rest, e) for e in less)]
+    return found
+
+
+def widened(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> tuple[Effect, ...]:
+    """The set with one effect more, in place of those that it holds."""
+    inside = {e.name for e in simpler(finding, effect)}
+    return (*(e for e in effects if e.name not in inside), effect)
 
 
 def simpler(finding: Finding, effect: Effect) -> list[Effect]:

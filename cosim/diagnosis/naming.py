@@ -117,19 +117,31 @@ def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> boo
     return new.score > old.score + SURE
 
 
-def find(task: Task, record: Record, tolerance: float = 0.01, most: int = 3, within: bool = True) -> Finding:
+def find(
+    task: Task,
+    record: Record,
+    tolerance: float = 0.01,
+    most: int = 3,
+    within: bool = True,
+    begin: Trial | None = None,
+) -> Finding:
     """Name the effects in one group: forward with swaps and removals, the noise learned anew after each step.
 
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
     whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
-    this log refute are taken out again, unless other data will judge them (`within` is False).
+    this log refute, or that explain less than what stays unexplained, are taken out again, unless other data will judge
+    them (`within` is False). A search may begin with a set of effects that is known to hold.
     """
     candidates = tuple(e for e in task.model.group.effects() if e.name not in SAMPLED)
     null = tried(task, (), tolerance)
     learn_noise(task, record, null.fit)
     null = tried(task, (), tolerance, null.fit)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-    chosen = best_single(task, null, single, tolerance)
+    chosen = (
+        tried(task, begin.effects, tolerance, begin.fit)
+        if begin
+        else best_single(task, null, single, tolerance)
+    )
     for _ in range(2 * most):
         if not chosen.effects:
             break
@@ -150,7 +162,7 @@ def find(task: Task, record: Record, tolerance: float = 0.01, most: int = 3, wit
     finding = Finding(task, null, chosen, single)
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)
-    while out := outweighed(finding, tolerance):
+    while within and (out := outweighed(finding, tolerance)):
         kept = tuple(e for e in finding.chosen.effects if e is not out)
         finding.chosen = tried(task, kept, tolerance, finding.chosen.fit)
         finding.after = leftovers(task, record, finding.chosen.fit)

@@ -17,7 +17,7 @@ from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.heldout import Held, refuse
 from cosim.diagnosis.machine import Machine, our_machine
-from cosim.diagnosis.naming import Finding, find
+from cosim.diagnosis.naming import Finding, find, tried
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.upstream import upstream_rivals
@@ -90,7 +90,7 @@ def judge(
         constants: ``component.parameter`` -> SI that is known already, such as a sensor's scale.
         watch: told about each group.
     """
-    record, most = found.record, found.machine.options.causes
+    record, held, most = found.record, found.held, found.machine.options.causes
     known: list[Known] = []
     for group in found.groups:
         missing = [s for s in (group.drive, *group.observed[:1]) if s not in record.signals]
@@ -102,24 +102,22 @@ def judge(
         # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
         task = task_for(group, record, known if group.integrates else [])
         settle(task.model, constants or {})
-        finding = find(task, record, trust, most, within=found.held is None)
-        for _ in range(SEARCHES):
-            if found.held is None:
+        finding = find(task, record, trust, most, within=held is None)
+        for left in reversed(range(SEARCHES)):
+            if held is None:
                 break
-            enter(
-                found,
-                watch,
-                group.name,
-                f"{group.name}: {len(finding.chosen.effects)} causes tried on the held-out data",
-            )
-            turned_down = refuse(finding, found.held, trust)
+            count = len(finding.chosen.effects)
+            enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
+            turned_down, kept = refuse(finding, held, trust)
             if not turned_down:
                 break
             found.refused += turned_down
             group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
+            begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
             task = task_for(group, record, known if group.integrates else [])
             settle(task.model, constants or {})
-            finding = find(task, record, trust, most, within=found.held is None)
+            finding = find(task, record, trust, most if left else len(kept), within=False, begin=begin)
+            finding.confirmed = finding.chosen.effects == kept != ()
         finding.upstream = upstream_rivals(finding, known if group.integrates else [], record)
         conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []

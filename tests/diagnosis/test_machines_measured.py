@@ -1,29 +1,35 @@
 """Real machines through their mappings alone; measured data where it is at hand."""
 
+import hashlib
 import os
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from cosim.compare.metrics import rms, without_offsets
 from cosim.diagnosis.answer import answer
+from cosim.diagnosis.chain import fixed_values
+from cosim.diagnosis.gain import run_package
 from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.model import machine_of
 from cosim.diagnosis.schema import Answer
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.story import diagnose, prepare
 from cosim.logs import load_log
 from cosim.paths import examples_folder
 
 MEASURED = Path(os.environ.get("COSIM_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+MAPPINGS = examples_folder() / "mappings"
 pytestmark = [
     pytest.mark.data,
-    pytest.mark.slow,
     pytest.mark.skipif(not MEASURED.is_dir(), reason="no measured data: set COSIM_DATA to their folder"),
 ]
 
 
 def found(folder: Path, mapping: str, log: str, other: str | None = None) -> Answer:
     """The answer of ``cosim diagnose LOG --mapping MAPPING --calibrate [--held-out OTHER]``."""
-    path = examples_folder() / "mappings" / f"{mapping}.toml"
+    path = MAPPINGS / f"{mapping}.toml"
     loaded = load_log(MEASURED / log, path)
     held = load_log(MEASURED / other, path) if other else None
     machine = machine_of(None, loaded, path)
@@ -32,6 +38,44 @@ def found(folder: Path, mapping: str, log: str, other: str | None = None) -> Ans
         return answer(made, loaded, None)
 
 
+def errors_in_windows(folder: Path, mapping: str, log: str, signal: str) -> tuple[float, float]:
+    """RMSE over a log in windows of 5 s with an offset each, by the nominal and the extended FMUs in a folder."""
+    path = MAPPINGS / f"{mapping}.toml"
+    loaded = load_log(MEASURED / log, path)
+    machine = machine_of(None, loaded, path)
+    record = prepare(loaded, machine)
+    start = {n: v for g in machine.groups for n, v in fixed_values(record, g).items()}
+    both = [
+        run_package(p, record, machine, start)[signal]
+        for p in (folder / "nominal" / "extended.ssp", folder / "extended.ssp")
+    ]
+    before, after = (rms(without_offsets(record.signals[signal] - y, record.time)) for y in both)
+    return float(np.degrees(before)), float(np.degrees(after))
+
+
+@pytest.mark.parametrize("mapping", sorted(MAPPINGS.glob("*.toml")), ids=lambda p: p.stem)
+def test_checksums_are_those_of_the_public_files(mapping: Path) -> None:
+    expected = tomllib.loads(mapping.read_text(encoding="utf-8"))["sha256"]
+    files = {f.name: f for f in MEASURED.rglob("*") if f.name in expected}
+    assert {n: hashlib.sha256(f.read_bytes()).hexdigest() for n, f in files.items()} == expected
+
+
+@pytest.mark.slow
+def test_the_excavators_drive(tmp_path: Path) -> None:
+    logs = [
+        f"mini_excavator/manual_{name}.csv" for name in ("1101_2326", "mitch_1101_2333", "shyam_1101_2002")
+    ]
+    result = found(tmp_path, "mini_excavator_swing", *logs[:2])
+    named = {c.effect for c in result.causes}
+    assert {"mechanical.coulomb_friction", "dcv.stroke_limit"} <= named
+    assert result.gain["slew"].rmse_after < 0.5 * result.gain["slew"].rmse_before
+    assert any("irregular" in note for note in result.warnings)
+    # a log of another person, which decided nothing
+    before, after = errors_in_windows(tmp_path, "mini_excavator_swing", logs[2], "slew")
+    assert after < 0.5 * before
+
+
+@pytest.mark.slow
 def test_the_crane_actuators_load_rings(tmp_path: Path) -> None:
     result = found(tmp_path, "actuator_forest_crane", "actuator_forest_crane/actuator.mat")
     assert "continuity.travel_flow" in [c.effect for c in result.causes]
