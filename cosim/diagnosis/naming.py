@@ -137,11 +137,9 @@ def find(
     learn_noise(task, record, null.fit)
     null = tried(task, (), tolerance, null.fit)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-    chosen = (
-        tried(task, begin.effects, tolerance, begin.fit)
-        if begin
-        else best_single(task, null, single, tolerance)
-    )
+    chosen = best_single(task, null, single, tolerance)
+    if begin is not None:
+        chosen = tried(task, begin.effects, tolerance, begin.fit)
     for _ in range(2 * most):
         if not chosen.effects:
             break
@@ -162,10 +160,8 @@ def find(
     finding = Finding(task, null, chosen, single)
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)
-    while within and (out := outweighed(finding, tolerance)):
-        kept = tuple(e for e in finding.chosen.effects if e is not out)
-        finding.chosen = tried(task, kept, tolerance, finding.chosen.fit)
-        finding.after = leftovers(task, record, finding.chosen.fit)
+    if within:
+        drop_outweighed(finding, record, tolerance)
     finding.rivals = rivals(task, finding, candidates, tolerance)
     finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
     finding.marks = sampled(task, record, finding.chosen.fit)
@@ -180,6 +176,14 @@ def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial
         kept = tuple(e for e in chosen.effects if e is not out[0])
         chosen = tried(task, kept, tolerance, chosen.fit) if kept else null
     return chosen
+
+
+def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
+    """Take causes out that explain less than what stays unexplained."""
+    while out := outweighed(finding, tolerance):
+        kept = tuple(e for e in finding.chosen.effects if e is not out)
+        finding.chosen = tried(finding.task, kept, tolerance, finding.chosen.fit)
+        finding.after = leftovers(finding.task, record, finding.chosen.fit)
 
 
 def outweighed(finding: Finding, tolerance: float) -> Effect | None:
