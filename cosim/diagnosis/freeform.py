@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 KNOTS = 9
 SYSTEMATIC = 1e-5  # probability below which what free functions explain is no chance
-RIDGE = 0.1  # of a column's square: of what is visited less, hardly a coefficient is taken
+RIDGES = (0.1, 1.0, 10.0)  # of a column's square: of what is visited less, hardly a coefficient is taken
 FACTOR_KNOTS = 5  # of a factor that changes over the log or with another signal
 
 
@@ -209,19 +209,21 @@ def chance_of(gained: float, used: int, level: float, spare: int) -> float:
 def again(matrix: Array, target: Array, window: NDArray[np.int64]) -> float:
     """Log-likelihood that columns gain on each window with coefficients from all the others, summed up.
 
-    Columns that the other windows hardly visit get hardly a coefficient (ridge).
+    Columns that the other windows hardly visit get hardly a coefficient (ridge, of the size that serves best: too small
+    a one lets a single window beyond what the others visit undo what all the others gain).
     """
     sizes = np.sqrt(np.sum(matrix**2, axis=0))
     scaled = matrix[:, sizes > 0.0] / sizes[sizes > 0.0]
     gram, inner = scaled.T @ scaled, scaled.T @ target
-    gain = 0.0
+    gains = np.zeros(len(RIDGES))
     for one in np.unique(window):
         mine = window == one
         columns, values = scaled[mine], target[mine]
-        others = gram - columns.T @ columns + RIDGE * np.eye(gram.shape[0])
-        rest = values - columns @ np.linalg.solve(others, inner - columns.T @ values)
-        gain += 0.5 * float(values @ values - rest @ rest)
-    return gain
+        others, known = gram - columns.T @ columns, inner - columns.T @ values
+        for i, ridge in enumerate(RIDGES):
+            rest = values - columns @ np.linalg.solve(others + ridge * np.eye(gram.shape[0]), known)
+            gains[i] += 0.5 * float(values @ values - rest @ rest)
+    return float(gains.max())
 
 
 def solved(matrix: Array, target: Array) -> tuple[Array, int, float]:

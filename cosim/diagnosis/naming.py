@@ -6,6 +6,7 @@ from itertools import chain
 
 import numpy as np
 
+from cosim.diagnosis.bounds import impossible
 from cosim.diagnosis.crossval import refuted, window_numbers
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
@@ -15,6 +16,7 @@ from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.noise import learned
 from cosim.diagnosis.samples import SAMPLED, Mark, marks
 from cosim.diagnosis.trials import (
+    CLOSE,
     SURE,
     Trial,
     declared,
@@ -29,7 +31,6 @@ from fmus.contract import Effect
 
 __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
 
-CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 SMALLER = 0.97  # of the noise: less, and all is fitted again
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 
@@ -109,7 +110,7 @@ def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: flo
 def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> bool:
     """True if `new` (one effect more) is to be believed over `old`."""
     effect = new.effects[-1]
-    if not worth_naming(new, effect, model, tolerance):
+    if not worth_naming(new, effect, model, tolerance) or impossible(new, model):
         return False
     if all(f"{effect.component}.{p}" in model.group.trusted for p in effect.free):
         # the size is the test; but what cannot be told from the old explanation is none
@@ -171,8 +172,8 @@ def find(
 
 
 def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
-    """The chosen set without what held-out windows refute, the worst first."""
-    while chosen.effects and (out := refuted(task, chosen, tolerance)):
+    """The chosen set without what no possible value explains and what held-out windows refute, the worst first."""
+    while chosen.effects and (out := impossible(chosen, task.model) or refuted(task, chosen, tolerance)):
         kept = tuple(e for e in chosen.effects if e is not out[0])
         chosen = tried(task, kept, tolerance, chosen.fit) if kept else null
     return chosen
@@ -182,19 +183,19 @@ def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
     """Take causes out that explain less than what stays unexplained."""
     while out := outweighed(finding, tolerance):
         kept = tuple(e for e in finding.chosen.effects if e is not out)
-        finding.chosen = tried(finding.task, kept, tolerance, finding.chosen.fit)
+        finding.chosen = tried(finding.task, kept, tolerance, finding.chosen.fit) if kept else finding.null
         finding.after = leftovers(finding.task, record, finding.chosen.fit)
 
 
 def outweighed(finding: Finding, tolerance: float) -> Effect | None:
-    """The least of several causes, if more is left unexplained than it explains: it may be what it imitates of that."""
+    """The least of the causes, if more is left unexplained than it explains: it may be what it imitates of that."""
     left = sum(r.gain for r in finding.after.values() if r.p_value < SYSTEMATIC and r.held_out > 0.0)
-    if len(finding.chosen.effects) < 2 or left <= 0.0:
+    if not finding.chosen.effects or left <= 0.0:
         return None
     losses = []
     for effect in finding.chosen.effects:
         rest = tuple(e for e in finding.chosen.effects if e is not effect)
-        without = tried(finding.task, rest, tolerance, finding.chosen.fit)
+        without = tried(finding.task, rest, tolerance, finding.chosen.fit) if rest else finding.null
         losses.append((finding.chosen.fit.log_likelihood - without.fit.log_likelihood, effect))
     loss, effect = min(losses, key=lambda item: item[0])
     return effect if loss < left else None

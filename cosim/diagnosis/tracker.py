@@ -114,7 +114,9 @@ def synchronised(record: Record, tracker: Tracker) -> tuple[TrackerModel, Fit]:
         if best is None or spread < best[0]:
             best = spread, model, found
     assert best is not None
-    return best[1], best[2]
+    _, model, found = best
+    model = model.smoothed(model.shared(found, tracker.step))
+    return model, model.fit(ERRORS, found.values)
 
 
 def off_the_seam(model: TrackerModel, found: Fit) -> tuple[TrackerModel, Fit]:
@@ -186,7 +188,7 @@ def clock_cause(found: Fit, model: TrackerModel) -> list[Cause]:
     predicted, _ = model.predict({**errors, OFFSET: 0.0, RATE: 1.0})
     white = model.white((model.readings - predicted)[None, :])[0]
     gain = found.log_likelihood + 0.5 * float(white @ white)
-    if gain < SURE:
+    if gain < SURE + float(np.log(found.count)):  # BIC's price of two parameters
         return []
     parameters = {"offset": (offset, spread[0]), "rate": (rate, spread[1])}
     return [Cause(effect_of("tracker.clock"), "tracker", parameters, gain, float("nan"))]

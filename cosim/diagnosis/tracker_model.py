@@ -5,7 +5,9 @@ from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
+from scipy.signal import coherence
 
 from cosim.calibrate.determined import sight
 from cosim.calibrate.noise import Noise
@@ -17,6 +19,9 @@ Array = NDArray[np.float64]
 
 SEAM_ANGLE = float(np.radians(12.0))  # Table 3.4
 SMOOTH = 10.0  # Hz; the angle has no news above, and the sensor's noise is left out
+SLOWEST = 0.5  # Hz; lowest cut-off of the smoothing
+SHARED = 0.2  # squared coherence of sensor and tracker below which a frequency holds more noise than motion
+SEGMENTS = 6  # that the coherence is averaged over
 OFFSET, RATE, SEAM = "tracker.offset", "tracker.rate", "tracker.seam"
 ERRORS = (SEAM, "sensor.gain", "sensor.bias", "sensor.drift")
 NOMINAL = {OFFSET: 0.0, RATE: 1.0, SEAM: 0.0, "sensor.gain": 1.0, "sensor.bias": 0.0, "sensor.drift": 0.0}
@@ -39,11 +44,20 @@ class TrackerModel:
         stamps: (m,) of the tracker's own clock, s.
         readings: (m,) rad.
         places: (m,) numbers of the readings on the tracker's uniform grid.
+        cutoff: Hz; the slew is smoothed above.
     """
 
-    def __init__(self, record: Record, stamps: Array, readings: Array, places: NDArray[np.int64]) -> None:
+    def __init__(
+        self,
+        record: Record,
+        stamps: Array,
+        readings: Array,
+        places: NDArray[np.int64],
+        cutoff: float = SMOOTH,
+    ) -> None:
+        self.record = record
         self.time = record.time
-        self.slew = record.smooth("slew", SMOOTH)
+        self.slew = record.smooth("slew", cutoff)
         self.speed = np.gradient(self.slew, record.h)
         self.stamps, self.readings, self.places = stamps, readings, places
         self.noise = Noise(1.0)
@@ -55,6 +69,26 @@ class TrackerModel:
         fewer.stamps, fewer.readings, fewer.places = self.stamps[kept], self.readings[kept], self.places[kept]
         fewer.mask = np.ones(fewer.stamps.size, dtype=bool)
         return fewer
+
+    def shared(self, found: Fit, step: float) -> float:
+        """Frequency, Hz, up to which sensor and tracker see the same motion and not each its own noise.
+
+        Beyond it the clock would be fitted to the sensor's noise: the coherence of the two tells, since their noises have
+        nothing in common. `step` is that of the tracker's grid, s.
+        """
+        whole = np.arange(self.places[0], self.places[-1] + 1)
+        seen = np.interp(self.instants(found.values), self.time, self.record.signals["slew"])
+        pair = [np.gradient(np.interp(whole, self.places, row)) for row in (seen, self.readings)]
+        length = 2 * whole.size // (SEGMENTS + 1)
+        frequency, squared = coherence(*pair, fs=1.0 / step, nperseg=length)
+        noisy = frequency[1:][median_filter(squared[1:], 3) < SHARED]
+        return float(np.clip(noisy[0] if noisy.size else SMOOTH, SLOWEST, SMOOTH))
+
+    def smoothed(self, cutoff: float) -> "TrackerModel":
+        """The same with the slew smoothed above another frequency, Hz."""
+        other = TrackerModel(self.record, self.stamps, self.readings, self.places, cutoff)
+        other.noise, other.mask = self.noise, self.mask
+        return other
 
     def instants(self, values: Mapping[str, float]) -> Array:
         """(m,) instants of the log, s."""

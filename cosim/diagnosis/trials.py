@@ -19,6 +19,7 @@ SMALL = 0.05  # of an effect's typical size: the smallest start
 FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
+CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 
 @dataclass
@@ -79,7 +80,13 @@ def unknowns(
             nominal = model.nominal(name)
             # an effect seen in the samples stays where it was seen: a scale this small holds it there
             scale = 1e-12 if effect.name in SAMPLED else free.scale
-            found[name] = Unknown(name, nominal, scale, variable.low, variable.high)
+            low, high = variable.low, variable.high
+            if (
+                name in model.group.trusted
+            ):  # however wrong, it has the order of magnitude that it is trusted to have
+                _, least, most = model.trust(name, tolerance)
+                low, high = max(low, least), min(high, most)
+            found[name] = Unknown(name, nominal, scale, low, high)
             # a small size is always tried: from there a weak effect, or none, is soon found
             off = nominal if free.floor == 0.0 else nominal + SMALL * free.scale
             known = parameter in effect.parameters and free.floor == 0.0

@@ -13,7 +13,7 @@ from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.tracker_model import SEAM_ANGLE
 from cosim.errors import DataError
 from cosim.logs import Tracker
-from cosim.rig import as_log, as_tracker, make_log
+from cosim.rig import Noise, as_log, as_tracker, make_log
 from cosim.rig.noise import SIZES
 
 DEG = np.pi / 180.0
@@ -27,6 +27,16 @@ def found(*hidden: str) -> TrackerFinding:
 
 def test_nothing_is_named_where_nothing_is_wrong() -> None:
     assert found().causes == []
+
+
+@pytest.mark.parametrize("seed", [89, 90, 91, 92])
+def test_the_clock_is_not_fitted_to_slow_noise_of_the_sensor(seed: int) -> None:
+    noise = Noise(scale=1.4, kind="ar1", correlation_time=0.05)
+    run = make_log("small_steps", 60.0, seed=seed, tracker=True, noise=noise)
+    finding = compare_tracker(prepare(as_log(run), our_machine("full_order")), as_tracker(run))
+    assert finding.causes == []
+    for name, nominal in (("tracker.offset", 0.0), ("tracker.rate", 1.0)):
+        assert abs(finding.fit.values[name] - nominal) < 4.0 * finding.fit.deviations[name]
 
 
 @pytest.mark.parametrize(
