@@ -37,19 +37,17 @@ def make(folder: Path, duration: float) -> Path:
 
     path = folder / f"log_{duration:g}.parquet"
     if not path.exists():
-        run = make_log("mixed" if duration >= 21.0 else "steps", duration, HIDDEN, seed=3)
+        run = make_log("mixed" if duration >= 21.0 else "steps", duration, HIDDEN, seed=3, observer=True)
         write(run, path)
     return path
 
 
 def compare(log: Path) -> None:
-    """What ``cosim compare LOG`` computes."""
-    from cosim.compare import Comparator
-    from cosim.compare.model import open_model
-    from cosim.logs import load_log
+    """What ``cosim compare LOG --out FOLDER`` does."""
+    from cosim.commands.compare import compare_log
 
-    with Comparator(load_log(log), open_model("full_order")) as comparator:
-        comparator.run()
+    with tempfile.TemporaryDirectory() as out:
+        compare_log(log, out=Path(out), as_json=True, emit=lambda answer: None)
 
 
 def diagnose(log: Path, signals: Sequence[str], without: Sequence[str]) -> None:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from cosim.compiled import CompiledBlock, compiled_block
 from cosim.errors import ModelError, SimulationError, UsageError
-from cosim.master.inputs import Series, checked_value, sample_all, time_grid
+from cosim.master.inputs import Sampler, Series, checked_value, time_grid
 from cosim.master.plan import Plan, make_plan
-from cosim.master.runner import HELD
+from cosim.master.runner import HELD, Sink
 from cosim.results import DisplayUnit, Result
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import resolve, settable_names
@@ -108,6 +108,7 @@ class Twin:
         start_time: float = 0.0,
         partial_step: bool = False,
         progress: Callable[[float], None] | None = None,
+        sink: Sink | None = None,
     ) -> Result:
         """Simulate once; arguments, result and errors as those of `cosim.master.Runner.run`.
 
@@ -127,6 +128,9 @@ class Twin:
         elapsed = clock.perf_counter() - begun
         result = self._result(plan, grid, rows, settings)
         result.step_size, result.wall_time, result.notes = step_size, elapsed, [*result.notes, *notes]
+        if sink is not None:
+            sink(0, result.signals)
+            result.signals = {}
         if progress is not None:
             progress(stop_time - start_time)
         return result
@@ -147,7 +151,7 @@ class Twin:
 
     def _sampled(self, given: dict[str, Series], grid: Array, held: Sequence[bool]) -> Array:
         """Inputs at the communication points (inputs, n + 1); the very array of the last run where nothing changed."""
-        new = np.ascontiguousarray(sample_all(given, grid, held)[0].T)
+        new = np.ascontiguousarray(Sampler(given, grid, held).points(0, len(grid) - 1).T)
         if self._driven is None or not np.array_equal(self._driven, new):
             self._driven = new
         return self._driven
@@ -208,8 +212,7 @@ class Twin:
                     f"its description allows {low:g} to {high:g}"
                 )
         inputs = [v for v in variables.values() if v.causality == "input"]
-        constant = {v.reference: (np.full(grid.size, values[v.name]), False) for v in inputs}
-        ordered = [fed.get(v.reference, constant[v.reference]) for v in inputs]
+        ordered = [fed.get(v.reference, (np.full(grid.size, values[v.name]), False)) for v in inputs]
         for variable, (series, _) in zip(inputs, ordered, strict=True):
             if series.min() < variable.low or series.max() > variable.high:
                 raise SimulationError(
@@ -239,9 +242,8 @@ class Twin:
         else:
             rows = [series[:-1] if early else series[1:] for series, early in fed]
             first = np.array([series[0] for series, _ in fed])
-            own = {n: values[n] for n in block.nominal}
             inputs = np.array(rows) if rows else np.empty((0, grid.size - 1))
-            outputs = block.run(inputs, h, own, first)
+            outputs = block.run(inputs, h, {n: values[n] for n in block.nominal}, first)
         self._kept[name] = _Kept(values, fed, axis, outputs)
         return outputs
 

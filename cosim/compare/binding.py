@@ -1,6 +1,6 @@
 """Which variables of a system the signals of a log stand for."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -178,16 +178,16 @@ def gain_between(signal: str, unit: str, target: str, factor: str | None) -> flo
         ) from None
 
 
-def measured_value(binding: Binding, recorded: Mapping[Port, Array]) -> Array:
-    """What the sensors show of a signal, in its unit."""
-    total = sum(factor * recorded[port] for port, factor in binding.parts)
+def measured_value(binding: Binding, recorded: Callable[[Port], Array]) -> Array:
+    """What the sensors show of a signal, in its unit, from the components' outputs."""
+    total = sum(factor * recorded(port) for port, factor in binding.parts)
     return np.asarray(total) / binding.gain
 
 
 def cut_signals(
     measured: Iterable[str],
     bindings: Mapping[str, Binding],
-    whole: Mapping[Port, Array],
+    whole: Callable[[Port], Array],
     possible: list[str],
     notes: list[str],
 ) -> tuple[str, ...]:
@@ -196,7 +196,7 @@ def cut_signals(
     for name in measured:
         binding = bindings[name]
         if name in possible and binding.port is not None:
-            handed = whole[binding.port] / binding.gain
+            handed = whole(binding.port) / binding.gain
             shown = measured_value(binding, whole)
             if np.max(np.abs(handed - shown)) > HANDED_ON * max(float(np.max(np.abs(shown))), 1e-300):
                 notes.append(

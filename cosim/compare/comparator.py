@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 
 from cosim.compare.binding import bind, cut_signals, measured_value, start_values
 from cosim.compare.mapping import CompareTable
-from cosim.compare.metrics import Score, noise_floor, score
+from cosim.compare.metrics import noise_floor, score
 from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
 from cosim.compare.prepare import first_value, on_grid
+from cosim.compare.recording import WHOLE, Recording
 from cosim.compare.wiring import Group, Upstream, groups, separating, upstream
 from cosim.errors import DataError, UsageError
 from cosim.logs.log import Log
@@ -63,6 +65,9 @@ class Comparator:
         table = table or CompareTable()
         self.log, self.step, self.notes = on_grid(log, step)
         self.time: Array = np.arange(len(self.log), dtype=np.float64) * self.step
+        stamps = self.log.time[0] + self.time
+        # the same numbers, unless the step was given: held once
+        self._stamps = self.log.time if np.array_equal(stamps, self.log.time) else stamps
         self.system = source if isinstance(source, System) else read_system(source, parameter_set)
         self._owned = None if isinstance(source, System) else self.system
         try:
@@ -74,9 +79,8 @@ class Comparator:
         except BaseException:
             self._close_system()
             raise
-        self.floors = {
-            n: noise_floor(log[n], log.step) for n in self.measured
-        }  # as measured, before any resampling
+        # as measured, before any resampling
+        self.floors = {n: noise_floor(log[n], log.step) for n in self.measured}
 
     def close(self) -> None:
         """Free the FMUs; safe to call twice."""
@@ -118,7 +122,8 @@ class Comparator:
             UsageError: an unknown name.
             SimulationError: an FMU failed.
         """
-        return self.shown_by_sensors(self._run(parameters or {}, self.command))
+        recorded = self._run(parameters or {}, self.command)
+        return {name: self._shown(name, recorded, WHOLE) for name in self.outputs}
 
     def run(self, parameters: Mapping[str, Value] | None = None) -> Comparison:
         """Compare: the whole driven by the command, then every block by what was measured.
@@ -134,16 +139,14 @@ class Comparator:
         notes: list[str] = []
         lacking = {name: self.missing(name) for name in self.outputs}
         possible = [name for name, missing in lacking.items() if not missing]
-        whole = self._run(given, self.command) if possible else {}
-        simulated = self.shown_by_sensors(whole) if possible else {}
-        signals = {name: self._outcome(name, simulated[name], free_offset=False) for name in possible}
+        whole = self._run(given, self.command) if possible else Recording((), 0)
+        signals = {name: self._outcome(name, whole, free_offset=False) for name in possible}
         if len(possible) < len(lacking):
             names = ", ".join(sorted({repr(m) for missing in lacking.values() for m in missing}))
             notes.append(f"the log has no {names}: what follows from it cannot be simulated from the command")
-        cut = cut_signals(self.measured, self.bindings, whole, possible, notes)
-        whole = {}  # in a log of hours half a gigabyte
+        cut = cut_signals(self.measured, self.bindings, lambda p: whole.read(str(p)), possible, notes)
         found, not_judged = groups(self.system, self.bindings, self.measured, cut)
-        single = self.shown_by_sensors(self._run(given, cut)) if found else {}
+        single = self._run(given, cut) if found else Recording((), 0)
         for group in found:
             for name, (before, behind) in separating(
                 self.system, self.bindings, self.measured, group
@@ -154,7 +157,7 @@ class Comparator:
             log=self.log,
             model=self.system.name,
             step=self.step,
-            time=self.log.time[0] + self.time,
+            time=self._stamps,
             command=self.command,
             signals=signals,
             blocks=[self._block(group, single) for group in found],
@@ -229,29 +232,35 @@ class Comparator:
                 target = str(wire.target)
                 if wire.target.component not in self.runner.system.components:
                     continue
-                values = wire.factor * binding.gain * self.log[name] + wire.offset
-                inputs[target] = (np.asarray(self.time), values)
+                factor, values = wire.factor * binding.gain, self.log[name]
+                if (factor, wire.offset) != (1.0, 0.0):  # the log's own array where it is the same
+                    values = factor * values + wire.offset
+                inputs[target] = (self.time, values)
                 if name in self.log.held or (name in SIGNALS and SIGNALS[name].held):
                     hold.append(target)
         return inputs, hold
 
-    def _run(self, parameters: Mapping[str, Value], drive: tuple[str, ...]) -> dict[Port, Array]:
+    def _run(self, parameters: Mapping[str, Value], drive: tuple[str, ...]) -> Recording:
+        """What the components put out (by the port's name) when these signals drive the model."""
         given, hold = self.excitation(drive)
         inputs: dict[str, Series] = dict(given)
         ports = {port for n in self.outputs for port, _ in self.bindings[n].parts}
         ports |= {p for n in self.outputs if (p := self.bindings[n].port) is not None}
+        names = [str(port) for port in sorted(ports)]
+        recording = Recording(names, len(self.time))
         result = self.runner.run(
             float(self.time[-1]),
             self.step,
             parameters=self.settings({**self.start_values(), **parameters}),
             inputs=inputs,
             hold=hold,
-            record=[str(port) for port in sorted(ports)],
+            record=names,
+            sink=recording.put,
         )
         for message in result.messages:
             if message not in self.notes:
                 self.notes.append(message)
-        return {port: result.signals[str(port)] for port in ports}
+        return recording
 
     def settings(self, parameters: Mapping[str, Value]) -> dict[str, Value]:
         """Start values of the components that run, under the components' own names.
@@ -271,22 +280,20 @@ class Comparator:
 
     def shown_by_sensors(self, recorded: Mapping[Port, Array]) -> dict[str, Array]:
         """Signal -> what its sensors show (n,) [SI], from the components' outputs."""
-        return {name: measured_value(self.bindings[name], recorded) for name in self.outputs}
+        return {name: measured_value(self.bindings[name], recorded.__getitem__) for name in self.outputs}
 
-    def _block(self, group: Group, simulated: Mapping[str, Array]) -> BlockOutcome:
-        outcomes = {name: self._outcome(name, simulated[name], free_offset=True) for name in group.signals}
+    def _shown(self, name: str, recorded: Recording, part: slice) -> Array:
+        """What a signal's sensors show in a part of the log [SI]."""
+        return measured_value(self.bindings[name], lambda port: recorded.read(str(port), part))
+
+    def _block(self, group: Group, recorded: Recording) -> BlockOutcome:
+        outcomes = {name: self._outcome(name, recorded, free_offset=True) for name in group.signals}
         return BlockOutcome(group.name, group.components, group.driven_by, outcomes)
 
-    def _outcome(self, name: str, simulated: Array, *, free_offset: bool) -> SignalOutcome:
-        measured, valid = self.log[name], self.log.valid_mask(name)
+    def _outcome(self, name: str, recorded: Recording, *, free_offset: bool) -> SignalOutcome:
         drifts = name in self.starts.values()
-        rated: Score = score(
-            measured,
-            simulated,
-            self.log.time[0] + self.time,
-            valid,
-            self.floors[name],
-            drifts=drifts,
-            free_offset=free_offset and drifts,
-        )
-        return SignalOutcome(name, rated, measured, simulated, valid)
+        measured, simulated = self.log[name], self._shown(name, recorded, WHOLE)
+        valid, floor = self.log.valid_mask(name), self.floors[name]
+        free = free_offset and drifts
+        rated = score(measured, simulated, self._stamps, valid, floor, drifts=drifts, free_offset=free)
+        return SignalOutcome(name, rated, self.log, partial(self._shown, name, recorded))

@@ -86,7 +86,9 @@ def score(
         drifts: also judge it in windows, each with a free offset.
         free_offset: remove a constant offset from the whole.
     """
-    y, error, stamps = measured[valid], (measured - simulated)[valid], time[valid]
+    y, error, stamps = measured, measured - simulated, time
+    if not valid.all():
+        y, error, stamps = y[valid], error[valid], stamps[valid]
     offset = float(error.mean()) if free_offset else None
     if offset is not None:
         error = error - offset

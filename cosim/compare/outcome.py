@@ -1,6 +1,6 @@
 """What a comparison finds."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,18 +19,34 @@ Mask = NDArray[np.bool_]
 class SignalOutcome:
     """A measured signal beside the simulated one, in the signal's SI unit.
 
+    Of a log of hours, arrays are made when they are asked for, and not kept.
+
     Attributes:
         signal: its name.
         score: the error in numbers.
-        measured, simulated: (n,) at `Comparison.time`.
-        valid: (n,) False where the measurement was filled in.
+        log: as compared, on a uniform step.
+        source: a part of the samples -> simulated values there.
     """
 
     signal: str
     score: Score
-    measured: Array = field(repr=False)
-    simulated: Array = field(repr=False)
-    valid: Mask = field(repr=False)
+    log: Log = field(repr=False)
+    source: Callable[[slice], Array] = field(repr=False)
+
+    @property
+    def simulated(self) -> Array:
+        """(n,) at `Comparison.time`."""
+        return self.source(slice(None))
+
+    @property
+    def measured(self) -> Array:
+        """(n,) at `Comparison.time`."""
+        return self.log[self.signal]
+
+    @property
+    def valid(self) -> Mask:
+        """(n,) False where the measurement was filled in."""
+        return self.log.valid_mask(self.signal)
 
     @property
     def error(self) -> Array:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SMOOTH = 0.1  # s, over which the residual is averaged for the dark line
+MOST_POINTS = 200_000  # samples up to which every one is drawn
+BINS = 10_000  # parts of a longer line: more than ten for each dot of the picture
 MEASURED, SIMULATED, ERROR, BAND = "#7f8c8d", "#c0392b", "#2c3e50", "#f5d76e"
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -105,8 +107,9 @@ def _frame(figure: "Figure", comparison: Comparison, how: str) -> None:
 def _overlay(axes: "Axes", comparison: Comparison, outcome: SignalOutcome) -> None:
     unit, scale = comparison.shown(outcome.signal)
     measured = np.where(outcome.valid, outcome.measured * scale, np.nan)
-    axes.plot(comparison.time, measured, color=MEASURED, linewidth=1.3, label="measured")
-    axes.plot(comparison.time, outcome.simulated * scale, color=SIMULATED, linewidth=0.9, label="simulated")
+    axes.plot(*drawn(comparison.time, measured), color=MEASURED, linewidth=1.3, label="measured")
+    simulated = drawn(comparison.time, outcome.simulated * scale)
+    axes.plot(*simulated, color=SIMULATED, linewidth=0.9, label="simulated")
     axes.set_ylabel(f"{outcome.signal} [{unit}]")
     score = outcome.score
     fit = (
@@ -122,12 +125,30 @@ def _residual(axes: "Axes", comparison: Comparison, outcome: SignalOutcome, labe
     error = np.where(outcome.valid, outcome.error * scale, np.nan)
     floor = outcome.score.noise_floor * scale
     axes.axhspan(-2.0 * floor, 2.0 * floor, color=BAND, alpha=0.6, linewidth=0.0, label="sensor noise, ±2 sd")
-    axes.plot(comparison.time, error, color=MEASURED, linewidth=0.4, alpha=0.7, label="every sample")
-    mean = _smoothed(error, comparison.step)
-    axes.plot(comparison.time, mean, color=ERROR, linewidth=1.0, label=f"mean over {SMOOTH:g} s")
+    every = drawn(comparison.time, error)
+    axes.plot(*every, color=MEASURED, linewidth=0.4, alpha=0.7, label="every sample")
+    mean = drawn(comparison.time, _smoothed(error, comparison.step))
+    axes.plot(*mean, color=ERROR, linewidth=1.0, label=f"mean over {SMOOTH:g} s")
     axes.set_ylabel(f"{label} [{unit}]")
     axes.set_xlabel("time [s]")
     axes.margins(x=0.01)
+
+
+def drawn(time: Array, values: Array) -> tuple[Array, Array]:
+    """A line with no more points than can be seen: of each of `BINS` parts its smallest and its largest value.
+
+    Args:
+        time: (n,) [s].
+        values: (n,); missing ones are NaN.
+
+    Returns:
+        Both as they are up to `MOST_POINTS` samples, else (2 `BINS`,) each.
+    """
+    if len(values) <= MOST_POINTS:
+        return time, values
+    edges = np.linspace(0, len(values), BINS + 1).astype(np.intp)[:-1]
+    low, high = (extreme.reduceat(values, edges) for extreme in (np.fmin, np.fmax))
+    return np.repeat(time[edges], 2), np.column_stack([low, high]).ravel()
 
 
 def _smoothed(values: Array, step: float) -> Array:
@@ -137,7 +158,7 @@ def _smoothed(values: Array, step: float) -> Array:
     known = np.isfinite(values)
     count = np.convolve(known.astype(np.float64), kernel, "same")
     total = np.convolve(np.where(known, values, 0.0), kernel, "same")
-    return np.where(count > 0.0, total / np.maximum(count, 1.0), np.nan)
+    return np.divide(total, count, out=np.full(len(values), np.nan), where=count > 0.0)
 
 
 def _block_title(block: BlockOutcome, outcome: SignalOutcome) -> str:

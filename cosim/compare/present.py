@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from cosim.compare.metrics import WINDOW
 from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
+from cosim.compare.recording import WHOLE
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 SIGNALS_TITLE = "Signals (model driven by the command alone)"
 BLOCKS_TITLE = "Blocks (each driven by what was measured)"
+ROWS = 1 << 20  # written at a time: Parquet's usual row group
 _NUMBERS = ("RMSE", "fit %", "largest", f"RMSE {WINDOW:g} s*", "noise", "x noise")
 
 
@@ -135,21 +137,26 @@ def _numbers(comparison: Comparison, found: SignalOutcome) -> dict[str, Any]:
     }
 
 
-def series(comparison: Comparison) -> dict[str, NDArray[np.float64]]:
+def series(comparison: Comparison, part: slice = WHOLE) -> dict[str, NDArray[np.float64]]:
     """Columns ``name [unit]`` (n,): time, then of each signal what was measured, simulated, and simulated block by block.
 
     A sample that was filled in is NaN in the measured column.
+
+    Args:
+        comparison: what was found.
+        part: only these samples (a slice without step).
     """
-    columns: dict[str, NDArray[np.float64]] = {"time [s]": comparison.time}
+    columns: dict[str, NDArray[np.float64]] = {"time [s]": comparison.time[part]}
     single = {name: found for block in comparison.blocks for name, found in block.signals.items()}
     for name in dict.fromkeys([*comparison.signals, *single]):
         found = comparison.signals.get(name) or single[name]
         unit, scale = comparison.shown(name)
-        columns[f"{name}_measured [{unit}]"] = np.where(found.valid, found.measured * scale, np.nan)
+        shown = np.where(found.valid[part], found.measured[part] * scale, np.nan)
+        columns[f"{name}_measured [{unit}]"] = shown
         if name in comparison.signals:
-            columns[f"{name}_simulated [{unit}]"] = comparison.signals[name].simulated * scale
+            columns[f"{name}_simulated [{unit}]"] = comparison.signals[name].source(part) * scale
         if name in single:
-            shifted = single[name].simulated + (single[name].score.offset or 0.0)
+            shifted = single[name].source(part) + (single[name].score.offset or 0.0)
             columns[f"{name}_by_block [{unit}]"] = shifted * scale
     return columns
 
@@ -157,19 +164,20 @@ def series(comparison: Comparison) -> dict[str, NDArray[np.float64]]:
 def write_series(comparison: Comparison, path: Path) -> Path:
     """Write `series` as Parquet or CSV by the suffix; the Parquet file carries model, log and parameters as metadata."""
     import pyarrow as pa
+    import pyarrow.csv
+    import pyarrow.parquet
 
     from cosim.console import to_jsonable
 
-    columns = pa.table(series(comparison))
+    about = {k: v for k, v in as_data(comparison).items() if k in ("log", "model", "notes")}
+    schema = pa.table(series(comparison, slice(0, 0))).schema
     if path.suffix == ".parquet":
-        import pyarrow.parquet
-
-        about = json.dumps(
-            to_jsonable({k: v for k, v in as_data(comparison).items() if k in ("log", "model", "notes")})
-        )
-        pyarrow.parquet.write_table(columns.replace_schema_metadata({"cosim": about}), path)
+        schema = schema.with_metadata({"cosim": json.dumps(to_jsonable(about))})
+        writer: Any = pyarrow.parquet.ParquetWriter(path, schema)
     else:
-        import pyarrow.csv
-
-        pyarrow.csv.write_csv(columns, path)
+        writer = pyarrow.csv.CSVWriter(path, schema)
+    with writer:
+        for first in range(0, len(comparison.time), ROWS):
+            part = series(comparison, slice(first, first + ROWS))
+            writer.write_table(pa.table(part).cast(schema))
     return path

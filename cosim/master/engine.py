@@ -6,54 +6,68 @@ import threading
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from types import FrameType
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import SimulationError
-from cosim.master.instance import STATUS, DoStep, Instance, SetGetReal
+from cosim.master.inputs import Sampler
+from cosim.master.instance import STATUS, Instance
+from cosim.master.interpreted import operations
 from cosim.master.plan import Plan
 
 Array = NDArray[np.float64]
 EngineName = Literal["compiled", "python"]
 CALLS = ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal")
 CHUNK = 1000  # steps between looks at the progress bar: about a tenth of a second
+PIECE = 100_000  # steps whose inputs and recorded values are in memory at a time
 MOST_SWEEPS = 200
 
 
 class Engine:
     """One simulation: a plan, its instances and its numbers.
 
+    Time, inputs and recorded values of the loop are those of a piece of at most PIECE steps, so that hours cost no more
+    memory than minutes; ``n`` counts the steps of a piece.
+
     Attributes:
         values: all numbers of a step (see `Plan`), shape (n_values,).
+        time: communication points of the piece [s], shape (n + 1,).
         table: what the system's inputs hand over in each step, shape (n, n_series).
         rows: recorded values, row k at time k, shape (n + 1, n_recorded).
+        recorded: their places in `values`, shape (n_recorded,), increasing.
         wall_time: duration of the loop so far [s].
     """
 
-    def __init__(self, plan: Plan, instances: Sequence[Instance], time: Array, table: Array) -> None:
-        """Allocate everything the loop needs.
+    def __init__(self, plan: Plan, instances: Sequence[Instance], grid: Array, sampler: Sampler) -> None:
+        """Allocate what the loop needs throughout.
 
         Args:
             plan: the tables.
             instances: in stepping order.
-            time: communication points [s], shape (n + 1,).
-            table: values of the system's inputs during each step, shape (n, n_series).
+            grid: all communication points [s].
+            sampler: the system's inputs at these points.
         """
-        self.plan, self.instances, self.time = plan, instances, time
-        self.table = np.ascontiguousarray(table)
+        self.plan, self.instances, self.grid, self.sampler = plan, instances, grid, sampler
         self.values = np.zeros(plan.n_values)
         self.in_values = np.zeros(len(plan.in_source))
-        used = sorted({r.index for r in plan.recorded if r.index >= 0})
-        self.recorded = np.array(used, dtype=np.int64)
-        self.rows = np.empty(
-            (len(used), len(time))
-        ).T  # a signal is one piece of memory: the result needs no copy
+        self.recorded = np.array(sorted({r.index for r in plan.recorded if r.index >= 0}), dtype=np.int64)
         self.stop = np.zeros(1, dtype=np.int64)
         self.wall_time = 0.0
         self._scale = np.zeros(plan.n_values)  # largest value met of each number, while loops are iterated
+
+    def _open(self, first: int, last: int) -> Array:
+        """Make room for the steps `first` to `last`; returns the inputs at their points (n + 1, n_series)."""
+        points = self.sampler.points(first, last)
+        self.time = self.grid[first : last + 1]
+        self.table = np.ascontiguousarray(self.sampler.steps(points))
+        # a signal is one piece of memory: the result needs no transposed copy
+        self.rows = np.empty((len(self.recorded), last - first + 1)).T
+        self.rows[0] = self.values[self.recorded]
+        return points
 
     # Initialisation: everything is of the same instant
 
@@ -85,7 +99,6 @@ class Engine:
             self._set_inputs(c)
             self.instances[c].call("fmi2ExitInitializationMode")
             self._get_outputs(c)
-        self.rows[0] = self.values[self.recorded]
 
     def _exchange(self, c: int) -> None:
         self._set_inputs(c)
@@ -125,27 +138,45 @@ class Engine:
     # The loop
 
     def run(
-        self, first: int, last: int, h: float, engine: EngineName, progress: Callable[[float], None] | None
-    ) -> None:
-        """Make the steps `first` to `last` with step size h [s].
+        self, whole: int, h: float, engine: EngineName, progress: Callable[[float], None] | None
+    ) -> Iterator[tuple[int, Array, Array]]:
+        """Make `whole` steps with step size h [s], and a shorter last one where the grid has it, piece by piece.
+
+        Yields:
+            (index of the first point, the inputs (m, n_series), recorded values (m, n_recorded)); the pieces follow each
+            other without gap or overlap, and belong to the caller.
 
         Raises:
             SimulationError: a component answered with Discard, Error or Fatal.
             KeyboardInterrupt: Ctrl-C, after the step in progress.
         """
+        edges = [*range(0, whole, PIECE), whole, len(self.grid) - 1]
+        for start, stop in pairwise(edges):
+            if stop == start:
+                continue
+            points = self._open(start, stop)
+            size = h if stop <= whole else float(self.grid[-1] - self.grid[-2])
+            self._advance(stop - start, size, engine, progress)
+            new = 1 if start else 0  # a piece's first point is the last of the one before
+            yield start + new, points[new:], self.rows[new:]
+
+    def _advance(
+        self, count: int, h: float, engine: EngineName, progress: Callable[[float], None] | None
+    ) -> None:
+        """Make the steps of the piece that is open."""
         step = self._compiled(h) if engine == "compiled" else self._interpreted(h)
-        step(first, first)  # loads the compiled code, which shall not count as time of the loop
+        step(0, 0)  # loads the compiled code, which shall not count as time of the loop
         begun = clock.perf_counter()
         with self._interruptible():
-            k = first
-            while k < last:
-                k, c, call, status = step(k, min(k + CHUNK, last))
+            k = 0
+            while k < count:
+                k, c, call, status = step(k, min(k + CHUNK, count))
                 if c >= 0:
                     self._fail(k, c, call, status)
                 if self.stop[0]:
                     raise KeyboardInterrupt
                 if progress is not None:
-                    progress(float(self.time[k] - self.time[0]))
+                    progress(float(self.time[k] - self.grid[0]))
         self.wall_time += clock.perf_counter() - begun
 
     def _fail(self, k: int, c: int, call: int, status: int) -> None:
@@ -234,55 +265,3 @@ class Engine:
             return last, -1, 0, 0
 
         return step
-
-
-def operations(
-    plan: Plan, instances: Sequence[Instance], values: Array, in_values: Array, h: float
-) -> list[Callable[[float], tuple[int, int]]]:
-    """For each component a function of the time that sets its inputs, makes a step and reads its outputs.
-
-    Returns:
-        Functions that answer (call, status); call is 0 for fmi2SetReal, 1 for fmi2DoStep, 2 for fmi2GetReal.
-    """
-    return [_operation(plan, c, instance, values, in_values, h) for c, instance in enumerate(instances)]
-
-
-def _operation(
-    plan: Plan, c: int, instance: Instance, values: Array, in_values: Array, h: float
-) -> Callable[[float], tuple[int, int]]:
-    a, b, m, n = (int(i) for i in (*plan.in_start[c : c + 2], *plan.out_start[c : c + 2]))
-    set_real, get_real, do_step = (
-        SetGetReal(instance.set_real),
-        SetGetReal(instance.get_real),
-        DoStep(instance.do_step),
-    )
-    component = instance.pointer
-    in_refs, out_refs = (
-        int(plan.in_reference.ctypes.data) + 4 * a,
-        int(plan.out_reference.ctypes.data) + 4 * m,
-    )
-    in_pointer, out_pointer = int(in_values.ctypes.data) + 8 * a, int(values.ctypes.data) + 8 * m
-    wires: list[tuple[int, int, float, float]] = [
-        (i, int(plan.in_source[i]), float(plan.in_factor[i]), float(plan.in_offset[i])) for i in range(a, b)
-    ]
-    # scalars of a memoryview are read and written faster than those of an array
-    source: Any = memoryview(values.data)
-    target: Any = memoryview(in_values.data)
-
-    def operate(time: float) -> tuple[int, int]:
-        if b > a:
-            for i, j, factor, offset in wires:
-                target[i] = factor * source[j] + offset
-            status = set_real(component, in_refs, b - a, in_pointer)
-            if status > 1:
-                return 0, status
-        status = do_step(component, time, h, 1)
-        if status > 1:
-            return 1, status
-        if n > m:
-            status = get_real(component, out_refs, n - m, out_pointer)
-            if status > 1:
-                return 2, status
-        return 1, 0
-
-    return operate

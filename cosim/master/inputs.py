@@ -17,27 +17,57 @@ SLACK = 1e-6
 WHOLE = 1e-6  # a stop time this part of a step off the grid is rounding
 
 
-def sample(name: str, series: Series, time: Array, held: bool) -> Array:
-    """Values of an input at the communication points.
+class Sampler:
+    """Checked input series, read at some communication points after the other."""
 
-    Args:
-        name: of the input, for messages.
-        series: constant or (times, values); times strictly increasing.
-        time: communication points [s], shape (n + 1,).
-        held: keep each value until the next sample; otherwise straight lines between samples.
+    def __init__(self, inputs: Mapping[str, Series], time: Array, held: Sequence[bool]) -> None:
+        """Check the series against the whole time axis.
 
-    Returns:
-        Values at `time`, shape (n + 1,). A held input may end one interval early: its last value is kept.
+        Args:
+            inputs: constant or (times, values) by name; times strictly increasing.
+            time: communication points [s], shape (n + 1,).
+            held: for each input, whether it keeps each value until the next sample, and its value at the START of a
+                step counts; otherwise straight lines between samples, and the value at the step's END.
 
-    Raises:
-        UsageError: the series is malformed, holds NaN or infinity, or does not cover `time`.
-    """
+        Raises:
+            UsageError: a series is malformed, holds NaN or infinity, or does not cover `time`. A held input may end one
+                interval early: its last value is kept.
+        """
+        self._time, self._slack = time, SLACK * (time[1] - time[0])
+        self._held = np.array(held, dtype=bool)
+        self._series = [
+            _covering(name, series, time, self._slack, hold)
+            for (name, series), hold in zip(inputs.items(), held, strict=True)
+        ]
+
+    def points(self, first: int, last: int) -> Array:
+        """Values at the communication points `first` to `last`, shape (last - first + 1, inputs)."""
+        time = self._time[first : last + 1]
+        sampled = np.empty((len(time), len(self._series)))
+        for k, (series, held) in enumerate(zip(self._series, self._held, strict=True)):
+            if isinstance(series, float):
+                sampled[:, k] = series
+            elif held:
+                stamps, values = series
+                sampled[:, k] = values[np.searchsorted(stamps, time + self._slack, side="right") - 1]
+            else:
+                sampled[:, k] = np.interp(time, *series)
+        return sampled
+
+    def steps(self, points: Array) -> Array:
+        """What is handed over during each step between `points` (m + 1, inputs), shape (m, inputs)."""
+        return np.where(self._held, points[:-1], points[1:])
+
+
+def _covering(
+    name: str, series: Series, time: Array, slack: float, held: bool
+) -> float | tuple[Array, Array]:
+    """A series that is finite and covers `time` [s]."""
     if isinstance(series, (int, float)):
         if not np.isfinite(series):
             raise UsageError(f"input '{name}' is {series}: give a finite number")
-        return np.full(len(time), float(series))
+        return float(series)
     stamps, values = _checked(name, series)
-    slack = SLACK * (time[1] - time[0])
     if stamps[0] > time[0] + slack:
         raise UsageError(
             f"input '{name}' begins at {stamps[0]:g} s, after the simulation's start at {time[0]:g} s"
@@ -49,29 +79,7 @@ def sample(name: str, series: Series, time: Array, held: bool) -> Array:
         raise UsageError(
             f"input '{name}' ends at {stamps[-1]:g} s, before the stop time of {time[-1]:g} s: stop earlier"
         )
-    if held:
-        return values[np.searchsorted(stamps, time + slack, side="right") - 1]
-    return np.interp(time, stamps, values)
-
-
-def sample_all(inputs: Mapping[str, Series], time: Array, held: Sequence[bool]) -> tuple[Array, Array]:
-    """All inputs at the communication points, and what they hand over in each step.
-
-    Args:
-        inputs: series by name.
-        time: communication points [s], shape (n + 1,).
-        held: for each input, whether its value at the START of a step counts, else that at its END.
-
-    Returns:
-        (values at `time`, shape (n + 1, inputs); values during each step, shape (n, inputs)).
-
-    Raises:
-        UsageError: as `sample`.
-    """
-    sampled = np.empty((len(time), len(inputs)))
-    for k, (name, series) in enumerate(inputs.items()):
-        sampled[:, k] = sample(name, series, time, held[k])
-    return sampled, np.where(np.array(held, dtype=bool), sampled[:-1], sampled[1:])
+    return stamps, values
 
 
 def _checked(name: str, series: Sequence[ArrayLike] | tuple[ArrayLike, ArrayLike]) -> tuple[Array, Array]:
@@ -85,7 +93,7 @@ def _checked(name: str, series: Sequence[ArrayLike] | tuple[ArrayLike, ArrayLike
     bad = np.flatnonzero(~(np.isfinite(stamps) & np.isfinite(values)))
     if len(bad):
         raise UsageError(f"input '{name}' is not finite at sample {bad[0]}: repair the data first")
-    back = np.flatnonzero(np.diff(stamps) <= 0.0)
+    back = np.flatnonzero(stamps[1:] <= stamps[:-1])
     if len(back):
         k = int(back[0])
         raise UsageError(

@@ -1,6 +1,7 @@
 """The master: loads a system once and simulates it as often as asked."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from cosim.errors import SimulationError, UsageError
 from cosim.master.convergence import estimate
 from cosim.master.engine import Engine, EngineName
-from cosim.master.inputs import Series, checked_value, sample_all, time_grid
+from cosim.master.inputs import Sampler, Series, checked_value, time_grid
 from cosim.master.instance import WARNING, Instance
 from cosim.master.plan import Plan, make_plan
 from cosim.results import DisplayUnit, Result
@@ -20,6 +21,8 @@ from cosim.ssp.read import read_system, resolve, settable_names
 from cosim.ssp.system import Port, System, Value
 
 Array = NDArray[np.float64]
+Sink = Callable[[int, Mapping[str, Array]], None]
+"""Takes (index of the first value, signal -> values (m,)), piece after piece."""
 HELD = ("u",)  # the valve command is held over each step, whatever its FMU declares
 
 
@@ -90,6 +93,7 @@ class Runner:
         partial_step: bool = False,
         engine: EngineName = "compiled",
         progress: Callable[[float], None] | None = None,
+        sink: Sink | None = None,
     ) -> Result:
         """Simulate once, from the start values.
 
@@ -104,6 +108,7 @@ class Runner:
             partial_step: let the last step be shorter where the stop time is no multiple of the step size.
             engine: "compiled", or "python" (slower, bitwise the same numbers).
             progress: called every 1000 steps with the simulated time since the start [s].
+            sink: gets the signals piece by piece while they arise, for runs too long to be kept; the result has none then.
 
         Raises:
             UsageError: an unknown name, or an impossible time, step or series.
@@ -114,20 +119,18 @@ class Runner:
         grid, whole, notes = time_grid(start_time, stop_time, step_size, partial_step)
         settings = self._settings(parameters or {})
         plan = self._plan(tuple(inputs or {}), tuple(sorted(hold)), None if record is None else tuple(record))
-        sampled, table = sample_all(dict(inputs or {}), grid, plan.held)
+        sampler = Sampler(dict(inputs or {}), grid, plan.held)
         instances = [self._instances[name] for name in plan.order.names]
-        loop = Engine(plan, instances, grid, table)
+        loop = Engine(plan, instances, grid, sampler)
+        kept = {} if sink is not None else {item.name: np.empty(len(grid)) for item in plan.recorded}
         try:
-            self._initialise(loop, settings, sampled[0])
-            if all(item.series < 0 for item in plan.recorded):
-                sampled = sampled[:1].copy()  # the loop has its own; hours need not be held twice
-            loop.run(0, whole, step_size, engine, progress)
-            if whole < len(grid) - 1:
-                loop.run(whole, whole + 1, float(grid[-1] - grid[-2]), engine, progress)
+            self._initialise(loop, settings, sampler.points(0, 0)[0])
+            for first, points, rows in loop.run(whole, step_size, engine, progress):
+                (sink or partial(_keep, kept))(first, _named(loop, first, points, rows))
         finally:
             for instance in instances:
                 instance.terminate()
-        return self._result(loop, sampled, step_size, notes, {str(p): v for p, v in settings.items()})
+        return self._result(loop, kept, step_size, notes, {str(p): v for p, v in settings.items()})
 
     def coupling_error(self, stop_time: float, step_size: float, **options: Any) -> Result:
         """Simulate with step_size, half and a quarter of it, and estimate the error that the step size causes.
@@ -195,27 +198,21 @@ class Runner:
             for name, value in {**instance.component.starts, **own}.items():
                 instance.set_value(variables[name], value)
         for instance in loop.instances:
-            instance.call("fmi2SetupExperiment", 0, 0.0, float(loop.time[0]), 1, float(loop.time[-1]))
+            instance.call("fmi2SetupExperiment", 0, 0.0, float(loop.grid[0]), 1, float(loop.grid[-1]))
             instance.call("fmi2EnterInitializationMode")
         loop.initialise(first_inputs)
 
     def _result(
-        self, loop: Engine, sampled: Array, step_size: float, notes: list[str], parameters: dict[str, Value]
+        self,
+        loop: Engine,
+        signals: dict[str, Array],
+        step_size: float,
+        notes: list[str],
+        parameters: dict[str, Value],
     ) -> Result:
         plan = loop.plan
-        place = {int(index): k for k, index in enumerate(loop.recorded)}
-        columns = np.ascontiguousarray(loop.rows.T)
-        self._check_finite(loop, columns)
-        signals, units, display = {}, {}, {}
+        units, display = {}, {}
         for item in plan.recorded:
-            values = (
-                columns[place[item.index]]
-                if item.index >= 0
-                else np.ascontiguousarray(sampled[:, item.series])
-            )
-            if (item.factor, item.offset) != (1.0, 0.0):
-                values = item.factor * values + item.offset
-            signals[item.name] = values
             if item.unit_of.component:
                 variable = self.system.variable(item.unit_of)
                 units[item.name] = variable.unit
@@ -228,7 +225,7 @@ class Runner:
         ]
         return Result(
             model=self.system.name,
-            time=loop.time,
+            time=loop.grid,
             signals=signals,
             units=units,
             display=display,
@@ -240,21 +237,31 @@ class Runner:
             wall_time=loop.wall_time,
         )
 
-    def _check_finite(self, loop: Engine, columns: Array) -> None:
-        """NaN passes through every FMU without a word; here it ends.
 
-        Raises:
-            SimulationError: a recorded output is NaN or infinite.
-        """
-        if np.isfinite(columns).all():
-            return
-        bad = {}
-        for item in loop.plan.recorded:
-            if item.index >= 0:
-                wrong = np.flatnonzero(
-                    ~np.isfinite(loop.rows[:, int(np.searchsorted(loop.recorded, item.index))])
-                )
-                if len(wrong):
-                    bad[item.name] = int(wrong[0])
+def _keep(kept: dict[str, Array], first: int, piece: Mapping[str, Array]) -> None:
+    for name, values in piece.items():
+        kept[name][first : first + len(values)] = values
+
+
+def _named(loop: Engine, first: int, points: Array, rows: Array) -> dict[str, Array]:
+    """The recorded signals of a piece (m,), from the inputs (m, n_series) and values (m, n_recorded).
+
+    Raises:
+        SimulationError: one is NaN or infinite: NaN passes through every FMU without a word; here it ends.
+    """
+    signals, bad = {}, {}
+    for item in loop.plan.recorded:
+        if item.index < 0:
+            source = points[:, item.series]
+        else:
+            source = rows[:, int(np.searchsorted(loop.recorded, item.index))]
+            if not np.isfinite(source).all():
+                bad[item.name] = int(np.flatnonzero(~np.isfinite(source))[0])
+        plain = (item.factor, item.offset) == (1.0, 0.0)
+        signals[item.name] = source if plain else item.factor * source + item.offset
+    if bad:
         name = min(bad, key=lambda n: bad[n])
-        raise SimulationError(f"'{name}' is not a finite number from t = {loop.time[bad[name]]:.9g} s on")
+        raise SimulationError(
+            f"'{name}' is not a finite number from t = {loop.grid[first + bad[name]]:.9g} s on"
+        )
+    return signals

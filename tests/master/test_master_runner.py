@@ -5,6 +5,7 @@ import gc
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import ModelError, SimulationError, UsageError
-from cosim.master import Runner, time_grid
+from cosim.master import Runner, engine, time_grid
+from cosim.master.engine import EngineName
 from cosim.master.instance import _unsettled
 from cosim.results import Result
 
@@ -252,3 +254,36 @@ def test_results_are_written_and_read_back_exactly(toys: Any, tmp_path: Path, su
         assert np.array_equal(table[name], values), name
     with pytest.raises(UsageError, match="none of them"):
         result.write(tmp_path / "out.xlsx")
+
+
+@pytest.mark.parametrize("name", ["compiled", "python"])
+def test_pieces_are_the_run_bit_by_bit(toys: Any, monkeypatch: pytest.MonkeyPatch, name: EngineName) -> None:
+    stamps = np.linspace(0.0, 3.0, 37)
+    options: dict[str, Any] = {
+        "inputs": {"l.u": (stamps, np.sin(5.0 * stamps)), "h.u": (stamps, np.cos(9.0 * stamps))},
+        "hold": ["h.u"],
+        "record": ["l.y", "h.y", "i.y", "l.u", "h.u"],
+        "partial_step": True,
+        "engine": name,
+    }
+    package = toys.ssp({"l": "lag", "h": "lag", "i": "integrator"}, ["l.y -> i.u"])
+    seen: list[float] = []
+    with Runner(package) as runner:
+        whole = runner.run(2.505, 0.01, **options)
+        monkeypatch.setattr(engine, "PIECE", 7)
+        pieces: dict[str, list[Any]] = {y: [] for y in whole}
+
+        def take(first: int, piece: Mapping[str, Any]) -> None:
+            for y, values in piece.items():
+                assert first == sum(map(len, pieces[y]))
+                pieces[y].append(values)
+
+        streamed = runner.run(2.505, 0.01, sink=take, progress=seen.append, **options)
+        kept = runner.run(2.505, 0.01, **options)
+    assert streamed.signals == {}
+    assert streamed.units == whole.units
+    for y in whole:
+        assert len(pieces[y]) == 37  # 36 for 250 steps, one for the shorter last one
+        assert np.concatenate(pieces[y]).tobytes() == whole[y].tobytes() == kept[y].tobytes()
+    assert seen[-1] == pytest.approx(2.505)
+    assert seen == sorted(seen)

@@ -1,0 +1,111 @@
+"""Logs of hours: signals handed out in pieces and laid into a file are the same numbers, in bounded memory."""
+
+import json
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from cosim.compare import Comparator, open_model, picture, present, recording
+from cosim.compare.recording import Recording
+from cosim.errors import SimulationError
+from cosim.logs import write_log
+from cosim.master import engine
+
+
+def found(log, folder, name):
+    """A comparison's scores and its series as a file."""
+    with Comparator(log, open_model("full_order")) as comparator:
+        comparison = comparator.run()
+    path = present.write_series(comparison, folder / name)
+    blocks = [(b.name, {s: asdict(x.score) for s, x in b.signals.items()}) for b in comparison.blocks]
+    return {s: asdict(x.score) for s, x in comparison.signals.items()}, blocks, path
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv"])
+def test_pieces_and_files_change_no_bit(built, clean, tmp_path, monkeypatch, suffix):
+    whole = found(clean, tmp_path, f"whole.{suffix}")
+    monkeypatch.setattr(engine, "PIECE", 377)
+    monkeypatch.setattr(recording, "MOST_KEPT", 100)
+    monkeypatch.setattr(present, "ROWS", 1001)
+    pieces = found(clean, tmp_path, f"pieces.{suffix}")
+    assert pieces[:2] == whole[:2]
+    if suffix == "csv":
+        assert pieces[2].read_bytes() == whole[2].read_bytes()
+    else:
+        files = [pq.ParquetFile(path) for path in (whole[2], pieces[2])]
+        assert files[1].num_row_groups > files[0].num_row_groups == 1
+        assert files[1].read().equals(files[0].read(), check_metadata=True)
+
+
+@pytest.mark.parametrize("most_kept", [0, 100])
+def test_a_recording_gives_back_what_was_put(most_kept):
+    values = {name: np.random.default_rng(seed).normal(size=100) for seed, name in enumerate("ab")}
+    held = Recording(values, 100, most_kept)
+    for first in (40, 0, 99, 33):  # pieces need not come in order
+        last = {0: 33, 33: 40, 40: 99, 99: 100}[first]
+        held.put(first, {name: row[first:last] for name, row in values.items()})
+    for name, row in values.items():
+        assert np.array_equal(held.read(name), row)
+        assert np.array_equal(held.read(name, slice(30, 45)), row[30:45])
+        assert np.array_equal(held.read(name, slice(95, 200)), row[95:])
+        assert held.read(name, slice(0, 0)).size == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has a device that is always full")
+def test_a_full_disk_is_told_with_its_remedy(monkeypatch):
+    with Path("/dev/full").open("r+b", buffering=0) as full:
+        monkeypatch.setattr(recording.tempfile, "TemporaryFile", lambda **_: full)
+        held = Recording(["a"], 1000, 0)
+        with pytest.raises(SimulationError, match=r"No space left on device.*TMPDIR"):
+            held.put(0, {"a": np.zeros(1000)})
+
+
+def test_a_thinned_line_keeps_every_peak():
+    time = np.arange(1_000_001) * 1e-3
+    values = np.random.default_rng(1).normal(size=time.size)
+    values[[123_456, 987_654]] = 40.0, -50.0
+    values[5000:8000] = np.nan
+    at, shown = picture.drawn(time, values)
+    assert len(at) == len(shown) == 2 * picture.BINS
+    assert np.nanmax(shown) == 40.0
+    assert np.nanmin(shown) == -50.0
+    assert abs(at[np.nanargmax(shown)] - 123.456) <= 0.1
+    assert np.all(np.diff(at) >= 0.0)
+    gap = (at >= 5.1) & (at < 7.9)
+    assert np.isnan(shown[gap]).all()
+    few = picture.drawn(time[:1000], values[:1000])
+    assert few[0] is not None
+    assert np.array_equal(few[1], values[:1000])
+
+
+PEAK = """
+import json, resource, sys
+from pathlib import Path
+from cosim.commands.compare import compare_log
+from cosim.compare import recording
+recording.MOST_KEPT = 0
+compare_log(Path(sys.argv[1]), out=Path(sys.argv[2]), as_json=True, emit=lambda answer: None)
+print(json.dumps(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss in KiB is Linux's")
+def test_memory_per_row(built, rig_log, tmp_path):
+    """From 5 to 20 min the peak grows by less than 3 h may take: (2 GiB - 0.6 GiB of the program) / 10.8 million rows."""
+    rows, peaks = (300_000, 1_200_000), []
+    for count in rows:
+        log = tmp_path / f"{count}.parquet"
+        write_log(rig_log(seconds=count / 1000, observer=True), log)
+        done = subprocess.run(
+            [sys.executable, "-c", PEAK, str(log), str(tmp_path / str(count))],
+            capture_output=True,
+            check=True,
+        )
+        peaks.append(json.loads(done.stdout))
+    assert (peaks[1] - peaks[0]) / (rows[1] - rows[0]) < 1.4 * 2**30 / 10.8e6
