@@ -6,9 +6,9 @@ from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.extend import closed, fitted_chain, write_extended
 from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.freerun import refitted
 from cosim.diagnosis.gain import measure, run_package
 from cosim.diagnosis.groups import Group
-from cosim.diagnosis.heldout import refitted
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.verdict import stands
 from cosim.ssp.stimulus import stimulus_csv
@@ -63,7 +63,8 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     stimulus = None
     if closed(machine.source) and record.grid is None:
         stimulus = stimulus_csv(record.time, record.signals[machine.drive])
-    values = diagnosis.values | diagnosis.start
+    # the mapping's values first: it may set back to nominal what the model's own files say
+    values = machine.values | diagnosis.values | diagnosis.start
     plain = machine.values | diagnosis.calibrated
     nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
     diagnosis.packages = write_extended(machine.source, values, folder, stimulus)

@@ -4,25 +4,23 @@ A cause that the fitting log asks for but that does not make the prediction of t
 has described that one log and not the machine.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.fit import Fit, Task, Unknown, fit
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.naming import Finding, tried, unknowns
-from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.fit import Fit
+from cosim.diagnosis.freerun import errors, refitted
+from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
 WORTH = 0.01  # of the error on held-out data that a cause must take away
-CLUSTERS = 12  # parts of the log that count as independent repetitions in intervals
+RESAMPLED = 2000  # times the windows of held-out data, to tell whether one of two rivals is clearly better
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,8 @@ class Refused:
         signal: what was compared.
         gain: log-likelihood that it gains in the fitting log.
         without, with_it: RMSE on held-out data, SI.
+        sure: the whole fitting log determines its size.
+        instead: the named cause in whose place it would stand, if it explains the fitting log as well as that.
     """
 
     effect: Effect
@@ -60,84 +60,51 @@ class Refused:
     gain: float
     without: float
     with_it: float
-
-
-def whole(task: Task, size: Mapping[str, float]) -> Task:
-    """The task of fitting the error over the whole log as it is, drift included: what a free run is judged by.
-
-    Args:
-        task: the task of naming, in windows with offsets of their own.
-        size: signal -> size of the error, SI.
-    """
-    rules = {
-        s: Whitener(r.bins, r.window, False, (size[s] ** 2,) + (0.0,) * len(r.sizes[1:]), r.skip)
-        for s, r in task.rules.items()
-    }
-    return Task(task.model, task.measured, rules)
-
-
-def refitted(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near: Fit) -> Fit:
-    """Trusted parameters and effects fitted to the error over the whole log.
-
-    What is left of a real machine's log is mostly what the model lacks and not noise, so windows of the log stand for
-    independent repetitions in the intervals (sandwich estimator; Huber 1967, White 1982).
-    """
-    size = {s: max(float(np.std(r)), 1e-300) for s, r in near.residuals.items()}
-    task = whole(finding.task, size)
-    wanted, starts = unknowns(task.model, effects, tolerance)
-    placed = []
-    for item in wanted:
-        start = near.values.get(item.name, starts.get(item.name, (item.start,))[0])
-        placed.append(Unknown(item.name, start, item.scale, item.low, item.high, item.prior))
-    found = fit(task, placed, rounds=20)
-    if not wanted or found.slopes is None or found.rows is None:
-        return found
-    scales = np.array([u.scale for u in wanted])
-    count = sum(rule.windows(task.measured[s]).size for s, rule in task.rules.items())
-    scores = found.slopes[:count] * found.rows[:count, None]
-    parts = np.stack([part.sum(axis=0) for part in np.array_split(scores, CLUSTERS)])
-    bread = np.linalg.pinv(found.slopes.T @ found.slopes)
-    meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0)
-    covariance = bread @ meat @ bread * np.outer(scales, scales)
-    names = [u.name for u in wanted]
-    deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
-    return replace(found, covariance=covariance, deviations=deviations)
-
-
-def errors(finding: Finding, fit: Fit, held: Held) -> dict[str, float]:
-    """RMSE of the group's signals on held-out data, driven by its measured drive, with a fit's values, SI."""
-    model, record = finding.task.model, held.record
-    if model.group.drive not in record.signals:
-        return {}
-    starts = {n for n, _ in model.group.starts}
-    fixed = {n: v for n, v in model.fixed.items() if n not in starts} | fixed_values(record, model.group)
-    own = GroupModel(model.group, record.signals[model.group.drive], record.h, fixed, record.grid)
-    simulated = own.simulate({n: v for n, v in fit.values.items() if n not in starts})
-    found = {}
-    for signal in finding.task.measured:
-        if signal in record.signals:
-            error = (record.signals[signal] - simulated[signal])[held.first :]
-            found[signal] = float(np.sqrt(np.mean(error**2)))
-    return found
+    sure: bool = True
+    instead: str = ""
 
 
 @dataclass(frozen=True)
 class Step:
-    """A set of causes fitted to the whole fitting log: its error there, and on held-out data, SI."""
+    """A set of causes fitted to the whole fitting log.
+
+    Attributes:
+        effects: the causes.
+        fit: with them.
+        fitted: RMSE over the fitting log, SI.
+        held: RMSE on held-out data, SI.
+        sure: none has a size that is too small to matter, or whose uncertainty holds no cause at all.
+        squares: (windows,) mean square of the error in each window of the held-out data, SI.
+    """
 
     effects: tuple[Effect, ...]
     fit: Fit
     fitted: float
     held: float
+    sure: bool = True
+    squares: Array = field(default_factory=lambda: np.zeros(1), repr=False)
+
+    @property
+    def judged(self) -> float:
+        """What counts against other sets: of a set that is not sure, nothing does."""
+        return self.held if self.sure else np.inf
+
+    def clearly_better(self, other: "Step") -> bool:
+        """True if the difference on held-out data is more than the choice of these windows may have made."""
+        count = self.squares.size
+        rows = np.random.default_rng(1).integers(0, count, (RESAMPLED, count))
+        ratio = self.squares[rows].sum(axis=1) / np.maximum(other.squares[rows].sum(axis=1), 1e-300)
+        return self.sure and self.held < other.held * (1.0 - WORTH) and bool(np.quantile(ratio, 0.975) < 1.0)
 
 
 def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused], tuple[Effect, ...]]:
     """The causes of a finding that do not help on held-out data, and what is kept of it.
 
-    A cause is kept if without it the error on held-out data is larger. Because some help together only (friction and a
-    limit of the stroke bend the same curve at its two ends), causes are taken in one by one from none and left out one
-    by one from all, and the better end counts. Of a cause that holds another (Stribeck friction holds Coulomb friction)
-    the fuller must be better than the simpler.
+    A cause is kept if without it the error on held-out data is larger, and if the whole fitting log determines its size.
+    Because some help together only (friction and a limit of the stroke bend the same curve at its two ends), causes are
+    taken in one by one from none and left out one by one from all, and the better end counts. Of a cause that holds
+    another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler. A rival that explains
+    the fitting log as well as a cause takes its place if it is clearly better on held-out data.
 
     Args:
         finding: what was named in one group; `confirmed` is set if nothing is refused.
@@ -145,6 +112,7 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
         tolerance: trust in the nominal parameters.
     """
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
+    prefer(finding, tolerance)
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
     if not waiting or not signal or finding.task.model.group.drive not in held.record.signals:
         return [], finding.chosen.effects
@@ -155,20 +123,56 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
         if key not in done:
             fit_ = refitted(finding, effects, tolerance, finding.chosen.fit)
             fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))
-            done[key] = Step(effects, fit_, fitted, errors(finding, fit_, held)[signal])
+            model, trial, rule = finding.task.model, Trial(effects, fit_, 0), finding.task.rules[signal]
+            sure = all(worth_naming(trial, e, model, tolerance) for e in effects)
+            square = errors(finding, fit_, held.record)[signal][held.first :] ** 2
+            count = max(1, round(square.size / (rule.bins * rule.window)))
+            squares = np.array([np.mean(part) for part in np.array_split(square, count)])
+            done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), sure, squares)
         return done[key]
 
-    at = min((balanced(finding, step(e), waiting, step) for e in ((), waiting)), key=lambda s: s.held)
+    at = min((balanced(finding, step(e), waiting, step) for e in ((), waiting)), key=lambda s: s.judged)
     kept = {e.name for e in at.effects}
+    group = finding.task.model.group.name
     refused = []
     for effect in (e for e in waiting if e.name not in kept):
         others = tuple(e for e in finding.chosen.effects if e is not effect)
         behind = tried(finding.task, others, tolerance, finding.chosen.fit) if others else finding.null
         gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
         with_it = step(widened(finding, at.effects, effect))
-        refused.append(Refused(effect, finding.task.model.group.name, signal, gain, at.held, with_it.held))
+        refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
     finding.confirmed = bool(at.effects) and not refused
+    for effect in at.effects:
+        rest = tuple(e for e in at.effects if e is not effect)
+        for rival, gain in alike(finding, effect) if not refused else []:
+            other = step((*rest, rival))
+            if at.clearly_better(other):
+                refused.append(Refused(rival, group, signal, gain, at.held, other.held, True, effect.name))
     return refused, at.effects
+
+
+def prefer(finding: Finding, tolerance: float) -> None:
+    """Of effects on request that explain the fitting log alike, take the one that the machine's mapping names first."""
+    order = finding.task.model.group.asked
+    effects = []
+    for effect in finding.chosen.effects:
+        others = [e for e, _ in alike(finding, effect) if e.name in order]
+        listed = [effect, *others] if effect.name in order else [effect]
+        effects.append(min(listed, key=lambda e: order.index(e.name) if e.name in order else 0))
+    if tuple(effects) != finding.chosen.effects:
+        finding.chosen = tried(finding.task, tuple(effects), tolerance, finding.chosen.fit)
+        candidates = tuple(e for e in finding.task.model.group.effects() if e.name not in SAMPLED)
+        finding.rivals = rivals(finding.task, finding, candidates, tolerance)
+
+
+def alike(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
+    """Effects that explain the fitting log as well as a named one in its place, and what they gain over it there."""
+    found = []
+    for trial in finding.rivals.get(effect.name, []):
+        rival = next(e for e in trial.effects if e not in finding.chosen.effects)
+        if trial.score > finding.chosen.score - CLOSE:
+            found.append((rival, trial.score - finding.chosen.score))
+    return found
 
 
 def balanced(
@@ -184,15 +188,20 @@ def balanced(
     """
     for _ in waiting:
         before = at
-        while more := [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]:
+        while True:
+            more = [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]
+            better = [s for s in more if s.judged < at.judged * (1.0 - WORTH)]
+            for effect in at.effects:
+                rest = tuple(e for e in at.effects if e is not effect)
+                more = [step((*rest, e)) for e, _ in alike(finding, effect) if e not in rest]
+                better += [s for s in more if s.clearly_better(at)]
             # the one that describes the fitting log best, of those that held-out data bear out
-            better = [s for s in more if s.held < at.held * (1.0 - WORTH)]
             if not better:
                 break
             at = min(better, key=lambda s: s.fitted)
         while at.effects:  # left out, or something simpler in its place
-            fewer = min((step(e) for e in narrowed(finding, at.effects)), key=lambda s: s.held)
-            if fewer.held * (1.0 - WORTH) > at.held:
+            fewer = min((step(e) for e in narrowed(finding, at.effects)), key=lambda s: (s.judged, s.held))
+            if fewer.judged * (1.0 - WORTH) > at.judged:
                 break
             at = fewer
         if {e.name for e in at.effects} == {e.name for e in before.effects}:

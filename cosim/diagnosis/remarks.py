@@ -70,10 +70,20 @@ def turned_down(item: Refused) -> RefusedCause:
     """A refused cause in display units."""
     unit, scale = shown(item.signal)
     without, with_it = item.without * scale, item.with_it * scale
-    why = (
-        f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but on held-out data the error of "
-        f"{item.signal} goes from {without:.4g} to {with_it:.4g} {unit} with it"
+    error = (
+        f"on held-out data the error of {item.signal} goes from {without:.4g} to {with_it:.4g} {unit} with it"
     )
+    why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
+    if item.instead:
+        why = (
+            f"in place of {item.instead} it explains the fitted data alike ({item.gain:+.1f} in log-likelihood, less the "
+            f"price of its parameters), but {error}"
+        )
+    elif not item.sure:
+        why = (
+            f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but taken as a whole these do not determine "
+            f"its size; {error}"
+        )
     return RefusedCause(effect=item.effect.name, block=item.group, why=why)
 
 

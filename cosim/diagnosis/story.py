@@ -109,9 +109,9 @@ def judge(
             count = len(finding.chosen.effects)
             enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
             turned_down, kept = refuse(finding, held, trust)
-            if not turned_down:
-                break
             found.refused += turned_down
+            if all(r.instead for r in turned_down):
+                break
             group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
             begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
             task = task_for(group, record, known if group.integrates else [])

@@ -15,7 +15,9 @@ COULOMB, STRIBECK, BACKLASH = (
     registry.effects()[f"mechanical.{name}"] for name in ("coulomb_friction", "stribeck_friction", "backlash")
 )
 # all that is asked of a finding here is which candidates there are
-MECHANICS = SimpleNamespace(task=SimpleNamespace(model=SimpleNamespace(group=MODELS["full_order"][2])))
+MECHANICS = SimpleNamespace(
+    task=SimpleNamespace(model=SimpleNamespace(group=MODELS["full_order"][2])), rivals={}
+)
 FIT = Fit({}, {}, 0.0, 0, {}, np.empty((0, 0)))
 
 

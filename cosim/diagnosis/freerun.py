@@ -1,0 +1,84 @@
+"""Fits to the error over a whole log, drift included: what a free run is judged by."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.chain import fixed_values
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.fit import Fit, Task, fit
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.naming import Finding, tried, unknowns
+from cosim.diagnosis.noise import Whitener
+from fmus.contract import Effect
+
+Array = NDArray[np.float64]
+
+ROUNDS = 6  # of a fit, at most
+GAINED = 1e-3  # of the sum of squares that a further round must take away
+CLUSTERS = 12  # parts of the log that count as independent repetitions in intervals
+
+
+def whole(task: Task, size: Mapping[str, float]) -> Task:
+    """The task of fitting the error over the whole log as it is, drift included: what a free run is judged by.
+
+    Args:
+        task: the task of naming, in windows with offsets of their own.
+        size: signal -> size of the error, SI.
+    """
+    rules = {
+        s: Whitener(r.bins, r.window, False, (size[s] ** 2,) + (0.0,) * len(r.sizes[1:]), r.skip)
+        for s, r in task.rules.items()
+    }
+    return Task(task.model, task.measured, rules)
+
+
+def refitted(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near: Fit) -> Fit:
+    """Trusted parameters and effects fitted to the error over the whole log.
+
+    Over a whole log sticking makes the error jagged, with several valleys. The search begins where the fit in windows
+    ends, so that it finds the valley that the shape of the signal speaks for, and goes on until it gains no more. What is
+    left of a real machine's log is mostly what the model lacks and not noise, so parts of the log stand for independent
+    repetitions in the intervals (sandwich estimator; Huber 1967, White 1982).
+
+    Args:
+        finding: what was named in one group.
+        effects: the causes.
+        tolerance: trust in the nominal parameters.
+        near: a fit in windows of a set nearby.
+    """
+    size = {s: max(float(np.std(r)), 1e-300) for s, r in near.residuals.items()}
+    task = whole(finding.task, size)
+    wanted, _ = unknowns(task.model, effects, tolerance)
+    found = tried(finding.task, effects, tolerance, near).fit
+    for left in reversed(range(ROUNDS)):
+        before = found.log_likelihood if left < ROUNDS - 1 else -np.inf
+        found = fit(task, [replace(u, start=found.values[u.name]) for u in wanted], rounds=20)
+        if found.log_likelihood < before + GAINED * abs(before):
+            break
+    if not wanted or found.slopes is None or found.rows is None:
+        return found
+    scales = np.array([u.scale for u in wanted])
+    count = sum(rule.windows(task.measured[s]).size for s, rule in task.rules.items())
+    scores = found.slopes[:count] * found.rows[:count, None]
+    parts = np.stack([part.sum(axis=0) for part in np.array_split(scores, CLUSTERS)])
+    bread = np.linalg.pinv(found.slopes.T @ found.slopes)
+    meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0)
+    covariance = bread @ meat @ bread * np.outer(scales, scales)
+    names = [u.name for u in wanted]
+    deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    return replace(found, covariance=covariance, deviations=deviations)
+
+
+def errors(finding: Finding, fit: Fit, record: Record) -> dict[str, Array]:
+    """Error (n,) of the group's signals over another log, driven by its measured drive, with a fit's values, SI."""
+    model = finding.task.model
+    if model.group.drive not in record.signals:
+        return {}
+    starts = {n for n, _ in model.group.starts}
+    fixed = {n: v for n, v in model.fixed.items() if n not in starts} | fixed_values(record, model.group)
+    own = GroupModel(model.group, record.signals[model.group.drive], record.h, fixed, record.grid)
+    simulated = own.simulate({n: v for n, v in fit.values.items() if n not in starts})
+    return {s: record.signals[s] - simulated[s] for s in finding.task.measured if s in record.signals}
