@@ -142,13 +142,24 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
         with_it = step(widened(finding, at.effects, effect))
         refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
     finding.confirmed = bool(at.effects) and not refused
+    if not refused:
+        refused = outdone(finding, at, step, signal)
+    return refused, at.effects
+
+
+def outdone(
+    finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], signal: str
+) -> list[Refused]:
+    """Rivals that explain the fitting log as well as a kept cause and held-out data clearly worse."""
+    found = []
     for effect in at.effects:
         rest = tuple(e for e in at.effects if e is not effect)
-        for rival, gain in alike(finding, effect) if not refused else []:
+        for rival, gain in alike(finding, effect):
             other = step((*rest, rival))
             if at.clearly_better(other):
-                refused.append(Refused(rival, group, signal, gain, at.held, other.held, True, effect.name))
-    return refused, at.effects
+                group = finding.task.model.group.name
+                found.append(Refused(rival, group, signal, gain, at.held, other.held, True, effect.name))
+    return found
 
 
 def prefer(finding: Finding, tolerance: float) -> None:
