@@ -257,7 +257,8 @@ def experiment(
         Path, typer.Option("--out", "-o", help="CSV to write: the command u, one value a millisecond.")
     ],
     amplitude: Annotated[
-        list[float] | None, typer.Option(help="Of full command; repeatable [default: the source's].")
+        list[float] | None,
+        typer.Option(help="Of full command; repeatable [default: the source's; sine: 0.75]."),
     ] = None,
     low: Annotated[str | None, typer.Option(help="sine: lowest frequency, such as '0.5 rad/s'.")] = None,
     high: Annotated[str | None, typer.Option(help="sine: highest frequency.")] = None,

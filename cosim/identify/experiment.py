@@ -23,6 +23,9 @@ GRIDS: dict[str, tuple[Array, tuple[float, ...]]] = {
     "slew": (SLEW_GRID, (1.0, 0.75)),
     "dcv": (DCV_GRID, (1.0, 0.75, 0.35)),
 }
+# the source's second amplitude: the valve's largest swing is 1.30 times its gain (its impulse response, absolute, summed
+# up), so above 0.84 a sine of some frequency meets the stops at 2.6 mm
+SINE_AMPLITUDE = 0.75
 REST = 3.0  # s of no command before, between and after the parts
 RAMP_PERIOD = 40.0  # s for 0, +A, -A, 0
 SPEED = 2.27  # deg/s of slew per unit command at low frequency (SYSTEM section 7)

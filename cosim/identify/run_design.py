@@ -11,7 +11,7 @@ from cosim.identify.answer import COLUMNS, Answer, parameter_table
 from cosim.identify.blocks import BLOCKS, form, parameters
 from cosim.identify.dead_zone import identify_dead_zone
 from cosim.identify.estimate import Quantity
-from cosim.identify.experiment import GRIDS, Experiment, ramp, stepped_sine
+from cosim.identify.experiment import GRIDS, SINE_AMPLITUDE, Experiment, ramp, stepped_sine
 from cosim.identify.run import channel, dead_zone_parameters, log_data, record_notes, records_of
 from cosim.identify.scaling import (
     STANDARD,
@@ -251,7 +251,7 @@ def experiment_of(
             raise UsageError(
                 "the experiment 'sine' needs a band: --low, --high (rad/s) and --count of at least 2"
             )
-        return stepped_sine(name, np.geomspace(*band), tuple(amplitudes) or (1.0,))
+        return stepped_sine(name, np.geomspace(*band), tuple(amplitudes) or (SINE_AMPLITUDE,))
     if name not in GRIDS:
         raise UsageError(f"'{name}' is no experiment: choose {', '.join([*GRIDS, 'ramp', 'sine'])}")
     grid, levels = GRIDS[name]

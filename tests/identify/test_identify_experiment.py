@@ -8,6 +8,7 @@ import pytest
 from cosim.errors import UsageError
 from cosim.identify.experiment import DCV_GRID, GRIDS, SLEW_GRID, ramp, stepped_sine, write_experiment
 from cosim.identify.run_design import experiment_of
+from cosim.rig import Noise, as_log, make_log
 from cosim.rig.excitation import read_command
 
 
@@ -60,6 +61,17 @@ def test_file_is_what_the_rig_plays(tmp_path):
     content = json.loads(plan.read_text())
     assert content["frequencies"] == {"value": [8.0, 20.0], "unit": "rad/s"}
     assert content["amplitudes"] == [1.0, 0.35]
+
+
+def test_a_sine_of_ones_own_keeps_off_the_stops():
+    """Through the valve's resonance, where full amplitude drives the spool against them."""
+    band = (10.0, 60.0, 30)
+    reached = {}
+    for amplitudes in ([], [1.0]):
+        log = as_log(make_log(experiment_of("sine", amplitudes, band, 2).command, noise=Noise(scale=0.0)))
+        reached[tuple(amplitudes)] = np.abs(log["spool"]).max()
+    assert reached[()] < 1.30 * 0.75 * 2.375e-3  # amplitude times gain times the largest swing
+    assert reached[(1.0,)] > 2.6e-3 - 0.005e-3  # nearer to the stop than the sensor can tell
 
 
 @pytest.mark.parametrize(
