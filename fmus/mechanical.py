@@ -54,7 +54,8 @@ class Parameters(NamedTuple):
 class Coefficients(NamedTuple):
     """Exact response over the step to a torque on a straight line.
 
-    omega1 = w_w omega0 + w_0 torque0 + w_1 torque1;  theta1 = theta0 + t_w omega0 + t_0 torque0 + t_1 torque1.
+    omega1 = w_w omega0 + w_0 torque0 + w_1 torque1;  theta1 = theta0 + t_w omega0 + t_0 torque0 + t_1 torque1;
+    phi1, phi2, phi3 of the whole step are for dry friction.
     """
 
     h: float
@@ -65,6 +66,9 @@ class Coefficients(NamedTuple):
     t_w: float
     t_0: float
     t_1: float
+    phi1: float
+    phi2: float
+    phi3: float
 
 
 @slot("chain")
@@ -108,6 +112,12 @@ def slide(
 ) -> tuple[float, float]:
     """Angle and velocity after h under a torque on a straight line from t0 to t1 and viscous friction, exact."""
     decay, phi1, phi2, phi3 = phi_functions(b * h / J)
+    return slid(theta, omega, t0, t1, h, J, decay, phi1, phi2, phi3)
+
+
+@equation
+def slid(theta: float, omega: float, t0: float, t1: float, h: float, J: float, decay: float, phi1: float, phi2: float, phi3: float) -> tuple[float, float]:  # fmt: skip
+    """The same with the functions of b h/J at hand."""
     return (
         theta + h * (phi1 * omega + h / J * (phi2 * t0 + phi3 * (t1 - t0))),
         decay * omega + h / J * (phi1 * t0 + phi2 * (t1 - t0)),
@@ -135,6 +145,7 @@ def stopping_time(
 def with_dry_friction(theta: float, omega: float, t0: float, t1: float, m: NoMemory, p: Parameters, c: Coefficients) -> tuple[float, float]:  # fmt: skip
     """Angle and velocity after the step with dry friction, phase by phase: sliding, stopping, sticking, breaking away."""
     left = c.h
+    decay, phi1, phi2, phi3 = c.w_w, c.phi1, c.phi2, c.phi3
     for _ in range(8):
         slope = (t1 - t0) / left
         holding = friction_level(0.0, m, p)
@@ -151,12 +162,14 @@ def with_dry_friction(theta: float, omega: float, t0: float, t1: float, m: NoMem
                 if left <= 0.0:
                     return theta, 0.0
             direction = math.copysign(1.0, t0 if abs(t0) > holding else t1)
+        if left != c.h:
+            decay, phi1, phi2, phi3 = phi_functions(p.b * left / c.J)
         level = direction * friction_level(omega, m, p)
-        _, ahead = slide(theta, omega, t0 - level, t1 - level, left, c.J, p.b)
+        _, ahead = slid(theta, omega, t0 - level, t1 - level, left, c.J, decay, phi1, phi2, phi3)
         level = direction * friction_level(
             0.5 * (omega + ahead), m, p
         )  # midpoint: second order where it varies
-        angle, speed = slide(theta, omega, t0 - level, t1 - level, left, c.J, p.b)
+        angle, speed = slid(theta, omega, t0 - level, t1 - level, left, c.J, decay, phi1, phi2, phi3)
         if speed * direction >= 0.0:
             return angle, speed
         dt = stopping_time(omega, direction, t0 - level, slope, left, c.J, p.b)
@@ -182,7 +195,17 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
     decay, phi1, phi2, phi3 = phi_functions(p.b * h / J)
     k = h / J
     return Coefficients(
-        h, J, decay, k * (phi1 - phi2), k * phi2, h * phi1, h * k * (phi2 - phi3), h * k * phi3
+        h,
+        J,
+        decay,
+        k * (phi1 - phi2),
+        k * phi2,
+        h * phi1,
+        h * k * (phi2 - phi3),
+        h * k * phi3,
+        phi1,
+        phi2,
+        phi3,
     )
 
 

@@ -28,7 +28,6 @@ class State(NamedTuple):
     """Where in the table it is."""
 
     row: Annotated[float, Variable("1", "Row of the last sample at or before now")]
-    u: Annotated[float, Variable("1", "Command")]
 
 
 class Memory(NamedTuple):
@@ -74,7 +73,7 @@ def seek(row: float, time: float, m: Memory) -> float:
 @equation
 def start(u: Input, p: Parameters) -> State:
     """Before the first row."""
-    return State(0.0, 0.0)
+    return State(0.0)
 
 
 @equation
@@ -85,9 +84,8 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 
 @equation
 def step(x: State, u: Input, m: Memory, p: Parameters, c: Coefficients) -> State:
-    """The sample at the end of the step."""
-    row = seek(x.row, u.time, m)
-    return State(row, sample(row, u.time, m, p))
+    """The row at the end of the step."""
+    return State(seek(x.row, u.time, m))
 
 
 @equation
