@@ -27,10 +27,11 @@ from scipy.optimize import least_squares
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from cosim.calibrate import calibrate, read_free
-from cosim.calibrate.free import USUAL, Free
+from cosim.calibrate.free import Free
 from cosim.calibrate.problem import DIFFERENCE
 from cosim.calibrate.story import Options
 from cosim.compare import Comparator, open_model
+from cosim.diagnosis.cut import TRUSTED
 from cosim.logs import Log
 from cosim.paths import ssp_folder
 from cosim.rig import Noise, as_log, make_log
@@ -205,8 +206,8 @@ def compare(duration: float, repeat: int) -> list[dict[str, Any]]:
 
 
 def coverage(count: int, kinds: Sequence[str], duration: float) -> list[dict[str, Any]]:
-    """How often a 95 % interval holds the truth, for each kind of noise, over `count` logs with all of `USUAL` off."""
-    names = [n for n in USUAL if not n.startswith("simplified")]
+    """How often a 95 % interval holds the truth, for each kind of noise, over `count` logs with all of `TRUSTED` off."""
+    names = [n for n in TRUSTED if not n.startswith("simplified")]
     rows = []
     for kind in kinds:
         noise = NOISES[kind]
