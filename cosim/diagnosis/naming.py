@@ -138,7 +138,7 @@ def find(
     learn_noise(task, record, null.fit)
     null = tried(task, (), tolerance, null.fit)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-    chosen = best_single(task, null, single, tolerance)
+    chosen = best_single(task, null, single, tolerance) if most else null
     if begin is not None:
         chosen = tried(task, begin.effects, tolerance, begin.fit)
     for _ in range(2 * most):
