@@ -1,6 +1,7 @@
 """A batch from the plan to the files: list the runs, do what is not done, write table, cube and picture, sum up."""
 
 import importlib.util
+import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -122,17 +123,28 @@ def _mapped_signals(plan: Plan) -> list[str]:
     return list(load_mapping(Path(plan.mapping)).signals)
 
 
+def _positive(option: str, text: str, unit: str) -> float:
+    """A positive quantity that an option gives."""
+    try:
+        value = parse_quantity(text, unit)
+    except UsageError as error:
+        raise UsageError(f"{option}: {error}") from None
+    if not value > 0.0:
+        raise UsageError(f"{option}: {text} is not positive")
+    return value
+
+
 def _crew(plan: Plan, runs: int) -> Any:
     from cosim.batch.workers import Cluster, Processes
 
     if plan.scheduler:
+        if plan.time_limit:
+            raise UsageError("--time-limit ends processes of this machine: a cluster's workers are its own")
         return Cluster(plan.scheduler)
-    try:
-        memory = parse_quantity(plan.worker_memory or MEMORY, "byte")
-    except UsageError as error:
-        raise UsageError(f"--worker-memory: {error}") from None
+    memory = _positive("--worker-memory", plan.worker_memory or MEMORY, "byte")
+    limit = _positive("--time-limit", plan.time_limit, "s") if plan.time_limit else math.inf
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Processes(min(plan.workers or available, runs), memory, plan.runs_per_worker)
+    return Processes(min(plan.workers or available, runs), memory, plan.runs_per_worker, limit)
 
 
 def _columns(batch: Any) -> dict[str, list[Any]]:

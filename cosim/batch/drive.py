@@ -73,6 +73,7 @@ class _Loop:
             done, _ = wait(self.open, TURN, FIRST_COMPLETED)
             for future in done:
                 self._take(future, self.open.pop(future))
+            self.crew.watch()
             self.store.tick()
 
     def _hand_over(self, parcel: _Parcel) -> None:

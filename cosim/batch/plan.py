@@ -64,6 +64,7 @@ class Plan(BaseModel):
         tolerance, calibrate: as in ``cosim diagnose``.
         threshold: signal -> largest RMSE, as in ``cosim compare``.
         most_failed: how many runs may fail.
+        time_limit: longest a single run may take, with unit.
         workers, runs_per_worker, worker_memory, scheduler: where it runs; no result depends on them.
     """
 
@@ -92,6 +93,7 @@ class Plan(BaseModel):
     calibrate: bool = False
     threshold: dict[Word, str] = {}
     most_failed: Annotated[int, Field(ge=0)] | None = None
+    time_limit: Word | None = None
     workers: PositiveInt | None = None
     runs_per_worker: PositiveInt | None = None
     worker_memory: Word | None = None

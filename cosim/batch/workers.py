@@ -4,6 +4,7 @@ Both are executors of concurrent.futures. Of this machine's processes each is a 
 its own run and no other, and one that has grown is replaced between two runs.
 """
 
+import math
 import multiprocessing
 import os
 import signal
@@ -22,6 +23,7 @@ from cosim.errors import MissingExtraError, SimulationError, UsageError
 Outcomes = list[Outcome]
 CONNECT = 10.0  # s until a scheduler must answer
 ARRIVE = 30.0  # s until it must have a worker
+START = 60.0  # s that a process may take to begin, beside the time limit of its first run
 
 
 class Crew(Protocol):
@@ -51,6 +53,10 @@ class Crew(Protocol):
         """Take note that a future is done; says how its process died, if it did."""
         ...
 
+    def watch(self) -> None:
+        """End runs that take too long; called about twice a second."""
+        ...
+
     def close(self) -> None:
         """End everything at once."""
         ...
@@ -64,8 +70,10 @@ class _Lane:
         self.process: BaseProcess | None = None
         self.future: Future[Outcomes] | None = None
         self.runs = 0
+        self.begun, self.late, self.together = 0.0, False, 0
 
     def submit(self, job: Job, runs: list[Run]) -> "Future[Outcomes]":
+        self.begun, self.late, self.together = clock.monotonic(), False, len(runs)
         if self.pool is not None:
             try:
                 self.future = self.pool.submit(execute, job, runs)
@@ -79,6 +87,7 @@ class _Lane:
             self.future = self.pool.submit(execute, job, runs)
             made = [child for child in multiprocessing.active_children() if child not in before]
             self.process, self.runs = (made[0] if made else None), 0
+            self.begun += START
         assert self.future is not None
         self.runs += len(runs)
         return self.future
@@ -93,13 +102,19 @@ class _Lane:
 
 
 class Processes:
-    """Processes of this machine, each replaced after `most_runs` runs or before it outgrows `most_memory` bytes."""
+    """Processes of this machine, each replaced after `most_runs` runs or before it outgrows `most_memory` bytes.
+
+    One whose run takes longer than `most_time` s is killed.
+    """
 
     lost: tuple[type[BaseException], ...] = (BrokenProcessPool,)
     certain = True
 
-    def __init__(self, count: int, most_memory: float, most_runs: int | None = None) -> None:
+    def __init__(
+        self, count: int, most_memory: float, most_runs: int | None = None, most_time: float = math.inf
+    ) -> None:
         self.size = self.capacity = count
+        self.most_time = most_time
         self.most_memory, self.most_runs = most_memory, most_runs
         self.retired, self.tight = 0, False
         self._lanes = [_Lane() for _ in range(count)]
@@ -116,7 +131,7 @@ class Processes:
         lane = next(lane for lane in self._lanes if lane.future is future)
         lane.future = None
         if isinstance(future.exception(), BrokenProcessPool):
-            how = _how_it_ended(lane.process)
+            how = f"it took longer than {self.most_time:g} s" if lane.late else _how_it_ended(lane.process)
             self._replace(lane)
             return how
         if future.exception() is None:
@@ -127,9 +142,18 @@ class Processes:
                 self.tight = True
             self._resident[lane] = resident
             full = self.most_runs is not None and lane.runs >= self.most_runs
-            if full or resident + self._growth > self.most_memory:
+            if lane.late or full or resident + self._growth > self.most_memory:
                 self._replace(lane)
         return ""
+
+    def watch(self) -> None:
+        """Kill processes whose runs take too long; their futures then raise what is `lost`."""
+        for lane in self._lanes:
+            allowed = self.most_time * lane.together
+            overdue = lane.future is not None and clock.monotonic() - lane.begun > allowed
+            if overdue and not lane.late and lane.process is not None:
+                lane.late = True
+                lane.process.kill()
 
     def close(self) -> None:
         """Kill all processes: what they had in hand is lost."""
@@ -224,6 +248,9 @@ class Cluster:
     def settle(self, future: "Future[Outcomes]") -> str:
         """Nothing to do: the cluster looks after its workers."""
         return "its worker died, more often than the scheduler allows" if future.exception() else ""
+
+    def watch(self) -> None:
+        """Nothing to do: the cluster has no time limit."""
 
     def close(self) -> None:
         """Cancel what is open, and leave the cluster as it was."""

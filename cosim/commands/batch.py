@@ -78,6 +78,9 @@ RunsPerWorker = Annotated[int | None, typer.Option(help="Replace a process after
 WorkerMemory = Annotated[
     str | None, typer.Option(help="Replace a process before it is larger (default: 1 GiB).")
 ]
+TimeLimit = Annotated[
+    str | None, typer.Option(help="A run that takes longer is ended and counts as failed, such as '5 min'.")
+]
 Scheduler = Annotated[str | None, typer.Option(help="Dask cluster to use, such as tcp://host:8786.")]
 Out = Annotated[
     Path, typer.Option("--out", "-o", help="Folder; a batch that lies there goes on.", metavar="DIR")
@@ -118,6 +121,7 @@ def batch(
     threshold: Threshold = None,
     most_failed: MostFailed = None,
     workers: Workers = None,
+    time_limit: TimeLimit = None,
     runs_per_worker: RunsPerWorker = None,
     worker_memory: WorkerMemory = None,
     scheduler: Scheduler = None,

@@ -148,6 +148,24 @@ def test_a_parcel_whose_process_dies_loses_one_run_only(
     assert list(report.frame.loc[report.frame["status"] == "failed", "run"]) == [5, 40]
 
 
+def test_a_run_that_hangs_is_ended_and_the_others_go_on(rogue: Path, tmp_path: Path) -> None:
+    sweep: dict[str, Any] = {"r.k": "1:8:8", "r.nap": [0.0, 0.0, 0.0, 3600.0, 0.0, 0.0, 0.0, 0.0]}
+    # the first run of a process may take a minute longer, so the one that hangs is not the first
+    asked = plan(rogue, sweep=sweep, design="zip", workers=1, time_limit="5 s")
+    report = conduct(asked, tmp_path / "b")
+    assert list(report.frame["status"]) == ["done"] * 3 + ["failed"] + ["done"] * 4
+    assert report.frame["reason"][3] == "it took longer than 5 s"
+    assert report.about["workers_replaced"] == 1
+
+
+def test_a_time_limit_that_makes_no_sense_is_refused(rogue: Path, tmp_path: Path) -> None:
+    sweep: dict[str, Any] = {"r.k": "1,2"}
+    with pytest.raises(UsageError, match=r"--time-limit: .* is not positive"):
+        conduct(plan(rogue, sweep=sweep, time_limit="0 s"), tmp_path / "a")
+    with pytest.raises(UsageError, match="a cluster's workers are its own"):
+        conduct(plan(rogue, sweep=sweep, time_limit="1 s", scheduler="tcp://127.0.0.1:1"), tmp_path / "b")
+
+
 def test_a_run_that_fails_says_why_and_the_others_go_on(toys: Any, tmp_path: Path) -> None:
     package = toys.ssp({"w": "wave", "g": "grumbler"}, ["w.y -> g.u"], stop=0.5)
     report = conduct(plan(package, sweep={"g.refuse_at": "0.3, 9, 0.2, 9"}, workers=1), tmp_path / "b")
