@@ -3,15 +3,18 @@
 import tempfile
 import time
 import traceback
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.blind.cases import Case
 from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
 from cosim.diagnosis.fit import fit
 from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.gain import measure
 from cosim.diagnosis.groups import left_out
 from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.story import diagnose
@@ -20,6 +23,7 @@ from cosim.rig import RigRun, make_log
 from cosim.rig.write import as_log, as_tracker
 from fmus import registry
 
+Array = NDArray[np.float64]
 TOLERANCE = 0.01
 SAMPLED = ("sensor.quantisation", "sensor.dropout")  # seen in the raw samples, not in a likelihood
 
@@ -37,6 +41,7 @@ def run_case(case: Case, fmus: bool) -> dict[str, Any]:
         row["cpu_seconds"] = time.process_time() - cpu
         row |= said(found)
         row["truth"] = truth(case, found, run)
+        row["noise"] = noise_held_out(found, run)
     except Exception:
         row["error"] = traceback.format_exc()
     return row
@@ -132,10 +137,24 @@ def truth(case: Case, found: Diagnosis, run: RigRun) -> dict[str, dict[str, floa
     return result
 
 
+def seen(run: RigRun, signals: Iterable[str]) -> dict[str, Array]:
+    """What error-free sensors would have read, (n,) each, SI."""
+    true = dict(run.true) | {"slew": run.true["seen"]}
+    return {s: true[s] for s in signals}
+
+
+def noise_held_out(found: Diagnosis, run: RigRun) -> dict[str, float]:
+    """Signal -> size of the sensors' noise on the windows on which the gain was measured, SI."""
+    if not found.gains:
+        return {}
+    true = {s: v[: found.record.time.size] for s, v in seen(run, found.gains).items()}
+    return {s: gain.after for s, gain in measure(found.record, true, true, found.window).items()}
+
+
 def noise_alone(finding: Finding, run: RigRun) -> float:
     """Log-likelihood of a group whose residual is nothing but the sensors' noise: what the best of all models reaches."""
-    true = dict(run.true) | {"slew": run.true["seen"]}
     task = finding.task
+    true = seen(run, task.measured)
     noise = {s: measured - true[s][: measured.size] for s, measured in task.measured.items()}
     white = task.white(noise)
     return -0.5 * float(white @ white)
