@@ -18,6 +18,7 @@ Equations use `math` and plain scalars only, so that one text serves the FMU (st
 function that without effects returns its neutral value.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import ModuleType
@@ -150,6 +151,9 @@ class Block:
         return {f.__name__: f.__dict__["slot_rule"] for f in self.equations if "slot_rule" in f.__dict__}
 
 
+QUARTER = 0.5 * math.pi  # rad, of a turn
+
+
 @dataclass(frozen=True)
 class Free:
     """How a parameter of an effect is estimated from data.
@@ -160,12 +164,15 @@ class Free:
         floor: deviation from the off value that is too small to matter in practice, SI; 0 where the size alone does not tell.
         limits: measured signal that the parameter limits, above if its starts are positive: searches begin at its extremes
             too, because where a limit is out of reach nothing leads to it.
+        phase: the parameter is the phase of a sine whose amplitude is the effect's key: any sine is a sum of two of them,
+            so amplitude and phase are found from two starts a quarter of a turn apart.
     """
 
     starts: tuple[float, ...]
     scale: float
     floor: float = 0.0
     limits: str = ""
+    phase: bool = False
 
 
 @dataclass(frozen=True)

@@ -45,12 +45,17 @@ def first_offsets(time: Array, slew: Array, stamps: Array, readings: Array) -> l
 
 
 def _cost(offset: float, rate: float, time: Array, slew: Array, s: Array, y: Array) -> float:
-    """Variance of the difference, rad2, a constant left out; infinite where too little overlaps."""
+    """Variance of the difference, rad2, a straight line left out: a drifting sensor would hide a small motion behind it.
+
+    Infinite where too little overlaps.
+    """
     t = offset + rate * s
     inside = (t >= 0.0) & (t <= time[-1])
     if inside.sum() < max(LEAST, OVERLAP * min(s.size, s.size * time[-1] / max(s[-1] - s[0], 1e-9))):
         return float("inf")
-    return float(np.var(y[inside] - np.interp(t[inside], time, slew)))
+    difference, since = y[inside] - np.interp(t[inside], time, slew), t[inside] - t[inside].mean()
+    line = float(since @ difference) ** 2 / max(float(since @ since), 1e-300)
+    return float(np.var(difference)) - line / difference.size
 
 
 def _refined(offset: float, time: Array, slew: Array, stamps: Array, readings: Array) -> tuple[float, float]:

@@ -1,6 +1,5 @@
 """Fitting a group's parameters to its measured signals under priors."""
 
-import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -13,7 +12,6 @@ from cosim.diagnosis.noise import Whitener
 
 Array = NDArray[np.float64]
 
-BENT = 3.0  # standard deviations off its prior beyond which a parameter is tried at its prior as well
 ABSURD = 1e9  # SI; stands for a residual that is no number
 
 
@@ -248,37 +246,3 @@ def jacobian(cost: Callable[[Array], Array], z: Array, low: Array, high: Array, 
         down[i] = max(z[i] - step, low[i])
         columns.append((cost(up) - cost(down)) / (up[i] - down[i]))
     return np.stack(columns, axis=1)
-
-
-def fit_from_starts(
-    task: Task,
-    unknowns: list[Unknown],
-    starts: Mapping[str, tuple[float, ...]],
-    keep: int = 2,
-    rounds: int = 12,
-) -> Fit:
-    """Best of the fits that begin at the `keep` most promising combinations of the starts.
-
-    Parameters with a prior that an earlier fit has bent far off it begin there and, in further combinations, at their
-    prior: what bent them may be what this fit is to find.
-    """
-    listed = [starts.get(u.name, (u.start,)) for u in unknowns]
-    bent = {u.name: u.prior[0] for u in unknowns if u.prior and abs(u.start - u.prior[0]) > BENT * u.prior[1]}
-    trials = []
-    for straight in ({}, bent) if bent else ({},):
-        # where a limit is out of reach nothing changes with it: a search cannot begin there
-        off = task.white(task.residuals({u.name: u.start for u in unknowns} | straight))
-        for combination in itertools.product(*listed):
-            values = {u.name: float(v) for u, v in zip(unknowns, combination, strict=True)} | straight
-            white = task.white(task.residuals(values))
-            pull = sum(((values[u.name] - u.prior[0]) / u.prior[1]) ** 2 for u in unknowns if u.prior)
-            trials.append((float(white @ white) + pull, values, np.array_equal(white, off)))
-    trials.sort(key=lambda trial: (trial[2], trial[0]))
-    best: Fit | None = None
-    for _, values, _ in trials[:keep]:
-        placed = [Unknown(u.name, values[u.name], u.scale, u.low, u.high, u.prior) for u in unknowns]
-        found = fit(task, placed, rounds=rounds)
-        if best is None or found.log_likelihood > best.log_likelihood:
-            best = found
-    assert best is not None
-    return best

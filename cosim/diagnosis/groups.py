@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cosim.paths import ssp_folder
 from fmus import registry
-from fmus.contract import Effect, Free
+from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def scaled(name: str, scale: tuple[tuple[str, float], ...]) -> Effect:
         variable = effect.parameters.get(parameter) or registry.block(block_of(effect)).parameters[parameter]
         factor = factors.get(f"{effect.component}.{parameter}", factors.get(variable.unit, 1.0))
         starts = tuple(v * factor for v in item.starts)
-        free[parameter] = Free(starts, item.scale * factor, item.floor * factor)
+        free[parameter] = replace(item, starts=starts, scale=item.scale * factor, floor=item.floor * factor)
     return replace(effect, free=free)
 
 

@@ -293,4 +293,6 @@ def rivals(
             if kept
             else [t for t in finding.single if t.effects[0] is not effect]
         )
+        if kept:  # one effect may do what the whole set does
+            found[effect.name] += [t for t in finding.single if t.effects[0] not in finding.chosen.effects]
     return found

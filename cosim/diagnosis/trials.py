@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.diagnosis.fit import Fit, Task, Unknown, fit, fit_from_starts
+from cosim.diagnosis.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.starts import Size, fit_from_starts
 from cosim.diagnosis.watch import counted
 from fmus import registry
 from fmus.contract import Effect, Variable
@@ -113,10 +114,25 @@ def tried(
         - len(trusted(task.model, tolerance))
         + sum(u.prior is None and u.name in task.model.group.trusted for u in wanted)
     )
-    found = (
-        fit_from_starts(task, wanted, starts, rounds=rounds) if starts else fit(task, wanted, rounds=rounds)
-    )
+    if not starts:
+        return Trial(effects, fit(task, wanted, rounds=rounds), price)
+    slopes = None if near is None else near.slopes
+    size = sought(task.model, effects, starts)
+    found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes)
     return Trial(effects, out_of_reach(task, effects, found), price)
+
+
+def sought(
+    model: GroupModel, effects: tuple[Effect, ...], starts: dict[str, tuple[float, ...]]
+) -> Size | None:
+    """What sets the size of the one effect that nothing is known of yet; None where all are known, or several are not."""
+    keys = {f"{e.component}.{e.key if e.key in e.free else next(iter(e.free))}": e for e in effects}
+    new = [(n, e) for n, e in keys.items() if len(starts[n]) > 1 and e.name not in SAMPLED]
+    if len(new) != 1:
+        return None
+    ((key, effect),) = new
+    phases = [f"{effect.component}.{p}" for p, free in effect.free.items() if free.phase]
+    return Size(key, model.nominal(key), phases[0] if phases else "")
 
 
 def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...]]:

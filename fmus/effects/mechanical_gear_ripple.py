@@ -2,7 +2,7 @@
 
 import math
 
-from fmus.contract import Effect, Free, Variable, equation
+from fmus.contract import QUARTER, Effect, Free, Variable, equation
 
 
 @equation
@@ -49,7 +49,7 @@ EFFECT = Effect(
     free={
         "tau_r": Free(starts=(100.0,), scale=100.0, floor=2.0),
         "n_r": Free(starts=(12.0, 18.0, 20.0, 24.0, 30.0), scale=5.0),
-        "phi_r": Free(starts=(-1.5, 0.0, 1.5), scale=1.0),
+        "phi_r": Free(starts=(0.0, QUARTER), scale=1.0, phase=True),
     },
     fills={"load_torque": ripple_torque},
 )

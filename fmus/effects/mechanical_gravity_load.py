@@ -2,7 +2,7 @@
 
 import math
 
-from fmus.contract import Effect, Free, Variable, equation
+from fmus.contract import QUARTER, Effect, Free, Variable, equation
 
 
 @equation
@@ -39,7 +39,7 @@ EFFECT = Effect(
     },
     free={
         "tau_g": Free(starts=(100.0,), scale=150.0, floor=2.0),
-        "theta_g": Free(starts=(-2.0, 0.0, 2.0), scale=1.0),
+        "theta_g": Free(starts=(0.0, QUARTER), scale=1.0, phase=True),
     },
     fills={"load_torque": gravity_torque},
 )

@@ -39,6 +39,14 @@ def test_the_clock_is_not_fitted_to_slow_noise_of_the_sensor(seed: int) -> None:
         assert abs(finding.fit.values[name] - nominal) < 4.0 * finding.fit.deviations[name]
 
 
+def test_a_drift_larger_than_the_motion_does_not_mislead_the_clock() -> None:
+    noise = Noise(scale=1.5, kind="pink")
+    run = make_log("small_steps", 60.0, ["sensor.drift:drift=0.02 deg/s"], seed=5, tracker=True, noise=noise)
+    finding = compare_tracker(prepare(as_log(run), our_machine("full_order")), as_tracker(run))
+    assert [c.effect.name for c in finding.causes] == ["sensor.drift"]
+    assert abs(finding.fit.values["tracker.offset"]) < 4.0 * finding.fit.deviations["tracker.offset"]
+
+
 @pytest.mark.parametrize(
     ("hidden", "effect", "parameter", "value"),
     [
