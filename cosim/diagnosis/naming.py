@@ -1,19 +1,14 @@
 """Which effects of the library explain a group's residual."""
 
-from dataclasses import dataclass, field, replace
-from functools import partial
-from itertools import chain
-
-import numpy as np
+from dataclasses import replace
 
 from cosim.diagnosis.bounds import impossible
-from cosim.diagnosis.crossval import refuted, window_numbers
-from cosim.diagnosis.data import Record, free_bases
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.finding import Finding, learn_noise, leftovers, smaller_noise
 from cosim.diagnosis.fit import Fit, Task
-from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import Event, burst, line
-from cosim.diagnosis.noise import learned
+from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import SAMPLED, Mark, marks
 from cosim.diagnosis.trials import (
     CLOSE,
@@ -31,67 +26,7 @@ from fmus.contract import Effect
 
 __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
 
-SMALLER = 0.97  # of the noise: less, and all is fitted again
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
-
-
-@dataclass
-class Finding:
-    """What was found in one group.
-
-    Attributes:
-        task: data, model and noise.
-        null: the nominal model, trusted parameters fitted under their priors.
-        chosen: the accepted set of effects (empty: the nominal model).
-        single: every single effect, best first.
-        rivals: for each accepted effect, sets that differ in that effect, best first.
-        before, after: what free functions still explain, by signal.
-        events: what is left at one time ("event") or one frequency ("line") only, by signal.
-        marks: effects seen in the raw samples.
-        upstream: effects of the blocks before, with how far each explains the log worse than the accepted one.
-        confirmed: held-out data have borne out the chosen effects.
-    """
-
-    task: Task
-    null: Trial
-    chosen: Trial
-    single: list[Trial] = field(default_factory=list)
-    rivals: dict[str, list[Trial]] = field(default_factory=dict)
-    before: dict[str, Leftover] = field(default_factory=dict)
-    after: dict[str, Leftover] = field(default_factory=dict)
-    events: dict[str, dict[str, Event]] = field(default_factory=dict)
-    marks: list[Mark] = field(default_factory=list)
-    upstream: list[tuple[Effect, float]] = field(default_factory=list)
-    confirmed: bool = False
-
-
-def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
-    """Free functions for each signal of the group, its linear part as fitted."""
-    own = task.model.group.linear
-    predicted = {s: task.measured[s] - r for s, r in found.residuals.items()}
-    return free_bases(
-        record, task.model.group, {n: task.model.nominal(n) for n in own} | found.values, predicted
-    )
-
-
-def leftovers(task: Task, record: Record, found: Fit) -> dict[str, Leftover]:
-    """What free functions explain of a fit's residuals, by signal."""
-    silent = {s: np.zeros_like(r) for s, r in found.residuals.items()}
-    window = window_numbers(task)
-    explained = {}
-    for signal, bases in bases_of(task, record, found).items():
-        white = partial(lambda signal, values: task.white(silent | {signal: values}), signal)
-        explained[signal] = explain(found.residuals[signal], bases, task.rules[signal], white, window)
-    return explained
-
-
-def learn_noise(task: Task, record: Record, found: Fit) -> None:
-    """Set the task's whitening rules from the part of the residuals that free functions do not explain."""
-    rules = {}
-    for signal, bases in bases_of(task, record, found).items():
-        columns = chain.from_iterable([*(b.columns() for b in bases), task.doubt.get(signal, ())])
-        rules[signal] = learned(task.rules[signal], found.residuals[signal], columns)
-    task.set_rules(rules)
 
 
 def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:
@@ -162,53 +97,13 @@ def find(
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)
     if within:
-        drop_outweighed(finding, record, tolerance)
+        prune(finding, record, tolerance)
     finding.rivals = rivals(task, finding, candidates, tolerance)
     finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
     finding.marks = sampled(task, record, finding.chosen.fit)
     if finding.marks:
         finding.chosen = with_marks(finding.chosen, finding.marks)
     return finding
-
-
-def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
-    """The chosen set without what no possible value explains and what held-out windows refute, the worst first."""
-    while chosen.effects and (out := impossible(chosen, task.model) or refuted(task, chosen, tolerance)):
-        kept = tuple(e for e in chosen.effects if e is not out[0])
-        chosen = tried(task, kept, tolerance, chosen.fit) if kept else null
-    return chosen
-
-
-def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
-    """Take causes out that explain less than what stays unexplained."""
-    while out := outweighed(finding, tolerance):
-        kept = tuple(e for e in finding.chosen.effects if e is not out)
-        finding.chosen = tried(finding.task, kept, tolerance, finding.chosen.fit) if kept else finding.null
-        finding.after = leftovers(finding.task, record, finding.chosen.fit)
-
-
-def outweighed(finding: Finding, tolerance: float) -> Effect | None:
-    """The least of the causes, if more is left unexplained than it explains: it may be what it imitates of that."""
-    left = sum(r.gain for r in finding.after.values() if r.p_value < SYSTEMATIC and r.held_out > 0.0)
-    if not finding.chosen.effects or left <= 0.0:
-        return None
-    losses = []
-    for effect in finding.chosen.effects:
-        rest = tuple(e for e in finding.chosen.effects if e is not effect)
-        without = tried(finding.task, rest, tolerance, finding.chosen.fit) if rest else finding.null
-        losses.append((finding.chosen.fit.log_likelihood - without.fit.log_likelihood, effect))
-    loss, effect = min(losses, key=lambda item: item[0])
-    return effect if loss < left else None
-
-
-def smaller_noise(task: Task, record: Record, found: Fit) -> bool:
-    """Learn the noise from a fit; True if it is smaller than was thought, otherwise the rules stay as they were."""
-    rules = task.rules
-    learn_noise(task, record, found)
-    if any(task.rules[s].sigma < SMALLER * rule.sigma for s, rule in rules.items()):
-        return True
-    task.set_rules(rules)
-    return False
 
 
 def best_single(task: Task, null: Trial, single: list[Trial], tolerance: float) -> Trial:

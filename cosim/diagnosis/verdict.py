@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.crossval import held_out_gain
+from cosim.diagnosis.finding import unexplained
 from cosim.diagnosis.fit import jacobian
 from cosim.diagnosis.freeform import SYSTEMATIC, Leftover
 from cosim.diagnosis.local import Event
@@ -146,6 +147,9 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
     found = marked(finding)
     if not finding.chosen.effects or not stands(finding):
         return found
+    close = max(
+        CLOSE, unexplained(finding)
+    )  # a difference less than what all leave unexplained tells nothing
     for effect in finding.chosen.effects:
         rivals = [
             (other_of(t, finding.chosen), finding.chosen.score - t.score)
@@ -164,7 +168,7 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                 values.log_likelihood - without.fit.log_likelihood,
                 held_out_gain(finding.task, finding.chosen, effect, tolerance),
                 rivals,
-                [e.name for e, behind in rivals if behind < CLOSE],
+                list(dict.fromkeys(e.name for e, behind in rivals if behind < close)),
             )
         )
     return sorted(found, key=lambda c: -c.gain)

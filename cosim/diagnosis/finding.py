@@ -1,0 +1,93 @@
+"""What is known of one group while its causes are looked for, and what is left when they are taken out."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import chain
+
+import numpy as np
+
+from cosim.diagnosis.crossval import window_numbers
+from cosim.diagnosis.data import Record, free_bases
+from cosim.diagnosis.fit import Fit, Task
+from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
+from cosim.diagnosis.local import Event
+from cosim.diagnosis.noise import learned
+from cosim.diagnosis.samples import Mark
+from cosim.diagnosis.trials import Trial
+from fmus.contract import Effect
+
+SMALLER = 0.97  # of the noise: less, and all is fitted again
+
+
+@dataclass
+class Finding:
+    """What was found in one group.
+
+    Attributes:
+        task: data, model and noise.
+        null: the nominal model, trusted parameters fitted under their priors.
+        chosen: the accepted set of effects (empty: the nominal model).
+        single: every single effect, best first.
+        rivals: for each accepted effect, sets that differ in that effect, best first.
+        before, after: what free functions still explain, by signal.
+        events: what is left at one time ("event") or one frequency ("line") only, by signal.
+        marks: effects seen in the raw samples.
+        upstream: effects of the blocks before, with how far each explains the log worse than the accepted one.
+        confirmed: held-out data have borne out the chosen effects.
+    """
+
+    task: Task
+    null: Trial
+    chosen: Trial
+    single: list[Trial] = field(default_factory=list)
+    rivals: dict[str, list[Trial]] = field(default_factory=dict)
+    before: dict[str, Leftover] = field(default_factory=dict)
+    after: dict[str, Leftover] = field(default_factory=dict)
+    events: dict[str, dict[str, Event]] = field(default_factory=dict)
+    marks: list[Mark] = field(default_factory=list)
+    upstream: list[tuple[Effect, float]] = field(default_factory=list)
+    confirmed: bool = False
+
+
+def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
+    """Free functions for each signal of the group, its linear part as fitted."""
+    own = task.model.group.linear
+    predicted = {s: task.measured[s] - r for s, r in found.residuals.items()}
+    return free_bases(
+        record, task.model.group, {n: task.model.nominal(n) for n in own} | found.values, predicted
+    )
+
+
+def leftovers(task: Task, record: Record, found: Fit) -> dict[str, Leftover]:
+    """What free functions explain of a fit's residuals, by signal."""
+    silent = {s: np.zeros_like(r) for s, r in found.residuals.items()}
+    window = window_numbers(task)
+    explained = {}
+    for signal, bases in bases_of(task, record, found).items():
+        white = partial(lambda signal, values: task.white(silent | {signal: values}), signal)
+        explained[signal] = explain(found.residuals[signal], bases, task.rules[signal], white, window)
+    return explained
+
+
+def learn_noise(task: Task, record: Record, found: Fit) -> None:
+    """Set the task's whitening rules from the part of the residuals that free functions do not explain."""
+    rules = {}
+    for signal, bases in bases_of(task, record, found).items():
+        columns = chain.from_iterable([*(b.columns() for b in bases), task.doubt.get(signal, ())])
+        rules[signal] = learned(task.rules[signal], found.residuals[signal], columns)
+    task.set_rules(rules)
+
+
+def smaller_noise(task: Task, record: Record, found: Fit) -> bool:
+    """Learn the noise from a fit; True if it is smaller than was thought, otherwise the rules stay as they were."""
+    rules = task.rules
+    learn_noise(task, record, found)
+    if any(task.rules[s].sigma < SMALLER * rule.sigma for s, rule in rules.items()):
+        return True
+    task.set_rules(rules)
+    return False
+
+
+def unexplained(finding: Finding) -> float:
+    """Log-likelihood that free functions still gain over the chosen effects: how far off their law may be."""
+    return sum(left.gain for left in finding.after.values() if left.p_value < SYSTEMATIC)

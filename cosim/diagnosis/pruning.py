@@ -1,0 +1,68 @@
+"""Causes taken out again: impossible, refuted, outweighed by what they leave, or more than the log can tell."""
+
+from cosim.diagnosis.bounds import impossible
+from cosim.diagnosis.crossval import refuted
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.finding import Finding, leftovers, unexplained
+from cosim.diagnosis.fit import Task
+from cosim.diagnosis.freeform import SYSTEMATIC
+from cosim.diagnosis.trials import CLOSE, Trial, polished, tried
+from fmus.contract import Effect
+
+
+def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
+    """The chosen set without what no possible value explains and what held-out windows refute, the worst first."""
+    while chosen.effects and (out := impossible(chosen, task.model) or refuted(task, chosen, tolerance)):
+        kept = tuple(e for e in chosen.effects if e is not out[0])
+        chosen = tried(task, kept, tolerance, chosen.fit) if kept else null
+    return chosen
+
+
+def prune(finding: Finding, record: Record, tolerance: float) -> None:
+    """Take out of a finding what explains less than it leaves, and what is more than the log can tell."""
+    drop_outweighed(finding, record, tolerance)
+    simplified(finding, record, tolerance)
+
+
+def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
+    """Take causes out that explain less than what stays unexplained."""
+    while out := outweighed(finding, tolerance):
+        kept = tuple(e for e in finding.chosen.effects if e is not out)
+        finding.chosen = tried(finding.task, kept, tolerance, finding.chosen.fit) if kept else finding.null
+        finding.after = leftovers(finding.task, record, finding.chosen.fit)
+
+
+def outweighed(finding: Finding, tolerance: float) -> Effect | None:
+    """The least of the causes, if more is left unexplained than it explains: it may be what it imitates of that."""
+    left = sum(r.gain for r in finding.after.values() if r.p_value < SYSTEMATIC and r.held_out > 0.0)
+    if not finding.chosen.effects or left <= 0.0:
+        return None
+    losses = []
+    for effect in finding.chosen.effects:
+        rest = tuple(e for e in finding.chosen.effects if e is not effect)
+        without = tried(finding.task, rest, tolerance, finding.chosen.fit) if rest else finding.null
+        losses.append((finding.chosen.fit.log_likelihood - without.fit.log_likelihood, effect))
+    loss, effect = min(losses, key=lambda item: item[0])
+    return effect if loss < left else None
+
+
+def simplified(finding: Finding, record: Record, tolerance: float) -> None:
+    """Put the simplest effect in the place of a set, if the difference is less than what both leave unexplained.
+
+    Where even the best set leaves something, its law is known only nearly, and a difference smaller than what is left
+    tells nothing: friction of another form than the library's is friction, not a falling curve with more damping.
+    """
+    chosen, left = finding.chosen, unexplained(finding)
+    if not chosen.effects or left <= CLOSE:
+        return
+    simpler = [
+        t
+        for t in finding.single
+        if t.price < chosen.price
+        and t.score > max(chosen.score - left, finding.null.score + left)
+        and not impossible(t, finding.task.model)
+    ]
+    if simpler:
+        best = min(simpler, key=lambda t: (t.price, -t.score))
+        finding.chosen = polished(finding.task, best, tolerance)
+        finding.after = leftovers(finding.task, record, finding.chosen.fit)

@@ -1,0 +1,57 @@
+"""Where searches begin: the size, and for a sine the phase, that explain most."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.diagnosis.naming import tried
+from cosim.diagnosis.starts import Size, sized
+from cosim.diagnosis.trials import FIRST_ROUNDS
+from fmus import registry
+from tests.diagnosis.hidden_logs import told
+
+X = np.linspace(0.0, 9.0, 400)
+HIDDEN = np.linalg.qr(np.stack([X, np.cos(3.0 * X)], axis=1))[0]
+
+
+@given(
+    size=st.floats(0.1, 100.0),
+    phase=st.floats(-3.0, 3.0),
+    sign=st.sampled_from([1.0, -1.0]),
+    other=st.floats(-5.0, 5.0),
+)
+def test_amplitude_and_phase_of_a_sine_are_found_at_once(
+    size: float, phase: float, sign: float, other: float
+) -> None:
+    """Whichever way the phase counts, and whatever the other parameters hide."""
+
+    def response(amplitude: float, angle: float) -> np.ndarray:
+        return amplitude * np.sin(X + sign * angle)
+
+    off = response(size, phase) + other * HIDDEN[:, 0]
+    alike = [({"m.size": 2.0, "m.phase": p}, off - response(2.0, p)) for p in (0.5, 0.5 + 0.5 * np.pi)]
+    found = sized(alike, Size("m.size", 0.0, "m.phase"), off, HIDDEN)
+    assert response(found["m.size"], found["m.phase"]) == pytest.approx(
+        response(size, phase), abs=1e-9 * size
+    )
+
+
+@given(size=st.floats(-50.0, 50.0), off_value=st.floats(-1.0, 1.0))
+def test_a_size_is_found_at_once(size: float, off_value: float) -> None:
+    off = size * np.sin(X)
+    found = sized(
+        [({"m.size": off_value + 2.0}, off - 2.0 * np.sin(X))], Size("m.size", off_value), off, HIDDEN[:, :0]
+    )
+    assert found["m.size"] - off_value == pytest.approx(size, abs=1e-9)
+
+
+def test_gravity_over_a_short_range_of_angles_is_found_in_the_first_rounds() -> None:
+    """Amplitude and phase lie in a long valley there, along which a search from afar creeps."""
+    finding = told("mechanical.gravity_load:tau_g=100 N.m,theta_g=17 deg", seed=18, seconds=40.0).findings[
+        "mechanical"
+    ]
+    effect = registry.effects()["mechanical.gravity_load"]
+    trial = tried(finding.task, (effect,), 0.01, finding.null.fit, FIRST_ROUNDS)
+    assert trial.fit.values["mechanical.tau_g"] == pytest.approx(100.0, rel=0.1)
+    assert trial.fit.values["mechanical.theta_g"] == pytest.approx(np.radians(17.0), abs=0.02)
