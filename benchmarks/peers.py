@@ -24,7 +24,7 @@ TOP = Path(__file__).resolve().parent.parent
 PARTS: dict[str, tuple[list[str], list[str]]] = {
     "runner": (["--duration", "60", "--repeat", "3"], ["--duration", "5", "--repeat", "1"]),
     "batch": (
-        ["--runs", "40", "--stop", "5", "--repeat", "3"],
+        ["--runs", "40", "--stop", "5", "--repeat", "3", "--growth"],
         ["--runs", "4", "--stop", "1", "--repeat", "1"],
     ),
     "fit": (["--duration", "10", "--repeat", "3"], ["--duration", "5", "--repeat", "1"]),
@@ -86,7 +86,7 @@ def markdown(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str
     return lines
 
 
-def page(rows: list[Row], growth: dict[str, Any] | None) -> str:
+def page(rows: list[Row], growth: dict[str, Any] | None, batch: dict[str, Any]) -> str:
     """The document."""
     about = machine()
     lines = [
@@ -117,6 +117,15 @@ def page(rows: list[Row], growth: dict[str, Any] | None) -> str:
                     (f"{r[of]:g}", r["wall_s"], r["cpu_s"], f"{r['peak_MiB']:.0f}") for r in growth[name]
                 ]
                 lines += ["", *markdown(heads, cells)]
+    for engine in ("fmu", "compiled"):
+        if found := batch.get(f"growth_{engine}"):
+            heads = (
+                f"`cosim batch --engine {engine}`, full order, {batch['stop']:g} s: runs",
+                "wall s",
+                "worker MiB",
+            )
+            cells = [(f"{r['runs']:g}", r["seconds"], f"{r['largest_worker_mib']:.0f}") for r in found]
+            lines += ["", *markdown(heads, cells)]
     return "\n".join(lines) + "\n"
 
 
@@ -138,7 +147,7 @@ def main() -> int:
     stdout_console().print(table("Ours and the peers", HEADS, cells))
     if options.page:
         growth = json.loads(options.growth.read_text(encoding="utf-8")) if options.growth else None
-        options.page.write_text(page(rows, growth), encoding="utf-8")
+        options.page.write_text(page(rows, growth, figures["batch"]), encoding="utf-8")
     if options.json:
         options.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     return 0

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SIGNALS_TITLE = "Signals (model driven by the command alone)"
 BLOCKS_TITLE = "Blocks (each driven by what was measured)"
-ROWS = 1 << 20  # written at a time: Parquet's usual row group
+ROWS = 1 << 18  # written at a time, and to a row group: every series of a log at once is a lot
 _NUMBERS = ("RMSE", "fit %", "largest", f"RMSE {WINDOW:g} s*", "noise", "x noise")
 
 
