@@ -33,10 +33,17 @@ PARTS: dict[str, tuple[list[str], list[str]]] = {
 HEADS = ("task", "way", "s", "x real time", "ratio to ours")
 GROWTH = {
     "compare": ("seconds", "`cosim compare --out`: length of the log, s"),
-    "diagnose": ("seconds", "`cosim diagnose`, without FMUs: length of the log, s"),
+    "diagnose": ("seconds", "`cosim diagnose --out`: length of the log, s"),
     "candidates": ("candidates", "`cosim diagnose` of 60 s: candidates"),
     "blocks": ("blocks", "`cosim diagnose` of 60 s: blocks that the log's signals let judge"),
 }
+REASONS = """\
+The program alone takes {:.0f} MiB. Logs are synthetic, 1000 rows a second, with every signal of a log; each point is a
+process of its own, memory that of the largest process. Straight lines, but for two bends on purpose: a log of more than
+two million rows keeps its simulated signals in a file, so memory of a comparison grows by the log alone (and by the
+scores of one signal at a time) from there on; a diagnosis fits the most telling five minutes of a longer log and checks
+the rest by the compiled twin. Candidates cost little where a score test of their sensitivities rules them out; blocks
+cost what their candidates do."""
 Row = tuple[str, str, float, float | None, float | None]
 
 
@@ -67,7 +74,9 @@ def rows_of(figures: dict[str, Any]) -> list[Row]:
     for r in native["rows"]:
         if r["way"] != ours:
             seconds = r["microseconds_per_step"] * 1e-3 * run["duration"]
-            rows.append((task, r["way"], seconds, r["times_real_time"], 1.0 / r["times_python_fmus"]))
+            rows.append(
+                (f"{task} (CPU)", r["way"], seconds, r["times_real_time"], 1.0 / r["times_python_fmus"])
+            )
     for r in batch["rows"]:
         title = f"{r['what']}, sweep of {batch['runs']} runs of {batch['stop']:g} s (CPU)"
         pace = batch["runs"] * batch["stop"] / r["cpu_seconds"]
@@ -98,18 +107,14 @@ def page(rows: list[Row], growth: dict[str, Any] | None, batch: dict[str, Any]) 
         "## Against the peers",
         "",
         "The same package, sweep or fit in every row of a task, the ways interleaved. Ratio 1 is ours with Python FMUs; a",
-        "larger ratio is slower.",
+        "larger ratio is slower. CPU: time computed, and the ratio is to our Python FMUs in the same measure. A sweep",
+        "counts the whole command: `cosim batch` also writes cube, table and picture, which outweighs few short runs",
+        "([batch.md](batch.md)).",
         "",
         *markdown(HEADS, rows),
     ]
     if growth:
-        lines += ["", "## How cost grows", ""]
-        lines += [
-            f"The program alone takes {growth['program']['peak_MiB']:.0f} MiB. Logs are synthetic, 1000 rows a second,"
-        ]
-        lines += [
-            "with every signal of a log; each point is a process of its own. Memory is that of the largest process."
-        ]
+        lines += ["", "## How cost grows", "", REASONS.format(growth["program"]["peak_MiB"])]
         for name, (of, title) in GROWTH.items():
             if growth.get(name):
                 heads = (title, "wall s", "CPU s", "peak MiB")
