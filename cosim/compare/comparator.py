@@ -68,6 +68,7 @@ class Comparator:
         stamps = self.log.time[0] + self.time
         # the same numbers, unless the step was given: held once
         self._stamps = self.log.time if np.array_equal(stamps, self.log.time) else stamps
+        self.time = self._stamps if np.array_equal(self.time, self._stamps) else self.time
         self.system = source if isinstance(source, System) else read_system(source, parameter_set)
         self._owned = None if isinstance(source, System) else self.system
         try:
