@@ -9,6 +9,7 @@ import argparse
 import json
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.blind.cases import cases
+from benchmarks.blind.cases import KINDS, Case, cases
 from benchmarks.blind.score import Metric, confusion, names, scorecard, true_names
 from benchmarks.blind.trial import run_case
 
@@ -34,12 +35,17 @@ def read(file: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def run(
-    file: Path, count: int, seed: int, duration: float, workers: int, fmus: bool, console: Console
-) -> None:
+def drawn(count: int, seed: int, duration: float, kinds: list[str]) -> list[Case]:
+    """The first `count` cases of a seed, or the first that are of these kinds."""
+    if not kinds:
+        return list(cases(count, seed, duration))
+    return list(islice((c for c in cases(10**9, seed, duration) if c.kind in kinds), count))
+
+
+def run(file: Path, listed: list[Case], seed: int, workers: int, fmus: bool, console: Console) -> None:
     """Run the cases that `file` does not hold yet, and append each outcome as it comes."""
     done = {(r["seed"], r["case"]["number"]) for r in read(file)}
-    todo = [c for c in cases(count, seed, duration) if (seed, c.number) not in done]
+    todo = [c for c in listed if (seed, c.number) not in done]
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("a", encoding="utf-8") as out, ProcessPoolExecutor(workers) as pool:
         pending = {pool.submit(run_case, case, fmus): case for case in todo}
@@ -84,6 +90,9 @@ def main() -> int:
     )
     parser.add_argument("--cases", type=int, default=100, help="number of cases")
     parser.add_argument("--seed", type=int, default=1, help="of the drawing")
+    parser.add_argument(
+        "--kinds", nargs="+", default=[], choices=list(KINDS), help="only cases of these kinds"
+    )
     parser.add_argument("--duration", type=float, default=60.0, help="of each log, s")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--no-fmus", action="store_true", help="do not run the extended model's FMUs")
@@ -93,15 +102,8 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
     options = parser.parse_args()
     console = Console(stderr=options.json, width=None if sys.stdout.isatty() else 160)
-    run(
-        options.file,
-        options.cases,
-        options.seed,
-        options.duration,
-        options.workers,
-        not options.no_fmus,
-        console,
-    )
+    listed = drawn(options.cases, options.seed, options.duration, options.kinds)
+    run(options.file, listed, options.seed, options.workers, not options.no_fmus, console)
     rows = read(options.file)
     if options.json:
         wrong = [
