@@ -10,13 +10,13 @@ from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import SAMPLED, Mark, marks
+from cosim.diagnosis.screening import promising
 from cosim.diagnosis.trials import (
     CLOSE,
     SURE,
     Trial,
     declared,
     polished,
-    promising,
     tried,
     tried_all,
     trusted,

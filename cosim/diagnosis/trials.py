@@ -1,6 +1,5 @@
 """Sets of effects, fitted: what to estimate, from which starts, and which candidates are worth the time."""
 
-import itertools
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -15,7 +14,6 @@ from cosim.diagnosis.watch import counted
 from fmus import registry
 from fmus.contract import Effect, Variable
 
-PROMISING = 4  # candidates that are always fitted beyond the first
 SMALL = 0.05  # of an effect's typical size: the smallest start
 FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
@@ -194,8 +192,29 @@ def tried_all(
         reach = best - max(LAGGING, 0.5 * (best - base))
         open_ = [not t.fit.settled and t.fit.log_likelihood > max(reach, base - 3.0) for t in trials]
         ended = iter(list(pool.map(further, [t for t, go in zip(trials, open_, strict=True) if go])))
-    trials = [next(ended) if go else t for t, go in zip(trials, open_, strict=True)]
+        trials = [next(ended) if go else t for t, go in zip(trials, open_, strict=True)]
+        again = [(i, near_) for i, t in enumerate(trials) if (near_ := better_part(t, trials)) is not None]
+        redone = pool.map(
+            lambda job: tried(copied(task), trials[job[0]].effects, tolerance, job[1].fit), again
+        )
+        for (i, _), trial in zip(again, list(redone), strict=True):
+            trials[i] = max(trials[i], trial, key=lambda t: t.score)
     return sorted(trials, key=lambda t: -t.score)
+
+
+def freed(effects: Iterable[Effect]) -> set[str]:
+    """``component.parameter`` of all that the effects free."""
+    return {f"{e.component}.{p}" for e in effects for p in e.free}
+
+
+def better_part(trial: Trial, others: list[Trial]) -> Trial | None:
+    """The best other trial that frees a part of what this one frees and yet explains more: this one's search went astray."""
+    parts = [
+        t
+        for t in others
+        if freed(t.effects) < freed(trial.effects) and t.fit.log_likelihood > trial.fit.log_likelihood + 1.0
+    ]
+    return max(parts, key=lambda t: t.fit.log_likelihood, default=None)
 
 
 def polished(task: Task, trial: Trial, tolerance: float) -> Trial:
@@ -213,71 +232,6 @@ def polished(task: Task, trial: Trial, tolerance: float) -> Trial:
 def copied(task: Task) -> Task:
     """The same task with a model of its own, for another thread."""
     return Task(task.model.copy(), task.measured, task.rules, task.doubt, task.mask, task.shrink)
-
-
-def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: float) -> list[Effect]:
-    """The candidates that may add to a fitted set, by a score test: the most promising, and all near them.
-
-    Each is put in at each of its starts; what that changes, less what the parameters already free can take up, points
-    somewhere in the space of residuals, and the residual's part along it bounds what a small dose would gain.
-    """
-    plain = task.white(base.fit.residuals)
-    # the pulls of the priors are residuals too: a candidate may gain by relieving them
-    residual = plain if base.fit.rows is None else base.fit.rows
-    slopes = np.zeros((residual.size, 0)) if base.fit.slopes is None else base.fit.slopes
-    hidden = np.linalg.qr(slopes)[0]  # priors are rows below the residuals
-
-    def gain(effect: Effect) -> float:
-        name, *more = [f"{effect.component}.{p}" for p in effect.free]
-        if (
-            name in task.model.group.trusted and not more
-        ):  # free already, against its prior: what that costs is what is to be gained
-            deviation = task.model.trust(name, tolerance)[0]
-            return relief(base, name, task.model.nominal(name), deviation, plain.size)
-        own = copied(task)
-        wanted, starts = unknowns(own.model, (effect,), tolerance)
-        listed = {u.name: starts[u.name] for u in wanted if u.name in starts}
-        best = 0.0
-        for values in itertools.product(*listed.values()):
-            moved = base.fit.values | dict(zip(listed, values, strict=True))
-            change = plain - own.white(own.residuals(moved))
-            change = np.concatenate([change, np.zeros(hidden.shape[0] - change.size)])
-            change -= hidden @ (hidden.T @ change)
-            size = float(change @ change)
-            if size > 0.0:
-                best = max(best, 0.5 * float(change @ residual) ** 2 / size)
-        return best
-
-    listed = list(candidates)
-    with ThreadPoolExecutor(2) as pool:
-        gains = dict(zip((e.name for e in listed), pool.map(gain, listed), strict=True))
-    listed.sort(key=lambda e: -gains[e.name])
-    reach = 0.3 * gains[listed[0].name] if listed else 0.0
-    return listed[:PROMISING] + [e for e in listed[PROMISING:] if gains[e.name] > max(reach, SURE)]
-
-
-def relief(base: Trial, name: str, nominal: float, deviation: float, count: int) -> float:
-    """Log-likelihood that a trusted parameter would gain without its prior: the pull against what the data hold it with.
-
-    Args:
-        base: a fit in which the parameter is free under its prior.
-        name: ``component.parameter``.
-        nominal: mean of its prior, SI.
-        deviation: standard deviation of its prior, SI.
-        count: number of residuals, the priors' not counted.
-    """
-    names = list(base.fit.values)
-    if name not in names or base.fit.slopes is None or names.index(name) >= base.fit.slopes.shape[1]:
-        return 0.0
-    pull = (base.fit.values[name] - nominal) / deviation
-    at = names.index(name)
-    own = base.fit.slopes[:, at].copy()
-    own[count:] = 0.0  # its prior's row goes
-    others = np.linalg.qr(np.delete(base.fit.slopes, at, axis=1))[0]
-    own -= others @ (others.T @ own)
-    held = float(own @ own)
-    # a straight line promises too much where the data hardly hold it: no more than all that is left can be gained
-    return min(0.5 * pull**2 * (1.0 + 1.0 / max(held, 1e-12)), base.fit.count / 2.0)
 
 
 def sorted_names(effects: Iterable[Effect]) -> tuple[str, ...]:

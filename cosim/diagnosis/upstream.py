@@ -15,7 +15,7 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding
-from cosim.diagnosis.trials import Trial
+from cosim.diagnosis.trials import Trial, freed
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -39,19 +39,15 @@ def upstream_rivals(finding: Finding, known: list[Known], record: Record) -> lis
     for i, item in enumerate(known):
         for trial in item.single:
             # a parameter that is free already counts as doubt of the drive
-            if trial.effects[0] in item.named or any(n in item.model.group.trusted for n in freed(trial)):
+            if trial.effects[0] in item.named or any(
+                n in item.model.group.trusted for n in freed(trial.effects)
+            ):
                 continue
             gained = gain_downstream(finding, known, i, trial, record)
             upstream = trial.fit.log_likelihood - item.fit.log_likelihood
             price = 0.5 * trial.price * float(np.log(max(finding.null.fit.count, 2)))
             found.append((trial.effects[0], named - (gained + upstream - price)))
     return sorted(found, key=lambda rival: rival[1])
-
-
-def freed(trial: Trial) -> list[str]:
-    """``component.parameter`` of what a trial's only effect frees."""
-    effect = trial.effects[0]
-    return [f"{effect.component}.{p}" for p in effect.free]
 
 
 def gain_downstream(finding: Finding, known: list[Known], at: int, trial: Trial, record: Record) -> float:
@@ -101,7 +97,7 @@ def one_deviation(trial: Trial) -> list[dict[str, float]]:
     """Values one standard deviation along each freed parameter, the others moved as they go with it."""
     names = list(trial.fit.values)
     moved = []
-    for name in freed(trial):
+    for name in freed(trial.effects):
         j = names.index(name)
         deviation = trial.fit.deviations[name]
         if deviation > 0.0:

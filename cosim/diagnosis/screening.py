@@ -1,0 +1,78 @@
+"""Which further effects are worth a fit: a score test of their sensitivities."""
+
+import itertools
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from cosim.diagnosis.fit import Task
+from cosim.diagnosis.trials import SURE, Trial, copied, unknowns
+from fmus.contract import Effect
+
+PROMISING = 4  # candidates that are always fitted beyond the first
+
+
+def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: float) -> list[Effect]:
+    """The candidates that may add to a fitted set, by a score test: the most promising, and all near them.
+
+    Each is put in at each of its starts; what that changes, less what the parameters already free can take up, points
+    somewhere in the space of residuals, and the residual's part along it bounds what a small dose would gain.
+    """
+    plain = task.white(base.fit.residuals)
+    # the pulls of the priors are residuals too: a candidate may gain by relieving them
+    residual = plain if base.fit.rows is None else base.fit.rows
+    slopes = np.zeros((residual.size, 0)) if base.fit.slopes is None else base.fit.slopes
+    hidden = np.linalg.qr(slopes)[0]  # priors are rows below the residuals
+
+    def gain(effect: Effect) -> float:
+        name, *more = [f"{effect.component}.{p}" for p in effect.free]
+        if (
+            name in task.model.group.trusted and not more
+        ):  # free already, against its prior: what that costs is what is to be gained
+            deviation = task.model.trust(name, tolerance)[0]
+            return relief(base, name, task.model.nominal(name), deviation, plain.size)
+        own = copied(task)
+        wanted, starts = unknowns(own.model, (effect,), tolerance)
+        listed = {u.name: starts[u.name] for u in wanted if u.name in starts}
+        best = 0.0
+        for values in itertools.product(*listed.values()):
+            moved = base.fit.values | dict(zip(listed, values, strict=True))
+            change = plain - own.white(own.residuals(moved))
+            change = np.concatenate([change, np.zeros(hidden.shape[0] - change.size)])
+            change -= hidden @ (hidden.T @ change)
+            size = float(change @ change)
+            if size > 0.0:
+                best = max(best, 0.5 * float(change @ residual) ** 2 / size)
+        return best
+
+    listed = list(candidates)
+    with ThreadPoolExecutor(2) as pool:
+        gains = dict(zip((e.name for e in listed), pool.map(gain, listed), strict=True))
+    listed.sort(key=lambda e: -gains[e.name])
+    reach = 0.3 * gains[listed[0].name] if listed else 0.0
+    return listed[:PROMISING] + [e for e in listed[PROMISING:] if gains[e.name] > max(reach, SURE)]
+
+
+def relief(base: Trial, name: str, nominal: float, deviation: float, count: int) -> float:
+    """Log-likelihood that a trusted parameter would gain without its prior: the pull against what the data hold it with.
+
+    Args:
+        base: a fit in which the parameter is free under its prior.
+        name: ``component.parameter``.
+        nominal: mean of its prior, SI.
+        deviation: standard deviation of its prior, SI.
+        count: number of residuals, the priors' not counted.
+    """
+    names = list(base.fit.values)
+    if name not in names or base.fit.slopes is None or names.index(name) >= base.fit.slopes.shape[1]:
+        return 0.0
+    pull = (base.fit.values[name] - nominal) / deviation
+    at = names.index(name)
+    own = base.fit.slopes[:, at].copy()
+    own[count:] = 0.0  # its prior's row goes
+    others = np.linalg.qr(np.delete(base.fit.slopes, at, axis=1))[0]
+    own -= others @ (others.T @ own)
+    held = float(own @ own)
+    # a straight line promises too much where the data hardly hold it: no more than all that is left can be gained
+    return min(0.5 * pull**2 * (1.0 + 1.0 / max(held, 1e-12)), base.fit.count / 2.0)
