@@ -18,6 +18,9 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in which it was found
+CERTAIN = (
+    1e-30  # probability below which it need not: slow noise has explained itself to 1e-11, never further
+)
 NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not matter in practice
 LOCAL = 1e-7  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.1  # of the original systematic residual that may be left for one named cause to stand
@@ -63,9 +66,11 @@ class Rest:
 def systematic(leftover: Leftover, negligible: float) -> bool:
     """True if a residual holds something that is neither chance nor negligible (a size in the signal's unit).
 
-    It must show again in windows that had no share in finding it.
+    It must show again in windows that had no share in finding it, unless no noise could explain that much: windows that
+    visit different regimes have little to say of each other.
     """
-    return leftover.p_value < SYSTEMATIC and leftover.rms > negligible and leftover.held_out > AGAIN
+    seen = leftover.held_out > AGAIN or leftover.p_value < CERTAIN
+    return leftover.p_value < SYSTEMATIC and leftover.rms > negligible and seen
 
 
 def negligible(finding: Finding, signal: str) -> float:
