@@ -18,16 +18,12 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in which it was found
-CERTAIN = (
-    1e-30  # probability below which it need not: slow noise has explained itself to 1e-11, never further
-)
+CERTAIN = 1e-30  # probability below which it need not: slow noise has explained itself to 1e-11 only
 NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not matter in practice
 LOCAL = 1e-7  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.1  # of the original systematic residual that may be left for one named cause to stand
 TOGETHER = 0.05  # the same for several: a sum of two imitates a third more easily
-FORM = (
-    0.05  # of it that may be left of one named cause: its law is known only nearly (friction of another form)
-)
+FORM = 0.05  # of it that may be left of one named cause: its law is known only nearly
 
 
 @dataclass
