@@ -1,12 +1,10 @@
 """What an effect gains on windows that were not used to estimate it."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.fit import Task, fit
-from cosim.diagnosis.trials import Trial, unknowns
+from cosim.diagnosis.trials import Trial, anchored, unknowns
 from fmus.contract import Effect
 
 REFUTED = -2.0  # log-likelihood on held-out windows below which an effect is refuted by them
@@ -47,7 +45,7 @@ def held_out_gain(task: Task, chosen: Trial, effect: Effect, tolerance: float) -
     scores = []
     for effects in (chosen.effects, tuple(e for e in chosen.effects if e is not effect)):
         wanted, _ = unknowns(task.model, effects, tolerance)
-        placed = [replace(u, start=chosen.fit.values.get(u.name, u.start)) for u in wanted]
+        placed = anchored(wanted, chosen.fit.values)
         white = judged.white(judged.residuals(fit(fitting, placed).values))
         scores.append(-0.5 * float(white @ white))
     return scores[0] - scores[1]

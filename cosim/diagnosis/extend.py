@@ -10,8 +10,8 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
-from cosim.diagnosis.naming import unknowns
 from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.trials import anchored, unknowns
 from cosim.ssp.write import (
     NAMESPACES,
     STIMULUS,
@@ -109,7 +109,7 @@ def fitted_chain(
     absolute = {s: Whitener(r.bins, r.window, False, r.sizes) for s, r in rules.items()}
     task = Task(model, measured, absolute, mask=mask)
     wanted, _ = unknowns(model, effects, tolerance)
-    placed = [Unknown(u.name, near.get(u.name, u.start), u.scale, u.low, u.high, u.prior) for u in wanted]
+    placed = anchored(wanted, near)
     for name, value in fixed.items():
         size = dict(groups[0].scale).get("rad", 1.0)
         placed.append(

@@ -1,6 +1,6 @@
 """Sets of effects, fitted: what to estimate, from which starts, and which candidates are worth the time."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -91,6 +91,15 @@ def unknowns(
             known = parameter in effect.parameters and free.floor == 0.0
             starts[name] = free.starts if known else (off, *free.starts)
     return list(found.values()), starts
+
+
+def anchored(wanted: list[Unknown], values: Mapping[str, float]) -> list[Unknown]:
+    """Unknowns that begin at known values and stay within a typical change of them where nothing else holds them.
+
+    A part of a log may never show a parameter (a stop that it does not reach): a fit to that part must not carry it off.
+    """
+    placed = [replace(u, start=values.get(u.name, u.start)) for u in wanted]
+    return [u if u.prior else replace(u, prior=(u.start, u.scale)) for u in placed]
 
 
 def tried(
