@@ -2,6 +2,7 @@
 
 import pytest
 
+from cosim.cli import main
 from cosim.paths import ssp_folder
 from cosim.ssp.write import write_ssp
 
@@ -24,3 +25,16 @@ def built(packages, monkeypatch):
         (folder / "ssp").symlink_to(folder, target_is_directory=True)
     monkeypatch.setenv("COSIM_BUILD", str(folder))
     return folder
+
+
+@pytest.fixture
+def command(capsys):
+    """Runs the command line in this process: words -> exit code, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as stop:
+            main([*map(str, words)])
+        captured = capsys.readouterr()
+        return stop.value.code, captured.out, captured.err
+
+    return call

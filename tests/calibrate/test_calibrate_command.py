@@ -6,20 +6,13 @@ from pathlib import Path
 import pytest
 from matplotlib.image import imread
 
-from cosim.cli import main
 from cosim.logs import write_log
 from cosim.ssp.parameters import read_ssv
 
 
 @pytest.fixture
-def run(capsys, built):
-    def call(*words):
-        with pytest.raises(SystemExit) as stop:
-            main([*map(str, words)])
-        captured = capsys.readouterr()
-        return stop.value.code, captured.out, captured.err
-
-    return call
+def run(command, built):
+    return command
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from cosim.cli import main
 from cosim.logs import write_log
 from cosim.rig import as_log, make_log, write_tracker
 from cosim.ssp.parameters import read_ssv
@@ -60,14 +59,8 @@ def machine(toys, tmp_path_factory):
 
 
 @pytest.fixture
-def run(capsys):
-    def call(*words):
-        with pytest.raises(SystemExit) as stop:
-            main([*map(str, words)])
-        captured = capsys.readouterr()
-        return stop.value.code, captured.out, captured.err
-
-    return call
+def run(command):
+    return command
 
 
 def test_parameters_of_foreign_fmus_are_found(run, machine, tmp_path):

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 from matplotlib.image import imread
 
-from cosim.cli import main
 from cosim.logs import write_log
 from cosim.paths import examples_folder
 
@@ -18,14 +17,8 @@ NUMBERS = {"unit", "rmse", "fit_percent", "max_error", "max_error_time", "rmse_w
 
 
 @pytest.fixture
-def run(capsys, built):
-    def call(*words):
-        with pytest.raises(SystemExit) as stop:
-            main([*map(str, words)])
-        captured = capsys.readouterr()
-        return stop.value.code, captured.out, captured.err
-
-    return call
+def run(command, built):
+    return command
 
 
 @pytest.fixture(scope="module")
