@@ -1,10 +1,15 @@
 """What tests of several parts share: our packages, built once."""
 
 import pytest
+from hypothesis import settings
 
 from cosim.cli import main
 from cosim.paths import ssp_folder
 from cosim.ssp.write import write_ssp
+
+# a busy machine may take any time for an example
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session")
