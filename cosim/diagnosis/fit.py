@@ -1,7 +1,7 @@
 """Fitting a group's parameters to its measured signals under priors."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,11 @@ class Unknown:
     low: float
     high: float
     prior: tuple[float, float] | None = None
+
+
+def placed(unknowns: list[Unknown], values: Mapping[str, float]) -> list[Unknown]:
+    """The unknowns, beginning at these values where there is one, SI."""
+    return [replace(u, start=values.get(u.name, u.start)) for u in unknowns]
 
 
 @dataclass

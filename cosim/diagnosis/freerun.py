@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.fit import Fit, Task, fit
+from cosim.diagnosis.fit import Fit, Task, fit, placed
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding, tried, unknowns
 from cosim.diagnosis.noise import Whitener
@@ -55,7 +55,7 @@ def refitted(finding: Finding, effects: tuple[Effect, ...], tolerance: float, ne
     found = tried(finding.task, effects, tolerance, near).fit
     for left in reversed(range(ROUNDS)):
         before = found.log_likelihood if left < ROUNDS - 1 else -np.inf
-        found = fit(task, [replace(u, start=found.values[u.name]) for u in wanted], rounds=20)
+        found = fit(task, placed(wanted, found.values), rounds=20)
         if found.log_likelihood < before + GAINED * abs(before):
             break
     if not wanted or found.slopes is None or found.rows is None:

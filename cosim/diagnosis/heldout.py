@@ -15,6 +15,7 @@ from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.trials import without
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -136,8 +137,7 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
     group = finding.task.model.group.name
     refused = []
     for effect in (e for e in waiting if e.name not in kept):
-        others = tuple(e for e in finding.chosen.effects if e is not effect)
-        behind = tried(finding.task, others, tolerance, finding.chosen.fit) if others else finding.null
+        behind = without(finding.task, finding.chosen, effect, finding.null, tolerance)
         gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
         with_it = step(widened(finding, at.effects, effect))
         refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))

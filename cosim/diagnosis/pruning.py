@@ -6,15 +6,14 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, leftovers, unexplained
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.freeform import SYSTEMATIC
-from cosim.diagnosis.trials import CLOSE, Trial, polished, tried
+from cosim.diagnosis.trials import CLOSE, Trial, polished, without
 from fmus.contract import Effect
 
 
 def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
     """The chosen set without what no possible value explains and what held-out windows refute, the worst first."""
     while chosen.effects and (out := impossible(chosen, task.model) or refuted(task, chosen, tolerance)):
-        kept = tuple(e for e in chosen.effects if e is not out[0])
-        chosen = tried(task, kept, tolerance, chosen.fit) if kept else null
+        chosen = without(task, chosen, out[0], null, tolerance)
     return chosen
 
 
@@ -27,8 +26,7 @@ def prune(finding: Finding, record: Record, tolerance: float) -> None:
 def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
     """Take causes out that explain less than what stays unexplained."""
     while out := outweighed(finding, tolerance):
-        kept = tuple(e for e in finding.chosen.effects if e is not out)
-        finding.chosen = tried(finding.task, kept, tolerance, finding.chosen.fit) if kept else finding.null
+        finding.chosen = without(finding.task, finding.chosen, out, finding.null, tolerance)
         finding.after = leftovers(finding.task, record, finding.chosen.fit)
 
 
@@ -39,9 +37,8 @@ def outweighed(finding: Finding, tolerance: float) -> Effect | None:
         return None
     losses = []
     for effect in finding.chosen.effects:
-        rest = tuple(e for e in finding.chosen.effects if e is not effect)
-        without = tried(finding.task, rest, tolerance, finding.chosen.fit) if rest else finding.null
-        losses.append((finding.chosen.fit.log_likelihood - without.fit.log_likelihood, effect))
+        fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance)
+        losses.append((finding.chosen.fit.log_likelihood - fewer.fit.log_likelihood, effect))
     loss, effect = min(losses, key=lambda item: item[0])
     return effect if loss < left else None
 

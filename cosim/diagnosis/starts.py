@@ -2,12 +2,12 @@
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.fit import Fit, Task, Unknown, fit
+from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 
 Array = NDArray[np.float64]
 Values = dict[str, float]
@@ -55,11 +55,11 @@ def fit_from_starts(
         slopes: (rows, k) of the fit without the effect: what its own parameters can take up is not the effect's.
     """
     bent = {u.name: u.prior[0] for u in unknowns if u.prior and abs(u.start - u.prior[0]) > BENT * u.prior[1]}
+    hidden = None if size is None or slopes is None else np.linalg.qr(slopes)[0]
     trials: list[tuple[bool, float, Values]] = []
     for straight in ({}, bent) if bent else ({},):
         # where a limit is out of reach nothing changes with it: a search cannot begin there
         off = task.white(task.residuals({u.name: u.start for u in unknowns} | straight))
-        hidden = np.zeros((off.size, 0)) if slopes is None else np.linalg.qr(slopes)[0][: off.size]
 
         def white(values: Values, off: Array = off) -> Array:
             """Whitened residual at `values`, which become a trial."""
@@ -95,17 +95,19 @@ def alike_but_for_the_phase(seen: list[Seen], size: Size) -> list[list[Seen]]:
     return list(groups.values())
 
 
-def sized(alike: list[Seen], size: Size, off: Array, hidden: Array) -> Values:
+def sized(alike: list[Seen], size: Size, off: Array, hidden: Array | None) -> Values:
     """The size (and the phase) that explains most of what is left without the effect.
 
     Args:
         alike: combinations that differ in the phase alone: one, or two a quarter of a turn apart.
         size: what sets the size.
         off: (n,) whitened residual without the effect.
-        hidden: (n, k) orthonormal: what the other parameters can take up.
+        hidden: (n or more, k) orthonormal: what the other parameters can take up; None for nothing.
     """
     columns = np.stack([white - off for _, white in alike], axis=1)
-    columns = columns - hidden @ (hidden.T @ columns)
+    if hidden is not None:
+        own = hidden[: off.size]  # below them stand the priors' rows
+        columns = columns - own @ (own.T @ columns)
     share = np.linalg.lstsq(columns, -off, rcond=None)[0]
     values = dict(alike[0][0])
     grown = values[size.name] - size.off
@@ -118,8 +120,3 @@ def sized(alike: list[Seen], size: Size, off: Array, hidden: Array) -> Values:
 def bounded(values: Values, unknowns: list[Unknown]) -> Values:
     """Values within the bounds."""
     return {u.name: float(np.clip(values[u.name], u.low, u.high)) for u in unknowns}
-
-
-def placed(unknowns: list[Unknown], values: Values) -> list[Unknown]:
-    """The unknowns with these starts."""
-    return [replace(u, start=values[u.name]) for u in unknowns]

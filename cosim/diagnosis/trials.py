@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.diagnosis.fit import Fit, Task, Unknown, fit
+from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.starts import Size, fit_from_starts
@@ -80,9 +80,8 @@ def unknowns(
             # an effect seen in the samples stays where it was seen: a scale this small holds it there
             scale = 1e-12 if effect.name in SAMPLED else free.scale
             low, high = variable.low, variable.high
-            if (
-                name in model.group.trusted
-            ):  # however wrong, it has the order of magnitude that it is trusted to have
+            # however wrong, it has the order of magnitude that it is trusted to have
+            if name in model.group.trusted:
                 _, least, most = model.trust(name, tolerance)
                 low, high = max(low, least), min(high, most)
             found[name] = Unknown(name, nominal, scale, low, high)
@@ -98,8 +97,7 @@ def anchored(wanted: list[Unknown], values: Mapping[str, float]) -> list[Unknown
 
     A part of a log may never show a parameter (a stop that it does not reach): a fit to that part must not carry it off.
     """
-    placed = [replace(u, start=values.get(u.name, u.start)) for u in wanted]
-    return [u if u.prior else replace(u, prior=(u.start, u.scale)) for u in placed]
+    return [u if u.prior else replace(u, prior=(u.start, u.scale)) for u in placed(wanted, values)]
 
 
 def tried(
@@ -113,9 +111,7 @@ def tried(
         for name in near.values:
             if name in starts:
                 starts[name] = (near.values[name],)
-        wanted = [
-            Unknown(u.name, near.values.get(u.name, u.start), u.scale, u.low, u.high, u.prior) for u in wanted
-        ]
+        wanted = placed(wanted, near.values)
     price = (
         len(wanted)
         - len(trusted(task.model, tolerance))
@@ -140,6 +136,12 @@ def sought(
     ((key, effect),) = new
     phases = [f"{effect.component}.{p}" for p, free in effect.free.items() if free.phase]
     return Size(key, model.nominal(key), phases[0] if phases else "")
+
+
+def without(task: Task, trial: Trial, effect: Effect, null: Trial, tolerance: float) -> Trial:
+    """A fitted set without one of its effects; of the last one the nominal model is left."""
+    kept = tuple(e for e in trial.effects if e is not effect)
+    return tried(task, kept, tolerance, trial.fit) if kept else null
 
 
 def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...]]:
@@ -211,17 +213,18 @@ def tried_all(
     return sorted(trials, key=lambda t: -t.score)
 
 
-def freed(effects: Iterable[Effect]) -> set[str]:
+def freed(effects: Iterable[Effect]) -> list[str]:
     """``component.parameter`` of all that the effects free."""
-    return {f"{e.component}.{p}" for e in effects for p in e.free}
+    return [f"{e.component}.{p}" for e in effects for p in e.free]
 
 
 def better_part(trial: Trial, others: list[Trial]) -> Trial | None:
     """The best other trial that frees a part of what this one frees and yet explains more: this one's search went astray."""
+    whole = set(freed(trial.effects))
     parts = [
         t
         for t in others
-        if freed(t.effects) < freed(trial.effects) and t.fit.log_likelihood > trial.fit.log_likelihood + 1.0
+        if set(freed(t.effects)) < whole and t.fit.log_likelihood > trial.fit.log_likelihood + 1.0
     ]
     return max(parts, key=lambda t: t.fit.log_likelihood, default=None)
 

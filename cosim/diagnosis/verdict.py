@@ -10,8 +10,9 @@ from cosim.diagnosis.finding import unexplained
 from cosim.diagnosis.fit import jacobian
 from cosim.diagnosis.freeform import SYSTEMATIC, Leftover
 from cosim.diagnosis.local import Event
-from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, declared, tried, trusted
+from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, declared, trusted
 from cosim.diagnosis.samples import SAMPLED, marks
+from cosim.diagnosis.trials import without
 from fmus import registry
 from fmus.contract import Effect
 
@@ -148,9 +149,8 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
     found = marked(finding)
     if not finding.chosen.effects or not stands(finding):
         return found
-    close = max(
-        CLOSE, unexplained(finding)
-    )  # a difference less than what all leave unexplained tells nothing
+    # a difference less than what all leave unexplained tells nothing
+    close = max(CLOSE, unexplained(finding))
     for effect in finding.chosen.effects:
         rivals = [
             (other_of(t, finding.chosen), finding.chosen.score - t.score)
@@ -158,15 +158,14 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
         ]
         rivals += finding.upstream
         rivals.sort(key=lambda item: item[1])
-        rest = tuple(e for e in finding.chosen.effects if e is not effect)
-        without = finding.null if not rest else tried(finding.task, rest, tolerance, finding.chosen.fit)
+        fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance)
         values = finding.chosen.fit
         found.append(
             Cause(
                 effect,
                 finding.task.model.group.name,
                 {p: (values.values[n], values.deviations[n]) for p, n in names_of(effect).items()},
-                values.log_likelihood - without.fit.log_likelihood,
+                values.log_likelihood - fewer.fit.log_likelihood,
                 held_out_gain(finding.task, finding.chosen, effect, tolerance),
                 rivals,
                 list(dict.fromkeys(e.name for e, behind in rivals if behind < close)),
