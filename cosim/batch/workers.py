@@ -131,7 +131,7 @@ class Processes:
         lane = next(lane for lane in self._lanes if lane.future is future)
         lane.future = None
         if isinstance(future.exception(), BrokenProcessPool):
-            how = f"it took longer than {self.most_time:g} s" if lane.late else _how_it_ended(lane.process)
+            how = f"it took longer than {self.most_time:g} s" if lane.late else how_it_ended(lane.process)
             self._replace(lane)
             return how
         if future.exception() is None:
@@ -181,11 +181,15 @@ def _begin() -> None:
         threading.Thread(target=follow, daemon=True).start()
 
 
-def _how_it_ended(process: BaseProcess | None) -> str:
+def how_it_ended(process: BaseProcess | None) -> str:
+    """What a process died of, in words: its signal by name, or its exit code."""
     if process is None:
         return "its process died"
     process.join(5.0)
-    code = process.exitcode
+    settled = clock.monotonic() + 5.0
+    # the pool's thread may have collected the exit status and not yet noted it: join() then returns without one
+    while (code := process.exitcode) is None and clock.monotonic() < settled:
+        clock.sleep(0.001)
     if code is None or code >= 0:
         return f"its process died (exit code {code})"
     try:

@@ -1,0 +1,124 @@
+"""The processes that carry out runs: how they end, when they are replaced, what memory they take."""
+
+import json
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import psutil
+import pytest
+
+for needed in ("distributed", "xarray", "zarr"):
+    pytest.importorskip(needed, reason="needs the extra 'batch'")
+
+import xarray as xr  # noqa: E402
+
+from cosim.batch.cases import plan_batch  # noqa: E402
+from cosim.batch.conduct import conduct  # noqa: E402
+from cosim.batch.plan import Plan  # noqa: E402
+from cosim.batch.workers import Processes, how_it_ended  # noqa: E402
+from tests.batch.asked import plan  # noqa: E402
+
+MIB = 2.0**20
+
+
+def test_a_process_that_dies_between_two_runs_is_replaced(rogue: Path, tmp_path: Path) -> None:
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1,2"}), tmp_path)
+    crew = Processes(1, 1e12)
+    try:
+        first = crew.submit(batch.job, batch.runs[:1])
+        (outcome,) = first.result()
+        crew.settle(first)
+        pid = int(outcome.worker.partition(":")[2])
+        os.kill(pid, signal.SIGTERM)
+        _, alive = psutil.wait_procs([psutil.Process(pid)] if psutil.pid_exists(pid) else [], timeout=60)
+        assert not alive
+        time.sleep(0.5)
+        second = crew.submit(batch.job, batch.runs[1:]).result()
+        assert (second[0].status, second[0].number) == ("done", 1)
+        assert second[0].worker != outcome.worker
+    finally:
+        crew.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_how_a_process_died_is_told_though_another_thread_collected_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    process = multiprocessing.get_context("spawn").Process(target=os.abort)
+    process.start()
+    collected, status = threading.Event(), os.waitpid
+
+    def slow(pid: int, flag: int) -> tuple[int, int]:
+        found = status(pid, flag)
+        if threading.current_thread() is other and found[0] == pid:
+            collected.set()
+            time.sleep(0.1)  # the system has given the status away; multiprocessing has not noted it yet
+        return found
+
+    monkeypatch.setattr(os, "waitpid", slow)
+    other = threading.Thread(target=process.join)
+    other.start()
+    assert collected.wait(60.0)
+    assert how_it_ended(process) == "its process died (SIGABRT)"
+    other.join()
+
+
+def test_processes_are_replaced_before_they_outgrow_their_memory(rogue: Path, tmp_path: Path) -> None:
+    asked = plan(rogue, sweep={"r.k": "1:2:2"}, workers=1)
+    conduct(asked, tmp_path / "plain")
+    plain = _resident(tmp_path / "plain")[-1]
+    limit = plain + 160 * MIB
+    more = {"set": {"r.leak": 40e6}, "sweep": {"r.k": "1:16:16"}, "worker_memory": f"{limit:.0f} byte"}
+    report = conduct(plan(rogue, workers=1, **more), tmp_path / "leaking")
+    resident = _resident(tmp_path / "leaking")
+    assert report.about["done"] == 16
+    assert max(resident) <= limit
+    assert max(resident) > plain + 60 * MIB, "the toy leaks, or this test shows nothing"
+    assert 3 <= report.about["workers_replaced"] <= 8
+    workers = pd.read_parquet(tmp_path / "leaking" / "runs.parquet")["worker"]
+    assert 4 <= workers.nunique() <= 9
+
+
+def _resident(folder: Path) -> list[float]:
+    return [
+        float(json.loads(line)["resident"]) for line in (folder / "journal.jsonl").read_text().splitlines()
+    ]
+
+
+def test_instances_are_reused_and_memory_stays(packages: dict[str, Path], tmp_path: Path) -> None:
+    more = {
+        "vary": {"mechanical.J": "764 +- 80 kg.m2"},
+        "samples": 60,
+        "stop_time": "0.2 s",
+        "record": ["sensor.slew"],
+    }
+    report = conduct(
+        Plan.model_validate({"model": str(packages["full_order"]), "workers": 1, **more}), tmp_path / "b"
+    )
+    assert report.frame["worker"].nunique() == 1
+    resident = _resident(tmp_path / "b")
+    assert resident[-1] - resident[9] < 8 * MIB
+
+
+@pytest.mark.slow
+def test_ten_thousand_runs(packages: dict[str, Path], tmp_path: Path) -> None:
+    more = {
+        "vary": {"mechanical.J": "764 +- 80 kg.m2", "dcv.K": "2.2:2.5 mm"},
+        "samples": 10_000,
+        "engine": "compiled",
+    }
+    more |= {"stop_time": "2 s", "record": ["sensor.slew", "dcv.spool"], "design": "latin_hypercube"}
+    report = conduct(Plan.model_validate({"model": str(packages["full_order"]), **more}), tmp_path / "b")
+    assert report.about["done"] == 10_000
+    data = xr.open_zarr(tmp_path / "b" / "signals.zarr", chunks=None)
+    assert data["sensor.slew"].shape == (10_000, 201)
+    assert np.isfinite(data["sensor.slew"].values).all()
+    resident = _resident(tmp_path / "b")
+    # straight lines: memory does not grow with the number of runs
+    assert max(resident[5000:]) < max(resident[:1000]) + 30 * MIB
