@@ -5,15 +5,18 @@ a little more noise around it. Both stand out once the whitened residual is look
 pieces, so that noise of unknown size drops out.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct, idct
 from scipy.stats import f as f_distribution
 
 Array = NDArray[np.float64]
 
-PIECES = (40, 120)  # bins in a piece: about half a second and a second
+PIECES = (40, 120, 360)  # bins in a piece: about half a second, a second and four
+NARROWEST = 8  # values in a band of a piece
 INDEPENDENT = (
     0.6  # share of a piece's values that count as independent: noise is neither quite white nor quite normal
 )
@@ -41,7 +44,11 @@ NOTHING = Event(1.0, 0.0, 1.0, 0.0, 0.0)
 
 
 def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
-    """The stretch in which white residuals (windows, bins) are largest, against all others.
+    """The stretch in which white residuals (windows, bins) are largest in some band, against all others.
+
+    An event fills some seconds and some part of the spectrum: each piece of the log is taken apart by frequency (discrete
+    cosine transform, which keeps independent values independent), and every band of at least `NARROWEST` values is
+    judged, the widest being the whole piece.
 
     Args:
         white: independent values of unit size.
@@ -50,37 +57,75 @@ def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
     """
     row = white.ravel()
     row = row[round(skip / interval) :]
-    best = NOTHING
+    best, tests = NOTHING, 0
+    # the size of all the rest: without its largest hundredth, which would hide the event in its own measure
+    overall = float(np.mean(np.sort(row**2)[: int(0.99 * row.size)])) / 0.9262 if row.size else 0.0
     for piece in PIECES:
         count = 2 * (row.size // piece) - 1  # half overlapping
-        if count < 8:
+        if count < 8 or overall <= 0.0:
             continue
         starts = np.arange(count) * (piece // 2)
-        sums = np.concatenate([[0.0], np.cumsum(row**2)])
-        energy = sums[starts + piece] - sums[starts]
-        # the size of all the rest: without its largest tenth, which would hide the event in its own measure
-        level = float(np.mean(np.sort(row**2)[: int(0.99 * row.size)])) / 0.9262
-        ratio = energy / (piece * level)
-        at = int(np.argmax(ratio))
-        one = float(f_distribution.sf(ratio[at], INDEPENDENT * piece, INDEPENDENT * (row.size - piece)))
-        p_value = min(1.0, one * count * len(PIECES))
-        if p_value < best.p_value:
-            above = ratio > 1.0 + 4.0 * np.sqrt(2.0 / (INDEPENDENT * piece))
-            first, last = at, at
-            while first > 0 and above[first - 1]:
-                first -= 1
-            while last + 1 < count and above[last + 1]:
-                last += 1
-            stretch = slice(starts[first], starts[last] + piece)
-            gain = 0.5 * float(np.sum(row[stretch] ** 2) / level - (stretch.stop - stretch.start))
+        sums = band_sums(row[starts[:, None] + np.arange(piece)])
+        for low, high in bands(piece):
+            energy = sums[:, high] - sums[:, low]
+            tests += count
+            level = max(overall, float(np.median(energy)) / (high - low))
+            ratio = energy / ((high - low) * level)
+            at = int(np.argmax(ratio))
+            freedom = INDEPENDENT * (high - low)
+            p_value = float(f_distribution.sf(ratio[at], freedom, INDEPENDENT * (row.size - piece)))
+            if p_value >= best.p_value:
+                continue
+            first, last = stretch_of(ratio > 1.0 + 4.0 * np.sqrt(2.0 / freedom), at)
+            start, share = int(starts[first]), int(starts[last] + piece - starts[first]) / piece
+            found = heart(row[start : start + round(share * piece)], low * share, high * share, level)
             best = Event(
                 p_value,
-                gain,
-                float(ratio[at]),
-                skip + stretch.start * interval,
-                skip + stretch.stop * interval,
+                found.gain,
+                1.0 + float(ratio[at] - 1.0) * (high - low) / piece,
+                skip + (start + found.start) * interval,
+                skip + (start + found.end) * interval,
             )
-    return best
+    return replace(best, p_value=min(1.0, best.p_value * max(tests, 1)))
+
+
+def heart(row: Array, low: float, high: float, level: float) -> Event:
+    """What one band of a stretch (n,) carries, and the part of the stretch, in bins, that carries it."""
+    parts = dct(row, norm="ortho")
+    first, last = round(low), round(high)
+    parts[:first], parts[last:] = 0.0, 0.0
+    gain = 0.5 * float(parts @ parts / level - (last - first))
+    # where the band is at least twice as strong as elsewhere: the sum of what is beyond that is largest
+    sums = np.cumsum(idct(parts, norm="ortho") ** 2 - 2.0 * level * (last - first) / row.size)
+    sums = np.concatenate([[0.0], sums])
+    end = int(np.argmax(sums - np.minimum.accumulate(sums)))
+    return Event(0.0, gain, 0.0, float(np.argmin(sums[: end + 1])), float(end))
+
+
+def band_sums(rows: Array) -> Array:
+    """(..., n) values to (..., n + 1) running sums of the squares of their cosine transform, from low frequency to high."""
+    squares = dct(rows, norm="ortho", axis=-1) ** 2
+    return np.concatenate([np.zeros((*rows.shape[:-1], 1)), np.cumsum(squares, axis=-1)], axis=-1)
+
+
+def bands(piece: int) -> Iterator[tuple[int, int]]:
+    """Half overlapping bands (first, last + 1) of a piece's transform, widths doubling up to the whole."""
+    width = NARROWEST
+    while 2 * width <= piece:
+        for low in range(0, piece - width + 1, width // 2):
+            yield low, low + width
+        width *= 2
+    yield 0, piece
+
+
+def stretch_of(above: NDArray[np.bool_], at: int) -> tuple[int, int]:
+    """First and last piece around `at` that stand out without a gap."""
+    first, last = at, at
+    while first > 0 and above[first - 1]:
+        first -= 1
+    while last + 1 < above.size and above[last + 1]:
+        last += 1
+    return first, last
 
 
 def line(white: Array, interval: float) -> Event:

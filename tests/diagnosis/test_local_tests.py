@@ -47,3 +47,17 @@ def test_the_start_of_the_log_shifts_the_times() -> None:
 def test_too_few_values_say_nothing() -> None:
     assert line(np.ones((1, 30)), INTERVAL).p_value == 1.0
     assert burst(np.ones((1, 30)), INTERVAL).p_value == 1.0
+
+
+def test_a_faint_event_in_a_narrow_band_is_found() -> None:
+    """A push that rings for four seconds, well below what its share of the whole spectrum could show."""
+    rng = np.random.default_rng(12)
+    age = np.arange(320) * INTERVAL
+    white = rng.normal(size=(12, 400))
+    ringing = np.sin(np.pi * age / 3.2) ** 2 * np.cos(12.0 * age)
+    white[5, 40:360] += ringing * np.sqrt(130.0 / np.sum(ringing**2))
+    found = burst(white, INTERVAL)
+    assert found.p_value < 1e-7
+    assert found.gain == pytest.approx(65.0, rel=0.5)
+    assert 20.0 < found.start < found.end < 24.2
+    assert found.end - found.start < 3.0
