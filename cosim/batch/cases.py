@@ -114,7 +114,7 @@ def plan_batch(plan: Plan, folder: Path) -> Batch:
     logs_or_none = range(len(files)) if files else (None,)
     cases = [(m, k, row) for k in logs_or_none for m in range(len(models)) for row in table.rows]
     runs = [Run(number, m, k, row) for number, (m, k, row) in enumerate(cases)]
-    notes = [*(estimates.notes if estimates else ()), *table.notes, *_cost(job, len(runs))]
+    notes = [*table.notes, *_cost(job, len(runs))]
     return Batch(plan, job, runs, table.varied, table.random, notes)
 
 

@@ -6,10 +6,11 @@ sequence (scipy.stats.qmc), each dimension through its quantile function.
 
 import itertools
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
+from scipy.stats import norm, qmc
 
 from cosim.batch.plan import Design
 from cosim.batch.values import Distribution
@@ -47,7 +48,11 @@ def side_by_side(values: Mapping[str, list[Value]]) -> list[Row]:
 
 
 def drawn(
-    distributions: Mapping[str, Distribution], samples: int, design: Design, seed: int
+    distributions: Mapping[str, Distribution],
+    samples: int,
+    design: Design,
+    seed: int,
+    correlations: Mapping[tuple[str, str], float] = MappingProxyType({}),
 ) -> tuple[list[Row], list[str]]:
     """Draws from distributions.
 
@@ -56,6 +61,8 @@ def drawn(
         samples: how many.
         design: "random", "latin_hypercube" or "sobol".
         seed: of the draws; the same seed gives the same draws.
+        correlations: pair of parameters -> correlation of the normal values behind them (a Gaussian copula: each
+            parameter keeps its own distribution); 0 for pairs that are not here.
 
     Returns:
         The rows, and notes for the user.
@@ -78,10 +85,33 @@ def drawn(
         parts = qmc.LatinHypercube(size, rng=seed).random(samples)
     else:
         parts = np.random.default_rng(seed).random((samples, size))
+    parts = dependent(parts, list(distributions), correlations)
     columns = {
         name: found.quantile(parts[:, k]).tolist() for k, (name, found) in enumerate(distributions.items())
     }
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)], notes
+
+
+def dependent(parts: Array, names: list[str], correlations: Mapping[tuple[str, str], float]) -> Array:
+    """Parts between 0 and 1 (samples, names), made dependent as the correlations say; those of no pair stay as they are."""
+    number = {name: k for k, name in enumerate(names)}
+    matrix = np.eye(len(names))
+    for (one, other), value in correlations.items():
+        if one in number and other in number:
+            matrix[number[one], number[other]] = matrix[number[other], number[one]] = value
+    touched = np.flatnonzero((matrix != np.eye(len(names))).any(axis=1))
+    if not touched.size:
+        return parts
+    # rounded correlations may miss being those of any distribution by a little: the nearest that are
+    values, vectors = np.linalg.eigh(matrix[np.ix_(touched, touched)])
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    root = root / np.linalg.norm(root, axis=1, keepdims=True)
+    # lower triangular: the first of them keeps its own draws, and so its even spread
+    lower = np.asarray(np.linalg.qr(root.T, mode="r")).T
+    lower = lower * np.where(np.diag(lower) < 0.0, -1.0, 1.0)
+    found = parts.copy()
+    found[:, touched] = norm.cdf(norm.ppf(np.clip(parts[:, touched], 1e-12, 1.0 - 1e-12)) @ lower.T)
+    return found
 
 
 def crossed(first: list[Row], second: list[Row]) -> list[Row]:

@@ -89,7 +89,10 @@ def parameter_table(plan: Plan, estimates: Estimates | None, system: System) -> 
             for end in (found.low, found.high):
                 _check_bounds(name, end, variables[name])
     way = plan.design if plan.design in ("latin_hypercube", "sobol") else "random"
-    rows, notes = drawn(distributions, plan.samples or SAMPLES, way, plan.seed)
+    # what the plan itself varies takes the place of the file's estimate, and of its correlations
+    known = estimates.correlations if estimates else {}
+    together = {p: r for p, r in known.items() if not {*p} & {*plan.vary, *plan.sweep}}
+    rows, notes = drawn(distributions, plan.samples or SAMPLES, way, plan.seed, together)
     return Table(crossed(swept, rows), varied, random=True, notes=tuple(notes))
 
 

@@ -8,12 +8,14 @@ In an .ssv the interval of a parameter stands in an annotation, in the unit of i
     </ssv:Parameter>
 """
 
+import itertools
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from lxml import etree
 
 from cosim.diagnosis.schema import Answer, Parameter
@@ -49,6 +51,7 @@ class Estimates:
     Attributes:
         uncertain: parameters with an interval.
         known: parameters without one.
+        correlations: of their estimates, by pairs of names; 0 for those that are not here.
         model: the package they belong to, where the file names one.
         notes: what the user should know.
     """
@@ -56,7 +59,7 @@ class Estimates:
     uncertain: tuple[Estimate, ...]
     known: tuple[Estimate, ...]
     model: str | None = None
-    notes: tuple[str, ...] = ()
+    correlations: dict[tuple[str, str], float] = field(default_factory=dict)
 
 
 def read_estimates(path: Path) -> Estimates:
@@ -97,11 +100,19 @@ def _calibration(content: dict[str, Any]) -> Estimates:
         if p["determined"]
     ]
     found += [Estimate(name, float(value), "", None) for name, value in content["start_values"].items()]
-    pairs = [f"{' and '.join(c['parameters'])} ({c['correlation']:.2f})" for c in content["correlated"]]
-    notes = (
-        [f"drawn independently, though their estimates are correlated: {', '.join(pairs)}"] if pairs else []
-    )
-    return replace(_sorted(found, None), notes=tuple(notes))
+    return replace(_sorted(found, None), correlations=dict(_correlations(content)))
+
+
+def _correlations(content: dict[str, Any]) -> Iterator[tuple[tuple[str, str], float]]:
+    """From the covariance of the parameters; what has no interval has none in it."""
+    names = [p["name"] for p in content["parameters"]]
+    rows = np.array(content["covariance"], dtype=float)
+    if rows.shape != (len(names), len(names)):
+        raise ValueError(f"its covariance is not that of its {len(names)} parameters")
+    sizes = np.sqrt(np.diag(rows))
+    for i, k in itertools.combinations(range(len(names)), 2):
+        if sizes[i] * sizes[k] > 0.0 and np.isfinite(rows[i, k]):
+            yield (names[i], names[k]), float(rows[i, k] / (sizes[i] * sizes[k]))
 
 
 def _diagnosis(path: Path, answer: Answer) -> Estimates:
@@ -117,7 +128,8 @@ def _diagnosis(path: Path, answer: Answer) -> Estimates:
     if answer.extended is not None:
         named = Path(answer.extended.ssp)
         model = str(next((p for p in (path.parent / named.name, named) if p.is_file()), named))
-    return _sorted(estimates, model)
+    correlations = {c.parameters: c.correlation for c in answer.correlations}
+    return replace(_sorted(estimates, model), correlations=correlations)
 
 
 def _estimate(name: str, parameter: Parameter) -> Estimate:

@@ -22,6 +22,7 @@ from cosim.diagnosis.remarks import (
 )
 from cosim.diagnosis.schema import (
     Answer,
+    Correlated,
     Location,
     NamedCause,
     NextExperiment,
@@ -39,6 +40,8 @@ from cosim.diagnosis.verdict import Cause, names_of
 from cosim.logs import Log
 from cosim.packages import project_version
 from fmus import registry
+
+INDEPENDENT = 0.01  # correlation below which two estimates are called independent
 
 
 def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file: str = "") -> Answer:
@@ -66,6 +69,7 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         held_out_from=held_from(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],
         words=words(diagnosis),
+        correlations=correlated(diagnosis),
         interrupted=diagnosis.stage or None,
         span=diagnosis.span if is_part(diagnosis, log) else None,
         made={
@@ -217,6 +221,16 @@ def nominal(diagnosis: Diagnosis) -> dict[str, Parameter]:
             value=value * scale, unit=unit, ci95=((value - spread) * scale, (value + spread) * scale)
         )
     return found
+
+
+def correlated(diagnosis: Diagnosis) -> list[Correlated]:
+    """Estimates whose errors go together, of those that are told."""
+    told = {*nominal(diagnosis)} | {n for c in diagnosis.causes for n in names_of(c.effect).values()}
+    return [
+        Correlated(parameters=pair, correlation=round(value, 4))
+        for pair, value in diagnosis.correlations.items()
+        if told.issuperset(pair) and abs(value) > INDEPENDENT
+    ]
 
 
 def next_experiment(proposal: Proposal | None) -> NextExperiment | None:

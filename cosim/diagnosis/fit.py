@@ -239,6 +239,18 @@ def summarised(
     )
 
 
+def correlations(found: Fit) -> dict[tuple[str, str], float]:
+    """Correlation of each pair of estimates, in the order of `Fit.values`; none where one has no spread."""
+    names = list(found.values)[: found.covariance.shape[0]]  # marks in the samples have none
+    sizes = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    return {
+        (names[i], names[k]): float(np.clip(found.covariance[i, k] / (sizes[i] * sizes[k]), -1.0, 1.0))
+        for i in range(len(names))
+        for k in range(i + 1, len(names))
+        if sizes[i] * sizes[k] > 0.0
+    }
+
+
 def jacobian(cost: Callable[[Array], Array], z: Array, low: Array, high: Array, step: float = 2e-3) -> Array:
     """Central differences in units of each unknown's scale, one-sided at a bound.
 

@@ -51,6 +51,7 @@ class Diagnosis:
         never: effects that the log could not have shown.
         values: ``component.parameter`` -> value of the extended model, SI.
         deviations: standard deviation of those estimated.
+        correlations: of the estimates, by pairs.
         start: the start angle.
         before, after: signals of the nominal and the extended model's FMUs on the log's command.
         gains: signal -> error on held-out windows.
@@ -76,6 +77,7 @@ class Diagnosis:
     never: list[str] = field(default_factory=list)
     values: dict[str, float] = field(default_factory=dict)
     deviations: dict[str, float] = field(default_factory=dict)
+    correlations: dict[tuple[str, str], float] = field(default_factory=dict)
     start: dict[str, float] = field(default_factory=dict)
     before: dict[str, Array] = field(default_factory=dict)
     after: dict[str, Array] = field(default_factory=dict)

@@ -39,6 +39,13 @@ class Parameter(Model):
     ci95: tuple[float, float]
 
 
+class Correlated(Model):
+    """Two estimates whose errors go together; names as in ``component.parameter``."""
+
+    parameters: tuple[str, str]
+    correlation: float
+
+
 class Rival(Model):
     """Another effect, and why it is not the cause."""
 
@@ -149,6 +156,7 @@ class Answer(Model):
     held_out_from: float | None = None
     refused: list[RefusedCause] = []
     words: Words = Words()
+    correlations: list[Correlated] = []  # of pairs beyond 0.01; all others are independent
     interrupted: str | None = None  # the stage in which Ctrl-C ended it
     span: tuple[float, float] | None = None  # s of the log that the fits used, where the log is longer
     made: dict[str, str]

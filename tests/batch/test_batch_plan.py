@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -175,7 +176,8 @@ def test_intervals_of_a_diagnosis_are_varied(packages: dict[str, Path], tmp_path
     extended = {"ssp": "elsewhere/extended.ssp", "ssv": "elsewhere/extended.ssv"}
     package = tmp_path / "extended.ssp"
     package.write_bytes(packages["full_order"].read_bytes())
-    content = answer(causes=[cause, seam], nominal=nominal, extended=extended)
+    together = [{"parameters": ["dcv.K", "mechanical.tau_c"], "correlation": -0.9}]
+    content = answer(causes=[cause, seam], nominal=nominal, extended=extended, correlations=together)
     file = write(tmp_path / "diagnosis.json", json.dumps(content))
     batch = plan_batch(Plan.model_validate({"from": str(file), "samples": 50}), tmp_path)
     assert batch.job.models[0].file.path == str(package), "the package beside the diagnosis"
@@ -184,6 +186,8 @@ def test_intervals_of_a_diagnosis_are_varied(packages: dict[str, Path], tmp_path
     drawn = [float(run.parameters["mechanical.tau_c"]) for run in batch.runs]
     assert len(drawn) == 50
     assert 100.0 < min(drawn) < 115.0 < 125.0 < max(drawn) < 140.0
+    gains = [float(run.parameters["dcv.K"]) for run in batch.runs]
+    assert np.corrcoef(gains, drawn)[0, 1] == pytest.approx(-0.9, abs=0.08)
     kept = plan_batch(Plan.model_validate({"from": str(file), "set": {"dcv.K": "2.4 mm"}}), tmp_path)
     assert [p.name for p in kept.varied] == ["mechanical.tau_c"]
 
@@ -201,18 +205,30 @@ def test_intervals_of_a_calibration_are_varied(packages: dict[str, Path], tmp_pa
         {"name": "mechanical.tau_c", "unit": "N.m", "value": 0.0, "ci95": None, "determined": True},
         {"name": "dcv.K", "unit": "m", "value": 1.0, "ci95": [0.0, 2.0], "determined": False},
     ]
-    correlated = [{"parameters": ["mechanical.J", "mechanical.b"], "correlation": 0.97}]
+    covariance = np.full((4, 4), np.nan)
+    covariance[:2, :2] = np.outer([10.0, 500.0], [10.0, 500.0]) * [[1.0, 0.97], [0.97, 1.0]]
     content = {
         "parameters": parameters,
-        "correlated": correlated,
+        "covariance": [[None if np.isnan(v) else v for v in row] for row in covariance],
         "start_values": {"mechanical.theta_0": 0.2},
     }
     file = write(tmp_path / "calibration.json", json.dumps(content))
-    asked = {"model": str(packages["full_order"]), "from": str(file), "samples": 9}
+    asked = {"model": str(packages["full_order"]), "from": str(file), "samples": 400}
     batch = plan_batch(Plan.model_validate(asked), tmp_path)
     assert [p.name for p in batch.varied] == ["mechanical.J", "mechanical.b"]
     assert batch.job.models[0].fixed == {"mechanical.tau_c": 0.0, "mechanical.theta_0": 0.2}
-    assert "mechanical.J and mechanical.b (0.97)" in batch.notes[0]
+    drawn = np.array([[run.parameters[p.name] for p in batch.varied] for run in batch.runs])
+    assert np.corrcoef(drawn.T)[0, 1] == pytest.approx(0.97, abs=0.02)
+    assert np.std(drawn, axis=0) == pytest.approx([10.2, 510.0], rel=0.1)
+    asked["vary"] = {
+        "mechanical.b": "27000 +- 1000 N.m.s/rad"
+    }  # the user's own: of that no correlation is known
+    batch = plan_batch(Plan.model_validate(asked), tmp_path)
+    drawn = np.array([[run.parameters[p.name] for p in batch.varied] for run in batch.runs])
+    assert abs(np.corrcoef(drawn.T)[0, 1]) < 0.2
+    content["covariance"] = [[1.0]]
+    with pytest.raises(DataError, match="its covariance is not that of its 4 parameters"):
+        read_estimates(write(file, json.dumps(content)))
     del parameters[0]["ci95"]
     with pytest.raises(
         DataError, match=r"calibration\.json is no diagnosis\.json or calibration\.json.*ci95"

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.batch.design import crossed, drawn, grid, side_by_side
-from cosim.batch.values import Distribution, read_distribution, swept_values
+from cosim.batch.values import Z95, Distribution, read_distribution, swept_values
 from cosim.errors import UsageError
 
 
@@ -156,6 +156,37 @@ def test_sobol_takes_a_power_of_two_and_says_so() -> None:
     for name in unit:
         assert sum(float(row[name]) < 0.5 for row in rows) == 64
     assert drawn(unit, 64, "sobol", 1)[1] == []
+
+
+@given(
+    roots=st.lists(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3), min_size=3, max_size=3),
+    seed=st.integers(0, 2**31),
+)
+def test_correlated_draws_keep_their_own_distributions(roots: list[list[float]], seed: int) -> None:
+    """Whatever the correlations (of any rank), and however rounded in a file; an independent neighbour is left alone."""
+    rows = np.array(roots)
+    size = np.linalg.norm(rows, axis=1)
+    matrix = np.where(
+        np.outer(size, size) > 1e-6, rows @ rows.T / np.maximum(np.outer(size, size), 1e-12), 0.0
+    )
+    names = ["a", "b", "c"]
+    pairs = {
+        (names[i], names[k]): round(float(matrix[i, k]), 2)
+        for i, k in ((0, 1), (0, 2), (1, 2))
+        if matrix[i, k]
+    }
+    listed = {name: Distribution("normal", 5.0 - Z95, 5.0 + Z95, 5.0) for name in names}
+    listed["d"] = Distribution("uniform", 0.0, 1.0)
+    found, _ = drawn(listed, 1024, "sobol", seed, pairs)
+    plain, _ = drawn(listed, 1024, "sobol", seed)
+    assert [row["d"] for row in found] == [row["d"] for row in plain]
+    values = np.array([[float(row[name]) for name in names] for row in found]).T
+    assert values.mean(axis=1) == pytest.approx(5.0, abs=0.1)
+    assert values.std(axis=1) == pytest.approx(1.0, abs=0.1)
+    for i, k in ((0, 1), (0, 2), (1, 2)):
+        known = pairs.get((names[i], names[k]), 0.0)
+        # what no distribution can have is brought to the nearest that one can
+        assert np.corrcoef(values[i], values[k])[0, 1] == pytest.approx(known, abs=0.12)
 
 
 def test_the_seed_decides_the_draws() -> None:
