@@ -1,5 +1,8 @@
 """What tests of several parts share: our packages, built once."""
 
+import signal
+from collections.abc import Iterator
+
 import pytest
 from hypothesis import settings
 
@@ -10,6 +13,16 @@ from cosim.ssp.write import write_ssp
 # a busy machine may take any time for an example
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def heeds_interrupts() -> Iterator[None]:
+    """Children get Ctrl-C even where the tests run in a shell's background, which ignores it and hands that on."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

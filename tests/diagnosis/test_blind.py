@@ -19,23 +19,26 @@ QUICK = (
 )
 # a scale of the slew and a change of the mechanics look alike without a tracker
 TWINS = {"sensor.gain", "mechanical.viscous_friction"}
+# the rig's moderate 2 % may hide in what J and b are trusted to
+SIZES = {"sensor.gain": {"gain": 1.06}}
 
 
 @pytest.mark.parametrize(
     "effect", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in SINGLE]
 )
 def test_a_single_effect_is_named(effect: str) -> None:
-    found = told(effect, seed=100 + SINGLE.index(effect), seconds=40.0)
+    sized = {n.partition(".")[2]: v for n, v in EFFECTS[effect].moderate.items()} | SIZES.get(effect, {})
+    hidden = effect if effect not in SIZES else f"{effect}:{','.join(f'{n}={v}' for n, v in sized.items())}"
+    found = told(hidden, seed=100 + SINGLE.index(effect), seconds=40.0)
     assert found.causes, (found.verdict, [r.what for r in found.rests])
     first = found.causes[0]
     assert effect in (first.effect.name, *first.alike)
     assert len(found.causes) == 1
-    true = {n.partition(".")[2]: v for n, v in EFFECTS[effect].moderate.items()}
     if first.effect.name == effect and effect not in TWINS:
-        size = next(iter(true))
+        size = next(iter(sized))
         estimate, deviation = first.parameters[size]
         # four standard deviations, and a part of the size for what a phase of 180 degrees exchanges
-        assert abs(abs(estimate) - abs(true[size])) < 4.0 * deviation + 0.1 * abs(true[size])
+        assert abs(abs(estimate) - abs(sized[size])) < 4.0 * deviation + 0.1 * abs(sized[size])
 
 
 @pytest.mark.parametrize(
@@ -66,7 +69,8 @@ def test_an_effect_that_the_library_lacks_stays_unnamed() -> None:
     [
         ("unknown.warming_valve", "dcv"),
         ("unknown.small_motion_damping", "dcv"),
-        ("unknown.pressure_friction", "mechanical"),
+        ("unknown.quadratic_drag", "mechanical"),
+        ("unknown.torque_burst", "mechanical"),
     ],
 )
 def test_an_unknown_cause_stays_unnamed(effect: str, block: str) -> None:
