@@ -1,0 +1,60 @@
+"""What free functions explain is a fault only if it shows again, as strongly, in windows that had no share in finding it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from cosim.diagnosis.freeform import SYSTEMATIC, Leftover, changing, explain, families
+from cosim.diagnosis.noise import plain
+from cosim.diagnosis.verdict import systematic
+
+Array = NDArray[np.float64]
+H, N = 1e-3, 60_000
+TIME = np.arange(N) * H
+LINES = ((0.11, 0.3), (0.23, 1.0), (0.37, 2.0), (0.61, 0.5))
+ANGLE = np.asarray(sum(np.sin(2.0 * np.pi * f * TIME + phase) for f, phase in LINES))
+SPEED = np.gradient(ANGLE, H)
+TRANSFER = ([1.0], [0.1, 1.0])
+
+
+def leftover(residual: Array) -> Leftover:
+    """What free functions find with noise thought to be white, as where they leave nothing to learn it from."""
+    rule = plain(10, 500, True)
+    bases = families({"x": ANGLE, "v": SPEED}, TRANSFER, H, "force", "N")
+    for by, driver in (("time", TIME), ("x", ANGLE)):
+        bases += changing("v", SPEED, by, driver, TRANSFER, H, "force", "N")
+    return explain(residual, bases, rule, lambda r: rule(r).ravel(), np.repeat(np.arange(12), 500))
+
+
+def slow_noise(seed: int) -> Array:
+    """White noise and slower noise of many correlation times, nearly 1/f."""
+    rng = np.random.default_rng(seed)
+    noise = rng.normal(size=N) * np.sqrt(10.0)
+    for time in (0.15, 0.5, 1.5, 5.0):
+        pole = np.exp(-H / time)
+        noise += 0.25 * lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.normal(size=N))
+    return noise
+
+
+@pytest.mark.parametrize("seed", [0, 3, 10, 11])
+def test_slow_noise_is_no_fault_however_improbable_and_a_force_is(seed: int) -> None:
+    noise = slow_noise(seed)
+    alone = leftover(noise)
+    assert alone.p_value < SYSTEMATIC, "or this test shows nothing"
+    assert not systematic(alone, 0.0)
+    force = 0.12 * np.abs(ANGLE) * ANGLE
+    assert systematic(leftover(noise + lfilter([H / 0.1], [1.0, H / 0.1 - 1.0], force)), 0.0)
+
+
+def test_the_parts_of_the_rule() -> None:
+    found = replace(leftover(np.zeros(N) + slow_noise(1)), p_value=1e-9, gain=44.0, rms=1.0)
+    assert not systematic(replace(found, held_out=9.2), 0.0)
+    assert systematic(replace(found, held_out=20.0), 0.0)
+    assert not systematic(replace(found, held_out=20.0), 2.0), "smaller than what matters"
+    assert not systematic(replace(found, held_out=20.0, p_value=1e-3), 0.0), "chance"
+    assert not systematic(replace(found, gain=9.0, held_out=5.0), 0.0), "too little to be sure"
+    # windows that visit different regimes have little to say of each other
+    assert systematic(replace(found, held_out=-20.0, p_value=1e-40), 0.0)
