@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record
+from cosim.diagnosis.exercised import never_exercised
 from cosim.diagnosis.extension import FREE, estimate, gain_by_fmus
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
@@ -21,14 +22,7 @@ from cosim.diagnosis.naming import Finding, find, tried
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.upstream import upstream_rivals
-from cosim.diagnosis.verdict import (
-    Cause,
-    Rest,
-    adequate,
-    causes,
-    never_exercised,
-    rests,
-)
+from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError
 from cosim.logs import Log, Tracker

@@ -1,4 +1,4 @@
-"""From fits to answers: what is a cause, what cannot be told apart, what stays unexplained, what was never exercised."""
+"""From fits to answers: what is a cause, what cannot be told apart, what stays unexplained."""
 
 from dataclasses import dataclass, field
 
@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.crossval import held_out_gain
 from cosim.diagnosis.finding import unexplained
-from cosim.diagnosis.fit import jacobian
 from cosim.diagnosis.freeform import SYSTEMATIC, Leftover
 from cosim.diagnosis.local import Event
-from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, declared, trusted
-from cosim.diagnosis.samples import SAMPLED, marks
+from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
+from cosim.diagnosis.samples import marks
 from cosim.diagnosis.trials import without
 from fmus import registry
 from fmus.contract import Effect
@@ -244,59 +243,3 @@ def local_rests(finding: Finding, signal: str) -> list[Rest]:
         left = Leftover(event.p_value, event.gain, size, residual, {kind: event.gain}, {}, event.gain)
         found.append(Rest(finding.task.model.group.name, signal, left, words))
     return found[:1]
-
-
-def exercised(finding: Finding, tolerance: float) -> dict[str, float]:
-    """Effect -> log-likelihood that a moderate size would have gained in this log, nominal parameters free to hide it."""
-    task, null = finding.task, finding.null
-    base = null.fit.values
-    own = trusted(task.model, tolerance)
-    scale = {u.name: u.scale for u in own}
-
-    def white(values: dict[str, float]) -> Array:
-        return task.white(task.residuals(values))
-
-    centre = white(base)
-    hide = np.zeros((centre.size, 0))
-    if own:
-        names = list(base)
-        z = np.array([base[n] / scale[n] for n in names])
-        wide = np.full(z.size, 1e9)
-        hide = jacobian(
-            lambda v: white({n: x * scale[n] for n, x in zip(names, v.tolist(), strict=True)}), z, -wide, wide
-        )
-    found = {}
-    for effect in task.model.group.effects():
-        if effect.name in SAMPLED:  # every log shows those
-            continue
-        moved = dict(base)
-        for parameter, free in effect.free.items():
-            name = f"{effect.component}.{parameter}"
-            variable = declared(effect, parameter)
-            off = task.model.nominal(name)
-            limit = parameter in ("x_max", "x_min", "v_max")
-            value = (
-                (min if off > 0 else max)(free.starts, key=abs)
-                if limit
-                else off + (free.scale if variable.high > off else -free.scale)
-            )
-            moved[name] = float(np.clip(value, variable.low, variable.high))
-        change = white(moved) - centre
-        # the trusted parameters can take up part of it, at the price of their priors
-        rows = np.concatenate([hide, np.eye(hide.shape[1])])
-        target = np.concatenate([change, np.zeros(hide.shape[1])])
-        if hide.shape[1]:
-            solution, *_ = np.linalg.lstsq(rows, target, rcond=None)
-            target = target - rows @ solution
-        found[effect.name] = 0.5 * float(target @ target)
-    return found
-
-
-def never_exercised(finding: Finding, tolerance: float) -> list[str]:
-    """Effects that this log could not have shown even at a moderate size."""
-    named = set(finding.chosen.names)
-    sure = {
-        e.name: SURE + 0.5 * len(e.free) * float(np.log(finding.null.fit.count))
-        for e in finding.task.model.group.effects()
-    }
-    return [n for n, gain in exercised(finding, tolerance).items() if n not in named and gain < sure[n]]
