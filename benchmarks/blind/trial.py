@@ -20,6 +20,7 @@ from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.story import diagnose
 from cosim.diagnosis.verdict import Cause, Rest
 from cosim.rig import RigRun, make_log
+from cosim.rig.sensing import SEAM_ANGLE
 from cosim.rig.write import as_log, as_tracker
 from fmus import registry
 
@@ -41,6 +42,7 @@ def run_case(case: Case, fmus: bool) -> dict[str, Any]:
         row["cpu_seconds"] = time.process_time() - cpu
         row |= said(found)
         row["truth"] = truth(case, found, run)
+        row["crossed"] = crossed(run)
         row["noise"] = noise_held_out(found, run)
     except Exception:
         row["error"] = traceback.format_exc()
@@ -61,6 +63,7 @@ def said(found: Diagnosis) -> dict[str, Any]:
             for signal, kinds in finding.events.items()
             for kind, event in kinds.items()
         },
+        "never": found.never,
         "chosen": {name: list(f.chosen.names) for name, f in found.findings.items()},
         "fmu_gain": {s: [g.before, g.after] for s, g in found.gains.items()},
     }
@@ -135,6 +138,12 @@ def truth(case: Case, found: Diagnosis, run: RigRun) -> dict[str, dict[str, floa
             "least": least if len(names) > 1 else best - null,
         }
     return result
+
+
+def crossed(run: RigRun) -> bool:
+    """True if the motion spends at least a hundredth of the time on either side of the tracker's seam."""
+    below = float(np.mean(run.true["seen"] < SEAM_ANGLE))
+    return 0.01 < below < 0.99
 
 
 def seen(run: RigRun, signals: Iterable[str]) -> dict[str, Array]:

@@ -8,6 +8,7 @@ from cosim.diagnosis.finding import Finding, learn_noise, leftovers, smaller_noi
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import Event, burst, line
+from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import SAMPLED, Mark, marks
 from cosim.diagnosis.screening import promising
@@ -101,8 +102,7 @@ def find(
     finding.rivals = rivals(task, finding, candidates, tolerance)
     finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
     finding.marks = sampled(task, record, finding.chosen.fit)
-    if finding.marks:
-        finding.chosen = with_marks(finding.chosen, finding.marks)
+    finding.chosen = with_marks(usually_spelled(finding.chosen), finding.marks)
     return finding
 
 

@@ -6,8 +6,11 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, leftovers, unexplained
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.freeform import SYSTEMATIC
+from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.trials import CLOSE, Trial, polished, without
 from fmus.contract import Effect
+
+FAR = 5.0  # typical sizes: an effect beyond is one that hardly ever occurs
 
 
 def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
@@ -21,6 +24,7 @@ def prune(finding: Finding, record: Record, tolerance: float) -> None:
     """Take out of a finding what explains less than it leaves, and what is more than the log can tell."""
     drop_outweighed(finding, record, tolerance)
     simplified(finding, record, tolerance)
+    moderated(finding, record, tolerance)
 
 
 def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
@@ -63,3 +67,31 @@ def simplified(finding: Finding, record: Record, tolerance: float) -> None:
         best = min(simpler, key=lambda t: (t.price, -t.score))
         finding.chosen = polished(finding.task, best, tolerance)
         finding.after = leftovers(finding.task, record, finding.chosen.fit)
+
+
+def moderated(finding: Finding, record: Record, tolerance: float) -> None:
+    """Put an effect of a usual size in the place of one beyond all sizes, if the log cannot tell the two apart.
+
+    A drive that hardly moves may be held by friction or be watched by a sensor that reads a thirtieth of the angle.
+    """
+    chosen, model = finding.chosen, finding.task.model
+    if len(chosen.effects) != 1 or size_of(chosen, model) <= FAR:
+        return
+    alike = [
+        t
+        for t in finding.single
+        if t.score > chosen.score - CLOSE and size_of(t, model) <= FAR and not impossible(t, model)
+    ]
+    if alike:
+        best = max(alike, key=lambda t: t.score)
+        finding.chosen = polished(finding.task, best, tolerance)
+        finding.after = leftovers(finding.task, record, finding.chosen.fit)
+
+
+def size_of(trial: Trial, model: GroupModel) -> float:
+    """Change of a single effect's key parameter in typical sizes."""
+    (effect,) = trial.effects
+    if effect.key not in effect.free:
+        return 0.0
+    name = f"{effect.component}.{effect.key}"
+    return abs(trial.fit.values[name] - model.nominal(name)) / effect.free[effect.key].scale

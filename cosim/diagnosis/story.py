@@ -225,6 +225,7 @@ def stages(
         enter(found, watch, "tracker", "slew sensor against tracker")
         seen = compare_tracker(found.record, tracker)
         found.tracker = seen
+        found.never += seen.never
         found.causes += seen.causes
         found.groups = settled(found.groups, seen)
         constants |= {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")}

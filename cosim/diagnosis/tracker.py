@@ -58,6 +58,19 @@ class TrackerFinding:
     seam_angle: tuple[float, float, float] | None
     everything: Fit = field(repr=False)
 
+    @property
+    def never(self) -> list[str]:
+        """Errors that these records could not have shown even at a moderate size: a seam that the motion never crosses."""
+        told = {cause.effect.name for cause in self.causes}
+        moderate = {n: effect_of(n).free[n.partition(".")[2]].scale for n in ERRORS if n not in told}
+        spread = self.everything.deviations
+        return [n for n, size in moderate.items() if 0.5 * (size / spread[n]) ** 2 < priced(self.everything)]
+
+
+def priced(found: Fit) -> float:
+    """Log-likelihood that an error must gain to be named."""
+    return SURE + 0.5 * float(np.log(found.count))
+
 
 def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
     """Find clock, seam and sensor errors from a log and a tracker's record.
@@ -77,7 +90,7 @@ def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
             for size in range(len(ERRORS) + 1)
             for chosen in itertools.combinations(ERRORS, size)
         }
-    each = SURE + 0.5 * float(np.log(everything.count))
+    each = priced(everything)
     best = max(fits, key=lambda c: fits[c].log_likelihood - each * len(c))
     found = fits[best]
     predicted, _ = model.predict(found.values)

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from cosim.diagnosis.freeform import SYSTEMATIC, Leftover, changing, explain, families
 from cosim.diagnosis.noise import plain
 from cosim.diagnosis.verdict import systematic
+from tests.diagnosis.hidden_logs import told
 
 Array = NDArray[np.float64]
 H, N = 1e-3, 60_000
@@ -58,3 +59,11 @@ def test_the_parts_of_the_rule() -> None:
     assert not systematic(replace(found, gain=9.0, held_out=5.0), 0.0), "too little to be sure"
     # windows that visit different regimes have little to say of each other
     assert systematic(replace(found, held_out=-20.0, p_value=1e-40), 0.0)
+
+
+def test_a_drive_that_friction_holds_is_not_called_a_dead_sensor() -> None:
+    """Both explain a slew that hardly moves; a sensor that reads a thirtieth of the angle is the less likely of the two."""
+    found = told("mechanical.coulomb_friction:tau_c=400 N.m", seed=52, seconds=30.0, excitation="small_steps")
+    (cause,) = found.causes
+    assert cause.effect.name != "sensor.gain"
+    assert {"sensor.gain", "mechanical.coulomb_friction"} <= {cause.effect.name, *cause.alike}
