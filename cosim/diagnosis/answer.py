@@ -36,7 +36,7 @@ from cosim.diagnosis.schema import (
     Unexplained,
     Words,
 )
-from cosim.diagnosis.verdict import Cause, names_of
+from cosim.diagnosis.verdict import Cause, local, names_of
 from cosim.logs import Log
 from cosim.packages import project_version
 from fmus import registry
@@ -113,7 +113,8 @@ def localisation(diagnosis: Diagnosis) -> list[Location]:
         for signal, left in finding.before.items():
             rule = finding.task.rules[signal]
             penalty = max(0.0, finding.chosen.fit.log_likelihood - finding.null.fit.log_likelihood)
-            weight = max(0.0, left.gain if left.p_value < 1e-6 else 0.0) + (
+            once = [e.gain for e in finding.events.get(signal, {}).values() if local(finding, signal, e)]
+            weight = max(0.0, left.gain if left.p_value < 1e-6 else 0.0, *once) + (
                 penalty if finding.chosen.effects else 0.0
             )
             rows.append((name, signal, weight, float((left.rms**2 + rule.rms**2) ** 0.5), rule.rms))
@@ -201,7 +202,13 @@ def unexplained(diagnosis: Diagnosis) -> list[Unexplained]:
     for rest in diagnosis.rests:
         unit, scale = shown(rest.signal)
         found.append(
-            Unexplained(block=rest.block, what=rest.what, residual_rms=rest.leftover.rms * scale, unit=unit)
+            Unexplained(
+                block=rest.block,
+                what=rest.what,
+                residual_rms=rest.leftover.rms * scale,
+                unit=unit,
+                span=rest.span,
+            )
         )
     return found
 

@@ -115,6 +115,7 @@ class Unexplained(Model):
     what: str
     residual_rms: float
     unit: str
+    span: tuple[float, float] | None = None  # s, where only one stretch of the log is off
 
 
 class NextExperiment(Model):

@@ -54,12 +54,13 @@ class Cause:
 
 @dataclass
 class Rest:
-    """Something systematic that nothing in the library explains."""
+    """Something systematic that nothing in the library explains; `span` is when, s, if only one stretch is off."""
 
     block: str
     signal: str
     leftover: Leftover
     what: str
+    span: tuple[float, float] | None = None
 
 
 def systematic(leftover: Leftover, negligible: float) -> bool:
@@ -241,5 +242,6 @@ def local_rests(finding: Finding, signal: str) -> list[Rest]:
             words = f"{signal} rings at {event.start:.2f} Hz beyond what noise and the model give"
         size = size_of(finding, signal, event)
         left = Leftover(event.p_value, event.gain, size, residual, {kind: event.gain}, {}, event.gain)
-        found.append(Rest(finding.task.model.group.name, signal, left, words))
+        span = (event.start, event.end) if kind == "event" else None
+        found.append(Rest(finding.task.model.group.name, signal, left, words, span))
     return found[:1]

@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.remarks import shown
-from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise
+from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise, Part
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import MOST, averaged, bucket, envelope
 from cosim.report.words import CAPTIONS, axis, block_name, by_error, signal_name
 
 Array = NDArray[np.float64]
+
+AROUND = 3.0  # s shown before and after an event, at least
 
 
 def held_out(material: Material) -> list[tuple[float, float]]:
@@ -118,35 +120,68 @@ def judged(residual: Array, noise: Noise) -> tuple[Array, Array]:
 
 def residuals(material: Material) -> list[Picture]:
     """Residual of each block as it was judged, nominal and extended, with its noise band."""
-    found = []
-    for part in material.parts.values():
-        for signal, noise in part.noise.items():
-            unit, scale = shown(signal)
-            band = np.full(2, 2.0 * noise.rms * scale)
-            ends = np.array([0.0, material.time[-1]])
-            layers = [Layer("band", "its noise, ±2 sd", "noise", ends, -band, band)]
-            for name, role, kind in (
-                ("nominal model", "nominal", BLOCK_NOMINAL),
-                ("extended model", "extended", BLOCK_EXTENDED),
-            ):
-                at, values = judged(material.measured[signal] - material.series[kind][signal], noise)
-                if at.size > 2 * MOST:
-                    kept, values = envelope(values, -(-at.size // MOST))
-                    at = at[kept.astype(int)]
-                layers.append(Layer("line", name, role, material.at(at), values * scale))  # type: ignore[arg-type]
-            block = block_name(part.name)
-            told = CAPTIONS["block_free" if noise.free else "block"]
-            caption = told.format(
-                block=block.capitalize(),
-                drive=signal_name(part.drive),
-                bin=1e3 * noise.bins * material.h,
-                window=noise.bins * noise.window * material.h,
-            )
-            title = f"{block.capitalize()}: residual of the {signal_name(signal)}"
-            key = f"residual-{part.name}-{signal}"
-            panel = Panel(axis("residual", unit), layers)
-            found.append(Picture(key, title, axis("time", "s"), [panel], caption, held_out(material)))
-    return found
+    parts = material.parts.values()
+    return [_residual(material, part, signal) for part in parts for signal in part.noise]
+
+
+def event(material: Material, block: str, what: str, span: tuple[float, float], key: str) -> list[Picture]:
+    """The residual of a block around the stretch, s, in which alone something is off."""
+    part = material.parts.get(block)
+    signal = next((s for s in part.noise if s in what), None) if part is not None else None
+    if part is None or signal is None:
+        return []
+    around = max(AROUND, span[1] - span[0])
+    whole = _residual(material, part, signal)
+    (panel,) = whole.panels
+    near = (max(0.0, span[0] - around), min(float(material.time[-1]), span[1] + around))
+    layers = [cut(layer, near) for layer in panel.layers]
+    title = f"{whole.title} between {span[0]:.1f} and {span[1]:.1f} s"
+    return [
+        replace(
+            whole,
+            key=key,
+            title=title,
+            panels=[replace(panel, layers=layers)],
+            shaded=[span],
+            caption=CAPTIONS["event"],
+        )
+    ]
+
+
+def cut(layer: Layer, span: tuple[float, float]) -> Layer:
+    """The part of a layer within a span of its abscissa; a band, which is the same everywhere, from end to end."""
+    if layer.kind == "band":
+        return replace(layer, x=np.array(span))
+    kept = ~((layer.x < span[0]) | (layer.x > span[1]))  # breaks of the line stay
+    return replace(layer, x=layer.x[kept], y=layer.y[kept])
+
+
+def _residual(material: Material, part: Part, signal: str) -> Picture:
+    noise = part.noise[signal]
+    unit, scale = shown(signal)
+    band = np.full(2, 2.0 * noise.rms * scale)
+    ends = np.array([0.0, material.time[-1]])
+    layers = [Layer("band", "its noise, ±2 sd", "noise", ends, -band, band)]
+    for name, role, kind in (
+        ("nominal model", "nominal", BLOCK_NOMINAL),
+        ("extended model", "extended", BLOCK_EXTENDED),
+    ):
+        at, values = judged(material.measured[signal] - material.series[kind][signal], noise)
+        if at.size > 2 * MOST:
+            kept, values = envelope(values, -(-at.size // MOST))
+            at = at[kept.astype(int)]
+        layers.append(Layer("line", name, role, material.at(at), values * scale))  # type: ignore[arg-type]
+    block = block_name(part.name)
+    caption = CAPTIONS["block_free" if noise.free else "block"].format(
+        block=block.capitalize(),
+        drive=signal_name(part.drive),
+        bin=1e3 * noise.bins * material.h,
+        window=noise.bins * noise.window * material.h,
+    )
+    title = f"{block.capitalize()}: residual of the {signal_name(signal)}"
+    panel = Panel(axis("residual", unit), layers)
+    key = f"residual-{part.name}-{signal}"
+    return Picture(key, title, axis("time", "s"), [panel], caption, held_out(material))
 
 
 def tracker(material: Material) -> Picture | None:

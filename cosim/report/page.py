@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.lexicon import speaking
+from cosim.diagnosis.naming import CLOSE
 from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.packages import project_version
@@ -138,9 +139,11 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
             [] if part is None else [(s, c) for found in (part.after, part.before) for s, c in found.items()]
         )
         curves = next(((s, c) for s, c in side if s in rest.what and c), None) or next(iter(side), ("", []))
-        found = [
-            free_form(rest.block, curves[0], c, f"rest-{index}-{k}") for k, c in enumerate(curves[1][:2])
-        ]
+        if rest.span is not None:
+            found = overview.event(material, rest.block, rest.what, rest.span, f"rest-{index}")
+        else:
+            told = [c for c in curves[1][:2] if c.gain > CLOSE]
+            found = [free_form(rest.block, curves[0], c, f"rest-{index}-{k}") for k, c in enumerate(told)]
         rests.append({"rest": rest, "pictures": shown(found)})
     command, seen = experiment.picture(material), overview.tracker(material)
     return {

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from cosim.diagnosis.answer import answer
 from cosim.diagnosis.local import burst, line
+from cosim.diagnosis.story import diagnose
+from cosim.rig import make_log
+from cosim.rig.write import as_log
 
 INTERVAL = 0.01
 
@@ -61,3 +65,15 @@ def test_a_faint_event_in_a_narrow_band_is_found() -> None:
     assert found.gain == pytest.approx(65.0, rel=0.5)
     assert 20.0 < found.start < found.end < 24.2
     assert found.end - found.start < 3.0
+
+
+def test_a_push_is_located_in_its_block_and_its_seconds() -> None:
+    run = make_log("mixed", 40.0, ["unknown.torque_burst:t_burst=22 s,tau_burst=300 N.m"], seed=71)
+    log = as_log(run)
+    found = diagnose(log)
+    (rest,) = answer(found, log, None).unexplained
+    assert rest.block == "mechanical"
+    assert rest.span is not None
+    assert 21.5 < rest.span[0] < 23.5 < 24.5 < rest.span[1] < 26.5
+    shares = {row.signal: row.share for row in answer(found, log, None).localisation}
+    assert shares["slew"] > 0.95

@@ -2,6 +2,7 @@ import json
 import re
 import shutil
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from report_helpers import friction_with_rest, hidden_material
 
 from cosim.cli import main
 from cosim.errors import DataError, MissingExtraError, UsageError
+from cosim.report import overview
 from cosim.report.folder import keep, load
 from cosim.report.page import page, write_report
 
@@ -150,6 +152,26 @@ def test_what_stays_unexplained_is_drawn():
     text = page(friction_with_rest())
     assert "Unexplained in the mechanics" in text
     assert "Missing torque against slew angle" in text
+
+
+def test_what_happened_once_is_drawn_from_near_and_weak_curves_are_not():
+    material = friction_with_rest()
+    curves = material.parts["mechanical"].after["slew"]
+    curves[:] = [replace(curve, gain=4.0) for curve in curves]
+    (rest,) = material.answer.unexplained
+    assert "Missing torque against slew angle" not in page(material), "what gains 4 shows nothing"
+    material.answer.unexplained[:] = [
+        rest.model_copy(update={"what": "slew is off between 12.0 and 14.0 s only", "span": (12.0, 14.0)})
+    ]
+    assert "residual of the slew angle between 12.0 and 14.0 s" in page(material)
+    (picture,) = overview.event(material, "mechanical", "slew is off", (12.0, 14.0), "rest-0")
+    band, *lines = picture.panels[0].layers
+    assert picture.shaded == [(12.0, 14.0)]
+    assert band.x.tolist() == [9.0, 17.0]
+    for line in lines:
+        assert 9.0 <= np.nanmin(line.x) < 9.1
+        assert 16.9 < np.nanmax(line.x) <= 17.0
+    assert overview.event(material, "gearbox", "slew is off", (12.0, 14.0), "rest-0") == []
 
 
 def test_numbers_that_could_not_be_computed_come_back_as_unknown(copy):
