@@ -78,19 +78,21 @@ def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
                 continue
             first, last = stretch_of(ratio > 1.0 + 4.0 * np.sqrt(2.0 / freedom), at)
             start, share = int(starts[first]), int(starts[last] + piece - starts[first]) / piece
-            found = heart(row[start : start + round(share * piece)], low * share, high * share, level)
+            gain, begins, ends = heart(
+                row[start : start + round(share * piece)], low * share, high * share, level
+            )
             best = Event(
                 p_value,
-                found.gain,
+                gain,
                 1.0 + float(ratio[at] - 1.0) * (high - low) / piece,
-                skip + (start + found.start) * interval,
-                skip + (start + found.end) * interval,
+                skip + (start + begins) * interval,
+                skip + (start + ends) * interval,
             )
     return replace(best, p_value=min(1.0, best.p_value * max(tests, 1)))
 
 
-def heart(row: Array, low: float, high: float, level: float) -> Event:
-    """What one band of a stretch (n,) carries, and the part of the stretch, in bins, that carries it."""
+def heart(row: Array, low: float, high: float, level: float) -> tuple[float, int, int]:
+    """Log-likelihood that one band of a stretch (n,) carries, and first and last bin of the part that carries it."""
     parts = dct(row, norm="ortho")
     first, last = round(low), round(high)
     parts[:first], parts[last:] = 0.0, 0.0
@@ -99,7 +101,7 @@ def heart(row: Array, low: float, high: float, level: float) -> Event:
     sums = np.cumsum(idct(parts, norm="ortho") ** 2 - 2.0 * level * (last - first) / row.size)
     sums = np.concatenate([[0.0], sums])
     end = int(np.argmax(sums - np.minimum.accumulate(sums)))
-    return Event(0.0, gain, 0.0, float(np.argmin(sums[: end + 1])), float(end))
+    return gain, int(np.argmin(sums[: end + 1])), end
 
 
 def band_sums(rows: Array) -> Array:
