@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.fit import Task, fit
-from cosim.diagnosis.trials import Trial, anchored, unknowns
+from cosim.diagnosis.trials import Trial, anchored, confined, unknowns
 from fmus.contract import Effect
 
 REFUTED = -2.0  # log-likelihood on held-out windows below which an effect is refuted by them
@@ -31,6 +31,8 @@ def part(task: Task, mask: NDArray[np.bool_]) -> Task:
 def held_out_gain(task: Task, chosen: Trial, effect: Effect, tolerance: float) -> float:
     """Log-likelihood that an effect gains on held-out windows, all parameters estimated on the others.
 
+    Where the effect is that a trusted parameter is off, the alternative is that it is within its trust.
+
     Args:
         task: data, model and noise of the group.
         chosen: the accepted set, fitted on all windows.
@@ -42,11 +44,14 @@ def held_out_gain(task: Task, chosen: Trial, effect: Effect, tolerance: float) -
     if not held.any() or held.all():
         return float("nan")
     fitting, judged = part(task, ~held), part(task, held)
+    wanted, _ = unknowns(task.model, chosen.effects, tolerance)
+    others, _ = unknowns(task.model, [e for e in chosen.effects if e is not effect], tolerance)
     scores = []
-    for effects in (chosen.effects, tuple(e for e in chosen.effects if e is not effect)):
-        wanted, _ = unknowns(task.model, effects, tolerance)
-        placed = anchored(wanted, chosen.fit.values)
-        white = judged.white(judged.residuals(fit(fitting, placed).values))
+    for unknown in (
+        anchored(wanted, chosen.fit.values),
+        confined(anchored(others, chosen.fit.values), effect),
+    ):
+        white = judged.white(judged.residuals(fit(fitting, unknown).values))
         scores.append(-0.5 * float(white @ white))
     return scores[0] - scores[1]
 

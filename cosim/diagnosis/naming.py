@@ -13,6 +13,7 @@ from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import SAMPLED, Mark, marks
 from cosim.diagnosis.screening import promising
 from cosim.diagnosis.trials import (
+    BEYOND,
     CLOSE,
     SURE,
     Trial,
@@ -26,8 +27,6 @@ from cosim.diagnosis.trials import (
 from fmus.contract import Effect
 
 __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
-
-BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 
 
 def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:

@@ -18,6 +18,7 @@ SMALL = 0.05  # of an effect's typical size: the smallest start
 FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
+BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 
@@ -90,6 +91,19 @@ def unknowns(
             known = parameter in effect.parameters and free.floor == 0.0
             starts[name] = free.starts if known else (off, *free.starts)
     return list(found.values()), starts
+
+
+def confined(wanted: list[Unknown], effect: Effect) -> list[Unknown]:
+    """Unknowns without an effect: trusted parameters that it frees stay within their trust, however much the data pull."""
+    freed = {f"{effect.component}.{parameter}" for parameter in effect.free}
+    found = []
+    for u in wanted:
+        if u.name in freed and u.prior is not None:
+            middle, reach = u.prior[0], BEYOND * u.prior[1]
+            low, high = max(u.low, middle - reach), min(u.high, middle + reach)
+            u = replace(u, low=low, high=high, start=float(np.clip(u.start, low, high)))
+        found.append(u)
+    return found
 
 
 def anchored(wanted: list[Unknown], values: Mapping[str, float]) -> list[Unknown]:

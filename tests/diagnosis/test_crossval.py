@@ -2,8 +2,12 @@
 
 import pytest
 
+from cosim.diagnosis.fit import Unknown
 from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.trials import confined
 from cosim.rig import Noise, as_log, make_log
+from fmus import registry
+from tests.diagnosis.hidden_logs import told
 
 
 def test_a_stop_that_the_other_windows_hardly_touch_is_not_refuted() -> None:
@@ -34,3 +38,22 @@ def test_a_stop_that_the_other_windows_hardly_touch_is_not_refuted() -> None:
     assert cause.held_out > 100.0
     x_max, x_min = (cause.parameters[name][0] for name in ("x_max", "x_min"))
     assert (x_max, x_min) == pytest.approx((2.03e-3, -2.01e-3), abs=1e-5)
+
+
+def test_a_parameter_off_its_trust_is_held_against_one_within_it() -> None:
+    """Under a prior that the data overwhelm the alternative would have nearly the same value, and chance would decide."""
+    (cause,) = told("continuity.flow_gain", seed=81).causes
+    assert cause.effect.name == "continuity.flow_gain"
+    assert cause.held_out > 0.2 * cause.gain
+
+
+def test_without_an_effect_what_it_frees_stays_within_its_trust() -> None:
+    effect = registry.effects()["continuity.flow_gain"]
+    wanted = [
+        Unknown("continuity.K_c", 1.2, 0.1, 0.0, 9.0, (1.0, 0.01)),
+        Unknown("continuity.T", 1.2, 0.1, 0.0, 9.0, (1.0, 0.01)),
+        Unknown("continuity.c_l", 0.2, 0.1, 0.0, 9.0),
+    ]
+    own, *others = confined(wanted, effect)
+    assert (own.start, own.low, own.high) == pytest.approx((1.03, 0.97, 1.03))
+    assert others == wanted[1:]
