@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 from cosim.errors import ModelError
+from cosim.interrupts import uninterrupted
 from fmus import registry
 from fmus.compose import Composed, compose
 from fmus.contract import Buffer, Effect
@@ -192,7 +193,8 @@ class CompiledBlock:
         m = module.begin.py_func(x, u, p, self.buffers())
         outputs = np.empty((len(self.composed.block.outputs), inputs.shape[1] + 1))
         outputs[:, 0] = module.output.py_func(x, u, m, p)
-        module.run(x, m, p, c, inputs, outputs)
+        with uninterrupted():
+            module.run(x, m, p, c, inputs, outputs)
         return outputs
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import UsageError
+from cosim.interrupts import uninterrupted
 from cosim.rig.equations import (
     BRISTLE,
     FREE,
@@ -253,5 +254,6 @@ def simulate(
         sigma1 = math.sqrt(sigma0 * m.J)
     elif dry:
         slide = STUCK
-    rows = _march(u, substeps, slide, sigma0, sigma1, plant)
+    with uninterrupted():
+        rows = _march(u, substeps, slide, sigma0, sigma1, plant)
     return {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(COLUMNS)}

@@ -1,0 +1,73 @@
+"""Ctrl-C waits for compiled code, and is not lost."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from cosim.interrupts import uninterrupted
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+
+STRUCK = """
+import os, random, signal, threading
+import numpy as np
+from cosim.compiled import compiled_block
+signal.signal(signal.SIGINT, signal.default_int_handler)
+block, inputs, caught = compiled_block("mechanical"), np.full((1, 20), 1e5), 0
+block.run(inputs, 1e-3, {"tau_c": 90.0})
+random.seed(1)
+for _ in range(60):
+    strike = threading.Timer(random.uniform(0.001, 0.01), os.kill, (os.getpid(), signal.SIGINT))
+    try:
+        strike.start()
+        while True:
+            block.run(inputs, 1e-3, {"tau_c": 90.0})
+    except KeyboardInterrupt:
+        caught += 1
+    strike.join()
+print(caught)
+"""
+
+
+def test_ctrl_c_within_compiled_code_does_not_kill_the_process() -> None:
+    done = subprocess.run([sys.executable, "-c", STRUCK], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, (done.returncode, done.stderr[-2000:])
+    assert done.stdout.strip() == "60"
+
+
+def test_the_handler_is_called_when_the_block_ends() -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    reached = False
+    try:
+        with pytest.raises(KeyboardInterrupt), uninterrupted():
+            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.SIGINT)
+            reached = True
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert reached
+
+
+def test_what_is_ignored_stays_ignored_and_other_threads_are_left_alone() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with uninterrupted():
+            os.kill(os.getpid(), signal.SIGINT)
+            assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+    seen = []
+
+    def inside() -> None:
+        with uninterrupted():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=inside)
+    thread.start()
+    thread.join()
+    assert seen == [before]
