@@ -39,18 +39,23 @@ def test_ctrl_c_within_compiled_code_does_not_kill_the_process() -> None:
     assert done.stdout.strip() == "60"
 
 
+def struck_twice(reached: list[bool]) -> None:
+    with uninterrupted():
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        reached.append(True)
+
+
 def test_the_handler_is_called_when_the_block_ends() -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    reached = False
+    reached: list[bool] = []
     try:
-        with pytest.raises(KeyboardInterrupt), uninterrupted():
-            os.kill(os.getpid(), signal.SIGINT)
-            os.kill(os.getpid(), signal.SIGINT)
-            reached = True
+        with pytest.raises(KeyboardInterrupt):
+            struck_twice(reached)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
-    assert reached
+    assert reached == [True]
 
 
 def test_what_is_ignored_stays_ignored_and_other_threads_are_left_alone() -> None:
