@@ -20,6 +20,8 @@ NARROWEST = 8  # values in a band of a piece
 # share of a piece's values that count as independent: noise is neither quite white nor quite normal (with all of them the
 # smallest probability in 180 logs of white, correlated and 1/f noise was 2e-3, with this share 3e-2)
 INDEPENDENT = 0.8
+# the same for a line, against a neighbourhood that is not quite flat: with 0.8 the smallest of 1250 in clean logs was 1e-5
+INDEPENDENT_LINE = 0.6
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ def line(white: Array, interval: float) -> Event:
     reach = 12
     padded = np.pad(power, reach, mode="reflect")
     around = np.array([np.median(padded[i : i + 2 * reach + 1]) for i in range(power.size)])
-    freedom = INDEPENDENT * 2.0 * windows
+    freedom = INDEPENDENT_LINE * 2.0 * windows
     around /= 1.0 - 2.0 / (9.0 * 2.0 * windows) * 3.0  # median of a chi-square against its mean
     ratio = power / np.maximum(around, 1e-300)
     at = int(np.argmax(ratio))
