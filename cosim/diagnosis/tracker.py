@@ -47,6 +47,7 @@ class TrackerFinding:
         noise: size of the noise of one reading, rad.
         seam_angle: (angle at which the seam fits best, lower and upper end of its 95 % interval), rad; None without a seam.
         everything: fit of offset, rate and all errors, accepted or not.
+        never: errors that these records could not have shown even at a moderate size: a seam that the motion stays above.
     """
 
     fit: Fit
@@ -57,19 +58,7 @@ class TrackerFinding:
     noise: float
     seam_angle: tuple[float, float, float] | None
     everything: Fit = field(repr=False)
-
-    @property
-    def never(self) -> list[str]:
-        """Errors that these records could not have shown even at a moderate size: a seam that the motion never crosses."""
-        told = {cause.effect.name for cause in self.causes}
-        moderate = {n: effect_of(n).free[n.partition(".")[2]].scale for n in ERRORS if n not in told}
-        spread = self.everything.deviations
-        return [n for n, size in moderate.items() if 0.5 * (size / spread[n]) ** 2 < priced(self.everything)]
-
-
-def priced(found: Fit) -> float:
-    """Log-likelihood that an error must gain to be named."""
-    return SURE + 0.5 * float(np.log(found.count))
+    never: list[str] = field(default_factory=list)
 
 
 def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
@@ -90,12 +79,15 @@ def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
             for size in range(len(ERRORS) + 1)
             for chosen in itertools.combinations(ERRORS, size)
         }
-    each = priced(everything)
+    each = SURE + 0.5 * float(np.log(everything.count))
     best = max(fits, key=lambda c: fits[c].log_likelihood - each * len(c))
     found = fits[best]
     predicted, _ = model.predict(found.values)
     causes = [named(name, best, fits, model) for name in best] + clock_cause(found, model)
     angle = seam_angle(model, found) if SEAM in best else None
+    moderate = {name: effect_of(name).free[name.partition(".")[2]].scale for name in ERRORS}
+    spread = {name: fits[(name,)].deviations[name] for name in ERRORS}
+    never = [n for n, size in moderate.items() if n not in best and 0.5 * size**2 < each * spread[n] ** 2]
     return TrackerFinding(
         found,
         causes,
@@ -105,6 +97,7 @@ def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
         model.noise.rms,
         angle,
         everything,
+        never,
     )
 
 

@@ -158,6 +158,15 @@ def test_a_seam_that_is_never_crossed_is_not_pretended() -> None:
     assert np.isfinite(finding.everything.deviations["tracker.offset"])
     (cause,) = finding.causes
     assert {cause.effect.name, *cause.alike} >= {"tracker.seam", "sensor.bias"}
+    assert finding.never == [], "either would have shown, though not which of the two"
+
+
+def test_a_seam_that_the_motion_stays_above_is_not_exercised() -> None:
+    run = make_log("mixed", 25.0, ["tracker.seam:seam=0.2 deg"], seed=3, tracker=True, start=30.0 * DEG)
+    assert run.true["seen"].min() > SEAM_ANGLE
+    finding = compare_tracker(prepare(as_log(run), our_machine("full_order")), as_tracker(run))
+    assert finding.causes == []
+    assert finding.never == ["tracker.seam"]
 
 
 def test_missing_readings_do_not_count() -> None:
