@@ -34,7 +34,7 @@ def usually_spelled(trial: Trial) -> Trial:
         own = {parameter: f"{effect.component}.{parameter}" for parameter in effect.free}
         told = usual(effect, {parameter: values[name] for parameter, name in own.items()})
         for parameter, name in own.items():
-            if parameter == effect.key and told[parameter] == -values[name]:
+            if parameter == effect.key and told[parameter] != values[name]:
                 signs[names.index(name)] = -1.0
             values[name] = told[parameter]
     width = trial.fit.covariance.shape[0]

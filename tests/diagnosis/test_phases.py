@@ -43,3 +43,10 @@ def test_the_covariance_turns_with_the_amplitude() -> None:
     assert told.covariance.tolist() == [[4.0, -1.0, 0.1], [-1.0, 9.0, -0.2], [0.1, -0.2, 1.0]]
     assert told.slopes is not None
     assert told.slopes.tolist() == [[0.0, -1.0, 2.0], [3.0, -4.0, 5.0]]
+
+
+def test_an_amplitude_of_zero_turns_nothing() -> None:
+    values = {"mechanical.tau_g": 0.0, "mechanical.theta_g": 0.5}
+    covariance = np.array([[9.0, 0.2], [0.2, 1.0]])
+    found = Fit(values, dict.fromkeys(values, 1.0), -10.0, 50, {}, covariance)
+    assert usually_spelled(Trial((GRAVITY,), found, 2)).fit.covariance.tolist() == covariance.tolist()
