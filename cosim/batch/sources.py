@@ -8,7 +8,6 @@ In an .ssv the interval of a parameter stands in an annotation, in the unit of i
     </ssv:Parameter>
 """
 
-import itertools
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from cosim.correlation import correlations
 from cosim.diagnosis.schema import Answer, Parameter
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.ssp.parameters import read_ssv
@@ -100,19 +100,11 @@ def _calibration(content: dict[str, Any]) -> Estimates:
         if p["determined"]
     ]
     found += [Estimate(name, float(value), "", None) for name, value in content["start_values"].items()]
-    return replace(_sorted(found, None), correlations=dict(_correlations(content)))
-
-
-def _correlations(content: dict[str, Any]) -> Iterator[tuple[tuple[str, str], float]]:
-    """From the covariance of the parameters; what has no interval has none in it."""
     names = [p["name"] for p in content["parameters"]]
     rows = np.array(content["covariance"], dtype=float)
     if rows.shape != (len(names), len(names)):
         raise ValueError(f"its covariance is not that of its {len(names)} parameters")
-    sizes = np.sqrt(np.diag(rows))
-    for i, k in itertools.combinations(range(len(names)), 2):
-        if sizes[i] * sizes[k] > 0.0 and np.isfinite(rows[i, k]):
-            yield (names[i], names[k]), float(rows[i, k] / (sizes[i] * sizes[k]))
+    return replace(_sorted(found, None), correlations=correlations(names, rows))
 
 
 def _diagnosis(path: Path, answer: Answer) -> Estimates:
@@ -128,8 +120,8 @@ def _diagnosis(path: Path, answer: Answer) -> Estimates:
     if answer.extended is not None:
         named = Path(answer.extended.ssp)
         model = str(next((p for p in (path.parent / named.name, named) if p.is_file()), named))
-    correlations = {c.parameters: c.correlation for c in answer.correlations}
-    return replace(_sorted(estimates, model), correlations=correlations)
+    together = {c.parameters: c.correlation for c in answer.correlations}
+    return replace(_sorted(estimates, model), correlations=together)
 
 
 def _estimate(name: str, parameter: Parameter) -> Estimate:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from cosim.calibrate.outcome import Undetermined
+from cosim.correlation import correlations
 
 Array = NDArray[np.float64]
 BLIND = 0.5  # a change of half a parameter's size within one standard deviation is not seen
@@ -100,13 +101,8 @@ def covariance(jacobian: Array, active: Sequence[int]) -> Array:
 
 def correlated(spread: Array, names: Sequence[str]) -> list[tuple[str, str, float]]:
     """Pairs whose estimates move together beyond `CORRELATED`."""
-    found = []
-    for i in range(len(names)):
-        for k in range(i):
-            size = np.sqrt(spread[i, i] * spread[k, k])
-            if np.isfinite(size) and size > 0.0 and abs(spread[i, k] / size) > CORRELATED:
-                found.append((names[k], names[i], float(spread[i, k] / size)))
-    return found
+    every = correlations(names, spread)
+    return [(*pair, value) for pair, value in every.items() if abs(value) > CORRELATED]
 
 
 @dataclass(frozen=True)

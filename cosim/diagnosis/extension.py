@@ -5,7 +5,6 @@ from pathlib import Path
 from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.extend import closed, fitted_chain, write_extended
-from cosim.diagnosis.fit import correlations
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.freerun import refitted
 from cosim.diagnosis.gain import measure, run_package
@@ -36,7 +35,7 @@ def estimate(
         start |= {n: v for n, v in finding.task.model.fixed.items() if n.endswith(".theta_0")}
         near |= fit.values
         deviations |= fit.deviations
-        diagnosis.correlations |= correlations(fit)
+        diagnosis.correlations |= fit.correlations
         rules |= finding.task.rules
     diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
     if diagnosis.held is not None and len(findings) == len(groups) == 1:
@@ -45,7 +44,7 @@ def estimate(
             finding, effects, tolerance, (finding.chosen if stands(finding) else finding.null).fit
         )
         diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
-        diagnosis.correlations = correlations(best)
+        diagnosis.correlations = best.correlations
         if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
             diagnosis.calibrated = refitted(finding, (), tolerance, finding.null.fit).values
         return
@@ -55,7 +54,7 @@ def estimate(
     mask = ~held_windows(count) if diagnosis.held is None else None
     chain = fitted_chain(groups, diagnosis.record, rules, effects, near, start, tolerance, mask, constants)
     diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
-    diagnosis.deviations, diagnosis.correlations = chain.deviations, correlations(chain)
+    diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
     diagnosis.start = {n: chain.values[n] for n in start}
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
+from cosim.correlation import correlations
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.noise import Whitener
 
@@ -66,6 +67,12 @@ class Fit:
     settled: bool = True
     slopes: Array | None = field(default=None, repr=False)
     rows: Array | None = field(default=None, repr=False)
+
+    @property
+    def correlations(self) -> dict[tuple[str, str], float]:
+        """Correlation of each pair of estimates."""
+        names = list(self.values)[: self.covariance.shape[0]]  # marks in the samples have none
+        return correlations(names, self.covariance)
 
 
 @dataclass
@@ -237,18 +244,6 @@ def summarised(
         found.jac,
         found.fun,
     )
-
-
-def correlations(found: Fit) -> dict[tuple[str, str], float]:
-    """Correlation of each pair of estimates, in the order of `Fit.values`; none where one has no spread."""
-    names = list(found.values)[: found.covariance.shape[0]]  # marks in the samples have none
-    sizes = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    return {
-        (names[i], names[k]): float(np.clip(found.covariance[i, k] / (sizes[i] * sizes[k]), -1.0, 1.0))
-        for i in range(len(names))
-        for k in range(i + 1, len(names))
-        if sizes[i] * sizes[k] > 0.0
-    }
 
 
 def jacobian(cost: Callable[[Array], Array], z: Array, low: Array, high: Array, step: float = 2e-3) -> Array:

@@ -79,10 +79,9 @@ def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
             if p_value >= best.p_value:
                 continue
             first, last = stretch_of(ratio > 1.0 + 4.0 * np.sqrt(2.0 / freedom), at)
-            start, share = int(starts[first]), int(starts[last] + piece - starts[first]) / piece
-            gain, begins, ends = heart(
-                row[start : start + round(share * piece)], low * share, high * share, level
-            )
+            start, stop = int(starts[first]), int(starts[last]) + piece
+            share = (stop - start) / piece
+            gain, begins, ends = heart(row[start:stop], low * share, high * share, level)
             best = Event(
                 p_value,
                 gain,
