@@ -20,7 +20,7 @@ function that without effects returns its neutral value.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any, Literal, NamedTuple, TypeVar, get_type_hints
 
@@ -175,9 +175,9 @@ class Free:
     phase: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Effect:
-    """One physical effect of the library.
+    """One physical effect of the library. Effects of one name are equal, whatever is free in them.
 
     Attributes:
         name: "block.effect" as CONTRACT section 5 fixes it; the first part is the block it is reported under.
@@ -188,6 +188,8 @@ class Effect:
         key: the parameter which, at its off value, switches the effect off.
         parameters: new parameters of the block, `start` being the off value.
         free: how each parameter that the effect changes is estimated; it may be the block's own (J, K, tau_c).
+        forms: parameters each of which gives its law another form, with how it is estimated: tried, one at a time, only
+            where the effect explains much and its simplest law leaves something.
         fills: slot name -> equation with the slot's signature.
         memory: what it remembers between steps: `Variable` or `Buffer` by name.
         begin: equation (x, u, p) -> tuple of initial memory values (of the Variables only), or None without memory.
@@ -205,6 +207,7 @@ class Effect:
     acts_on: str = ""
     parameters: dict[str, Variable] = field(default_factory=dict)
     free: dict[str, Free] = field(default_factory=dict)
+    forms: dict[str, Free] = field(default_factory=dict)
     fills: dict[str, Callable[..., Any]] = field(default_factory=dict)
     memory: dict[str, Variable | Buffer] = field(default_factory=dict)
     begin: Callable[..., Any] | None = None
@@ -222,3 +225,25 @@ class Effect:
     def component(self) -> str:
         """The component whose equations it changes, e.g. "dead_zone" for dcv.hysteresis."""
         return self.acts_on or self.block
+
+    def formed(self, parameter: str) -> "Effect":
+        """The effect with the parameter of another form of its law free as well."""
+        return replace(self, free={**self.free, parameter: self.forms[parameter]})
+
+    @property
+    def plain(self) -> "Effect":
+        """The effect in its simplest form."""
+        return replace(self, free={n: f for n, f in self.free.items() if n not in self.forms})
+
+    @property
+    def is_formed(self) -> bool:
+        """True if the parameter of another form of its law is free."""
+        return any(parameter in self.free for parameter in self.forms)
+
+    def __eq__(self, other: object) -> bool:
+        """True for an effect of the same name."""
+        return isinstance(other, Effect) and other.name == self.name
+
+    def __hash__(self) -> int:
+        """Of the name."""
+        return hash(self.name)

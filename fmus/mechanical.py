@@ -3,9 +3,13 @@
     J dw/dt     = A r PL - b w - tau_f - tau_load               (4.1)-(4.6), (4.27), (4.28)
       dtheta/dt = w
     tau_f = level(w) sign(w) while moving; at rest it balances the rest, up to level(0)
+          = level(w) tanh(w/omega_v) where friction is said to build up with speed
+          = sigma0 z + sigma1 dz/dt, dz/dt = w - |w| sigma0 z/level(w), where it builds up over a distance (LuGre; Canudas de
+            Wit et al., IEEE Trans. Automatic Control 40(3), 1995), with sigma0 = level(0)/z_s and sigma1 = sqrt(sigma0 J)
 
 Within a step the pressure moves on a straight line from its previous to its new value. Sliding phases are exact for
-that; the instants at which the motion stops or breaks away are located inside the step.
+that; the instants at which the motion stops or breaks away are located inside the step. Friction that builds up is that
+of the step's mean speed.
 """
 
 import math
@@ -14,6 +18,7 @@ from typing import Annotated, NamedTuple
 
 from fmus.contract import Block, NoMemory, Variable, equation, slot
 from fmus.linear import phi_functions
+from fmus.motion import slid, slide, stopping_time
 
 
 class Input(NamedTuple):
@@ -30,11 +35,12 @@ class Output(NamedTuple):
 
 
 class State(NamedTuple):
-    """Angle, velocity, and the driving torque at the end of the last step."""
+    """Angle, velocity, the driving torque at the end of the last step, and the deflection of friction's bristles."""
 
     theta: Annotated[float, Variable("rad", "Slew angle", display="deg")]
     omega: Annotated[float, Variable("rad/s", "Slew velocity", display="deg/s", nominal=0.01)]
     torque: Annotated[float, Variable("N.m", "Driving torque A r PL", nominal=1e3)]
+    bristle: Annotated[float, Variable("rad", "Deflection over which friction has built up", nominal=1e-5)]
 
 
 class Parameters(NamedTuple):
@@ -47,6 +53,8 @@ class Parameters(NamedTuple):
         float, Variable("m", "Pinion radius", 0.1, 1e-6, 100.0, display="mm", nominal=0.1, source="Table 3.1")
     ]
     tau_c: Annotated[float, Variable("N.m", "Coulomb friction torque", 0.0, 0.0, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
+    omega_v: Annotated[float, Variable("rad/s", "Speed over which dry friction builds up; 0: it truly sticks", 0.0, 0.0, 1e3, display="deg/s", nominal=1e-3, source="off: sign(theta') of (4.27)")]  # fmt: skip
+    z_s: Annotated[float, Variable("rad", "Deflection over which dry friction builds up; 0: it truly sticks", 0.0, 0.0, 1.0, display="deg", nominal=1e-5, source="off: sign(theta') of (4.27)")]  # fmt: skip
     tau_load: Annotated[float, Variable("N.m", "Constant load torque against positive motion", 0.0, -1e9, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
     theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e3, 1e3, display="deg", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
 
@@ -107,41 +115,6 @@ def seen_velocity(omega: float, m: NoMemory, p: Parameters) -> float:
 
 
 @equation
-def slide(
-    theta: float, omega: float, t0: float, t1: float, h: float, J: float, b: float
-) -> tuple[float, float]:
-    """Angle and velocity after h under a torque on a straight line from t0 to t1 and viscous friction, exact."""
-    decay, phi1, phi2, phi3 = phi_functions(b * h / J)
-    return slid(theta, omega, t0, t1, h, J, decay, phi1, phi2, phi3)
-
-
-@equation
-def slid(theta: float, omega: float, t0: float, t1: float, h: float, J: float, decay: float, phi1: float, phi2: float, phi3: float) -> tuple[float, float]:  # fmt: skip
-    """The same with the functions of b h/J at hand."""
-    return (
-        theta + h * (phi1 * omega + h / J * (phi2 * t0 + phi3 * (t1 - t0))),
-        decay * omega + h / J * (phi1 * t0 + phi2 * (t1 - t0)),
-    )
-
-
-@equation
-def stopping_time(
-    omega: float, direction: float, t0: float, slope: float, h: float, J: float, b: float
-) -> float:
-    """Time within h at which a motion in `direction` comes to rest (it has turned by h), by bisection to rounding."""
-    low = 0.0
-    high = h
-    for _ in range(60):
-        t = 0.5 * (low + high)
-        _, w = slide(0.0, omega, t0, t0 + slope * t, t, J, b)
-        if w * direction > 0.0:
-            low = t
-        else:
-            high = t
-    return high
-
-
-@equation
 def with_dry_friction(theta: float, omega: float, t0: float, t1: float, m: NoMemory, p: Parameters, c: Coefficients) -> tuple[float, float]:  # fmt: skip
     """Angle and velocity after the step with dry friction, phase by phase: sliding, stopping, sticking, breaking away."""
     left = c.h
@@ -183,9 +156,71 @@ def with_dry_friction(theta: float, omega: float, t0: float, t1: float, m: NoMem
 
 
 @equation
+def with_smooth_friction(
+    omega: float, t0: float, t1: float, m: NoMemory, p: Parameters, c: Coefficients
+) -> float:
+    """Friction torque at the mean speed of the step, N m, where it builds up with speed (A-stable)."""
+    _, free = slid(0.0, omega, t0, t1, c.h, c.J, c.w_w, c.phi1, c.phi2, c.phi3)
+    half = 0.5 * c.h / c.J * c.phi1  # mean speed lost per torque
+    goal = 0.5 * (omega + free)
+    low, high = min(0.0, goal), max(0.0, goal)
+    level = half * friction_level(omega, m, p)
+    # nearer to rest than the solution: from there Newton's steps do not overshoot
+    mean = math.copysign(max(abs(goal) / (1.0 + level / p.omega_v), abs(goal) - level), goal)
+    for _ in range(60):
+        level = half * friction_level(mean, m, p)
+        rise = math.tanh(mean / p.omega_v)
+        miss = mean + level * rise - goal
+        if miss > 0.0:
+            high = mean
+        else:
+            low = mean
+        change = miss / (1.0 + level * (1.0 - rise * rise) / p.omega_v)
+        mean = mean - change
+        if abs(change) <= 1e-5 * p.omega_v:
+            break  # quadratic convergence: the error is now of the order 1e-10
+        if mean <= low or mean >= high:
+            mean = 0.5 * (low + high)
+    return (goal - mean) / half
+
+
+@equation
+def with_bristles(omega: float, z: float, t0: float, t1: float, m: NoMemory, p: Parameters, c: Coefficients) -> tuple[float, float]:  # fmt: skip
+    """Mean friction torque of the step, N m, and the bristles' deflection at its end, rad, at the mean speed of the step."""
+    _, free = slid(0.0, omega, t0, t1, c.h, c.J, c.w_w, c.phi1, c.phi2, c.phi3)
+    half = 0.5 * c.h / c.J * c.phi1
+    goal = 0.5 * (omega + free)
+    holding = friction_level(0.0, m, p)
+    sigma0 = holding / p.z_s
+    sigma1 = math.sqrt(sigma0 * c.J) / c.h
+    side = 1.0 if half * sigma0 * z < goal else -1.0
+    low, high = 0.0, abs(goal) + half * (sigma0 + sigma1) * abs(z)
+    speed, end = 0.0, z
+    for _ in range(60):
+        most = side * p.z_s * friction_level(speed, m, p) / holding
+        rate = c.h / abs(most)
+        decay, phi1, phi2, _ = phi_functions(rate * speed)
+        end = most + (z - most) * decay
+        drag = sigma0 * (most + (z - most) * phi1) + sigma1 * (end - z)
+        miss = speed + side * (half * drag - goal)
+        if miss > 0.0:
+            high = speed
+        else:
+            low = speed
+        slope = side * (most - z) * rate * (sigma0 * (phi1 - phi2) + sigma1 * decay)
+        change = miss / (1.0 + half * slope)
+        speed = speed - change
+        if abs(change) <= 1e-6 * abs(goal) + 1e-15:
+            break
+        if speed <= low or speed >= high:
+            speed = 0.5 * (low + high)
+    return (goal - side * speed) / half, end
+
+
+@equation
 def start(u: Input, p: Parameters) -> State:
     """At rest at the start angle."""
-    return State(p.theta_0, 0.0, p.A * p.r * u.p_load)
+    return State(p.theta_0, 0.0, p.A * p.r * u.p_load, 0.0)
 
 
 @equation
@@ -217,19 +252,30 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
     holding = friction_level(0.0, m, p)
     if holding > 0.0:
         drag = max(-holding, min(holding, t0))
-        if x.omega != 0.0:
+        if p.z_s > 0.0:
+            drag = holding / p.z_s * x.bristle
+        elif p.omega_v > 0.0:
+            drag = friction_level(x.omega, m, p) * math.tanh(x.omega / p.omega_v)
+        elif x.omega != 0.0:
             drag = math.copysign(friction_level(x.omega, m, p), x.omega)
         ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * (t0 - drag)
         if ahead * x.omega < 0.0:
             ahead = 0.0  # it stops on the way
         t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
-        theta, omega = with_dry_friction(x.theta, x.omega, t0, t1, m, p, c)
-        return State(theta, omega, torque)
+        bristle = 0.0
+        if p.z_s > 0.0 or p.omega_v > 0.0:
+            if p.z_s > 0.0:
+                drag, bristle = with_bristles(x.omega, x.bristle, t0, t1, m, p, c)
+            else:
+                drag = with_smooth_friction(x.omega, t0, t1, m, p, c)
+            theta, omega = slid(x.theta, x.omega, t0 - drag, t1 - drag, c.h, c.J, c.w_w, c.phi1, c.phi2, c.phi3)  # fmt: skip
+        else:
+            theta, omega = with_dry_friction(x.theta, x.omega, t0, t1, m, p, c)
+        return State(theta, omega, torque, bristle)
     ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
     t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
-    return State(
-        x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1, c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1, torque
-    )
+    theta = x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1
+    return State(theta, c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1, torque, 0.0)
 
 
 @equation
@@ -242,5 +288,5 @@ BLOCK = Block(
     name="mechanical",
     title="Slew mechanics: load pressure to angle",
     module=sys.modules[__name__],
-    helpers=(phi_functions,),
+    helpers=(phi_functions, slide, slid, stopping_time),
 )

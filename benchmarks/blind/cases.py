@@ -27,8 +27,10 @@ KINDS = {
     "pair_across": 0.07,
     "pair_within": 0.07,
     "lugre": 0.02,
+    "smooth": 0.02,
     "tracker": 0.05,
 }
+FORMS = ("lugre", "smooth")  # of friction, other than the one that is sharp
 WITH_TRACKER = 0.25  # share of clean logs that come with a tracker's record
 
 
@@ -38,7 +40,7 @@ class Case:
 
     Attributes:
         number: of the case in its run.
-        kind: "single", "clean", "unknown", "left_out", "pair_across", "pair_within", "lugre" or "tracker".
+        kind: "single", "clean", "unknown", "left_out", "pair_across", "pair_within", "lugre", "smooth" or "tracker".
         size: "weak", "moderate", "strong" or "" for clean.
         hidden: effect -> parameter -> value, SI.
         removed: effect that the diagnosis may not consider, or "".
@@ -88,7 +90,7 @@ class Case:
             "settings": self.settings,
             "start": self.start,
             "seed": self.seed,
-            "friction": "lugre" if self.kind == "lugre" else "sharp",
+            "friction": self.kind if self.kind in FORMS else "sharp",
             "tracker": self.tracker,
         }
 
@@ -160,7 +162,7 @@ def hidden_for(
     if kind == "unknown":
         name = list(UNKNOWN)[index % len(UNKNOWN)]
         return {name: unknown_parameters(name, duration, size, rng)}
-    if kind == "lugre":
+    if kind in FORMS:
         names = ["mechanical.coulomb_friction", "mechanical.stribeck_friction"]
     if kind == "left_out":  # a sampling effect leaves a mark of its own kind and not a residual
         names = [n for n in names if n not in ("sensor.quantisation", "sensor.dropout")]

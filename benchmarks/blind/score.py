@@ -8,6 +8,7 @@ from typing import Any
 
 from scipy.stats import binomtest
 
+from benchmarks.blind.cases import FORMS
 from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
 from cosim.diagnosis.phases import usual
 from cosim.rig.parameters import nominal_value
@@ -203,13 +204,17 @@ def honesty_lines(rows: list[Row]) -> list[Metric]:
             of(rows, "tracker", lambda r: not shown(r)),
             lambda r: "tracker.seam" in r.get("never", ()),
         ),
-        share(
-            "LuGre friction named as friction",
-            "-",
-            of(rows, "lugre"),
-            lambda r: "friction" in "".join(names(r)[:1]),
+        *(
+            share(f"friction of another form ({form}): {words}", "-", of(rows, form), right)
+            for form in FORMS
+            for words, right in (("named first or declared alike", first), ("named alone and exactly", alone))
         ),
     ]
+
+
+def alone(row: Row) -> bool:
+    """True if the hidden effects are named, no other one is, and nothing stays unexplained."""
+    return set(names(row)) == set(true_names(row)) and not row["rests"]
 
 
 def size_lines(rows: list[Row]) -> list[Metric]:

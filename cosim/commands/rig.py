@@ -33,7 +33,9 @@ Settings = Annotated[
     Texts,
     typer.Option("--set", help="Nominal number that is off, such as 'mechanical.J=800 kg.m2'; repeatable."),
 ]
-Friction = Annotated[str, typer.Option(help="sharp, or lugre (bristles with the same curve).")]
+Friction = Annotated[
+    str, typer.Option(help="sharp, lugre (bristles with the same curve) or smooth (no sticking).")
+]
 NoiseScale = Annotated[float, typer.Option(help="Factor on the usual noise; 0 is none.")]
 NoiseKind = Annotated[str, typer.Option(help="white, ar1 or pink.")]
 NoiseTime = Annotated[str, typer.Option(help="Correlation time of ar1.")]

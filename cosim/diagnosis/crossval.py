@@ -45,7 +45,7 @@ def held_out_gain(task: Task, chosen: Trial, effect: Effect, tolerance: float) -
         return float("nan")
     fitting, judged = part(task, ~held), part(task, held)
     wanted, _ = unknowns(task.model, chosen.effects, tolerance)
-    others, _ = unknowns(task.model, [e for e in chosen.effects if e is not effect], tolerance)
+    others, _ = unknowns(task.model, [e for e in chosen.effects if e != effect], tolerance)
     scores = []
     for unknown in (
         anchored(wanted, chosen.fit.values),

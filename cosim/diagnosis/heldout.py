@@ -153,7 +153,7 @@ def outdone(
     """Rivals that explain the fitting log as well as a kept cause and held-out data clearly worse."""
     found = []
     for effect in at.effects:
-        rest = tuple(e for e in at.effects if e is not effect)
+        rest = tuple(e for e in at.effects if e != effect)
         for rival, gain in alike(finding, effect):
             other = step((*rest, rival))
             if at.clearly_better(other):
@@ -203,7 +203,7 @@ def balanced(
             more = [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]
             better = [s for s in more if s.judged < at.judged * (1.0 - WORTH)]
             for effect in at.effects:
-                rest = tuple(e for e in at.effects if e is not effect)
+                rest = tuple(e for e in at.effects if e != effect)
                 more = [step((*rest, e)) for e, _ in alike(finding, effect) if e not in rest]
                 better += [s for s in more if s.clearly_better(at)]
             # the one that describes the fitting log best, of those that held-out data bear out
@@ -224,7 +224,7 @@ def narrowed(finding: Finding, effects: tuple[Effect, ...]) -> list[tuple[Effect
     """The sets with one effect less, or with a simpler one in its place."""
     found = []
     for effect in effects:
-        rest = tuple(e for e in effects if e is not effect)
+        rest = tuple(e for e in effects if e != effect)
         less = [e for e in simpler(finding, effect) if e.name not in {r.name for r in rest}]
         found += [rest, *((*rest, e) for e in less)]
     return found

@@ -11,13 +11,14 @@ from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import SAMPLED, Mark, marks
-from cosim.diagnosis.screening import promising
+from cosim.diagnosis.screening import forms, promising
 from cosim.diagnosis.trials import (
     BEYOND,
     CLOSE,
     SURE,
     Trial,
     declared,
+    freed,
     polished,
     tried,
     tried_all,
@@ -82,15 +83,14 @@ def find(
         if smaller_noise(task, record, chosen.fit):
             null = tried(task, (), tolerance, null.fit)
             single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit, single)
-            if len(chosen.effects) == 1:
-                chosen = best_single(task, null, single, tolerance)
-            else:
-                chosen = tried(task, chosen.effects, tolerance, chosen.fit)
-                chosen = swapped(task, chosen, candidates, tolerance)
-        more = extended(task, chosen, candidates, tolerance) if 0 < len(chosen.effects) < most else None
+            chosen = fitted_again(task, null, chosen, single, candidates, tolerance)
+        room = 0 < len(chosen.effects) < most
+        more = extended(task, chosen, single, candidates, tolerance) if room else None
         if more is None:
             break
         chosen = more
+    chosen = in_plain_form(task, chosen, tolerance)
+    single = in_same_form(task, chosen, single, tolerance)
     if within:
         chosen = confirmed(task, chosen, null, tolerance)
     finding = Finding(task, null, chosen, single)
@@ -111,15 +111,53 @@ def best_single(task: Task, null: Trial, single: list[Trial], tolerance: float) 
     return max((polished(task, t, tolerance) for t in better[:2]), key=lambda t: t.score, default=null)
 
 
-def extended(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial | None:
-    """The chosen set with the best further effect, exchanges and removals tried; None if no further one is believed."""
+def fitted_again(
+    task: Task,
+    null: Trial,
+    chosen: Trial,
+    single: list[Trial],
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+) -> Trial:
+    """The chosen set under the noise learned since, or what is better now."""
+    if len(chosen.effects) == 1 and not chosen.effects[0].is_formed:
+        return best_single(task, null, single, tolerance)
+    return swapped(task, tried(task, chosen.effects, tolerance, chosen.fit), candidates, tolerance)
+
+
+def extended(
+    task: Task, chosen: Trial, single: list[Trial], candidates: tuple[Effect, ...], tolerance: float
+) -> Trial | None:
+    """The chosen set with the best further effect or form of a law, exchanges and removals tried; None if none is sure."""
     rest = promising(task, chosen, (e for e in candidates if e not in chosen.effects), tolerance)
-    options = tried_all(task, [(*chosen.effects, e) for e in rest], tolerance, chosen.fit)
+    sets = [*((*chosen.effects, e) for e in rest), *forms(task, chosen, single)]
+    options = tried_all(task, sets, tolerance, chosen.fit, single)
     better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
     if not better:
         return None
     found = swapped(task, polished(task, better[0], tolerance), candidates, tolerance)
-    return found if found.names != chosen.names else None
+    return found if freed(found.effects) != freed(chosen.effects) else None
+
+
+def in_plain_form(task: Task, chosen: Trial, tolerance: float) -> Trial:
+    """The chosen set without the forms that a cause named since has made needless."""
+    for effect in chosen.effects:
+        if effect.is_formed and len(chosen.effects) > 1:
+            plain = tuple(e.plain if e == effect else e for e in chosen.effects)
+            trial = tried(task, plain, tolerance, chosen.fit)
+            chosen = trial if trial.score > chosen.score - SURE else chosen
+    return chosen
+
+
+def in_same_form(task: Task, chosen: Trial, single: list[Trial], tolerance: float) -> list[Trial]:
+    """Single effects in the form that a chosen one has, where that explains more: rivals on equal terms. Best first."""
+    taken = {p for e in chosen.effects for p in e.free if p in e.forms}
+    sets: list[tuple[Effect, ...]] = [
+        (e.formed(p),) for t in single for e in t.effects for p in taken if p in e.forms
+    ]
+    formed = {t.effects[0]: t for t in reversed(tried_all(task, sets, tolerance, chosen.fit, single))}
+    found = [max(t, formed.get(t.effects[0], t), key=lambda one: one.score) for t in single]
+    return sorted(found, key=lambda t: -t.score)
 
 
 def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
@@ -155,7 +193,7 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
     while len(chosen.effects) > 1:
         sets: list[tuple[Effect, ...]] = []
         for out in chosen.effects:
-            kept = tuple(e for e in chosen.effects if e is not out)
+            kept = tuple(e for e in chosen.effects if e != out)
             fewer = tried(task, kept, tolerance, chosen.fit)
             others = promising(task, fewer, (e for e in candidates if e not in chosen.effects), tolerance)
             sets += [kept, *((*kept, e) for e in others)]
@@ -174,7 +212,7 @@ def rivals(
     """For each accepted effect, the sets in which another stands in its place, best first."""
     found: dict[str, list[Trial]] = {}
     for effect in finding.chosen.effects:
-        kept = tuple(e for e in finding.chosen.effects if e is not effect)
+        kept = tuple(e for e in finding.chosen.effects if e != effect)
         sets = []
         if kept:
             fewer = tried(task, kept, tolerance, finding.chosen.fit)
@@ -185,7 +223,7 @@ def rivals(
         found[effect.name] = (
             tried_all(task, sets, tolerance, finding.chosen.fit)
             if kept
-            else [t for t in finding.single if t.effects[0] is not effect]
+            else [t for t in finding.single if t.effects[0] != effect]
         )
         if kept:  # one effect may do what the whole set does
             found[effect.name] += [t for t in finding.single if t.effects[0] not in finding.chosen.effects]

@@ -1,7 +1,7 @@
-"""Which further effects are worth a fit: a score test of their sensitivities."""
+"""Which further effects, and which other forms of a law, are worth a fit: a score test of their sensitivities."""
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -19,11 +19,6 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
     Each is put in at each of its starts; what that changes, less what the parameters already free can take up, points
     somewhere in the space of residuals, and the residual's part along it bounds what a small dose would gain.
     """
-    plain = task.white(base.fit.residuals)
-    # the pulls of the priors are residuals too: a candidate may gain by relieving them
-    residual = plain if base.fit.rows is None else base.fit.rows
-    slopes = np.zeros((residual.size, 0)) if base.fit.slopes is None else base.fit.slopes
-    hidden = np.linalg.qr(slopes)[0]  # priors are rows below the residuals
 
     def gain(effect: Effect) -> float:
         name, *more = [f"{effect.component}.{p}" for p in effect.free]
@@ -31,20 +26,9 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
             name in task.model.group.trusted and not more
         ):  # free already, against its prior: what that costs is what is to be gained
             deviation = task.model.trust(name, tolerance)[0]
-            return relief(base, name, task.model.nominal(name), deviation, plain.size)
-        own = copied(task)
-        wanted, starts = unknowns(own.model, (effect,), tolerance)
-        listed = {u.name: starts[u.name] for u in wanted if u.name in starts}
-        best = 0.0
-        for values in itertools.product(*listed.values()):
-            moved = base.fit.values | dict(zip(listed, values, strict=True))
-            change = plain - own.white(own.residuals(moved))
-            change = np.concatenate([change, np.zeros(hidden.shape[0] - change.size)])
-            change -= hidden @ (hidden.T @ change)
-            size = float(change @ change)
-            if size > 0.0:
-                best = max(best, 0.5 * float(change @ residual) ** 2 / size)
-        return best
+            return relief(base, name, task.model.nominal(name), deviation, base.fit.count)
+        wanted, starts = unknowns(task.model, (effect,), tolerance)
+        return pointed(copied(task), base, {u.name: starts[u.name] for u in wanted if u.name in starts})
 
     listed = list(candidates)
     with ThreadPoolExecutor(2) as pool:
@@ -52,6 +36,52 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
     listed.sort(key=lambda e: -gains[e.name])
     reach = 0.3 * gains[listed[0].name] if listed else 0.0
     return listed[:PROMISING] + [e for e in listed[PROMISING:] if gains[e.name] > max(reach, SURE)]
+
+
+def pointed(task: Task, base: Trial, starts: Mapping[str, tuple[float, ...]]) -> float:
+    """Log-likelihood that a small dose of a change would gain at most: the largest over all combinations of its starts.
+
+    Args:
+        task: data, model and noise.
+        base: the fitted set that is changed.
+        starts: ``component.parameter`` -> values it takes, SI; the others stay as fitted.
+    """
+    plain = task.white(base.fit.residuals)
+    # the pulls of the priors are residuals too: a change may gain by relieving them
+    residual = plain if base.fit.rows is None else base.fit.rows
+    slopes = np.zeros((residual.size, 0)) if base.fit.slopes is None else base.fit.slopes
+    hidden = np.linalg.qr(slopes)[0]  # priors are rows below the residuals
+    best = 0.0
+    for values in itertools.product(*starts.values()):
+        moved = base.fit.values | dict(zip(starts, values, strict=True))
+        change = plain - task.white(task.residuals(moved))
+        change = np.concatenate([change, np.zeros(hidden.shape[0] - change.size)])
+        change -= hidden @ (hidden.T @ change)
+        size = float(change @ change)
+        if size > 0.0:
+            best = max(best, 0.5 * float(change @ residual) ** 2 / size)
+    return best
+
+
+def forms(task: Task, base: Trial, single: Iterable[Trial]) -> list[tuple[Effect, ...]]:
+    """Sets in which a law has another form: of an effect of the set, or alone of another that explains half as much.
+
+    Args:
+        task: data, model and noise.
+        base: the fitted set.
+        single: every single effect, fitted; each form must promise more than its plain law by a score test.
+    """
+    single = list(single)
+    enough = 0.5 * (base.fit.log_likelihood + min(t.fit.log_likelihood for t in single))
+    whole = [t for t in single if t.effects[0] not in base.effects and t.fit.log_likelihood > enough]
+    found: list[tuple[Effect, ...]] = []
+    for trial in (base, *whole):
+        for effect in (e for e in trial.effects if not e.is_formed):
+            others = tuple(e for e in trial.effects if e != effect)
+            for parameter, free in effect.forms.items():
+                if pointed(task, trial, {f"{effect.component}.{parameter}": free.starts}) > SURE:
+                    found.append((*others, effect.formed(parameter)))
+    return found
 
 
 def relief(base: Trial, name: str, nominal: float, deviation: float, count: int) -> float:

@@ -154,7 +154,7 @@ def sought(
 
 def without(task: Task, trial: Trial, effect: Effect, null: Trial, tolerance: float) -> Trial:
     """A fitted set without one of its effects; of the last one the nominal model is left."""
-    kept = tuple(e for e in trial.effects if e is not effect)
+    kept = tuple(e for e in trial.effects if e != effect)
     return tried(task, kept, tolerance, trial.fit) if kept else null
 
 

@@ -5,7 +5,7 @@
     J w'   = PL A r - b w - tau_f - tau_load,   theta' = w                     (4.27)
 
 with every flaw of docs/design.md in its place. All numbers are SI. The functions are compiled by numba; `slide` tells
-what the friction does: STUCK, sliding in the direction +1 or -1, FREE (no friction) or BRISTLE (LuGre). They are
+what the friction does: STUCK, sliding in the direction +1 or -1, FREE (no friction), BRISTLE (LuGre) or SMOOTH. They are
 compiled into the march of `cosim.rig.integrate`, which alone is cached on disk: numba's cache would not notice a
 change in another file.
 """
@@ -16,7 +16,8 @@ from typing import NamedTuple
 from cosim.rig.jit import compiled
 from cosim.rig.parameters import Plant
 
-STUCK, FREE, BRISTLE = 0, 2, 3
+STUCK, FREE, BRISTLE, SMOOTH = 0, 2, 3, 4
+SMOOTH_SPEED = 5e-4  # rad/s, speed over which smooth friction builds up: a fifth of the slowest motion that is measured well
 
 
 class State(NamedTuple):
@@ -143,6 +144,8 @@ def friction_torque(s: State, held: Moment, p: Plant) -> tuple[float, float]:
     if held.slide == FREE:
         return 0.0, 0.0
     level = friction_level(s.omega, s.p_load, p)
+    if held.slide == SMOOTH:
+        return level * math.tanh(s.omega / SMOOTH_SPEED), 0.0
     if held.slide != BRISTLE:
         return held.slide * level, 0.0
     rate = s.omega - abs(s.omega) * held.sigma0 * s.bristle / level

@@ -13,6 +13,8 @@ from cosim.interrupts import uninterrupted
 from cosim.rig.equations import (
     BRISTLE,
     FREE,
+    SMOOTH,
+    SMOOTH_SPEED,
     STUCK,
     Moment,
     State,
@@ -94,7 +96,7 @@ def _rub(s: State, t: float, h: float, held: Moment, p: Plant) -> State:
 @compiled
 def _step(s: State, t: float, h: float, held: Moment, p: Plant) -> State:
     """A substep of `h` seconds without regard to the spool's stops."""
-    if held.slide == FREE or held.slide == BRISTLE:
+    if held.slide == FREE or held.slide == BRISTLE or held.slide == SMOOTH:
         return runge_kutta(s, t, h, held, p)
     return _rub(s, t, h, held, p)
 
@@ -206,7 +208,7 @@ def _compile_march(digest: int) -> Callable[..., NDArray[np.float64]]:
 _march = _compile_march(_source_digest())
 
 
-def _fastest_rate(p: Plant, lugre: bool) -> float:
+def _fastest_rate(p: Plant, friction: str) -> float:
     """An upper bound [1/s] of the drive's rates, to refuse what explicit steps cannot follow."""
     m, c = p.mechanical, p.continuity
     column = (1.0 - m.mu) * m.J * (1.0 - abs(p.unknown.j_theta))
@@ -218,15 +220,19 @@ def _fastest_rate(p: Plant, lugre: bool) -> float:
         m.w_f * math.sqrt(1.0 + m.mu * m.J / column) if m.mu else 0.0,
         1.0 / p.sensor.tau_l if p.sensor.tau_l else 0.0,
     ]
-    if lugre:  # at the greatest speed of the rack, 5.7 mm/s (4.32)
+    if friction == "smooth":
+        found.append((m.tau_c + m.tau_s) / SMOOTH_SPEED / column)
+    if friction == "lugre":  # at the greatest speed of the rack, 5.7 mm/s (4.32)
         found.append(5.7e-3 / m.r / BRISTLE_TRAVEL * (1.0 + m.tau_s / m.tau_c))
     return max(found)
 
 
 def simulate(
-    u: NDArray[np.float64], plant: Plant, *, lugre: bool = False, substeps: int = SUBSTEPS
+    u: NDArray[np.float64], plant: Plant, *, friction: str = "sharp", substeps: int = SUBSTEPS
 ) -> dict[str, NDArray[np.float64]]:
     """The drive's true signals (SI) at every millisecond, for a command `u` (n,) [1] held over each.
+
+    `friction` is the form that dry friction takes: ``sharp``, ``lugre`` or ``smooth``.
 
     Returns:
         COLUMNS -> (n,) arrays; row 0 is the state at rest, row k the state at k ms. `seen` [rad] is the angle behind the
@@ -237,18 +243,20 @@ def simulate(
     """
     m = plant.mechanical
     dry = m.tau_c > 0.0 or m.tau_s > 0.0 or plant.unknown.kappa > 0.0
-    if lugre and dry and m.tau_c <= 0.0:
+    if friction == "lugre" and dry and m.tau_c <= 0.0:
         raise UsageError(
             "the LuGre friction needs mechanical.tau_c > 0: its bristles have no level to reach otherwise"
         )
-    rate = _fastest_rate(plant, lugre and dry)
+    rate = _fastest_rate(plant, friction if dry else "")
     if rate * STEP / substeps > 1.0:
         raise UsageError(
             f"these parameters make the crane too fast ({rate:.3g} 1/s) for {substeps} substeps a millisecond: "
             f"use at least {math.ceil(rate * STEP)} substeps, or a heavier or less damped crane"
         )
     slide, sigma0, sigma1 = FREE, 0.0, 0.0
-    if dry and lugre:
+    if dry and friction == "smooth":
+        slide = SMOOTH
+    elif dry and friction == "lugre":
         slide = BRISTLE
         sigma0 = (m.tau_c + m.tau_s) / BRISTLE_TRAVEL
         sigma1 = math.sqrt(sigma0 * m.J)

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 SLEW_RANGE = (-20.0 * DEG, 270.0 * DEG)  # Table 3.8
 SLEW_SPEED = 2.27 * DEG  # rad/s per unit command at low frequency (SYSTEM section 7)
-FRICTIONS = ("sharp", "lugre")
+FRICTIONS = ("sharp", "lugre", "smooth")
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class Recipe:
         amplitude: of the command, 0 .. 1.
         start: slew angle [rad] at the start; None chooses it so that the travel is centred on the seam at 12 deg, or
             as near as the range -20 .. 270 deg allows.
-        friction: ``sharp``, or ``lugre`` for bristles with the same steady-state curve.
+        friction: ``sharp``; ``lugre`` for bristles with the same steady-state curve; ``smooth`` for one that passes through
+            zero steeply instead of jumping, so that it creeps instead of sticking.
         observer: add the observer's estimates.
         tracker: add the optical tracker's record.
         command_file: CSV for the excitation ``file``.

@@ -81,7 +81,7 @@ def make(recipe: Recipe) -> RigRun:
     """One synthetic log after a recipe; raises what `make_log` does."""
     time, u = recipe.command()
     plant = recipe.plant(u)
-    true = simulate(u, plant, lugre=recipe.friction == "lugre", substeps=recipe.substeps)
+    true = simulate(u, plant, friction=recipe.friction, substeps=recipe.substeps)
     if not all(np.isfinite(values).all() for values in true.values()):
         raise SimulationError("the crane's motion is not finite with these parameters: try more substeps")
     noise, seed = recipe.sensor_noise(), recipe.seed

@@ -9,4 +9,8 @@ EFFECT = Effect(
     source="(4.27): tau_c sign(theta')",
     key="tau_c",
     free={"tau_c": Free(starts=(50.0, 300.0), scale=150.0, floor=3.0)},
+    forms={
+        "omega_v": Free(starts=(3e-4, 2e-3), scale=5e-4, floor=5e-5),
+        "z_s": Free(starts=(2e-5, 1e-4), scale=2e-5, floor=2e-6),
+    },
 )

@@ -37,10 +37,10 @@ def chain_step(state: np.ndarray, u: float) -> np.ndarray:
 def transition() -> tuple[np.ndarray, np.ndarray]:
     """Matrices of x -> F x + g u of the chain, column by column."""
     sizes = np.array(
-        [1e-3, 1e-2, 1e5, 1e-3, 1.0, 0.01, 1e3]
-    )  # of spool, speed, PL, opening, theta, omega, torque
-    F = np.column_stack([chain_step(np.eye(7)[k] * sizes[k], 0.0) / sizes[k] for k in range(7)])
-    return F, chain_step(np.zeros(7), 1.0)
+        [1e-3, 1e-2, 1e5, 1e-3, 1.0, 0.01, 1e3, 1e-5]
+    )  # of spool, speed, PL, opening, theta, omega, torque, bristle
+    F = np.column_stack([chain_step(np.eye(8)[k] * sizes[k], 0.0) / sizes[k] for k in range(8)])
+    return F, chain_step(np.zeros(8), 1.0)
 
 
 def from_behaviour() -> dict[str, float]:
@@ -52,8 +52,8 @@ def from_behaviour() -> dict[str, float]:
     poles = poles[np.abs(poles) > 1e-6]  # the integrator aside
     denominator = np.poly(poles).real
     # moving steadily under u = 1: all but the angle stand still
-    others = [0, 1, 2, 3, 5, 6]
-    still = np.linalg.solve(np.eye(6) - F[np.ix_(others, others)], g[others])
+    others = [0, 1, 2, 3, 5, 6, 7]
+    still = np.linalg.solve(np.eye(7) - F[np.ix_(others, others)], g[others])
     slope = math.degrees(still[4])
     return dict(zip(PRINTED, [slope * denominator[4], *denominator[1:]], strict=True))
 
@@ -92,7 +92,7 @@ def test_frequency_response_of_the_chain_is_5_12() -> None:
     numerator, *denominator = from_parameters().values()
     s = 1j * w
     exact = numerator / (s * np.polyval([1.0, *denominator], s))
-    theta = np.array([np.linalg.solve(x * np.eye(7) - F, g)[4] for x in z]) * 180 / math.pi
+    theta = np.array([np.linalg.solve(x * np.eye(8) - F, g)[4] for x in z]) * 180 / math.pi
     held = (1 - 1 / z) / (s * H)
     # aliases and the straight lines between blocks: (w h)^2/12 at most
     assert np.abs(theta / (exact * held) - 1).max() < 2 * (70 * H) ** 2 / 12 * 3

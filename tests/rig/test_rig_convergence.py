@@ -38,8 +38,9 @@ def test_error_is_far_below_noise(effect):
 
 
 @pytest.mark.parametrize("effect", ["mechanical.coulomb_friction", "mechanical.stribeck_friction"])
-def test_bristle_friction_converges(effect):
-    coarse, fine = (clean(lively(), effect, friction="lugre", substeps=n) for n in (20, 80))
+@pytest.mark.parametrize("form", ["lugre", "smooth"])
+def test_friction_that_builds_up_converges(form, effect):
+    coarse, fine = (clean(lively(), effect, friction=form, substeps=n) for n in (20, 80))
     assert worst(coarse, fine) < 0.02
 
 

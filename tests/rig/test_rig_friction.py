@@ -74,7 +74,7 @@ def test_stribeck_breaks_away_high_and_slides_low():
     assert run.true["omega"][-1] * B == pytest.approx(torque[-1] - 100.0, rel=0.02)
 
 
-@pytest.mark.parametrize("friction", ["sharp", "lugre"])
+@pytest.mark.parametrize("friction", ["sharp", "lugre", "smooth"])
 @pytest.mark.parametrize("u", [0.4, 0.6, 1.0])
 def test_settled_sliding_is_on_the_stribeck_curve(friction, u):
     hidden = "mechanical.stribeck_friction:tau_c=100 N.m,tau_s=80 N.m,omega_s=0.02 rad/s"
@@ -102,3 +102,15 @@ def test_bristle_and_sharp_friction_agree_beyond_the_bristles():
     )
     # a few bristle travels (2e-5 rad) a reversal, well below the sensor's noise of 1.7e-4 rad
     assert 2e-6 < np.max(np.abs(sharp - lugre)) < 1.2e-4
+
+
+def test_smooth_friction_creeps_where_sharp_friction_holds():
+    u = held((0.25, 4.0))
+    sharp, smooth = (
+        clean(u, "mechanical.coulomb_friction:tau_c=300 N.m", friction=form) for form in ("sharp", "smooth")
+    )
+    assert np.ptp(sharp.slew) == 0.0
+    torque = smooth.true["p_load"][-1] * LEVER
+    # the speed at which 300 tanh(w/5e-4) and what is viscous take up the torque
+    expected = brentq(lambda w: torque - B * w - 300.0 * np.tanh(w / 5e-4), 0.0, 0.01, xtol=1e-15)
+    assert smooth.true["omega"][-1] == pytest.approx(expected, rel=1e-3)

@@ -1,0 +1,39 @@
+"""Motion of an inertia under viscous friction and a torque on a straight line, exact: what dry friction is pieced from."""
+
+from fmus.contract import equation
+from fmus.linear import phi_functions
+
+
+@equation
+def slide(
+    theta: float, omega: float, t0: float, t1: float, h: float, J: float, b: float
+) -> tuple[float, float]:
+    """Angle and velocity after h under a torque on a straight line from t0 to t1 and viscous friction, exact."""
+    decay, phi1, phi2, phi3 = phi_functions(b * h / J)
+    return slid(theta, omega, t0, t1, h, J, decay, phi1, phi2, phi3)
+
+
+@equation
+def slid(theta: float, omega: float, t0: float, t1: float, h: float, J: float, decay: float, phi1: float, phi2: float, phi3: float) -> tuple[float, float]:  # fmt: skip
+    """The same with the functions of b h/J at hand."""
+    return (
+        theta + h * (phi1 * omega + h / J * (phi2 * t0 + phi3 * (t1 - t0))),
+        decay * omega + h / J * (phi1 * t0 + phi2 * (t1 - t0)),
+    )
+
+
+@equation
+def stopping_time(
+    omega: float, direction: float, t0: float, slope: float, h: float, J: float, b: float
+) -> float:
+    """Time within h at which a motion in `direction` comes to rest (it has turned by h), by bisection to rounding."""
+    low = 0.0
+    high = h
+    for _ in range(60):
+        t = 0.5 * (low + high)
+        _, w = slide(0.0, omega, t0, t0 + slope * t, t, J, b)
+        if w * direction > 0.0:
+            low = t
+        else:
+            high = t
+    return high
