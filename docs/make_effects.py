@@ -21,14 +21,15 @@ def declared(effect: Effect, name: str) -> Variable:
 
 
 def parameters(effect: Effect) -> str:
-    """Freed parameters with unit and off value."""
+    """Freed parameters with unit and off value, those of other forms of the law last."""
     rows = []
-    for name in effect.free:
+    for name in (*effect.free, *effect.forms):
         if effect.component == "tracker" and name not in effect.parameters:
             continue
         variable = declared(effect, name)
-        rows.append(f"`{effect.component}.{name}` ({variable.start:g}) {variable.unit}")
-    return ", ".join(rows)
+        form = "; another form: " if name in effect.forms else ""
+        rows.append(f"{form}`{effect.component}.{name}` ({variable.start:g}) {variable.unit}")
+    return ", ".join(rows).replace(", ; ", "; ")
 
 
 def table() -> str:

@@ -74,6 +74,12 @@ def time_constant(T: float, p: Parameters) -> float:
     return T
 
 
+@slot("sum")
+def lost_opening(p_load: float, p: Parameters) -> float:
+    """Opening whose flow escapes at a load pressure, m; effects that are not linear in it act here."""
+    return 0.0
+
+
 @slot("chain")
 def supply_pressure(p_s: float, m: NoMemory, p: Parameters) -> float:
     """Supply pressure, Pa; effects such as a sagging supply act here."""
@@ -103,8 +109,11 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 @equation
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
     """(4.33) over one step of length c.h."""
-    q = opening(u.spool, m, p)
-    return State(c.decay * x.p_load + c.old * x.opening + c.new * q, q)
+    wanted = opening(u.spool, m, p)
+    so_far = c.decay * x.p_load + c.old * x.opening
+    ahead = so_far + c.new * (wanted - lost_opening(x.p_load, p))
+    q = wanted - lost_opening(ahead, p)
+    return State(so_far + c.new * q, q)
 
 
 @equation

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cosim.paths import ssp_folder
 from fmus import registry
-from fmus.contract import Effect
+from fmus.contract import Effect, Free
 
 Array = NDArray[np.float64]
 
@@ -128,13 +128,21 @@ DYNAMIC: dict[str, tuple[str, ...]] = {
 def scaled(name: str, scale: tuple[tuple[str, float], ...]) -> Effect:
     """The effect with starts, typical size and floor of each parameter times its own factor or that of its unit."""
     effect, factors = registry.effects()[name], dict(scale)
-    free = {}
-    for parameter, item in effect.free.items():
-        variable = effect.parameters.get(parameter) or registry.block(block_of(effect)).parameters[parameter]
-        factor = factors.get(f"{effect.component}.{parameter}", factors.get(variable.unit, 1.0))
-        starts = tuple(v * factor for v in item.starts)
-        free[parameter] = replace(item, starts=starts, scale=item.scale * factor, floor=item.floor * factor)
-    return replace(effect, free=free)
+
+    def moved(listed: Mapping[str, Free]) -> dict[str, Free]:
+        found = {}
+        for parameter, item in listed.items():
+            variable = (
+                effect.parameters.get(parameter) or registry.block(block_of(effect)).parameters[parameter]
+            )
+            factor = factors.get(f"{effect.component}.{parameter}", factors.get(variable.unit, 1.0))
+            starts = tuple(v * factor for v in item.starts)
+            found[parameter] = replace(
+                item, starts=starts, scale=item.scale * factor, floor=item.floor * factor
+            )
+        return found
+
+    return replace(effect, free=moved(effect.free), forms=moved(effect.forms))
 
 
 def block_of(effect: Effect) -> str:

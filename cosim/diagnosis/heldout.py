@@ -117,10 +117,10 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
     if not waiting or not signal or finding.task.model.group.drive not in held.record.signals:
         return [], finding.chosen.effects
-    done: dict[frozenset[str], Step] = {}
+    done: dict[frozenset[tuple[str, ...]], Step] = {}
 
     def step(effects: tuple[Effect, ...]) -> Step:
-        key = frozenset(e.name for e in effects)
+        key = frozenset((e.name, *e.free) for e in effects)
         if key not in done:
             fit_ = refitted(finding, effects, tolerance, finding.chosen.fit)
             fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))

@@ -21,6 +21,7 @@ from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, tried
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
+from cosim.diagnosis.trials import freed
 from cosim.diagnosis.upstream import upstream_rivals
 from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, rests
 from cosim.diagnosis.watch import Watch, watched_by
@@ -104,7 +105,7 @@ def judge(
             enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
             turned_down, kept = refuse(finding, held, trust)
             found.refused += turned_down
-            if all(r.instead for r in turned_down):
+            if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
                 break
             group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
             begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None

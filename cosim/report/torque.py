@@ -72,10 +72,11 @@ def law(material: Material, cause: NamedCause, motion: Motion) -> Array:
         return material.size(cause, name)
 
     omega, zero = motion.omega, np.zeros_like(motion.omega)
+    sign = np.tanh(omega / size("omega_v")) if "omega_v" in cause.parameters else np.sign(omega)
     if cause.effect == "mechanical.coulomb_friction":
-        return size("tau_c") * np.sign(omega)
+        return size("tau_c") * sign
     if cause.effect == "mechanical.stribeck_friction":
-        return (size("tau_c") + size("tau_s") * np.exp(-((omega / size("omega_s")) ** 2))) * np.sign(omega)
+        return (size("tau_c") + size("tau_s") * np.exp(-((omega / size("omega_s")) ** 2))) * sign
     if cause.effect == "mechanical.constant_load":
         return size("tau_load") + zero
     if cause.effect == "mechanical.coulomb_asymmetry":

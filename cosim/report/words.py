@@ -54,13 +54,13 @@ TURNING = (
     ("the column", "the axis"),
     ("turns", "moves"),
     ("angle", "position"),
-    ("inertia", "mass"),
-    ("Inertia", "Mass"),
+    *(("inertia", "mass"), ("Inertia", "Mass")),
 )
 NOISY = 1.1  # times the sensor's noise within which an error is called the noise
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
 PHRASES: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what the simulation gets wrong, and how
+FORMS: dict[str, str] = _TEXTS["forms"]  # parameter of another form of a law -> what it adds to that
 CAPTIONS: dict[str, str] = _TEXTS["captions"]
 
 
@@ -191,6 +191,7 @@ def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
         quantities[name] = Quantity(parameter, nominal)
     if cause.effect in PHRASES:
         noun, how = PHRASES[cause.effect]
+        how += "".join(text for name, text in FORMS.items() if name in quantities)
         return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
     sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
     return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"

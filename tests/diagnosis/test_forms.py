@@ -1,7 +1,11 @@
-"""Friction whose law is not the library's simplest: named as what it is, its form found, and nothing invented beside it."""
+"""Causes of another law than the simplest: named as what they are, the form found, and nothing invented beside them."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from hidden_logs import off
+from scipy.integrate import solve_ivp
 
 from cosim.diagnosis.story import diagnose
 from cosim.rig import make_log
@@ -40,6 +44,32 @@ def test_sharp_friction_keeps_its_simplest_form(effect) -> None:
     (cause,) = told_of(effect, "sharp", seed=815).causes
     assert cause.effect == registry.effects()[effect]
     assert not set(cause.parameters) & set(cause.effect.forms)
+
+
+@pytest.mark.parametrize(("root", "named"), [(True, True), (False, False)], ids=["turbulent", "laminar"])
+def test_leakage_through_an_orifice_is_leakage(root, named) -> None:
+    """The pressure is made by scipy from the rig's spool: the rig has no such leakage."""
+    run = make_log("steps", 30.0, [], seed=99, settings=off(99))
+    log = as_log(run)
+    spool, noise = run.true["spool"], log.signals["p_a"] - 0.5 * (run.true["p_supply"] + run.true["p_load"])
+    gain, lag = off(99)["continuity.K_c"], off(99)["continuity.T"]
+
+    def rate(t: float, p: np.ndarray) -> np.ndarray:
+        leak = 0.25 * np.sign(p) * np.sqrt(1e6 * np.abs(p)) if root else 0.25 * p
+        return (gain * np.interp(t, log.time, spool) - p - leak) / lag
+
+    p_load = solve_ivp(
+        rate, (0.0, log.time[-1]), [0.0], "RK45", log.time, max_step=2e-3, rtol=1e-6, atol=10.0
+    ).y[0]
+    signals = {n: v for n, v in log.signals.items() if n != "slew"}
+    signals["p_a"] = 0.5 * (run.true["p_supply"] + p_load) + noise
+    signals["p_b"] = 0.5 * (run.true["p_supply"] - p_load) - noise
+    found = diagnose(replace(log, signals=signals))
+    (cause,) = found.causes
+    assert cause.effect.name == "continuity.leakage"
+    assert not found.rests
+    assert cause.parameters["c_l"][0] == pytest.approx(0.25, rel=0.05)
+    assert ("k_t" in cause.parameters) == named
 
 
 def test_effects_are_told_apart_by_name_whatever_is_free_in_them() -> None:

@@ -7,7 +7,11 @@ import pytest
 from fmu_bench import bare, ramp_response, run
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.signal import StateSpace, cont2discrete, dlsim
+
+from fmus import registry
+from fmus.compose import compose
 
 BLOCK = bare("continuity")
 K_C, T, P_S = 5.28e8, 0.11, 170e5
@@ -66,3 +70,30 @@ def test_linear_and_odd() -> None:
 
     assert np.abs(respond(a + 2 * b) - respond(a) - 2 * respond(b)).max() < 1e-8
     assert np.array_equal(respond(-a), -respond(a))
+
+
+LEAKING = compose(registry.block("continuity"), [registry.effects()["continuity.leakage"]])
+
+
+def leaking(c_l: float, k_t: float, h: float) -> np.ndarray:
+    """Load pressure at the end of each step under a spool that swings, with leakage."""
+    times = np.arange(0.0, 1.0 + h / 2, h)[:, None]
+    return run(LEAKING, h, [0.0], {"c_l": c_l, "k_t": k_t}).play(2e-3 * np.sin(6.0 * times[1:]))[:, 0]
+
+
+def test_turbulent_leakage_agrees_with_its_differential_equation_to_second_order() -> None:
+    c_l, k_t = 0.4, 1e-4
+
+    def rate(t: float, p: np.ndarray) -> np.ndarray:
+        root = np.sqrt((1.0 + k_t * 1e6) / (1.0 + k_t * np.abs(p)))
+        return (K_C * 2e-3 * math.sin(6.0 * t) - p - c_l * p * root) / T
+
+    exact = solve_ivp(rate, (0.0, 1.0), [0.0], "DOP853", rtol=1e-11, atol=1e-3).y[0, -1]
+    errors = [abs(leaking(c_l, k_t, h)[-1] - exact) for h in (4e-3, 2e-3, 1e-3)]
+    assert errors[2] < 1e-4 * abs(exact)
+    assert errors[2] < errors[0] / 12.0
+
+
+@given(st.floats(0.01, 2.0))
+def test_leakage_that_hardly_turns_turbulent_is_laminar(c_l: float) -> None:
+    assert leaking(c_l, 1e-15, 1e-3) == pytest.approx(leaking(c_l, 0.0, 1e-3), abs=2e-4 * K_C * 2e-3)
