@@ -164,6 +164,7 @@ class Free:
         floor: deviation from the off value that is too small to matter in practice, SI; 0 where the size alone does not tell.
         limits: measured signal that the parameter limits, above if its starts are positive: searches begin at its extremes
             too, because where a limit is out of reach nothing leads to it.
+        rate: it limits that signal's rate of change.
         phase: the parameter is the phase of a sine whose amplitude is the effect's key: any sine is a sum of two of them,
             so amplitude and phase are found from two starts a quarter of a turn apart.
     """
@@ -172,6 +173,7 @@ class Free:
     scale: float
     floor: float = 0.0
     limits: str = ""
+    rate: bool = False
     phase: bool = False
 
 

@@ -31,7 +31,7 @@ def part(task: Task, mask: NDArray[np.bool_]) -> Task:
 def held_out_gain(task: Task, chosen: Trial, effect: Effect, tolerance: float) -> float:
     """Log-likelihood that an effect gains on held-out windows, all parameters estimated on the others.
 
-    Where the effect is that a trusted parameter is off, the alternative is that it is within its trust.
+    The alternative has all trusted parameters within their trust: beyond it they would need a cause themselves.
 
     Args:
         task: data, model and noise of the group.
@@ -47,10 +47,8 @@ def held_out_gain(task: Task, chosen: Trial, effect: Effect, tolerance: float) -
     wanted, _ = unknowns(task.model, chosen.effects, tolerance)
     others, _ = unknowns(task.model, [e for e in chosen.effects if e != effect], tolerance)
     scores = []
-    for unknown in (
-        anchored(wanted, chosen.fit.values),
-        confined(anchored(others, chosen.fit.values), effect),
-    ):
+    for unknown in (wanted, confined(others)):
+        unknown = anchored(unknown, chosen.fit.values)
         white = judged.white(judged.residuals(fit(fitting, unknown).values))
         scores.append(-0.5 * float(white @ white))
     return scores[0] - scores[1]

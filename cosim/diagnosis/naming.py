@@ -98,6 +98,8 @@ def find(
     finding.after = leftovers(task, record, finding.chosen.fit)
     if within:
         prune(finding, record, tolerance)
+        if finding.chosen is not chosen:
+            finding.single = in_same_form(task, finding.chosen, single, tolerance)
     finding.rivals = rivals(task, finding, candidates, tolerance)
     finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
     finding.marks = sampled(task, record, finding.chosen.fit)

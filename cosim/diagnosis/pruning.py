@@ -7,7 +7,7 @@ from cosim.diagnosis.finding import Finding, leftovers, unexplained
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.freeform import SYSTEMATIC
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.trials import CLOSE, Trial, polished, without
+from cosim.diagnosis.trials import CLOSE, Trial, polished, tried_all, without
 from fmus.contract import Effect
 
 FAR = 5.0  # typical sizes: an effect beyond is one that hardly ever occurs
@@ -77,9 +77,13 @@ def moderated(finding: Finding, record: Record, tolerance: float) -> None:
     chosen, model = finding.chosen, finding.task.model
     if len(chosen.effects) != 1 or size_of(chosen, model) <= FAR:
         return
+    # a law of another form may do what its simplest one is far from: friction that lets the drive creep
+    forms: list[tuple[Effect, ...]] = [
+        (e.formed(p),) for t in finding.single for e in t.effects if not e.is_formed for p in e.forms
+    ]
     alike = [
         t
-        for t in finding.single
+        for t in (*finding.single, *tried_all(finding.task, forms, tolerance))
         if t.score > chosen.score - CLOSE and size_of(t, model) <= FAR and not impossible(t, model)
     ]
     if alike:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import median_abs_deviation
 from threadpoolctl import threadpool_limits
 
 from cosim.diagnosis.align import first_offsets
@@ -131,9 +132,11 @@ def off_the_seam(model: TrackerModel, found: Fit) -> tuple[TrackerModel, Fit]:
     One such reading would count with the whole height of the seam.
     """
     angle, _ = model.predict({**found.values, SEAM: 0.0})
-    noise = float(np.std(found.residuals["slew_external"]))
-    kept = np.abs(angle - SEAM_ANGLE) > NEAR * noise
-    if kept.all() or kept.sum() < 0.5 * kept.size:
+    # of the many: the few that noise has put on the wrong side are off by the whole seam
+    noise = float(median_abs_deviation(found.residuals["slew_external"], scale="normal"))
+    distance = np.abs(angle - SEAM_ANGLE)
+    kept = distance >= min(NEAR * noise, float(np.median(distance)))  # half of them at least
+    if kept.all():
         return model, found
     fewer = model.only(kept)
     return fewer, fewer.fit(ERRORS, found.values)

@@ -119,6 +119,18 @@ class TrackerModel:
         return white if self.mask.all() else white[:, self.mask]
 
     def fit(self, names: Sequence[str], start: Mapping[str, float]) -> Fit:
+        """Least squares over offset, rate and `names`, from `start` and from the seam alone: the better one.
+
+        Where the motion is hardly longer than the seam is high, a wrong scale of the sensor is a valley of its own.
+        """
+        found = self.fit_from(names, start)
+        if SEAM not in names or len(names) == 1:
+            return found
+        clock = {n: start[n] for n in (OFFSET, RATE) if n in start}
+        other = self.fit_from(names, self.fit_from((SEAM,), clock).values)
+        return max(found, other, key=lambda one: one.log_likelihood)
+
+    def fit_from(self, names: Sequence[str], start: Mapping[str, float]) -> Fit:
         """Least squares over offset, rate and `names`, from `start`."""
         chosen = (OFFSET, RATE, *names)
         scales = np.array([SCALES[n] for n in chosen])

@@ -93,12 +93,11 @@ def unknowns(
     return list(found.values()), starts
 
 
-def confined(wanted: list[Unknown], effect: Effect) -> list[Unknown]:
-    """Unknowns without an effect: trusted parameters that it frees stay within their trust, however much the data pull."""
-    freed = {f"{effect.component}.{parameter}" for parameter in effect.free}
+def confined(wanted: list[Unknown]) -> list[Unknown]:
+    """Unknowns whose trusted parameters stay within their trust, however much the data pull."""
     found = []
     for u in wanted:
-        if u.name in freed and u.prior is not None:
+        if u.prior is not None:
             middle, reach = u.prior[0], BEYOND * u.prior[1]
             low, high = max(u.low, middle - reach), min(u.high, middle + reach)
             u = replace(u, low=low, high=high, start=float(np.clip(u.start, low, high)))
@@ -159,12 +158,15 @@ def without(task: Task, trial: Trial, effect: Effect, null: Trial, tolerance: fl
 
 
 def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...]]:
-    """``component.parameter`` of a limit -> the extreme of the signal that it limits, and a little less, SI."""
+    """``component.parameter`` of a limit -> the extreme of what it limits (a signal, its rate), and a little less, SI."""
     found: dict[str, tuple[float, ...]] = {}
     for effect in effects:
         for parameter, free in effect.free.items():
             if free.limits in task.measured:
-                means = task.rules[free.limits].windows(task.measured[free.limits])
+                rule = task.rules[free.limits]
+                means = rule.windows(task.measured[free.limits])
+                if free.rate:
+                    means = np.abs(np.diff(means, axis=1)) / (rule.bins * task.model.h)
                 extreme = float(means.max() if free.starts[0] > 0.0 else means.min())
                 found[f"{effect.component}.{parameter}"] = (extreme, 0.99 * extreme)
     return found

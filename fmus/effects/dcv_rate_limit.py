@@ -8,5 +8,9 @@ EFFECT = Effect(
     residual="spool error only in fast, large moves; ramps of one constant slope in the measured spool",
     source="limited pilot flow of the PVES actuator; saturation of x' in (4.16)",
     key="v_max",
-    free={"v_max": Free(starts=(0.005, 0.008, 0.012, 0.017, 0.024, 0.035), scale=0.01)},
+    free={
+        "v_max": Free(
+            starts=(0.005, 0.008, 0.012, 0.017, 0.024, 0.035), scale=0.01, limits="spool", rate=True
+        )
+    },
 )

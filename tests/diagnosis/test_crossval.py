@@ -1,13 +1,14 @@
 """Held-out windows refute what they contradict, and nothing that only they show."""
 
+import numpy as np
 import pytest
 
 from cosim.diagnosis.fit import Unknown
 from cosim.diagnosis.story import diagnose
 from cosim.diagnosis.trials import confined
 from cosim.rig import Noise, as_log, make_log
-from fmus import registry
-from tests.diagnosis.hidden_logs import told
+from cosim.rig.parameters import nominal_value
+from tests.diagnosis.hidden_logs import off, told
 
 
 def test_a_stop_that_the_other_windows_hardly_touch_is_not_refuted() -> None:
@@ -47,13 +48,28 @@ def test_a_parameter_off_its_trust_is_held_against_one_within_it() -> None:
     assert cause.held_out > 0.2 * cause.gain
 
 
-def test_without_an_effect_what_it_frees_stays_within_its_trust() -> None:
-    effect = registry.effects()["continuity.flow_gain"]
+def test_what_a_cause_is_weighed_against_stays_within_its_trust() -> None:
     wanted = [
         Unknown("continuity.K_c", 1.2, 0.1, 0.0, 9.0, (1.0, 0.01)),
-        Unknown("continuity.T", 1.2, 0.1, 0.0, 9.0, (1.0, 0.01)),
+        Unknown("continuity.T", 0.99, 0.1, 0.98, 9.0, (1.0, 0.01)),
         Unknown("continuity.c_l", 0.2, 0.1, 0.0, 9.0),
     ]
-    own, *others = confined(wanted, effect)
-    assert (own.start, own.low, own.high) == pytest.approx((1.03, 0.97, 1.03))
-    assert others == wanted[1:]
+    far, near, other = confined(wanted)
+    assert (far.start, far.low, far.high) == pytest.approx((1.03, 0.97, 1.03))
+    assert (near.start, near.low, near.high) == pytest.approx((0.99, 0.98, 1.03))
+    assert other == wanted[2]
+
+
+def test_a_cause_is_not_refuted_by_a_nominal_parameter_bent_far_beyond_its_trust() -> None:
+    """A weak lag of the sensor and an inertia 13 % too large predict alike; but nothing says why the inertia should be."""
+    command = np.where(np.sin(2 * np.pi * 0.11 * np.arange(60_001) * 1e-3) > 0.0, 0.5, -0.5)
+    hidden, noise = ["sensor.lag:tau_l=4.5 ms"], Noise(scale=0.5)
+    run = make_log(command, 60.0, hidden, seed=5, settings=off(5, *hidden), noise=noise)
+    found = diagnose(as_log(run))
+    finding = found.findings["mechanical"]
+    bent = finding.null.fit.values["mechanical.J"] / nominal_value("mechanical.J") - 1.0
+    assert abs(bent) > 0.05
+    (cause,) = found.causes
+    assert cause.effect.name == "sensor.lag"
+    assert cause.held_out > 0.2 * cause.gain
+    assert not found.rests

@@ -17,9 +17,10 @@ SIZES = {COULOMB: {"tau_c": 120.0}, STRIBECK: {"tau_c": 80.0, "tau_s": 100.0, "o
 FORM = {"lugre": ("z_s", 2e-5), "smooth": ("omega_v", 5e-4), "sharp": ("", 0.0)}
 
 
-def told_of(effect: str, friction: str, seed: int, excitation: str = "mixed"):
-    """Diagnosis of a log with friction of that form."""
-    hidden = f"{effect}:" + ",".join(f"{n}={v}" for n, v in SIZES[effect].items())
+def told_of(effect: str, friction: str, seed: int, excitation: str = "mixed", level: float = 0.0):
+    """Diagnosis of a log with friction of that form, of the usual size or of that level."""
+    sizes = {"tau_c": level} if level else SIZES[effect]
+    hidden = f"{effect}:" + ",".join(f"{n}={v}" for n, v in sizes.items())
     run = make_log(excitation, 30.0, [hidden], seed=seed, settings=off(seed), friction=friction)
     return diagnose(as_log(run))
 
@@ -37,6 +38,16 @@ def test_the_form_is_found_and_nothing_beside_it(effect, friction) -> None:
     for name, true in SIZES[effect].items():
         value, deviation = cause.parameters[name]
         assert value == pytest.approx(true, abs=4.0 * deviation)
+
+
+def test_friction_in_which_the_drive_only_creeps_is_no_dead_sensor() -> None:
+    """Small steps below the friction's level: the angle moves by a fifteenth of what it should."""
+    found = told_of(COULOMB, "smooth", seed=15, excitation="small_steps", level=240.0)
+    (cause,) = found.causes
+    assert cause.effect.name == COULOMB
+    assert cause.parameters["omega_v"][0] / cause.parameters["tau_c"][0] == pytest.approx(
+        5e-4 / 240.0, rel=0.05
+    )
 
 
 @pytest.mark.parametrize("effect", [COULOMB, STRIBECK])

@@ -55,3 +55,11 @@ def test_gravity_over_a_short_range_of_angles_is_found_in_the_first_rounds() -> 
     trial = tried(finding.task, (effect,), 0.01, finding.null.fit, FIRST_ROUNDS)
     assert trial.fit.values["mechanical.tau_g"] == pytest.approx(100.0, rel=0.1)
     assert trial.fit.values["mechanical.theta_g"] == pytest.approx(np.radians(17.0), abs=0.02)
+
+
+def test_a_limit_of_the_speed_below_all_starts_is_found() -> None:
+    """Small steps of a valve that is slower than any start: the measured spool itself says how fast it gets."""
+    found = told("dcv.rate_limit:v_max=4.2e-3", seed=50, excitation="small_steps")
+    (cause,) = found.causes
+    assert cause.effect.name == "dcv.rate_limit"
+    assert cause.parameters["v_max"][0] == pytest.approx(4.2e-3, rel=0.01)

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.story import prepare
+from cosim.diagnosis.story import diagnose, prepare
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.tracker_model import SEAM_ANGLE
 from cosim.errors import DataError
@@ -167,6 +167,18 @@ def test_a_seam_that_the_motion_stays_above_is_not_exercised() -> None:
     finding = compare_tracker(prepare(as_log(run), our_machine("full_order")), as_tracker(run))
     assert finding.causes == []
     assert finding.never == ["tracker.seam"]
+
+
+def test_a_seam_nearly_as_high_as_the_motion_is_long_is_no_wrong_scale() -> None:
+    """Half of the readings lie within the noise of the seam, and some on its wrong side."""
+    noise = Noise(scale=1.9, kind="pink")
+    hidden = ["tracker.seam:seam=-0.9 deg"]
+    run = make_log("multisine", 60.0, hidden, amplitude=0.63, seed=2109864062, tracker=True, noise=noise)
+    found = diagnose(as_log(run), tracker=as_tracker(run))
+    (cause,) = found.causes
+    assert cause.effect.name == "tracker.seam"
+    value, deviation = cause.parameters["seam"]
+    assert value == pytest.approx(-0.9 * DEG, abs=4.0 * deviation)
 
 
 def test_missing_readings_do_not_count() -> None:
