@@ -8,7 +8,7 @@ from hidden_logs import off
 from scipy.integrate import solve_ivp
 
 from cosim.diagnosis.story import diagnose
-from cosim.rig import make_log
+from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
 from fmus import registry
 
@@ -17,11 +17,10 @@ SIZES = {COULOMB: {"tau_c": 120.0}, STRIBECK: {"tau_c": 80.0, "tau_s": 100.0, "o
 FORM = {"lugre": ("z_s", 2e-5), "smooth": ("omega_v", 5e-4), "sharp": ("", 0.0)}
 
 
-def told_of(effect: str, friction: str, seed: int, excitation: str = "mixed", level: float = 0.0):
-    """Diagnosis of a log with friction of that form, of the usual size or of that level."""
-    sizes = {"tau_c": level} if level else SIZES[effect]
-    hidden = f"{effect}:" + ",".join(f"{n}={v}" for n, v in sizes.items())
-    run = make_log(excitation, 30.0, [hidden], seed=seed, settings=off(seed), friction=friction)
+def told_of(effect: str, friction: str, seed: int):
+    """Diagnosis of a log with friction of that form."""
+    hidden = f"{effect}:" + ",".join(f"{n}={v}" for n, v in SIZES[effect].items())
+    run = make_log("mixed", 30.0, [hidden], seed=seed, settings=off(seed), friction=friction)
     return diagnose(as_log(run))
 
 
@@ -42,7 +41,12 @@ def test_the_form_is_found_and_nothing_beside_it(effect, friction) -> None:
 
 def test_friction_in_which_the_drive_only_creeps_is_no_dead_sensor() -> None:
     """Small steps below the friction's level: the angle moves by a fifteenth of what it should."""
-    found = told_of(COULOMB, "smooth", seed=15, excitation="small_steps", level=240.0)
+    hidden = ["mechanical.coulomb_friction:tau_c=238"]
+    noise = Noise(scale=1.59)
+    run = make_log(
+        "small_steps", 60.0, hidden, amplitude=0.866, seed=279974570, noise=noise, friction="smooth"
+    )
+    found = diagnose(as_log(run))
     (cause,) = found.causes
     assert cause.effect.name == COULOMB
     assert cause.parameters["omega_v"][0] / cause.parameters["tau_c"][0] == pytest.approx(

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 
 from cosim.diagnosis.naming import tried
 from cosim.diagnosis.starts import Size, sized
+from cosim.diagnosis.story import diagnose
 from cosim.diagnosis.trials import FIRST_ROUNDS
+from cosim.rig import Noise, as_log, make_log
 from fmus import registry
 from tests.diagnosis.hidden_logs import told
 
@@ -59,7 +61,8 @@ def test_gravity_over_a_short_range_of_angles_is_found_in_the_first_rounds() -> 
 
 def test_a_limit_of_the_speed_below_all_starts_is_found() -> None:
     """Small steps of a valve that is slower than any start: the measured spool itself says how fast it gets."""
-    found = told("dcv.rate_limit:v_max=4.2e-3", seed=50, excitation="small_steps")
-    (cause,) = found.causes
+    hidden, noise = ["dcv.rate_limit:v_max=4.2e-3"], Noise(scale=1.17)
+    run = make_log("small_steps", 60.0, hidden, amplitude=0.8123, seed=29079684, noise=noise)
+    (cause,) = diagnose(as_log(run)).causes
     assert cause.effect.name == "dcv.rate_limit"
     assert cause.parameters["v_max"][0] == pytest.approx(4.2e-3, rel=0.01)
