@@ -199,7 +199,12 @@ def with_bristles(omega: float, z: float, t0: float, t1: float, m: NoMemory, p: 
     for _ in range(60):
         most = side * p.z_s * friction_level(speed, m, p) / holding
         rate = c.h / abs(most)
-        decay, phi1, phi2, _ = phi_functions(rate * speed)
+        way = rate * speed
+        decay, phi1, bend = 1.0 - way, 1.0 - 0.5 * way, 0.5  # bend = phi1 - phi2
+        if way > 1e-6:
+            decay = math.exp(-way)
+            phi1 = -math.expm1(-way) / way
+            bend = (phi1 - decay) / way
         end = most + (z - most) * decay
         drag = sigma0 * (most + (z - most) * phi1) + sigma1 * (end - z)
         miss = speed + side * (half * drag - goal)
@@ -207,10 +212,10 @@ def with_bristles(omega: float, z: float, t0: float, t1: float, m: NoMemory, p: 
             high = speed
         else:
             low = speed
-        slope = side * (most - z) * rate * (sigma0 * (phi1 - phi2) + sigma1 * decay)
+        slope = side * (most - z) * rate * (sigma0 * bend + sigma1 * decay)
         change = miss / (1.0 + half * slope)
         speed = speed - change
-        if abs(change) <= 1e-6 * abs(goal) + 1e-15:
+        if abs(change) <= 1e-5 * abs(goal) + 1e-15:
             break
         if speed <= low or speed >= high:
             speed = 0.5 * (low + high)
