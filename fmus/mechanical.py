@@ -197,7 +197,8 @@ def with_bristles(omega: float, z: float, t0: float, t1: float, m: NoMemory, p: 
     low, high = 0.0, abs(goal) + half * (sigma0 + sigma1) * abs(z)
     speed, end = 0.0, z
     for _ in range(60):
-        most = side * p.z_s * friction_level(speed, m, p) / holding
+        # bristles need a level to reach, however far it falls with speed
+        most = side * p.z_s * max(friction_level(speed, m, p) / holding, 1e-6)
         rate = c.h / abs(most)
         way = rate * speed
         decay, phi1, bend = 1.0 - way, 1.0 - 0.5 * way, 0.5  # bend = phi1 - phi2

@@ -19,6 +19,7 @@ FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
+UNSEEN = 1.0  # log-likelihood below which a limit explains nothing
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 
@@ -173,15 +174,25 @@ def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...
 
 
 def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit) -> Fit:
-    """The fit with limits that the signal never meets at their nominal value: the data say nothing of them."""
+    """The fit with limits that the signal does not meet at their nominal value: the data say nothing of them.
+
+    A limit that ended just where the signal has its extreme is one of them: beyond it everything explains as much, so
+    its interval goes from there over the nominal value.
+    """
     if found.slopes is None:
         return found
-    nominal = {}
+    nominal: dict[str, float] = {}
+    pulls = -found.log_likelihood - 0.5 * float(np.sum(task.white(found.residuals) ** 2))
     for effect in effects:
         for name in (f"{effect.component}.{p}" for p, free in effect.free.items() if free.limits):
-            if name in found.values and not found.slopes[:, list(found.values).index(name)].any():
-                nominal[name] = task.model.nominal(name)
-    return replace(found, values=found.values | nominal) if nominal else found
+            if name not in found.values:
+                continue
+            away = {name: task.model.nominal(name)}
+            white = task.white(task.residuals(found.values | nominal | away))
+            if -0.5 * float(white @ white) - pulls > found.log_likelihood - UNSEEN:
+                nominal |= away
+    spread = {n: abs(value - found.values[n]) / 1.96 for n, value in nominal.items()}
+    return replace(found, values=found.values | nominal, deviations=found.deviations | spread)
 
 
 def tried_all(

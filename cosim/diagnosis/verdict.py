@@ -11,7 +11,7 @@ from cosim.diagnosis.freeform import SYSTEMATIC, Leftover
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
 from cosim.diagnosis.samples import marks
-from cosim.diagnosis.trials import without
+from cosim.diagnosis.trials import freed, without
 from fmus import registry
 from fmus.contract import Effect
 
@@ -157,7 +157,7 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
     close = max(CLOSE, unexplained(finding))
     for effect in finding.chosen.effects:
         rivals = [
-            (other_of(t, finding.chosen), finding.chosen.score - t.score)
+            (other_of(t, finding.chosen), shortfall(t, finding.chosen))
             for t in finding.rivals.get(effect.name, [])
         ]
         rivals += finding.upstream
@@ -176,6 +176,18 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
             )
         )
     return sorted(found, key=lambda c: -c.gain)
+
+
+def shortfall(rival: Trial, chosen: Trial) -> float:
+    """Log-likelihood by which a rival explains the log worse than the chosen set, less the price of fewer parameters.
+
+    More parameters are held against a rival only where it frees all that the chosen set does and more: such a rival can
+    always do as well. Any other that explains the log as well cannot be told apart, however many parameters it has.
+    """
+    by_score = chosen.score - rival.score
+    if set(freed(chosen.effects)) < set(freed(rival.effects)):
+        return by_score
+    return min(by_score, chosen.fit.log_likelihood - rival.fit.log_likelihood)
 
 
 def names_of(effect: Effect) -> dict[str, str]:

@@ -96,3 +96,12 @@ def test_effects_are_told_apart_by_name_whatever_is_free_in_them() -> None:
     assert formed.is_formed
     assert not plain.is_formed
     assert list(formed.plain.free) == list(plain.free) != list(formed.free)
+
+
+def test_which_friction_holds_a_drive_at_rest_cannot_be_told() -> None:
+    """More parameters are held against a cause only if it frees all that the named one does."""
+    hidden = ["mechanical.stribeck_friction:tau_c=200,tau_s=150,omega_s=0.008"]
+    run = make_log("small_steps", 30.0, hidden, seed=68, amplitude=0.5)
+    assert np.ptp(run.true["theta"]) == 0.0
+    (cause,) = diagnose(as_log(run)).causes
+    assert "mechanical.stribeck_friction" in (cause.effect.name, *cause.alike)

@@ -66,3 +66,18 @@ def test_a_limit_of_the_speed_below_all_starts_is_found() -> None:
     (cause,) = diagnose(as_log(run)).causes
     assert cause.effect.name == "dcv.rate_limit"
     assert cause.parameters["v_max"][0] == pytest.approx(4.2e-3, rel=0.01)
+
+
+def test_a_stop_that_is_never_met_is_left_where_it_was() -> None:
+    """One stop is hit; the other lies beyond what the spool reaches: all that the log says is that it is no nearer."""
+    settings = {"dcv.K": 0.002398, "dcv.w0": 25.39, "dcv.zeta": 0.5505}
+    command = np.where(np.arange(30_001) % 5000 < 2500, 0.765, -1.0) * (np.arange(30_001) > 500)
+    run = make_log(
+        command, 30.0, ["dcv.stroke_limit:x_max=2.4e-3,x_min=-1.728e-3"], seed=35, settings=settings
+    )
+    assert 2.2e-3 < run.true["spool"].max() < 2.39e-3
+    (cause,) = diagnose(as_log(run)).causes
+    assert cause.effect.name == "dcv.stroke_limit"
+    assert cause.parameters["x_min"][0] == pytest.approx(-1.728e-3, rel=1e-3)
+    value, deviation = cause.parameters["x_max"]
+    assert value - 1.96 * deviation < 2.4e-3 < value == pytest.approx(2.6e-3)

@@ -10,6 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from fmus import registry
+from fmus.compose import compose
+
 BLOCK = bare("mechanical")
 LEVEL = 200.0
 END = 1.6
@@ -91,3 +94,12 @@ def test_bristles_give_way_and_hold() -> None:
     # the bristles take half their travel; LuGre friction then creeps no more under a steady torque
     assert found[-1, 0] == pytest.approx(2e-5 * math.log(2.0), rel=0.1)
     assert abs(found[-1, 1]) < 1e-9
+
+
+def test_bristles_outlive_a_level_that_falls_to_nothing() -> None:
+    """Stribeck friction without Coulomb friction: far above its speed nothing is left, and the step still ends."""
+    block = compose(registry.block("mechanical"), [registry.effects()["mechanical.stribeck_friction"]])
+    made = run(block, 1e-3, [0.0], {"tau_c": 0.0, "tau_s": 100.0, "omega_s": 1e-3, "z_s": 2e-5}, omega=0.1)
+    found = made.play([[0.1 * B / AR]] * 200)
+    assert np.isfinite(found).all()
+    assert found[-1, 1] == pytest.approx(0.1, rel=1e-3)
