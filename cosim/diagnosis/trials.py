@@ -177,7 +177,7 @@ def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit) -> Fit:
     """The fit with limits that the signal does not meet at their nominal value: the data say nothing of them.
 
     A limit that ended just where the signal has its extreme is one of them: beyond it everything explains as much, so
-    its interval goes from there over the nominal value.
+    its interval goes from that extreme over the nominal value.
     """
     if found.slopes is None:
         return found
@@ -191,7 +191,8 @@ def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit) -> Fit:
             white = task.white(task.residuals(found.values | nominal | away))
             if -0.5 * float(white @ white) - pulls > found.log_likelihood - UNSEEN:
                 nominal |= away
-    spread = {n: abs(value - found.values[n]) / 1.96 for n, value in nominal.items()}
+    extremes = reached(task, effects) if nominal else {}
+    spread = {n: abs(v - extremes[n][0]) / 1.96 for n, v in nominal.items() if n in extremes}
     return replace(found, values=found.values | nominal, deviations=found.deviations | spread)
 
 
