@@ -49,8 +49,8 @@ def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> boo
     if not worth_naming(new, effect, model, tolerance) or impossible(new, model):
         return False
     if all(f"{effect.component}.{p}" in model.group.trusted for p in effect.free):
-        # the size is the test; but what cannot be told from the old explanation is none
-        return new.fit.log_likelihood > old.fit.log_likelihood + CLOSE
+        # its prior has been its price; beyond that it must gain as much as any other cause
+        return new.fit.log_likelihood > old.fit.log_likelihood + SURE
     return new.score > old.score + SURE
 
 
