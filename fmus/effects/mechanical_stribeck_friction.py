@@ -3,6 +3,7 @@
 import math
 
 from fmus.contract import Effect, Free, Variable, equation
+from fmus.effects.mechanical_coulomb_friction import EFFECT as COULOMB
 
 
 @equation
@@ -44,9 +45,6 @@ EFFECT = Effect(
         "tau_s": Free(starts=(100.0, 300.0), scale=150.0, floor=10.0),
         "omega_s": Free(starts=(0.003, 0.01), scale=0.005),
     },
-    forms={
-        "omega_v": Free(starts=(3e-4, 2e-3), scale=5e-4, floor=5e-5),
-        "z_s": Free(starts=(2e-5, 1e-4), scale=2e-5, floor=2e-6),
-    },
+    forms=COULOMB.forms,
     fills={"friction_level": stribeck_level},
 )
