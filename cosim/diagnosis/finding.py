@@ -5,6 +5,7 @@ from functools import partial
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.diagnosis.crossval import window_numbers
 from cosim.diagnosis.data import Record, free_bases
@@ -16,6 +17,10 @@ from cosim.diagnosis.samples import Mark
 from cosim.diagnosis.trials import Trial
 from fmus.contract import Effect
 
+Array = NDArray[np.float64]
+
+COMPUTED = 0.1  # of what a signal moves from sample to sample, that two programs may differ by; sensors' noise is above it
+STILL = 1e-6  # of its largest value, for signals that never change
 SMALLER = 0.97  # of the noise: less, and all is fitted again
 
 
@@ -74,8 +79,15 @@ def learn_noise(task: Task, record: Record, found: Fit) -> None:
     rules = {}
     for signal, bases in bases_of(task, record, found).items():
         columns = chain.from_iterable([*(b.columns() for b in bases), task.doubt.get(signal, ())])
-        rules[signal] = learned(task.rules[signal], found.residuals[signal], columns)
+        least = quietest(task.measured[signal])
+        rules[signal] = learned(task.rules[signal], found.residuals[signal], columns, least)
     task.set_rules(rules)
+
+
+def quietest(signal: Array) -> float:
+    """Smallest noise that a signal (n,) is taken to have: a computed log has none, yet no two programs integrate alike."""
+    step = float(np.sqrt(np.mean(np.diff(signal) ** 2)))
+    return max(COMPUTED * step, STILL * float(np.max(np.abs(signal))), 1e-12)
 
 
 def smaller_noise(task: Task, record: Record, found: Fit) -> bool:

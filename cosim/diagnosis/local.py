@@ -22,6 +22,8 @@ NARROWEST = 8  # values in a band of a piece
 INDEPENDENT = 0.8
 # the same for a line, against a neighbourhood that is not quite flat: with 0.8 the smallest of 1250 in clean logs was 1e-5
 INDEPENDENT_LINE = 0.6
+# smallest size of the rest, by that of noise: in a computed log next to nothing is left, and none of it stands out
+LEAST = 0.1
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,8 @@ def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
     row = row[round(skip / interval) :]
     best, tests = NOTHING, 0
     # the size of all the rest: without its largest hundredth, which would hide the event in its own measure
-    overall = float(np.mean(np.sort(row**2)[: int(0.99 * row.size)])) / 0.9262 if row.size else 0.0
+    kept = np.sort(row**2)[: int(0.99 * row.size)]
+    overall = max(float(np.mean(kept)) / 0.9262, LEAST) if kept.size else 0.0
     for piece in PIECES:
         count = 2 * (row.size // piece) - 1  # half overlapping
         if count < 8 or overall <= 0.0:
@@ -146,9 +149,9 @@ def line(white: Array, interval: float) -> Event:
     around = np.array([np.median(padded[i : i + 2 * reach + 1]) for i in range(power.size)])
     freedom = INDEPENDENT_LINE * 2.0 * windows
     around /= 1.0 - 2.0 / (9.0 * 2.0 * windows) * 3.0  # median of a chi-square against its mean
-    ratio = power / np.maximum(around, 1e-300)
+    ratio = power / np.maximum(around, LEAST * float(taper @ taper))
     at = int(np.argmax(ratio))
     one = float(f_distribution.sf(ratio[at], freedom, freedom * reach))
     frequency = (at + 1) / (bins * interval)
-    gain = windows * (ratio[at] - 1.0 - float(np.log(ratio[at])))
+    gain = windows * (ratio[at] - 1.0 - float(np.log(max(ratio[at], 1e-300))))
     return Event(min(1.0, one * power.size), float(gain), float(ratio[at]), frequency, frequency)

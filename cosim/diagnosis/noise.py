@@ -108,8 +108,8 @@ def plain(bins: int, window: int, demean: bool, skip: int = 0) -> Whitener:
     return Whitener(bins, window, demean, (1.0,) + (0.0,) * len(CORRELATION_TIMES), skip)
 
 
-def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array]) -> Whitener:
-    """The rule with the noise of `residual` (n,): the variances of largest Whittle likelihood.
+def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: float = 0.0) -> Whitener:
+    """The rule with the noise of `residual` (n,), at least of size `least`: the variances of largest Whittle likelihood.
 
     What the rows (n,) of `absorbed` explain of the residual is taken out first, and the spectra expected of each kind
     of noise are those that remain behind the same projection: slow noise has few degrees of freedom, and free functions
@@ -135,6 +135,9 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array]) -> White
     power = np.mean(np.abs(np.fft.rfft(rows * taper, axis=1)[:, 1:]) ** 2, axis=0)[kept]
     shapes = shapes[:, kept]
     total = max(float(np.mean(rows**2)), 1e-300)
+    if total < least**2:
+        power = power + (least**2 - total) * shapes[0]
+        total = least**2
 
     def cost(logs: Array) -> tuple[float, Array]:
         parts = np.exp(logs)[:, None] * total * shapes

@@ -18,6 +18,8 @@ SURE_REPEATS = 6.0  # standard deviations by which repeats must exceed chance
 MANY_REPEATS = 0.005  # share of stale samples that matters
 MOVING = 0.05  # of the greatest speed: below it the signal may repeat because it rests
 NATURAL = 0.03  # share of readings that equal the last but one; beyond it repeats prove nothing
+REST = 20  # equal readings in a row from which on the drive may stand
+GENTLE = 3.0  # by which the first step after a rest may exceed the second
 COLOURED = 2.5  # by which coloured noise may repeat more often at once than after two samples
 
 
@@ -66,7 +68,7 @@ def stale_share(values: Array, rate: Array) -> tuple[float, float, float]:
         values: (n,) readings.
         rate: (n,) smoothed rate of them.
     """
-    moving = np.abs(rate[2:]) > MOVING * max(float(np.abs(rate).max()), 1e-300)
+    moving = (np.abs(rate) > MOVING * max(float(np.abs(rate).max()), 1e-300))[2:] & ~resting(values)[2:]
     same = (values[2:] == values[1:-1])[moving]
     chance = ((values[2:] == values[:-2]) & (values[2:] != values[1:-1]))[moving]
     n = max(int(moving.sum()), 1)
@@ -75,6 +77,23 @@ def stale_share(values: Array, rate: Array) -> tuple[float, float, float]:
     found = float(same.mean()) if same.size else 0.0
     share = max(0.0, (found - natural) / max(1.0 - natural, 1e-9))
     return share, float(np.sqrt(max(found * (1.0 - found), 1.0 / n) / n)), natural
+
+
+def resting(values: Array) -> NDArray[np.bool_]:
+    """(n,) True where readings (n,) without noise repeat because the drive stands.
+
+    After stale samples the reading jumps by all that was missed, after a rest it starts as gently as it goes on.
+    """
+    same = np.concatenate([[False], values[1:] == values[:-1], [False]])
+    edges = np.flatnonzero(same[1:] != same[:-1])
+    found = np.zeros(values.size, dtype=bool)
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if last - first < REST:
+            continue
+        after = np.abs(np.diff(values[last : last + 3]))
+        if after.size < 2 or after[0] <= GENTLE * after[1]:
+            found[first : last + 1] = True
+    return found
 
 
 def marks(values: Array, rate: Array, noise: float) -> list[Mark]:

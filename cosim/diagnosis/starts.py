@@ -56,12 +56,16 @@ def fit_from_starts(
     """
     bent = {u.name: u.prior[0] for u in unknowns if u.prior and abs(u.start - u.prior[0]) > BENT * u.prior[1]}
     hidden = None if size is None or slopes is None else np.linalg.qr(slopes)[0]
-    trials: list[tuple[bool, float, Values]] = []
+    kinds: list[list[tuple[bool, float, Values]]] = []
     for straight in ({}, bent) if bent else ({},):
+        trials: list[tuple[bool, float, Values]] = []
+        kinds.append(trials)
         # where a limit is out of reach nothing changes with it: a search cannot begin there
         off = task.white(task.residuals({u.name: u.start for u in unknowns} | straight))
 
-        def white(values: Values, off: Array = off) -> Array:
+        def white(
+            values: Values, off: Array = off, trials: list[tuple[bool, float, Values]] = trials
+        ) -> Array:
             """Whitened residual at `values`, which become a trial."""
             found = task.white(task.residuals(values))
             pull = sum(((values[u.name] - u.prior[0]) / u.prior[1]) ** 2 for u in unknowns if u.prior)
@@ -72,8 +76,12 @@ def fit_from_starts(
         if size is not None:
             for alike in alike_but_for_the_phase(seen, size):
                 white(bounded(sized(alike, size, off, hidden), unknowns))
-    trials.sort(key=lambda trial: trial[:2])
-    found = [fit(task, placed(unknowns, values), rounds=rounds) for *_, values in trials[:keep]]
+    # the best of either kind: what bends a parameter is worth nothing at its prior until its size is right to the last digit
+    best = [sorted(trials, key=lambda trial: trial[:2])[: keep // len(kinds)] for trials in kinds]
+    found = [
+        fit(task, placed(unknowns, values), rounds=rounds)
+        for *_, values in itertools.chain.from_iterable(best)
+    ]
     return max(found, key=lambda one: one.log_likelihood)
 
 

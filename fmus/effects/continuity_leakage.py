@@ -45,7 +45,7 @@ EFFECT = Effect(
             "Inverse of the load pressure at which the leakage turns turbulent",
             0.0,
             0.0,
-            1e-3,
+            1.0,
             nominal=1e-6,
             source="off: laminar, (4.25)",
         ),
