@@ -3,8 +3,11 @@
 import platform
 from importlib.metadata import version
 
+import numpy as np
+
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.experiment import Proposal
+from cosim.diagnosis.finding import at_first
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.isolability import isolability
 from cosim.diagnosis.lexicon import current
@@ -117,7 +120,9 @@ def localisation(diagnosis: Diagnosis) -> list[Location]:
             weight = max(0.0, left.gain if left.p_value < 1e-6 else 0.0, *once) + (
                 penalty if finding.chosen.effects else 0.0
             )
-            rows.append((name, signal, weight, float((left.rms**2 + rule.rms**2) ** 0.5), rule.rms))
+            rows.append(
+                (name, signal, weight, float(np.hypot(at_first(finding, signal), rule.rms)), rule.rms)
+            )
     total = sum(row[2] for row in rows)
     found = []
     for name, signal, weight, residual, noise in sorted(rows, key=lambda row: -row[2]):

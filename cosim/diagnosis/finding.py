@@ -12,9 +12,9 @@ from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
 from cosim.diagnosis.local import Event
-from cosim.diagnosis.noise import learned
+from cosim.diagnosis.noise import centred, learned
 from cosim.diagnosis.samples import Mark
-from cosim.diagnosis.trials import Trial
+from cosim.diagnosis.trials import Trial, freed
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -84,6 +84,11 @@ def learn_noise(task: Task, record: Record, found: Fit) -> None:
     task.set_rules(rules)
 
 
+def lacking(task: Task, record: Record, found: Fit) -> bool:
+    """True if free functions explain something of a fit's residuals that is no chance."""
+    return any(left.p_value < SYSTEMATIC for left in leftovers(task, record, found).values())
+
+
 def quietest(signal: Array) -> float:
     """Smallest noise that a signal (n,) is taken to have: a computed log has none, yet no two programs integrate alike."""
     step = float(np.sqrt(np.mean(np.diff(signal) ** 2)))
@@ -98,6 +103,29 @@ def smaller_noise(task: Task, record: Record, found: Fit) -> bool:
         return True
     task.set_rules(rules)
     return False
+
+
+def bent(finding: Finding) -> bool:
+    """True if a nominal parameter is itself a cause: the null model has then bent it already and leaves nothing of it."""
+    return bool(set(finding.task.model.group.trusted) & set(freed(finding.chosen.effects)))
+
+
+def at_first(finding: Finding, signal: str) -> float:
+    """Size of what the nominal model leaves in a signal beyond noise, SI; of a bent one, what is changed against nominal."""
+    size, task = finding.before[signal].rms, finding.task
+    if not bent(finding):
+        return size
+    change = task.residuals({})[signal] - finding.chosen.fit.residuals[signal]
+    return max(size, float(np.sqrt(np.mean(centred(task.rules[signal], change) ** 2))))
+
+
+def gained(finding: Finding) -> float:
+    """Log-likelihood that the chosen effects gain over the nominal model; of a bent one, over the nominal parameters."""
+    null = finding.null.fit.log_likelihood
+    if bent(finding):
+        white = finding.task.white(finding.task.residuals({}))
+        null = min(null, -0.5 * float(white @ white))
+    return finding.chosen.fit.log_likelihood - null
 
 
 def unexplained(finding: Finding) -> float:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from cosim.diagnosis.bounds import impossible
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.finding import Finding, learn_noise, leftovers, smaller_noise
+from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, smaller_noise
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import Event, burst, line
@@ -86,6 +86,8 @@ def find(
             chosen = fitted_again(task, null, chosen, single, candidates, tolerance)
         room = 0 < len(chosen.effects) < most
         more = extended(task, chosen, single, candidates, tolerance) if room else None
+        if more is None and room and lacking(task, record, chosen.fit):
+            more = sought_anew(task, chosen, candidates, tolerance)
         if more is None:
             break
         chosen = more
@@ -139,6 +141,17 @@ def extended(
         return None
     found = swapped(task, polished(task, better[0], tolerance), candidates, tolerance)
     return found if freed(found.effects) != freed(chosen.effects) else None
+
+
+def sought_anew(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial | None:
+    """The chosen set with a further effect, all parameters from their own starts; None if none is sure.
+
+    What a chosen effect was bent to in the absence of the other may keep a search that begins there from ever finding it.
+    """
+    rest = promising(task, chosen, (e for e in candidates if e not in chosen.effects), tolerance)
+    options = tried_all(task, [(*chosen.effects, e) for e in rest], tolerance)
+    better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
+    return swapped(task, polished(task, better[0], tolerance), candidates, tolerance) if better else None
 
 
 def in_plain_form(task: Task, chosen: Trial, tolerance: float) -> Trial:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.crossval import held_out_gain
-from cosim.diagnosis.finding import unexplained
+from cosim.diagnosis.finding import at_first, gained, unexplained
 from cosim.diagnosis.freeform import SYSTEMATIC, Leftover
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
@@ -26,6 +26,7 @@ NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not mat
 LOCAL = 1e-5  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.1  # of the original systematic residual that may be left for one named cause to stand
 TOGETHER = 0.05  # the same for several: a sum of two imitates a third more easily
+LINEAR = 0.01  # the same of what a nominal parameter changes: the law it stands in has one form only
 FORM = 0.05  # of it that may be left of one named cause: its law is known only nearly
 
 
@@ -117,10 +118,10 @@ def stands(finding: Finding) -> bool:
         return True
     share = CARRIED if len(finding.chosen.effects) == 1 else TOGETHER
     for signal, left in finding.after.items():
-        before = finding.before[signal]
-        if systematic(left, negligible(finding, signal)) and left.rms > share * before.rms:
+        carried = max(share * finding.before[signal].rms, LINEAR * at_first(finding, signal))
+        if systematic(left, negligible(finding, signal)) and left.rms > carried:
             return False
-    gain = finding.chosen.fit.log_likelihood - finding.null.fit.log_likelihood
+    gain = gained(finding)
     # something that happens once and carries more than the causes do may well be what called for them
     listed = [(s, e) for s, found in finding.events.items() for e in found.values()]
     return not any(local(finding, s, e) and e.gain > gain for s, e in listed)

@@ -1,0 +1,62 @@
+"""Logs that were computed and carry no noise at all, and signals that only a sensor could make worse."""
+
+import numpy as np
+import pytest
+from hidden_logs import off
+
+from cosim.diagnosis.finding import quietest
+from cosim.diagnosis.samples import resting, stale_share
+from cosim.diagnosis.story import diagnose
+from cosim.rig import Noise, make_log
+from cosim.rig.write import as_log
+
+
+def told_without_noise(*hidden: str, seed: int = 31, seconds: float = 30.0):
+    """Diagnosis of a log without noise."""
+    return diagnose(as_log(make_log("mixed", seconds, list(hidden), seed=seed, noise=Noise(scale=0.0))))
+
+
+def test_a_clean_log_without_noise_is_adequate() -> None:
+    found = told_without_noise()
+    assert found.verdict == "adequate"
+    assert not found.causes
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "size"),
+    [
+        ("mechanical.coulomb_friction", "tau_c", 100.0),
+        ("mechanical.backlash", "gap", np.radians(0.2)),
+        ("continuity.compressibility", "c_beta", 0.4),
+        ("dcv.delay", "tau_d", 0.02),
+    ],
+)
+def test_an_effect_without_noise_is_found_alone_and_exactly(effect: str, parameter: str, size: float) -> None:
+    found = told_without_noise(f"{effect}:{parameter}={size!r}")
+    (cause,) = found.causes
+    assert cause.effect.name == effect
+    assert cause.parameters[parameter][0] == pytest.approx(size, rel=1e-3)
+    assert not found.rests
+
+
+@pytest.mark.parametrize("kind", ["white", "ar1", "pink"])
+def test_the_noise_of_sensors_is_never_below_what_is_assumed(kind: str) -> None:
+    """Even at half the usual size the noise learned is that of the log, and not the least that is assumed."""
+    noise = Noise(scale=0.5, kind=kind, correlation_time=0.03)
+    found = diagnose(as_log(make_log("mixed", 30.0, [], seed=8, settings=off(8), noise=noise)))
+    for finding in found.findings.values():
+        for signal, rule in finding.task.rules.items():
+            assert rule.rms > 1.2 * quietest(finding.task.measured[signal])
+
+
+def test_what_stands_is_not_stale_and_what_jumps_behind_is() -> None:
+    moving = np.linspace(0.0, 1.0, 1001)
+    stood = np.concatenate([moving[:500], np.full(60, moving[500]), moving[501:]])
+    assert resting(stood)[500:560].all()
+    assert not resting(stood)[:499].any()
+    stale = moving.copy()
+    stale[500:560] = stale[500]
+    assert not resting(stale).any()
+    rate = np.full(stale.size, 1.0)
+    assert stale_share(stale, rate)[0] > 0.05
+    assert stale_share(stood, np.full(stood.size, 1.0))[0] == 0.0
