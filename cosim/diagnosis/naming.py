@@ -85,9 +85,7 @@ def find(
             single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit, single)
             chosen = fitted_again(task, null, chosen, single, candidates, tolerance)
         room = 0 < len(chosen.effects) < most
-        more = extended(task, chosen, single, candidates, tolerance) if room else None
-        if more is None and room and lacking(task, record, chosen.fit):
-            more = sought_anew(task, chosen, candidates, tolerance)
+        more = extended(task, record, chosen, single, candidates, tolerance) if room else None
         if more is None:
             break
         chosen = more
@@ -130,28 +128,30 @@ def fitted_again(
 
 
 def extended(
-    task: Task, chosen: Trial, single: list[Trial], candidates: tuple[Effect, ...], tolerance: float
+    task: Task,
+    record: Record,
+    chosen: Trial,
+    single: list[Trial],
+    candidates: tuple[Effect, ...],
+    tolerance: float,
 ) -> Trial | None:
-    """The chosen set with the best further effect or form of a law, exchanges and removals tried; None if none is sure."""
+    """The chosen set with the best further effect or form of a law, exchanges and removals tried; None if none is sure.
+
+    What a chosen effect was bent to in the absence of the other may keep a search that begins there from finding it: as
+    long as something is left, all parameters are sought anew from their own starts.
+    """
     rest = promising(task, chosen, (e for e in candidates if e not in chosen.effects), tolerance)
-    sets = [*((*chosen.effects, e) for e in rest), *forms(task, chosen, single)]
-    options = tried_all(task, sets, tolerance, chosen.fit, single)
+    further = [(*chosen.effects, e) for e in rest]
+    options = tried_all(task, [*further, *forms(task, chosen, single)], tolerance, chosen.fit, single)
     better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
+    if not better and lacking(task, record, chosen.fit):
+        better = [
+            t for t in tried_all(task, further, tolerance) if accepted(t, chosen, task.model, tolerance)
+        ]
     if not better:
         return None
     found = swapped(task, polished(task, better[0], tolerance), candidates, tolerance)
     return found if freed(found.effects) != freed(chosen.effects) else None
-
-
-def sought_anew(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial | None:
-    """The chosen set with a further effect, all parameters from their own starts; None if none is sure.
-
-    What a chosen effect was bent to in the absence of the other may keep a search that begins there from ever finding it.
-    """
-    rest = promising(task, chosen, (e for e in candidates if e not in chosen.effects), tolerance)
-    options = tried_all(task, [(*chosen.effects, e) for e in rest], tolerance)
-    better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
-    return swapped(task, polished(task, better[0], tolerance), candidates, tolerance) if better else None
 
 
 def in_plain_form(task: Task, chosen: Trial, tolerance: float) -> Trial:

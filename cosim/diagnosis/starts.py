@@ -11,6 +11,9 @@ from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 
 Array = NDArray[np.float64]
 Values = dict[str, float]
+Begun = tuple[
+    bool, float, Values
+]  # without effect, square of the whitened residual and of the priors' pulls, parameters
 Seen = tuple[Values, Array]  # parameters, and the whitened residual (n,) with them
 
 BENT = 3.0  # standard deviations off its prior beyond which a parameter is tried at its prior as well
@@ -56,16 +59,14 @@ def fit_from_starts(
     """
     bent = {u.name: u.prior[0] for u in unknowns if u.prior and abs(u.start - u.prior[0]) > BENT * u.prior[1]}
     hidden = None if size is None or slopes is None else np.linalg.qr(slopes)[0]
-    kinds: list[list[tuple[bool, float, Values]]] = []
+    kinds: list[list[Begun]] = []
     for straight in ({}, bent) if bent else ({},):
-        trials: list[tuple[bool, float, Values]] = []
+        trials: list[Begun] = []
         kinds.append(trials)
         # where a limit is out of reach nothing changes with it: a search cannot begin there
         off = task.white(task.residuals({u.name: u.start for u in unknowns} | straight))
 
-        def white(
-            values: Values, off: Array = off, trials: list[tuple[bool, float, Values]] = trials
-        ) -> Array:
+        def white(values: Values, off: Array = off, trials: list[Begun] = trials) -> Array:
             """Whitened residual at `values`, which become a trial."""
             found = task.white(task.residuals(values))
             pull = sum(((values[u.name] - u.prior[0]) / u.prior[1]) ** 2 for u in unknowns if u.prior)
@@ -77,11 +78,9 @@ def fit_from_starts(
             for alike in alike_but_for_the_phase(seen, size):
                 white(bounded(sized(alike, size, off, hidden), unknowns))
     # the best of either kind: what bends a parameter is worth nothing at its prior until its size is right to the last digit
-    best = [sorted(trials, key=lambda trial: trial[:2])[: keep // len(kinds)] for trials in kinds]
-    found = [
-        fit(task, placed(unknowns, values), rounds=rounds)
-        for *_, values in itertools.chain.from_iterable(best)
-    ]
+    best = (sorted(trials, key=lambda trial: trial[:2])[: max(1, keep // len(kinds))] for trials in kinds)
+    begun = [placed(unknowns, values) for *_, values in itertools.chain.from_iterable(best)]
+    found = [fit(task, one, rounds=rounds) for one in begun]
     return max(found, key=lambda one: one.log_likelihood)
 
 

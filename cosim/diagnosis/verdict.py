@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.crossval import held_out_gain
-from cosim.diagnosis.finding import at_first, gained, unexplained
-from cosim.diagnosis.freeform import SYSTEMATIC, Leftover
+from cosim.diagnosis.finding import at_first, gained, systematic, unexplained
+from cosim.diagnosis.freeform import Leftover
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
 from cosim.diagnosis.samples import marks
@@ -17,11 +17,6 @@ from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in which it was found
-# of what it gains where it was found that it must gain there: a fault gains nearly as much, slow noise that fits twice by
-# chance up to 0.29 (of 530 logs, 100 of them with 1/f noise)
-ALIKE = 1.0 / 3.0
-CERTAIN = 1e-30  # probability below which it need not: slow noise has explained itself to 1e-11 only
 NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not matter in practice
 LOCAL = 1e-5  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.1  # of the original systematic residual that may be left for one named cause to stand
@@ -62,17 +57,6 @@ class Rest:
     leftover: Leftover
     what: str
     span: tuple[float, float] | None = None
-
-
-def systematic(leftover: Leftover, negligible: float) -> bool:
-    """True if a residual holds something that is neither chance nor negligible (a size in the signal's unit).
-
-    It must show again, and as strongly, in windows that had no share in finding it, unless no noise could explain that
-    much: windows that visit different regimes have little to say of each other.
-    """
-    again = leftover.held_out > max(AGAIN, ALIKE * leftover.gain)
-    seen = again or leftover.p_value < CERTAIN
-    return leftover.p_value < SYSTEMATIC and leftover.rms > negligible and seen
 
 
 def negligible(finding: Finding, signal: str) -> float:

@@ -1,5 +1,7 @@
 """Logs that were computed and carry no noise at all, and signals that only a sensor could make worse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hidden_logs import off
@@ -32,7 +34,7 @@ def test_a_clean_log_without_noise_is_adequate() -> None:
     ],
 )
 def test_an_effect_without_noise_is_found_alone_and_exactly(effect: str, parameter: str, size: float) -> None:
-    found = told_without_noise(f"{effect}:{parameter}={size!r}")
+    found = told_without_noise(f"{effect}:{parameter}={float(size)!r}")
     (cause,) = found.causes
     assert cause.effect.name == effect
     assert cause.parameters[parameter][0] == pytest.approx(size, rel=1e-3)
@@ -60,3 +62,16 @@ def test_what_stands_is_not_stale_and_what_jumps_behind_is() -> None:
     rate = np.full(stale.size, 1.0)
     assert stale_share(stale, rate)[0] > 0.05
     assert stale_share(stood, np.full(stood.size, 1.0))[0] == 0.0
+
+
+def test_a_nominal_parameter_that_is_off_is_named_beside_a_small_rest() -> None:
+    """The nominal model bends the parameter itself: all that is left then is the rest, however small it is."""
+    run = make_log("mixed", 30.0, ["dcv.gain:K=2.1 mm"], seed=4, settings=off(4, "dcv.gain"))
+    log = as_log(run)
+    spool = log.signals["spool"]
+    curved = spool * (1.0 - 0.002 * (spool / 2.6e-3) ** 2)  # a displacement sensor that is not quite straight
+    found = diagnose(replace(log, signals={**log.signals, "spool": curved}))
+    assert [c.effect.name for c in found.causes] == ["dcv.gain"]
+    assert found.causes[0].parameters["K"][0] == pytest.approx(2.1e-3, rel=0.01)
+    assert {rest.block for rest in found.rests} == {"dcv"}
+    assert found.verdict == "partly_explained"
