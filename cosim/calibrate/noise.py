@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 RATIO = 3.0  # between neighbouring correlation times
 NEGLIGIBLE = 1e-3  # share of the spectrum at its own corner below which a kind of noise is left out
+# of what a signal moves from sample to sample, that two programs may differ by: no sensor is that quiet
+COMPUTED = 0.05
+STILL = 1e-6  # the same for signals that never change, of their largest value
 LEAST_WHITE = 1e-9  # share of the variance that is white at least: keeps the covariance well conditioned
 
 
@@ -65,6 +68,12 @@ class Noise:
         gaps = np.diff(places, prepend=places[:1]).astype(np.float64)
         white = max(self.white, LEAST_WHITE * total)
         return _whiten(np.ascontiguousarray(rows, dtype=np.float64), gaps, white, rates, sizes)
+
+
+def quietest(signal: Array) -> float:
+    """Smallest noise that a signal (n,) is taken to have, in its unit: a computed log has none."""
+    step = float(np.sqrt(np.mean(np.diff(signal) ** 2))) if signal.size > 1 else 0.0
+    return max(COMPUTED * step, STILL * float(np.max(np.abs(signal), initial=0.0)), 1e-12)
 
 
 def density(tau: float, w: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.calibrate.free import Free
-from cosim.calibrate.noise import Noise
+from cosim.calibrate.noise import Noise, quietest
 from cosim.calibrate.twin import Twin
 from cosim.compare import Comparator
 from cosim.errors import DataError, SimulationError, UsageError
@@ -148,19 +148,18 @@ class Problem:
         for name, value in self.comparator.start_values().items():
             signal = self.comparator.starts[name]
             if signal in self.signals and name not in taken and name not in self.given:
-                size = abs(self.comparator.bindings[signal].gain) * self._floor(signal)
+                size = abs(self.comparator.bindings[signal].gain) * self.floor(signal)
                 found.append(Unknown(name, value, -np.inf, np.inf, 10.0 * size))
         return found
 
-    def _floor(self, signal: str) -> float:
+    def floor(self, signal: str) -> float:
         """Noise of a signal before anything is known; never 0, as in a log without noise."""
-        measured = self.comparator.log[signal]
-        return max(self.comparator.floors[signal], 1e-6 * float(np.ptp(measured)), 1e-12)
+        return max(self.comparator.floors[signal], quietest(self.comparator.log[signal]))
 
     @property
     def first_noise(self) -> dict[str, Noise]:
         """White noise of the size that each signal shows by itself."""
-        return {name: Noise(self._floor(name) ** 2) for name in self.signals}
+        return {name: Noise(self.floor(name) ** 2) for name in self.signals}
 
     def values(self, z: Array) -> dict[str, Value]:
         """Unknowns (in units of their sizes) as parameters of the model."""

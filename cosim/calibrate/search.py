@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from cosim.calibrate.noise import Noise
+from cosim.calibrate.noise import Noise, quietest
 from cosim.calibrate.outcome import Start
 from cosim.calibrate.problem import Problem
 from cosim.calibrate.spectrum import bands, learn
@@ -205,7 +205,7 @@ def learned(problem: Problem, z: Array) -> dict[str, Noise]:
     for name, places in problem.places.items():
         whole = np.arange(places[0], places[-1] + 1)
         even = [np.interp(whole, places, row) for row in (residuals[name], *slopes[name])]
-        found[name] = bands(even[0], np.stack(even[1:]))
+        found[name] = bands(even[0], np.stack(even[1:]), quietest(problem.comparator.log[name]))
     prior = np.zeros((len(problem.unknowns),) * 2)
     for i, (_, deviation) in problem.priors:
         prior[i, i] = (problem.unknowns[i].size / deviation) ** 2

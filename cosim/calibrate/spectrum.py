@@ -41,8 +41,11 @@ class Bands:
     times: tuple[float, ...]
 
 
-def bands(residual: Array, slopes: Array) -> Bands:
-    """Bands of a residual (n,) and slopes (p, n) of the prediction, uniformly sampled, same unit."""
+def bands(residual: Array, slopes: Array, least: float = 0.0) -> Bands:
+    """Bands of a residual (n,) and slopes (p, n) of the prediction, uniformly sampled, same unit.
+
+    A residual smaller than `least` is taken to hold white noise that fills it up to that size.
+    """
     n = residual.size
     taper = hann(n, sym=False)
     rows = np.fft.rfft(np.vstack([residual - residual.mean(), slopes]) * taper, axis=1)
@@ -57,6 +60,7 @@ def bands(residual: Array, slopes: Array) -> Bands:
     shapes = np.add.reduceat(fine, starts, axis=1) / count
     used = rows[:, edges[0] : edges[-1]]
     power = np.add.reduceat(np.abs(used[0]) ** 2, starts)
+    power += max(0.0, least**2 - float(power.sum() / count.sum())) * count
     gram = np.stack([(part @ part.conj().T).real for part in np.split(used[1:], starts[1:], axis=1)])
     return Bands(count, power, gram, shapes, times)
 

@@ -238,11 +238,7 @@ def _lacking(problem: Problem, found: Found) -> list[str]:
 
     The values are then those that make up best for what is missing.
     """
-    ratios = {
-        n: rms(found.residuals[n]) / problem.comparator.floors[n]
-        for n in problem.signals
-        if problem.comparator.floors[n] > 0.0
-    }
+    ratios = {n: rms(found.residuals[n]) / problem.floor(n) for n in problem.signals}
     large = [f"{n} {ratio:.2g} times" for n, ratio in ratios.items() if ratio > LACKING]
     notes = [] if found.settled else [UNSETTLED]
     if not large:

@@ -7,6 +7,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.calibrate.noise import quietest
 from cosim.diagnosis.crossval import window_numbers
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
@@ -24,10 +25,6 @@ AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in
 # chance up to 0.29 (of 530 logs, 100 of them with 1/f noise)
 ALIKE = 1.0 / 3.0
 CERTAIN = 1e-30  # probability below which it need not: slow noise has explained itself to 1e-11 only
-COMPUTED = (
-    0.05  # of what a signal moves from sample to sample, that two programs may differ by; sensors are noisier
-)
-STILL = 1e-6  # of its largest value, for signals that never change
 SMALLER = 0.97  # of the noise: less, and all is fitted again
 
 
@@ -105,12 +102,6 @@ def systematic(leftover: Leftover, negligible: float) -> bool:
 def lacking(task: Task, record: Record, found: Fit) -> bool:
     """True if a fit leaves something that is no chance in a signal."""
     return any(systematic(left, 0.0) for left in leftovers(task, record, found).values())
-
-
-def quietest(signal: Array) -> float:
-    """Smallest noise that a signal (n,) is taken to have: a computed log has none, yet no two programs integrate alike."""
-    step = float(np.sqrt(np.mean(np.diff(signal) ** 2)))
-    return max(COMPUTED * step, STILL * float(np.max(np.abs(signal))), 1e-12)
 
 
 def smaller_noise(task: Task, record: Record, found: Fit) -> bool:

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.signal import coherence
 
 from cosim.calibrate.determined import sight
-from cosim.calibrate.noise import Noise
+from cosim.calibrate.noise import Noise, quietest
 from cosim.calibrate.spectrum import bands, learn
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit
@@ -173,5 +173,5 @@ class TrackerModel:
         even = [
             np.interp(whole, self.places, row) for row in (found.residuals["slew_external"], *(slopes / size))
         ]
-        one = bands(even[0], np.stack(even[1:]))
+        one = bands(even[0], np.stack(even[1:]), quietest(self.readings))
         self.noise = learn({"slew_external": one}, np.zeros((len(slopes),) * 2))["slew_external"]

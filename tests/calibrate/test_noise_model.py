@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
-from cosim.calibrate.noise import Noise, correlation_times
+from cosim.calibrate.noise import Noise, correlation_times, quietest
 from cosim.calibrate.spectrum import bands, learn
 from cosim.rig import Noise as RigNoise
 
@@ -57,6 +57,26 @@ def test_noise_learned_is_the_noise_put_in(kind: str, tau: float, left: float) -
     assert np.var(white) == pytest.approx(1.0, abs=0.05)
     for lag in (1, 3, 10, 30, 100, 300):
         assert abs(np.mean(white[lag:] * white[:-lag])) < left, lag
+
+
+def test_a_computed_log_has_the_noise_that_two_programs_differ_by() -> None:
+    x = np.zeros(5000)
+    least = quietest(np.sin(np.arange(5000) * 0.01))
+    assert 1e-5 < least < 1e-3
+    found = learn({"x": bands(x, np.ones((1, 5000)), least)}, np.zeros((1, 1)))["x"]
+    assert found.rms == pytest.approx(least, rel=0.05)
+    assert quietest(np.full(100, 170e5)) == pytest.approx(17.0)  # a supply that never changes
+    assert quietest(np.zeros(100)) > 0.0
+
+
+@given(scale=st.floats(0.3, 3.0), kind=st.sampled_from(["white", "ar1", "pink"]))
+@settings(max_examples=15, deadline=None)
+def test_noise_of_sensors_counts_as_it_is(scale: float, kind: str) -> None:
+    """What a computed log is given fills nothing up where there is noise."""
+    noise = RigNoise(kind=kind, correlation_time=0.02, sizes={"slew": scale}).draw("slew", 4000, seed=7)
+    still = np.empty((0, noise.size))
+    plain, filled = bands(noise, still), bands(noise, still, quietest(noise + np.linspace(0.0, 1e3, 4000)))
+    assert np.array_equal(plain.power, filled.power)
 
 
 def test_what_a_fit_absorbs_is_put_back() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hidden_logs import off
 
-from cosim.diagnosis.finding import quietest
+from cosim.calibrate.noise import quietest
 from cosim.diagnosis.samples import resting, stale_share
 from cosim.diagnosis.story import diagnose
 from cosim.rig import Noise, make_log
