@@ -1,6 +1,6 @@
 """A log made ready for the diagnosis, SI, and the free functions of each group."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ class Record:
 
     def until(self, count: int) -> "Record":
         """The first samples alone."""
-        grid = None if self.grid is None else Grid(self.grid.stamps[:count], self.grid.step)
+        grid = None if self.grid is None else replace(self.grid, stamps=self.grid.stamps[:count])
         return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid, self.rest)
 
     def has(self, *names: str) -> bool:

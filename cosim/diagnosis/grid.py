@@ -23,10 +23,13 @@ class Grid:
     Attributes:
         stamps: (m,) s, from zero, increasing.
         step: length of a simulation's step, s.
+        lines: a signal that a controller holds over each of its own steps was sampled more rarely than that: what it
+            did between the samples lies on straight lines.
     """
 
     stamps: Array = field(repr=False)
     step: float
+    lines: bool = False
 
     def __post_init__(self) -> None:
         """Prepare where each stamp lies among the steps."""
@@ -49,9 +52,10 @@ class Grid:
 
         Args:
             values: a signal at the stamps.
-            held: each value holds until the next stamp; the result is then its mean over the step that follows.
+            held: each value holds until the next stamp (not with `lines`); the result is then its mean over the step
+                that follows.
         """
-        if not held:
+        if not held or self.lines:
             return np.asarray(np.interp(self.time, self.stamps, values), dtype=np.float64)
         area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(self.stamps))])
         ends = np.append(self.time, self.time[-1] + self.step)
@@ -69,12 +73,13 @@ class Grid:
         return np.asarray(low + self._part * (rows[..., self._below + 1] - low))
 
 
-def grid_of(time: Array, step: float | None = None) -> tuple[Grid | None, float]:
+def grid_of(time: Array, step: float | None = None, lines: bool = False) -> tuple[Grid | None, float]:
     """The grid of a log, and its interval between samples, s.
 
     Args:
         time: (m,) stamps, s.
         step: longest step of a simulation, s; by default `STEP`.
+        lines: as in `Grid`.
 
     Returns:
         None in place of the grid where each sample is a step: even sampling, fast enough.
@@ -89,4 +94,4 @@ def grid_of(time: Array, step: float | None = None) -> tuple[Grid | None, float]
         stamps = np.asarray(np.arange(stamps.size) * interval, dtype=np.float64)
         if interval <= longest * (1.0 + EVEN):
             return None, interval
-    return Grid(stamps, interval / math.ceil(interval / longest - EVEN)), interval
+    return Grid(stamps, interval / math.ceil(interval / longest - EVEN), lines), interval

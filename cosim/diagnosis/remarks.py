@@ -28,9 +28,16 @@ def notes(diagnosis: Diagnosis, log: Log) -> list[str]:
     if grid is not None:
         spread = np.diff(grid.stamps)
         low, high = (f"{1e3 * v:.4g}" for v in (spread.min(), spread.max()))
+        drive = diagnosis.machine.drive
+        way = (
+            f"{drive} on straight lines from stamp to stamp"
+            if grid.lines
+            else f"{drive} held from stamp to stamp (if it changes in between, the valve seems early: `held = false` in a "
+            "mapping file draws straight lines)"
+        )
         found.append(
             f"sampled every {low if low == high else f'{low} to {high}'} ms: simulated in steps of "
-            f"{1e3 * grid.step:.4g} ms, the command held from stamp to stamp, and compared at the stamps themselves"
+            f"{1e3 * grid.step:.4g} ms, {way}, and compared at the stamps themselves"
         )
     return found
 

@@ -58,7 +58,7 @@ def prepare(log: Log, machine: Machine) -> Record:
         not log.uniform and log.step <= FAST
     ):  # jitter of a fast log: straight lines between its samples lose nothing
         log = log.resample(log.step)
-    grid, interval = grid_of(log.time * second, machine.options.step)
+    grid, interval = grid_of(log.time * second, machine.options.step, machine.drive not in log.held)
     gains = {n: item.gain for n, item in machine.signals.items()}
     signals = {n: v if gains.get(n, 1.0) == 1.0 else gains[n] * v for n, v in log.signals.items()}
     if "p_load" in log:

@@ -1,5 +1,7 @@
 """Logs are judged at their own samples, however uneven."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,9 @@ from hypothesis import strategies as st
 from cosim.diagnosis.grid import Grid, grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.remarks import notes
+from cosim.diagnosis.story import diagnose
+from cosim.rig import as_log, make_log
 
 
 def test_a_fast_even_log_needs_no_grid() -> None:
@@ -60,3 +65,18 @@ def test_the_drive_at_uneven_samples_is_that_of_a_fine_simulation() -> None:
     exact = GroupModel(group, held, 1e-4, {}).simulate({})["slew"]
     # the compensator sees the mean over a step in which the command changes: 1 ms at most per change
     assert np.max(np.abs(uneven[:-1] - np.interp(stamps[:-1], fine, exact))) < 2e-3 * np.ptp(exact)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_command_logged_more_rarely_than_it_changes_lies_on_straight_lines(held: bool) -> None:
+    """The rig's controller acts every millisecond; the log has every tenth."""
+    log = as_log(make_log("multisine", 40.0, ["dcv.delay:tau_d=20 ms"], seed=12))
+    signals = {name: values[::10] for name, values in log.signals.items()}
+    kept = log.held if held else log.held - {"u"}
+    found = diagnose(replace(log, time=log.time[::10], signals=signals, held=kept))
+    assert [c.effect.name for c in found.causes] == ["dcv.delay"]
+    # held for 10 ms instead of 1 ms the command seems late by half of the difference
+    late = 4.5e-3 if held else 0.0
+    assert found.causes[0].parameters["tau_d"][0] == pytest.approx(20e-3 - late, abs=5e-4)
+    (note,) = notes(found, log)
+    assert ("held = false" in note) == held
