@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 RATIO = 3.0  # between neighbouring correlation times
 NEGLIGIBLE = 1e-3  # share of the spectrum at its own corner below which a kind of noise is left out
-# of what a signal moves from sample to sample, that two programs may differ by: no sensor is that quiet
-COMPUTED = 0.05
+COMPUTED = 0.05  # of what a signal moves from sample to sample, that two programs may differ by
+SMOOTH = 0.25  # of that: a signal with more noise than this between neighbouring samples has noise of its own
 STILL = 1e-6  # the same for signals that never change, of their largest value
 LEAST_WHITE = 1e-9  # share of the variance that is white at least: keeps the covariance well conditioned
 
@@ -71,9 +71,16 @@ class Noise:
 
 
 def quietest(signal: Array) -> float:
-    """Smallest noise that a signal (n,) is taken to have, in its unit: a computed log has none."""
-    step = float(np.sqrt(np.mean(np.diff(signal) ** 2))) if signal.size > 1 else 0.0
-    return max(COMPUTED * step, STILL * float(np.max(np.abs(signal), initial=0.0)), 1e-12)
+    """Smallest noise that a signal (n,) is taken to have, in its unit.
+
+    A computed log has none, which its fourth differences show: they leave nothing of a smooth motion, and 70 times the
+    variance of noise. Between two programs there is still what they integrate differently.
+    """
+    differ = COMPUTED * float(np.sqrt(np.mean(np.diff(signal) ** 2))) if signal.size > 4 else 0.0
+    own = float(np.sqrt(np.mean(np.diff(signal, 4) ** 2) / 70.0)) if signal.size > 4 else 0.0
+    return max(
+        differ if own < SMOOTH * differ else 0.0, STILL * float(np.max(np.abs(signal), initial=0.0)), 1e-12
+    )
 
 
 def density(tau: float, w: Array) -> Array:
