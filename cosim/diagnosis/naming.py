@@ -137,14 +137,14 @@ def extended(
 ) -> Trial | None:
     """The chosen set with the best further effect or form of a law, exchanges and removals tried; None if none is sure.
 
-    What a chosen effect was bent to in the absence of the other may keep a search that begins there from finding it: as
-    long as something is left, all parameters are sought anew from their own starts.
+    What the one chosen effect was bent to in the absence of the other may keep a search that begins there from finding
+    it: where something is left, both are sought anew from their own starts (of more effects there are too many).
     """
     rest = promising(task, chosen, (e for e in candidates if e not in chosen.effects), tolerance)
     further = [(*chosen.effects, e) for e in rest]
     options = tried_all(task, [*further, *forms(task, chosen, single)], tolerance, chosen.fit, single)
     better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
-    if not better and lacking(task, record, chosen.fit):
+    if not better and len(chosen.effects) == 1 and lacking(task, record, chosen.fit):
         better = [
             t for t in tried_all(task, further, tolerance) if accepted(t, chosen, task.model, tolerance)
         ]
