@@ -76,11 +76,12 @@ def quietest(signal: Array) -> float:
     A computed log has none, which its fourth differences show: they leave nothing of a smooth motion, and 70 times the
     variance of noise. Between two programs there is still what they integrate differently.
     """
-    differ = COMPUTED * float(np.sqrt(np.mean(np.diff(signal) ** 2))) if signal.size > 4 else 0.0
-    own = float(np.sqrt(np.mean(np.diff(signal, 4) ** 2) / 70.0)) if signal.size > 4 else 0.0
-    return max(
-        differ if own < SMOOTH * differ else 0.0, STILL * float(np.max(np.abs(signal), initial=0.0)), 1e-12
-    )
+    least = max(STILL * float(np.max(np.abs(signal), initial=0.0)), 1e-12)
+    if signal.size <= 4:
+        return least
+    differ = COMPUTED * float(np.sqrt(np.mean(np.diff(signal) ** 2)))
+    own = float(np.sqrt(np.mean(np.diff(signal, 4) ** 2) / 70.0))
+    return max(differ, least) if own < SMOOTH * differ else least
 
 
 def density(tau: float, w: Array) -> Array:

@@ -11,9 +11,8 @@ from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 
 Array = NDArray[np.float64]
 Values = dict[str, float]
-Begun = tuple[
-    bool, float, Values
-]  # without effect, square of the whitened residual and of the priors' pulls, parameters
+# whether it is without effect, square of the whitened residual and of the priors' pulls, parameters
+Begun = tuple[bool, float, Values]
 Seen = tuple[Values, Array]  # parameters, and the whitened residual (n,) with them
 
 BENT = 3.0  # standard deviations off its prior beyond which a parameter is tried at its prior as well

@@ -102,8 +102,9 @@ def stands(finding: Finding) -> bool:
         return True
     share = CARRIED if len(finding.chosen.effects) == 1 else TOGETHER
     for signal, left in finding.after.items():
-        carried = max(share * finding.before[signal].rms, LINEAR * at_first(finding, signal))
-        if systematic(left, negligible(finding, signal)) and left.rms > carried:
+        if not systematic(left, negligible(finding, signal)):
+            continue
+        if left.rms > max(share * finding.before[signal].rms, LINEAR * at_first(finding, signal)):
             return False
     gain = gained(finding)
     # something that happens once and carries more than the causes do may well be what called for them
