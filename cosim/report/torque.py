@@ -47,7 +47,7 @@ class Motion:
             if other.effect == cause.effect:
                 continue
             if other.effect == "continuity.cracking_pressure":
-                felt = opened(felt, material.size(other, "p_c"))
+                felt = opened(felt, material, other)
             others += law(material, other, self)
         self.needed = self.inertia * self.alpha + self.damping * self.omega + others
         self.missing = self.area * felt - self.needed
@@ -60,9 +60,14 @@ def points(n: int, h: float, stride: float = STRIDE) -> NDArray[np.intp]:
     return np.arange(edge, n - edge, max(1, round(stride / h)))
 
 
-def opened(pressure: Array, p_c: float) -> Array:
-    """Pressure behind a dead zone of half-width p_c."""
-    return np.sign(pressure) * np.maximum(np.abs(pressure) - p_c, 0.0)
+def opened(pressure: Array, material: Material, cause: NamedCause) -> Array:
+    """Pressure behind the counterbalance valve that a cause says there is, Pa."""
+    ratio = np.abs(pressure) / max(material.size(cause, "p_c"), 1e-300)
+    if "s_c" not in cause.parameters:
+        return pressure * (1.0 - 1.0 / np.maximum(ratio, 1.0))
+    softness = material.size(cause, "s_c")
+    # log(1 + ratio^(1/s)), which no power overflows
+    return pressure * -np.expm1(-softness * np.logaddexp(0.0, np.log(np.maximum(ratio, 1e-300)) / softness))
 
 
 def law(material: Material, cause: NamedCause, motion: Motion) -> Array:
@@ -189,7 +194,7 @@ def over_pressure(material: Material, cause: NamedCause) -> Picture:
     motion = Motion(material, cause)
     x, y = motion.pressure / BAR, motion.needed / motion.area / BAR
     grid = np.linspace(x.min(), x.max(), 401)
-    felt = opened(grid * BAR, material.size(cause, "p_c")) / BAR
+    felt = opened(grid * BAR, material, cause) / BAR
     at, mean, error = binned(x, y - x, motion.independent)
     top = [
         Layer("points", "measured", "measured", x, y),

@@ -109,3 +109,36 @@ def test_which_friction_holds_a_drive_at_rest_cannot_be_told() -> None:
     assert np.ptp(run.true["theta"]) == 0.0
     (cause,) = diagnose(as_log(run)).causes
     assert "mechanical.stribeck_friction" in (cause.effect.name, *cause.alike)
+
+
+@pytest.mark.parametrize(("seed", "soft"), [(41, True), (42, True), (43, False)])
+def test_a_counterbalance_valve_may_open_gradually(seed, soft) -> None:
+    """The angle is made by scipy from the rig's pressure: the rig's valve opens all at once."""
+    settings = off(seed)
+    run = make_log("mixed", 40.0, [], seed=seed, settings=settings)
+    log, p_c = as_log(run), 1e5
+    p_load = run.true["p_load"]
+    lost = p_c * np.tanh(p_load / p_c) if soft else np.clip(p_load, -p_c, p_c)
+    inertia, damping = settings["mechanical.J"], settings["mechanical.b"]
+    area = settings.get("mechanical.A", 8419.3e-6) * settings.get("mechanical.r", 0.1)
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        return np.array([y[1], (area * np.interp(t, log.time, p_load - lost) - damping * y[1]) / inertia])
+
+    theta = solve_ivp(
+        rate,
+        (0.0, log.time[-1]),
+        [run.true["theta"][0], 0.0],
+        "RK45",
+        log.time,
+        max_step=5e-3,
+        rtol=1e-8,
+        atol=1e-9,
+    ).y[0]
+    noise = log.signals["slew"] - run.true["theta"]
+    found = diagnose(replace(log, signals=log.signals | {"slew": theta + noise}))
+    (cause,) = found.causes
+    assert cause.effect.name == "continuity.cracking_pressure"
+    assert not found.rests
+    assert cause.parameters["p_c"][0] == pytest.approx(p_c, rel=0.03)
+    assert ("s_c" in cause.parameters) == soft

@@ -1,6 +1,7 @@
 """Flow and pressure as identified: (4.26), (4.33), (5.4)."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -97,3 +98,36 @@ def test_turbulent_leakage_agrees_with_its_differential_equation_to_second_order
 @given(st.floats(0.01, 2.0))
 def test_leakage_that_hardly_turns_turbulent_is_laminar(c_l: float) -> None:
     assert leaking(c_l, 1e-15, 1e-3) == pytest.approx(leaking(c_l, 0.0, 1e-3), abs=2e-4 * K_C * 2e-3)
+
+
+def felt(p_load: float, p_c: float, s_c: float) -> float:
+    """What the mechanics feel of a load pressure behind a counterbalance valve."""
+    law = registry.effects()["continuity.cracking_pressure"].fills["driving_pressure"]
+    return law(p_load, None, SimpleNamespace(p_c=p_c, s_c=s_c))
+
+
+PRESSURE, CRACKING, SOFTNESS = st.floats(-3e7, 3e7), st.floats(0.0, 1e8), st.floats(0.0, 1.0)
+
+
+@given(PRESSURE, PRESSURE, CRACKING, SOFTNESS)
+def test_a_valve_that_opens_gradually_is_odd_and_rises_and_holds_back_no_more_than_its_cracking_pressure(
+    one: float, other: float, p_c: float, s_c: float
+) -> None:
+    low, high = sorted((one, other))
+    slack = 1e-12 * max(abs(low), abs(high))
+    assert felt(-one, p_c, s_c) == -felt(one, p_c, s_c)
+    assert felt(low, p_c, s_c) <= felt(high, p_c, s_c) + slack
+    assert -slack <= abs(one) - abs(felt(one, p_c, s_c)) <= min(p_c, abs(one)) + slack
+
+
+@given(PRESSURE, CRACKING)
+def test_a_valve_that_hardly_opens_gradually_opens_at_once(p_load: float, p_c: float) -> None:
+    """The corner is rounded by ln(2) of its softness at most."""
+    assert felt(p_load, p_c, 1e-9) == pytest.approx(
+        felt(p_load, p_c, 0.0), abs=1e-9 * p_c + 1e-12 * abs(p_load)
+    )
+
+
+@given(PRESSURE, SOFTNESS)
+def test_without_a_cracking_pressure_nothing_is_held_back(p_load: float, s_c: float) -> None:
+    assert felt(p_load, 0.0, s_c) == p_load
