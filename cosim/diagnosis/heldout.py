@@ -4,7 +4,7 @@ A cause that the fitting log asks for but that does not make the prediction of t
 has described that one log and not the machine.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,7 +15,7 @@ from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
-from cosim.diagnosis.trials import without
+from cosim.diagnosis.trials import tried_all, without
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -117,6 +117,33 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
     if not waiting or not signal or finding.task.model.group.drive not in held.record.signals:
         return [], finding.chosen.effects
+    step = stepper(finding, held, signal, tolerance)
+    at = min((balanced(finding, step(e), waiting, step) for e in ((), waiting)), key=lambda s: s.judged)
+    kept = {e.name for e in at.effects}
+    group = finding.task.model.group.name
+    refused = []
+    for effect in (e for e in waiting if e.name not in kept):
+        behind = without(finding.task, finding.chosen, effect, finding.null, tolerance)
+        gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
+        with_it = step(widened(finding, at.effects, effect))
+        refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
+    finding.confirmed = bool(at.effects) and not refused
+    if not refused:
+        refused = outdone(finding, at, step, signal)
+    return refused, at.effects
+
+
+def stepper(
+    finding: Finding, held: Held, signal: str, tolerance: float
+) -> Callable[[tuple[Effect, ...]], Step]:
+    """Fits sets of effects to the whole fitting log and judges them on held-out data, each set once.
+
+    Args:
+        finding: what was named in one group; fits begin where its fit ends.
+        held: the held-out data.
+        signal: what is compared.
+        tolerance: trust in the nominal parameters.
+    """
     done: dict[frozenset[tuple[str, ...]], Step] = {}
 
     def step(effects: tuple[Effect, ...]) -> Step:
@@ -132,19 +159,35 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
             done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), sure, squares)
         return done[key]
 
-    at = min((balanced(finding, step(e), waiting, step) for e in ((), waiting)), key=lambda s: s.judged)
-    kept = {e.name for e in at.effects}
-    group = finding.task.model.group.name
-    refused = []
-    for effect in (e for e in waiting if e.name not in kept):
-        behind = without(finding.task, finding.chosen, effect, finding.null, tolerance)
-        gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
-        with_it = step(widened(finding, at.effects, effect))
-        refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
-    finding.confirmed = bool(at.effects) and not refused
-    if not refused:
-        refused = outdone(finding, at, step, signal)
-    return refused, at.effects
+    return step
+
+
+def reconsider(finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float) -> None:
+    """Try refused effects once more, each in a kept one's place: held-out data may tell them apart no better than the log.
+
+    An effect is refused because it adds nothing to those that are kept. One that would do as well in the place of one
+    of them belongs to its rivals all the same.
+
+    Args:
+        finding: what is kept in one group; `rivals` grows.
+        held: the held-out data.
+        refused: what they refused in this group.
+        tolerance: trust in the nominal parameters.
+    """
+    judged = [r for r in refused if not r.instead and r.sure]
+    chosen = finding.chosen
+    if not judged or not chosen.effects:
+        return
+    step = stepper(finding, held, judged[0].signal, tolerance)
+    for effect in chosen.effects:
+        rest = tuple(e for e in chosen.effects if e != effect)
+        # what holds the kept one was refused in its place already
+        others = [r.effect for r in judged if effect not in simpler(finding, r.effect)]
+        others = [
+            e for e in others if (s := step((*rest, e))).sure and not step(chosen.effects).clearly_better(s)
+        ]
+        found = tried_all(finding.task, [(*rest, e) for e in others], tolerance, chosen.fit)
+        finding.rivals[effect.name] = [*finding.rivals.get(effect.name, []), *found]
 
 
 def outdone(

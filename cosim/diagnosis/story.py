@@ -16,7 +16,7 @@ from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.heldout import Held, refuse
+from cosim.diagnosis.heldout import Held, reconsider, refuse
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, tried
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
@@ -113,6 +113,8 @@ def judge(
             settle(task.model, constants or {})
             finding = find(task, record, trust, most if left else len(kept), within=False, begin=begin)
             finding.confirmed = finding.chosen.effects == kept != ()
+        if held is not None:
+            reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust)
         finding.upstream = upstream_rivals(finding, known if group.integrates else [], record)
         conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []

@@ -1,19 +1,27 @@
 """Which causes held-out data keep: those whose absence makes the prediction worse, even where they help together only."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from cosim.diagnosis.chain import task_for
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.heldout import Step, balanced
+from cosim.diagnosis.heldout import Held, Refused, Step, balanced, reconsider
+from cosim.diagnosis.machine import our_machine
+from cosim.diagnosis.naming import find
+from cosim.diagnosis.story import prepare
+from cosim.rig import make_log
+from cosim.rig.write import as_log
 from fmus import registry
 from fmus.contract import Effect
 
 COULOMB, STRIBECK, BACKLASH = (
     registry.effects()[f"mechanical.{name}"] for name in ("coulomb_friction", "stribeck_friction", "backlash")
 )
+CRACKING = registry.effects()["continuity.cracking_pressure"]
 # all that is asked of a finding here is which candidates there are
 MECHANICS = SimpleNamespace(
     task=SimpleNamespace(model=SimpleNamespace(group=MODELS["full_order"][2])), rivals={}
@@ -52,3 +60,19 @@ def test_the_fuller_of_two_must_be_better_than_the_simpler(
 ) -> None:
     errors = [((), 10.0), ((COULOMB,), 5.0), ((STRIBECK,), fuller)]
     assert kept(errors, begin, STRIBECK) == {expected.name}
+
+
+def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_better() -> None:
+    """Weak dry friction and a weak cracking pressure act alike; gravity does not, and Stribeck friction holds Coulomb's."""
+    hidden = ["mechanical.coulomb_friction:tau_c=6"]
+    logs = [as_log(make_log("steps", 20.0, hidden, seed=s)) for s in (5, 6)]
+    record, other = (prepare(log, our_machine("full_order")) for log in logs)
+    refused = [CRACKING, STRIBECK, registry.effects()["mechanical.gravity_load"]]
+    group = replace(MODELS["full_order"][2], excluded=tuple(e.name for e in refused))
+    finding = find(task_for(group, record, []), record, within=False)
+    assert finding.chosen.effects == (COULOMB,)
+    assert not {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
+    turned_down = [Refused(e, group.name, "slew", 0.0, 1.0, 2.0) for e in refused]
+    reconsider(finding, Held(other, 0), turned_down, 0.01)
+    added = {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
+    assert added == {CRACKING.name}
