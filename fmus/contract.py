@@ -199,6 +199,7 @@ class Effect:
         when: "before" the block's step (x1 is x then) or "after" it.
         helpers: further equations that these call.
         asked: the diagnosis considers it only where a mapping file asks for it.
+        sole_form: its law can have no other form (an offset, a factor, an inertia): what it leaves is none of its own.
     """
 
     name: str
@@ -217,6 +218,7 @@ class Effect:
     when: Literal["before", "after"] = "before"
     helpers: tuple[Callable[..., Any], ...] = ()
     asked: bool = False
+    sole_form: bool = False
 
     @property
     def block(self) -> str:

@@ -21,7 +21,7 @@ NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not mat
 LOCAL = 1e-5  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.1  # of the original systematic residual that may be left for one named cause to stand
 TOGETHER = 0.05  # the same for several: a sum of two imitates a third more easily
-LINEAR = 0.01  # the same of what a nominal parameter changes: the law it stands in has one form only
+LINEAR = 0.01  # the same where the law has one form only, as that of a nominal parameter
 FORM = 0.05  # of it that may be left of one named cause: its law is known only nearly
 
 
@@ -63,8 +63,13 @@ def negligible(finding: Finding, signal: str) -> float:
     """Size of a systematic rest that does not matter, SI: a part of the noise, or the error of readings in steps."""
     limits = [NOTICEABLE * finding.task.rules[signal].rms, rounding(finding, signal) / np.sqrt(12.0)]
     if len(finding.chosen.effects) == 1:
-        limits.append(FORM * finding.before[signal].rms)
+        limits.append((LINEAR if sole_form(finding) else FORM) * finding.before[signal].rms)
     return max(limits)
+
+
+def sole_form(finding: Finding) -> bool:
+    """True if the laws of all chosen effects have one form only: nothing that they leave is their own."""
+    return all(e.sole_form for e in finding.chosen.effects)
 
 
 def rounding(finding: Finding, signal: str) -> float:
@@ -101,6 +106,7 @@ def stands(finding: Finding) -> bool:
     if finding.confirmed:
         return True
     share = CARRIED if len(finding.chosen.effects) == 1 else TOGETHER
+    share = LINEAR if sole_form(finding) else share
     for signal, left in finding.after.items():
         if not systematic(left, negligible(finding, signal)):
             continue
@@ -211,7 +217,7 @@ def strained(finding: Finding, tolerance: float) -> list[Rest]:
     signal = next(iter(finding.after))
     # a single cause whose law is known only nearly bends the parameters beside it
     gain = chosen.fit.log_likelihood - finding.null.fit.log_likelihood
-    enough = max(SURE, FORM**2 * gain) if len(chosen.effects) == 1 else SURE
+    enough = max(SURE, FORM**2 * gain) if len(chosen.effects) == 1 and not sole_form(finding) else SURE
     found = []
     for known in trusted(finding.task.model, tolerance):
         if known.name in freed or known.prior is None:

@@ -29,4 +29,5 @@ EFFECT = Effect(
     },
     free={"a_q": Free(starts=(-0.1, 0.1), scale=0.1, floor=0.003)},
     fills={"opening": asymmetry_opening},
+    sole_form=True,
 )

@@ -9,4 +9,5 @@ EFFECT = Effect(
     source="(4.33); Table 4.4 spreads K over 4.6..5.7",
     key="K_c",
     free={"K_c": Free(starts=(4.5e8, 6.2e8), scale=0.6e8)},
+    sole_form=True,
 )

@@ -9,4 +9,5 @@ EFFECT = Effect(
     source="(4.29)-(4.31); Table 4.3 spreads K over 2.30..2.47",
     key="K",
     free={"K": Free(starts=(2.2e-3, 2.6e-3), scale=0.2e-3, floor=0.0)},
+    sole_form=True,
 )

@@ -9,4 +9,5 @@ EFFECT = Effect(
     source="Table 3.5: neutral shifted by the mechanical restriction",
     key="x_0",
     free={"x_0": Free(starts=(-1e-4, 1e-4), scale=1e-4, floor=4e-6)},
+    sole_form=True,
 )

@@ -10,4 +10,5 @@ EFFECT = Effect(
     key="tau_load",
     free={"tau_load": Free(starts=(-100.0, 100.0), scale=100.0, floor=3.0)},
     asked=True,
+    sole_form=True,
 )

@@ -42,4 +42,5 @@ EFFECT = Effect(
         "theta_g": Free(starts=(0.0, QUARTER), scale=1.0, phase=True),
     },
     fills={"load_torque": gravity_torque},
+    sole_form=True,
 )

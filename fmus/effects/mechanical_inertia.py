@@ -9,4 +9,5 @@ EFFECT = Effect(
     source="(4.27): J theta''",
     key="J",
     free={"J": Free(starts=(600.0, 1100.0, 2000.0), scale=300.0)},
+    sole_form=True,
 )

@@ -9,4 +9,5 @@ EFFECT = Effect(
     source="(3.2): offset of the potentiometer",
     key="bias",
     free={"bias": Free(starts=(-0.01, 0.01), scale=0.01, floor=2e-4)},
+    sole_form=True,
 )

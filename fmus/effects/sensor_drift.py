@@ -44,4 +44,5 @@ EFFECT = Effect(
     memory={"drift_time": Variable("s", "Time since the start")},
     begin=drift_begin,
     remember=drift_remember,
+    sole_form=True,
 )

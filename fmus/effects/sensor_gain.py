@@ -9,4 +9,5 @@ EFFECT = Effect(
     source="(3.2): max engineering value / max voltage",
     key="gain",
     free={"gain": Free(starts=(0.95, 1.05), scale=0.05, floor=0.002)},
+    sole_form=True,
 )
