@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 BIN = 0.01  # s averaged into one value: the drive has no news above some 10 Hz
 WINDOW = 5.0  # s of a window with an initial offset of its own
+SKEW = 0.25  # of a sampling interval: standard deviation of the timing between two signals of a log ...
+FINE = 1e-3  # s: ... of at most this interval, for slower logs are no worse in step
 UNSETTLED = 0.5  # s at the start that do not count: the state in which a log begins is not known
 
 
@@ -82,12 +84,10 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
     rules = {s: plain(bins, window, not group.absolute, round(UNSETTLED / record.h)) for s in observed}
     task = Task(model, {s: record.signals[s] for s in observed}, rules)
-    if moved:
-        base = model.simulate({})
-        doubt: dict[str, list[Array]] = {s: [] for s in observed}
-        for signal in moved:
-            other = GroupModel(group, signal, record.h, fixed, record.grid).simulate({})
-            for s in observed:
-                doubt[s].append(other[s] - base[s])
-        task.doubt = {s: np.stack(rows) for s, rows in doubt.items()}
+    # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block
+    task.late = SKEW * min(record.h, FINE) * float(np.sqrt(len(known) + 1))
+    base = model.simulate({})
+    others = [GroupModel(group, signal, record.h, fixed, record.grid).simulate({}) for signal in moved]
+    task.doubt = {s: np.stack([base[s], *(o[s] - base[s] for o in others)]) for s in observed}
+    task.retime({s: base[s] for s in observed}, record.time)
     return task

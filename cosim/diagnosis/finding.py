@@ -26,6 +26,9 @@ AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in
 ALIKE = 1.0 / 3.0
 CERTAIN = 1e-30  # probability below which it need not: slow noise has explained itself to 1e-11 only
 SMALLER = 0.97  # of the noise: less, and all is fitted again
+MOVED = (
+    0.5  # standard deviations of the noise by which the timing's doubt moves: more, and all is fitted again
+)
 
 
 @dataclass
@@ -80,6 +83,7 @@ def leftovers(task: Task, record: Record, found: Fit) -> dict[str, Leftover]:
 
 def learn_noise(task: Task, record: Record, found: Fit) -> None:
     """Set the task's whitening rules from the part of the residuals that free functions do not explain."""
+    task.retime({s: task.measured[s] - r for s, r in found.residuals.items()}, record.time)
     rules = {}
     for signal, bases in bases_of(task, record, found).items():
         columns = chain.from_iterable([*(b.columns() for b in bases), task.doubt.get(signal, ())])
@@ -105,11 +109,20 @@ def lacking(task: Task, record: Record, found: Fit) -> bool:
 
 
 def smaller_noise(task: Task, record: Record, found: Fit) -> bool:
-    """Learn the noise from a fit; True if it is smaller than was thought, otherwise the rules stay as they were."""
-    rules = task.rules
+    """Learn the noise from a fit; True if it is smaller than was thought, otherwise the rules stay as they were.
+
+    Likewise if the timing's doubt lies elsewhere now: what a signal that is late looks like depends on what is predicted.
+    """
+    rules, doubt = task.rules, task.doubt
     learn_noise(task, record, found)
     if any(task.rules[s].sigma < SMALLER * rule.sigma for s, rule in rules.items()):
         return True
+    moved = (
+        task.rows({s: rows[0] - doubt[s][0] for s, rows in task.doubt.items()}) if task.late else np.zeros(1)
+    )
+    if np.linalg.norm(moved) > MOVED:
+        return True
+    task.doubt = doubt
     task.set_rules(rules)
     return False
 

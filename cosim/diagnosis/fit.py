@@ -86,6 +86,7 @@ class Task:
         doubt: signal -> (k, n) changes of the prediction by one standard deviation of what blocks before this group are
             not known exactly; it counts as noise.
         mask: (windows,) windows that count, or None for all.
+        late: standard deviation of the timing of observed signals against the drive, s; its doubt is the first row.
     """
 
     model: GroupModel
@@ -94,6 +95,13 @@ class Task:
     doubt: Mapping[str, Array] = field(default_factory=dict)
     mask: NDArray[np.bool_] | None = None
     shrink: tuple[Array, Array] | None = field(default=None, repr=False)
+    late: float = 0.0
+
+    def retime(self, predicted: Mapping[str, Array], time: Array) -> None:
+        """Take the doubt of the timing from what is predicted now, signal -> (n,) SI, at these times (n,), s."""
+        if self.late > 0.0:
+            rows = {s: -self.late * np.gradient(y, time)[None] for s, y in predicted.items()}
+            self.doubt = {s: np.concatenate([row, self.doubt[s][1:]]) for s, row in rows.items()}
 
     def set_rules(self, rules: dict[str, Whitener]) -> None:
         """Take over whitening rules, and prepare how doubt shrinks what lies along it."""

@@ -1,6 +1,5 @@
 """The counterbalance valve opens only above a pressure."""
 
-
 from fmus.contract import Effect, Free, Variable, equation
 
 
