@@ -1,10 +1,12 @@
 """What was hidden is named; a clean log stays clean; a cause nobody knows is not invented."""
 
 import pytest
-from hidden_logs import told
+from hidden_logs import off, told
 
 from cosim.diagnosis.groups import left_out
-from cosim.rig import EFFECTS
+from cosim.diagnosis.story import diagnose
+from cosim.rig import EFFECTS, Noise, make_log
+from cosim.rig.write import as_log
 
 # seen only with the tracker, or hidden in the start angle without one
 NEEDS_TRACKER = ("tracker.clock", "tracker.seam", "sensor.bias")
@@ -61,6 +63,20 @@ def test_an_effect_that_the_library_lacks_stays_unnamed() -> None:
         found = told("continuity.flow_asymmetry", seed=21)
     assert not [c for c in found.causes if c.group == "continuity"]
     assert "continuity" in [r.block for r in found.rests]
+
+
+def test_a_drift_is_not_named_for_the_gravity_that_the_library_lacks() -> None:
+    """It explains all but a twentieth, which a law of several forms might leave; a drift has one form only."""
+    with left_out("mechanical.gravity_load"):
+        hidden = ["mechanical.gravity_load:tau_g=80.8,theta_g=0.327"]
+        seed, noise = 865911349, Noise(scale=2.0)
+        run = make_log(
+            "small_steps", 60.0, hidden, amplitude=0.98, noise=noise, seed=seed, settings=off(seed)
+        )
+        found = diagnose(as_log(run))
+    assert found.findings["mechanical"].chosen.names == ("sensor.drift",)
+    assert found.causes == []
+    assert "mechanical" in [r.block for r in found.rests]
 
 
 @pytest.mark.slow
