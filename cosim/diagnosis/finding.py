@@ -26,9 +26,7 @@ AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in
 ALIKE = 1.0 / 3.0
 CERTAIN = 1e-30  # probability below which it need not: slow noise has explained itself to 1e-11 only
 SMALLER = 0.97  # of the noise: less, and all is fitted again
-MOVED = (
-    0.5  # standard deviations of the noise by which the timing's doubt moves: more, and all is fitted again
-)
+MOVED = 0.5  # standard deviations of the noise: the doubt of the timing has moved by more, and all is fitted again
 
 
 @dataclass
@@ -108,19 +106,19 @@ def lacking(task: Task, record: Record, found: Fit) -> bool:
     return any(systematic(left, 0.0) for left in leftovers(task, record, found).values())
 
 
-def smaller_noise(task: Task, record: Record, found: Fit) -> bool:
+def relearned(task: Task, record: Record, found: Fit) -> bool:
     """Learn the noise from a fit; True if it is smaller than was thought, otherwise the rules stay as they were.
 
-    Likewise if the timing's doubt lies elsewhere now: what a signal that is late looks like depends on what is predicted.
+    Likewise if the doubt of the timing has moved: what a late signal looks like depends on what is predicted.
     """
     rules, doubt = task.rules, task.doubt
     learn_noise(task, record, found)
     if any(task.rules[s].sigma < SMALLER * rule.sigma for s, rule in rules.items()):
         return True
-    moved = (
-        task.rows({s: rows[0] - doubt[s][0] for s, rows in task.doubt.items()}) if task.late else np.zeros(1)
-    )
-    if np.linalg.norm(moved) > MOVED:
+    if (
+        task.late
+        and np.linalg.norm(task.rows({s: d[0] - doubt[s][0] for s, d in task.doubt.items()})) > MOVED
+    ):
         return True
     task.doubt = doubt
     task.set_rules(rules)

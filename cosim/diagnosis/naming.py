@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from cosim.diagnosis.bounds import impossible
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, smaller_noise
+from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, relearned
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import Event, burst, line
@@ -80,7 +80,7 @@ def find(
     for _ in range(2 * most):
         if not chosen.effects:
             break
-        if smaller_noise(task, record, chosen.fit):
+        if relearned(task, record, chosen.fit):
             null = tried(task, (), tolerance, null.fit)
             single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit, single)
             chosen = fitted_again(task, null, chosen, single, candidates, tolerance)
