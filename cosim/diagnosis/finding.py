@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in which it was found
 # of what it gains where it was found that it must gain there: a fault gains nearly as much, slow noise that fits twice by
-# chance up to 0.29 (of 530 logs, 100 of them with 1/f noise)
+# chance up to 0.29 (of 530 logs, 100 of them with 1/f noise; in one of 300 since, 0.42)
 ALIKE = 1.0 / 3.0
 CERTAIN = 1e-30  # probability below which it need not: slow noise has explained itself to 1e-11 only
 SMALLER = 0.97  # of the noise: less, and all is fitted again
