@@ -84,7 +84,8 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
     rules = {s: plain(bins, window, not group.absolute, round(UNSETTLED / record.h)) for s in observed}
     task = Task(model, {s: record.signals[s] for s in observed}, rules)
-    # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block
+    # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;
+    # the first row is the timing's place
     task.late = SKEW * min(record.h, FINE) * float(np.sqrt(len(known) + 1))
     base = model.simulate({})
     others = [GroupModel(group, signal, record.h, fixed, record.grid).simulate({}) for signal in moved]

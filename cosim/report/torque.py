@@ -1,5 +1,7 @@
 """Evidence in the mechanics: torque that the measured pressure delivers and the model's motion does not need."""
 
+from types import SimpleNamespace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,6 +10,7 @@ from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, reversals, slopes
 from cosim.report.words import CAPTIONS, axis, effect_name, kind_of_motion, quantity
+from fmus import registry
 
 Array = NDArray[np.float64]
 
@@ -61,13 +64,13 @@ def points(n: int, h: float, stride: float = STRIDE) -> NDArray[np.intp]:
 
 
 def opened(pressure: Array, material: Material, cause: NamedCause) -> Array:
-    """Pressure behind the counterbalance valve that a cause says there is, Pa."""
-    ratio = np.abs(pressure) / max(material.size(cause, "p_c"), 1e-300)
-    if "s_c" not in cause.parameters:
-        return pressure * (1.0 - 1.0 / np.maximum(ratio, 1.0))
-    softness = material.size(cause, "s_c")
-    # log(1 + ratio^(1/s)), which no power overflows
-    return pressure * -np.expm1(-softness * np.logaddexp(0.0, np.log(np.maximum(ratio, 1e-300)) / softness))
+    """Pressure behind the counterbalance valve that a cause says there is, Pa: the effect's own equation."""
+    effect = registry.effects()[cause.effect]
+    values = {
+        n: material.size(cause, n) if n in cause.parameters else v.start for n, v in effect.parameters.items()
+    }
+    felt, parameters = effect.fills["driving_pressure"], SimpleNamespace(**values)
+    return np.array([felt(p, None, parameters) for p in pressure.tolist()])
 
 
 def law(material: Material, cause: NamedCause, motion: Motion) -> Array:
