@@ -5,9 +5,8 @@ from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
-from scipy.signal import coherence
+from scipy.signal import csd, periodogram
 
 from cosim.calibrate.determined import sight
 from cosim.calibrate.noise import Noise, quietest
@@ -20,8 +19,6 @@ Array = NDArray[np.float64]
 SEAM_ANGLE = float(np.radians(12.0))  # Table 3.4
 SMOOTH = 10.0  # Hz; the angle has no news above, and the sensor's noise is left out
 SLOWEST = 0.5  # Hz; lowest cut-off of the smoothing
-SHARED = 0.2  # squared coherence of sensor and tracker below which a frequency holds more noise than motion
-SEGMENTS = 6  # that the coherence is averaged over
 OFFSET, RATE, SEAM = "tracker.offset", "tracker.rate", "tracker.seam"
 ERRORS = (SEAM, "sensor.gain", "sensor.bias", "sensor.drift")
 NOMINAL = {OFFSET: 0.0, RATE: 1.0, SEAM: 0.0, "sensor.gain": 1.0, "sensor.bias": 0.0, "sensor.drift": 0.0}
@@ -71,18 +68,22 @@ class TrackerModel:
         return fewer
 
     def shared(self, found: Fit, step: float) -> float:
-        """Frequency, Hz, up to which sensor and tracker see the same motion and not each its own noise.
+        """Cut-off, Hz, of the smoothing that leaves the slew nearest to the motion.
 
-        Beyond it the clock would be fitted to the sensor's noise: the coherence of the two tells, since their noises have
-        nothing in common. `step` is that of the tracker's grid, s.
+        A lower one loses motion, and with a higher one the clock would be fitted to the sensor's noise. The cross spectrum
+        of the speeds tells motion from noise, since the noises of sensor and tracker have nothing in common. `step` is that
+        of the tracker's grid, s.
         """
         whole = np.arange(self.places[0], self.places[-1] + 1)
-        seen = np.interp(self.instants(found.values), self.time, self.record.signals["slew"])
+        seen = np.interp(self.instants(found.values), self.time, self.slew)
         pair = [np.gradient(np.interp(whole, self.places, row)) for row in (seen, self.readings)]
-        length = 2 * whole.size // (SEGMENTS + 1)
-        frequency, squared = coherence(*pair, fs=1.0 / step, nperseg=length)
-        noisy = frequency[1:][median_filter(squared[1:], 3) < SHARED]
-        return float(np.clip(noisy[0] if noisy.size else SMOOTH, SLOWEST, SMOOTH))
+        frequency, power = periodogram(pair[0], fs=1.0 / step, window="hann")
+        _, motion = csd(*pair, fs=1.0 / step, window="hann", nperseg=whole.size)
+        cutoffs = np.geomspace(SLOWEST, SMOOTH, 60)
+        response = 1.0 / (1.0 + (frequency / cutoffs[:, None]) ** 4)  # second order, forwards and backwards
+        # mean square of motion minus smoothed reading, but for what no cut-off changes
+        error = np.sum(response**2 * power - 2.0 * response * motion.real, axis=1)
+        return float(cutoffs[int(np.argmin(error))])
 
     def smoothed(self, cutoff: float) -> "TrackerModel":
         """The same with the slew smoothed above another frequency, Hz."""

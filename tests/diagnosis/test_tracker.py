@@ -136,6 +136,21 @@ def test_clock_and_seam_reach_the_cramer_rao_bound(logs: int) -> None:
     assert np.all((claimed > 0.9) & (claimed < 1.4)), claimed
 
 
+def test_a_motion_of_a_few_frequencies_is_not_smoothed_away_with_the_gaps_between_them() -> None:
+    t = np.arange(60_001) * 1e-3
+    parts = [(0.02, 0.06), (0.001, 1.1), (0.0005, 1.7)]
+    slew = sum(a * np.sin(2.0 * np.pi * f * t) for a, f in parts) + 5e-4 * t
+    rng = np.random.default_rng(5)
+    stamps = np.arange(0.0, 55.0, 1.0 / 60.0)
+    true = np.interp(1.5 + stamps, t, slew) + 1.7e-4 * rng.standard_normal(stamps.size)
+    tracker = Tracker(stamps, Path("x.csv"), (), True, "", true, np.ones(true.size, dtype=bool))
+    finding = compare_tracker(Record(1e-3, {"slew": slew + 1.5e-4 * rng.standard_normal(t.size)}), tracker)
+    offset, deviation = (v["tracker.offset"] for v in (finding.fit.values, finding.fit.deviations))
+    assert deviation < 1.5e-3
+    assert abs(offset - 1.5) < 4.0 * deviation
+    assert finding.noise == pytest.approx(1.7e-4, rel=0.1)
+
+
 def test_a_repeating_motion_is_laid_over_itself_at_the_right_period() -> None:
     t = np.arange(30_001) * 1e-3
     slew = 0.1 * np.sin(2.0 * np.pi * t / 5.0) * (1.0 + 0.01 * t)
