@@ -15,7 +15,7 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding
-from cosim.diagnosis.trials import Trial, freed
+from cosim.diagnosis.trials import Trial, declared, freed
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ def gain_downstream(finding: Finding, known: list[Known], at: int, trial: Trial,
 
     base = predicted(task, task.model.drive, null)
     best = shift(trial.fit.values)
-    steps = [shift(values) - best for values in one_deviation(trial)]
+    steps = [(shift(values) - best) / part for part, values in one_deviation(trial)]
     residual = task.white(null.residuals) - best
     width = len(steps)
     slopes = np.zeros((residual.size, 0)) if null.slopes is None else null.slopes
@@ -93,14 +93,35 @@ def predicted(task: Task, drive: Array, fit: Fit) -> Array:
     return task.white(model.simulate(fit.values))
 
 
-def one_deviation(trial: Trial) -> list[dict[str, float]]:
-    """Values one standard deviation along each freed parameter, the others moved as they go with it."""
+def one_deviation(trial: Trial) -> list[tuple[float, dict[str, float]]]:
+    """Values one standard deviation along each freed parameter, the others moved as they go with it.
+
+    Where limits are nearer than that, the part of it, with its sign, that they leave room for stands before the values.
+    """
     names = list(trial.fit.values)
+    limits = {
+        f"{e.component}.{p}": (declared(e, p).low, declared(e, p).high) for e in trial.effects for p in e.free
+    }
     moved = []
-    for name in freed(trial.effects):
+    for name in limits:
         j = names.index(name)
         deviation = trial.fit.deviations[name]
-        if deviation > 0.0:
-            column = trial.fit.covariance[:, j] / deviation
-            moved.append({n: trial.fit.values[n] + d for n, d in zip(names, column.tolist(), strict=True)})
+        if not 0.0 < deviation < np.inf:
+            continue
+        change = dict(zip(names, (trial.fit.covariance[:, j] / deviation).tolist(), strict=True))
+        part = max((room(trial.fit.values, change, limits, sign) * sign for sign in (1.0, -1.0)), key=abs)
+        if part != 0.0:
+            moved.append((part, {n: trial.fit.values[n] + part * d for n, d in change.items()}))
     return moved
+
+
+def room(
+    values: dict[str, float], change: dict[str, float], limits: dict[str, tuple[float, float]], sign: float
+) -> float:
+    """Part of a change, 1 at most, that values can make in this direction without leaving their limits."""
+    parts = [1.0]
+    for name, (low, high) in limits.items():
+        d = sign * change[name]
+        if d != 0.0:
+            parts.append(max(0.0, ((high if d > 0.0 else low) - values[name]) / d))
+    return min(parts)

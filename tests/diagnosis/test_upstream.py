@@ -1,8 +1,15 @@
 """A cause too small to be seen where it acts is weighed where it is integrated."""
 
+import numpy as np
+import pytest
+
+from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.trials import Trial
+from cosim.diagnosis.upstream import one_deviation
 from cosim.rig import Hidden, Noise, make_log
 from cosim.rig.write import as_log
+from fmus import registry
 
 
 def test_an_asymmetry_below_the_noise_of_the_pressure_is_declared_beside_the_drift_it_looks_like() -> None:
@@ -26,3 +33,17 @@ def test_a_drift_beyond_what_the_pressure_allows_has_no_rival_upstream() -> None
     (cause,) = diagnose(as_log(run)).causes
     assert cause.effect.name == "sensor.drift"
     assert not [n for n in cause.alike if n.startswith(("dcv.", "continuity.flow"))]
+
+
+@pytest.mark.parametrize(("k_s", "tau_s"), [(2.6e5, 1e-3), (0.0, 0.3), (5e8, 0.1)])
+def test_what_is_tried_upstream_stays_within_its_limits(k_s: float, tau_s: float) -> None:
+    effect = registry.effects()["continuity.supply_sag"]
+    values = {"continuity.k_s": k_s, "continuity.tau_s": tau_s}
+    spread = np.array([2.6e5, 0.3])
+    covariance = np.outer(spread, spread) * np.array([[1.0, -0.999], [-0.999, 1.0]])
+    trial = Trial((effect,), Fit(values, dict(zip(values, spread, strict=True)), 0.0, 9, {}, covariance), 2)
+    for part, moved in one_deviation(trial):
+        assert 0.0 < abs(part) <= 1.0
+        for name, variable in effect.parameters.items():
+            assert variable.low <= moved[f"continuity.{name}"] <= variable.high
+        assert moved["continuity.tau_s"] != tau_s
