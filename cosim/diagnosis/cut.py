@@ -233,6 +233,7 @@ def group_of(
     inside = {component for component, _ in stages}
     own = tuple(n for n in trusted if n.partition(".")[0] in inside)
     named = [c for c, b in stages if b in DYNAMIC]
+    integrates = any(block in ("mechanical", "simplified") for _, block in stages)
     observed = sorted(observed, key=lambda s: not signals[s].targets)  # what drives the next group first
     slot = None
     if before is not None:
@@ -250,10 +251,11 @@ def group_of(
         drive,
         tuple(observed),
         held=stages[0][1] in HELD,
-        integrates=any(block in ("mechanical", "simplified") for _, block in stages),
+        integrates=integrates,
         upstream_slot=slot,
         trusted=own,
         parts=tuple(parts.items()),
         starts=tuple((n, s) for n, s in starts.items() if n.partition(".")[0] in inside and s in observed),
-        absolute=named[-1] == "dcv",  # only a shift of the valve's neutral shows as a constant
+        # only a shift of the valve's neutral shows as a constant, but not where what follows integrates it
+        absolute="dcv" in named and not integrates,
     )

@@ -205,6 +205,7 @@ def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, 
                 upstream_slot=before.upstream_slot,
                 trusted=before.trusted + group.trusted,
                 starts=before.starts + group.starts,
+                absolute=group.absolute or (before.absolute and not group.integrates),
             )
             found[-1] = joined
         else:

@@ -1,0 +1,22 @@
+"""With a signal missing, what acts on it is still named where it acts."""
+
+from dataclasses import replace
+
+import pytest
+from hidden_logs import off
+
+from cosim.diagnosis.story import diagnose
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+
+
+@pytest.mark.parametrize("missing", [("spool",), ("spool", "p_supply")])
+def test_a_shifted_neutral_shows_in_the_pressure_where_the_spool_was_not_measured(
+    missing: tuple[str, ...],
+) -> None:
+    run = make_log("multisine", 60.0, ["dcv.offset:x_0=0.05 mm"], seed=12, settings=off(12))
+    log = as_log(run)
+    found = diagnose(replace(log, signals={n: v for n, v in log.signals.items() if n not in missing}))
+    (cause,) = found.causes
+    assert cause.effect.name == "dcv.offset"
+    assert cause.parameters["x_0"][0] == pytest.approx(5e-5, rel=0.05)
