@@ -71,6 +71,16 @@ def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
     return run(best), moved
 
 
+def observed_of(group: Group, record: Record) -> dict[str, Array]:
+    """The measured signals of a group, signal -> (n,) SI; of a sensor that may lose packets without what is stale."""
+    loses = any(e.name == "sensor.dropout" for e in group.effects())
+    return {
+        s: record.fresh(s) if loses and s == group.reading else record.signals[s]
+        for s in group.observed
+        if s in record.signals
+    }
+
+
 def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     """The task of one group, driven by what `known` groups deliver, or by its measured drive if there are none."""
     fixed = fixed_values(record, group)
@@ -83,7 +93,7 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     window = length // (bins * count)  # whole windows fill the log
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
     rules = {s: plain(bins, window, not group.absolute, round(UNSETTLED / record.h)) for s in observed}
-    task = Task(model, {s: record.signals[s] for s in observed}, rules)
+    task = Task(model, observed_of(group, record), rules)
     # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;
     # the first row is the timing's place
     task.late = SKEW * min(record.h, FINE) * float(np.sqrt(len(known) + 1))

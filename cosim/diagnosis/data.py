@@ -10,6 +10,7 @@ from cosim.diagnosis.freeform import Basis, changing, families
 from cosim.diagnosis.grid import Grid
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.options import REST
+from cosim.diagnosis.samples import stale
 
 Array = NDArray[np.float64]
 
@@ -46,6 +47,12 @@ class Record:
     def has(self, *names: str) -> bool:
         """True if all of these were measured."""
         return all(name in self.signals for name in names)
+
+    def fresh(self, name: str) -> Array:
+        """A signal with its stale samples, where packets were lost, on straight lines between fresh ones."""
+        values = self.signals[name]
+        late = stale(values, self.rate(name))
+        return np.interp(self.time, self.time[~late], values[~late]) if late.any() else values
 
     def smooth(self, name: str, cutoff: float = 5.0) -> Array:
         """A signal without what lies above `cutoff` Hz, no phase shift."""

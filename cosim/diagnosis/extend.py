@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.chain import observed_of
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.group_model import GroupModel
@@ -104,7 +105,7 @@ def fitted_chain(
         constants: ``component.parameter`` -> SI that is known already.
     """
     model = ChainModel(groups, record, fixed | dict(constants or {}))
-    measured = {s: record.signals[s] for s in rules}
+    measured = {s: v for g in groups for s, v in observed_of(g, record).items() if s in rules}
     # here the absolute angle counts: the command carries no noise that could drift
     absolute = {s: Whitener(r.bins, r.window, False, r.sizes) for s, r in rules.items()}
     task = Task(model, measured, absolute, mask=mask)

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from cosim.diagnosis.bounds import impossible
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, relearned
@@ -191,8 +193,12 @@ def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:
     if reading is None or reading not in task.measured:
         return []
     allowed = {e.name for e in task.model.group.effects()}
-    seen = marks(task.measured[reading], record.rate(reading), task.rules[reading].rms)
-    return [m for m in seen if m.effect in allowed]
+    values, noise = record.signals[reading], task.rules[reading].rms
+    last = values[2 * values.size // 3 :]
+    rate = np.gradient(task.measured[reading] - found.residuals[reading], task.model.h)[-last.size :]
+    again = {m.effect: m.gain for m in marks(last, rate, noise)}
+    seen = [m for m in marks(values, record.rate(reading), noise) if m.effect in allowed]
+    return [replace(m, held_out=again.get(m.effect, 0.0)) for m in seen]
 
 
 def with_marks(trial: Trial, seen: list[Mark]) -> Trial:

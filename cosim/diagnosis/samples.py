@@ -2,6 +2,7 @@
 
 A model with its own pseudo-random lost packets can never meet those of the log, and a rounded model is jagged: least
 squares is blind to both. They leave exact marks instead: readings on a grid, and readings that repeat to the last digit.
+A stale sample tells nothing new of the machine, and its lateness would pass for inertia: fits leave it out.
 """
 
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ class Mark:
         effect: its name.
         parameter: its parameter, with `value` and standard deviation, SI.
         gain: log-likelihood of the marks against chance.
+        held_out: the same in the last third of the log alone.
     """
 
     effect: str
@@ -38,6 +40,7 @@ class Mark:
     value: float
     deviation: float
     gain: float
+    held_out: float = 0.0
 
 
 def grid_step(values: Array) -> float:
@@ -111,8 +114,20 @@ def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
         gain = values.size * float(np.log(50.0))
         return [Mark("sensor.quantisation", "quantum", step, step / values.size, gain)]
     share, spread, natural = stale_share(values, rate)
-    # readings in coarse steps repeat by themselves: lost packets among them cannot be seen
-    if natural < NATURAL and share > max(MANY_REPEATS, SURE_REPEATS * spread, COLOURED * natural):
+    if lost(share, spread, natural):
         gain = values.size * share * float(np.log(share / max(natural, 1.0 / values.size)))
         return [Mark("sensor.dropout", "p_drop", share, spread, gain)]
     return []
+
+
+def lost(share: float, spread: float, natural: float) -> bool:
+    """True if repeats, as `stale_share` counts them, are more than chance, coloured noise or rounding makes."""
+    # readings in coarse steps repeat by themselves: lost packets among them cannot be seen
+    return natural < NATURAL and share > max(MANY_REPEATS, SURE_REPEATS * spread, COLOURED * natural)
+
+
+def stale(values: Array, rate: Array) -> NDArray[np.bool_]:
+    """(n,) True where readings (n,) are stale, with their smoothed rate (n,); nowhere if no packets were lost."""
+    if values.size < 4 or not lost(*stale_share(values, rate)):
+        return np.zeros(values.size, dtype=bool)
+    return np.concatenate([[False], values[1:] == values[:-1]]) & ~resting(values)

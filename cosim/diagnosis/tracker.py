@@ -9,7 +9,7 @@ information: the Cramer-Rao bound for the noise found.
 """
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,7 @@ def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
     """
     if "slew" not in record.signals:
         raise DataError("the tracker can only be compared with a measured slew angle, which this log lacks")
+    record = replace(record, signals=record.signals | {"slew": record.fresh("slew")})
     with threadpool_limits(1):  # small matrices: more threads only wait for one another
         model, everything = off_the_seam(*synchronised(record, tracker))
         for _ in range(2):

@@ -10,7 +10,6 @@ from cosim.diagnosis.finding import at_first, gained, systematic, unexplained
 from cosim.diagnosis.freeform import Leftover
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
-from cosim.diagnosis.samples import marks
 from cosim.diagnosis.trials import freed, without
 from fmus import registry
 from fmus.contract import Effect
@@ -119,25 +118,12 @@ def stands(finding: Finding) -> bool:
 
 
 def marked(finding: Finding) -> list[Cause]:
-    """Causes seen in the raw samples; their held-out gain is that of the last third of the log alone."""
-    found = []
-    for mark in finding.marks:
-        reading = finding.task.model.group.reading or ""
-        slew = finding.task.measured[reading]
-        last = slew[2 * slew.size // 3 :]
-        rate = np.gradient(slew - finding.chosen.fit.residuals[reading], finding.task.model.h)[-last.size :]
-        again = {m.effect: m.gain for m in marks(last, rate, finding.task.rules[reading].rms)}
-        effect = registry.effects()[mark.effect]
-        found.append(
-            Cause(
-                effect,
-                finding.task.model.group.name,
-                {mark.parameter: (mark.value, mark.deviation)},
-                mark.gain,
-                again.get(mark.effect, 0.0),
-            )
-        )
-    return found
+    """Causes seen in the raw samples."""
+    effects, group = registry.effects(), finding.task.model.group.name
+    return [
+        Cause(effects[m.effect], group, {m.parameter: (m.value, m.deviation)}, m.gain, m.held_out)
+        for m in finding.marks
+    ]
 
 
 def causes(finding: Finding, tolerance: float) -> list[Cause]:

@@ -1,0 +1,46 @@
+"""Stale samples are named, and neither their lateness nor their steps pass for anything else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden_logs import off
+
+from cosim.diagnosis.samples import stale
+from cosim.diagnosis.story import diagnose
+from cosim.logs import Log
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+
+
+def in_bursts(log: Log, every: int, chance: float, longest: int) -> Log:
+    """A log of every n-th sample whose slew goes stale by this chance, for up to so many samples in a row."""
+    rng = np.random.default_rng(4)
+    signals = {n: v[::every].copy() for n, v in log.signals.items()}
+    slew, k = signals["slew"], 0
+    while k < slew.size:
+        length = int(rng.integers(1, longest)) if rng.random() < chance else 0
+        slew[k : k + length + 1] = slew[k]
+        k += length + 1
+    return replace(log, time=log.time[::every], signals=signals)
+
+
+@pytest.mark.parametrize(
+    ("excitation", "every", "chance", "longest"), [("triangle", 5, 0.02, 8), ("mixed", 1, 0.5, 3)]
+)
+def test_lost_packets_hide_nothing_and_make_nothing_up(
+    excitation: str, every: int, chance: float, longest: int
+) -> None:
+    log = as_log(make_log(excitation, 60.0, seed=41, settings=off(41)))
+    found = diagnose(in_bursts(log, every, chance, longest))
+    assert [c.effect.name for c in found.causes] == ["sensor.dropout"]
+    assert found.rests == []
+
+
+def test_what_is_stale_is_known_sample_by_sample() -> None:
+    values = np.cumsum(np.random.default_rng(2).uniform(0.5, 1.5, 4000))
+    late = np.zeros(values.size, dtype=bool)
+    late[50::40] = True
+    values[late] = values[np.flatnonzero(late) - 1]
+    assert np.array_equal(stale(values, np.ones(values.size)), late)
+    assert not stale(values[late], np.ones(late.sum())).any()
