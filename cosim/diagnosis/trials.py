@@ -232,7 +232,7 @@ def tried_all(
         open_ = [not t.fit.settled and t.fit.log_likelihood > max(reach, base - 3.0) for t in trials]
         ended = iter(list(pool.map(further, [t for t, go in zip(trials, open_, strict=True) if go])))
         trials = [next(ended) if go else t for t, go in zip(trials, open_, strict=True)]
-        again = [(i, near_) for i, t in enumerate(trials) if (near_ := better_part(t, trials)) is not None]
+        again = [(i, near_) for i, t in enumerate(trials) if (near_ := led_on(t, trials)) is not None]
         redone = pool.map(
             lambda job: tried(copied(task), trials[job[0]].effects, tolerance, job[1].fit), again
         )
@@ -246,15 +246,24 @@ def freed(effects: Iterable[Effect]) -> list[str]:
     return [f"{e.component}.{p}" for e in effects for p in e.free]
 
 
-def better_part(trial: Trial, others: list[Trial]) -> Trial | None:
-    """The best other trial that frees a part of what this one frees and yet explains more: this one's search went astray."""
-    whole = set(freed(trial.effects))
-    parts = [
+def led_on(trial: Trial, others: list[Trial]) -> Trial | None:
+    """Another trial from which this one's search should begin again, since it went astray; None if there is none.
+
+    One that frees a part of what this one frees, and yet explains more; or one that frees all that this one frees, in as
+    many effects (Stribeck friction for Coulomb friction), and explains far more.
+    """
+    own, reached = set(freed(trial.effects)), trial.fit.log_likelihood
+    found = [
         t
         for t in others
-        if set(freed(t.effects)) < whole and t.fit.log_likelihood > trial.fit.log_likelihood + 1.0
+        if (set(freed(t.effects)) < own and t.fit.log_likelihood > reached + 1.0)
+        or (
+            set(freed(t.effects)) > own
+            and len(t.effects) == len(trial.effects)
+            and t.fit.log_likelihood > reached + LAGGING
+        )
     ]
-    return max(parts, key=lambda t: t.fit.log_likelihood, default=None)
+    return max(found, key=lambda t: t.fit.log_likelihood, default=None)
 
 
 def polished(task: Task, trial: Trial, tolerance: float) -> Trial:

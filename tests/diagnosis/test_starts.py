@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.naming import tried
 from cosim.diagnosis.starts import Size, sized
 from cosim.diagnosis.story import diagnose
-from cosim.diagnosis.trials import FIRST_ROUNDS
+from cosim.diagnosis.trials import FIRST_ROUNDS, Trial, led_on
 from cosim.rig import Noise, as_log, make_log
 from fmus import registry
 from tests.diagnosis.hidden_logs import told
@@ -81,3 +82,21 @@ def test_a_stop_that_is_never_met_is_left_where_it_was() -> None:
     assert cause.parameters["x_min"][0] == pytest.approx(-1.728e-3, rel=1e-3)
     value, deviation = cause.parameters["x_max"]
     assert value - 1.96 * deviation < 2.4e-3 < value == pytest.approx(2.6e-3)
+
+
+def test_a_search_that_went_astray_begins_again_where_a_kindred_one_ended() -> None:
+    """From a size of zero nothing may lead to dry friction: the fuller law in the same list shows where it lies."""
+    known = registry.effects()
+
+    def trial(name: str, reached: float) -> Trial:
+        return Trial((known[f"mechanical.{name}"],), Fit({}, {}, reached, 9, {}, np.empty((0, 0))), 1)
+
+    lost, fuller, other = (
+        trial("coulomb_friction", 0.5),
+        trial("stribeck_friction", 900.0),
+        trial("backlash", 950.0),
+    )
+    assert led_on(lost, [lost, fuller, other]) is fuller
+    assert led_on(fuller, [lost, fuller, other]) is None
+    assert led_on(trial("coulomb_friction", 890.0), [fuller, other]) is None
+    assert led_on(trial("stribeck_friction", 880.0), [trial("coulomb_friction", 890.0)]) is not None
