@@ -27,6 +27,7 @@ from cosim.diagnosis.trials import (
     trusted,
     unknowns,
 )
+from cosim.diagnosis.valleys import away_from_stops
 from fmus.contract import Effect
 
 __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
@@ -75,6 +76,9 @@ def find(
     null = tried(task, (), tolerance)
     learn_noise(task, record, null.fit)
     null = tried(task, (), tolerance, null.fit)
+    if (clear := away_from_stops(task, null, tolerance)) is not null:
+        learn_noise(task, record, clear.fit)
+        null = tried(task, (), tolerance, clear.fit)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
     chosen = best_single(task, null, single, tolerance) if most else null
     if begin is not None:

@@ -1,0 +1,32 @@
+"""Where a search begins that stops would mislead: what just meets a stop makes the error jagged over the parameters.
+
+A spool that grazes a stop loses its speed there, and what follows goes with the root of how far beyond it would have gone.
+The error then has many valleys, even over the trusted parameters of a model that lacks nothing.
+"""
+
+import numpy as np
+
+from cosim.diagnosis.crossval import part
+from cosim.diagnosis.fit import Task
+from cosim.diagnosis.trials import Trial, tried
+
+NEARLY = 0.99  # of the way to a stop: what got there may have met it
+ENOUGH = 0.25  # of the windows that must be left to begin with
+
+
+def away_from_stops(task: Task, trial: Trial, tolerance: float) -> Trial:
+    """The trial, or a better one of the same effects that began with the windows of the log in which no stop was met."""
+    clear = np.ones(
+        next(iter(task.rules.values())).windows(next(iter(task.measured.values()))).shape[0], bool
+    )
+    for effect in task.model.group.effects():
+        for parameter, free in effect.free.items():
+            stop = task.model.nominal(f"{effect.component}.{parameter}")
+            if free.limits in task.measured and not free.rate:
+                reached = task.rules[free.limits].windows(task.measured[free.limits]) / stop
+                clear &= np.max(reached, axis=1) < NEARLY
+    if clear.all() or np.mean(clear) < ENOUGH:
+        return trial
+    begun = tried(part(task, clear), trial.effects, tolerance, trial.fit)
+    other = tried(task, trial.effects, tolerance, begun.fit)
+    return other if other.score > trial.score else trial
