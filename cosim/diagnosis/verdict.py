@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.crossval import held_out_gain
 from cosim.diagnosis.finding import at_first, gained, systematic, unexplained
+from cosim.diagnosis.fit import Unknown
 from cosim.diagnosis.freeform import Leftover
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
@@ -60,7 +61,8 @@ class Rest:
 
 def negligible(finding: Finding, signal: str) -> float:
     """Size of a systematic rest that does not matter, SI: a part of the noise, or the error of readings in steps."""
-    limits = [NOTICEABLE * finding.task.rules[signal].rms, rounding(finding, signal) / np.sqrt(12.0)]
+    # while the motion is smaller than a step, and at rest, readings may be off by the same half step
+    limits = [NOTICEABLE * finding.task.rules[signal].rms, 0.5 * rounding(finding, signal)]
     if len(finding.chosen.effects) == 1:
         limits.append((LINEAR if sole_form(finding) else FORM) * finding.before[signal].rms)
     return max(limits)
@@ -87,9 +89,7 @@ def adequate(finding: Finding) -> bool:
 
 def local(finding: Finding, signal: str, event: Event) -> bool:
     """True if what stands out of a signal at one time or one frequency is no chance, and matters."""
-    # for a while, at rest, all readings may be off by the same half step
-    limit = max(negligible(finding, signal), 0.5 * rounding(finding, signal))
-    return event.p_value < LOCAL and size_of(finding, signal, event) > limit
+    return event.p_value < LOCAL and size_of(finding, signal, event) > negligible(finding, signal)
 
 
 def size_of(finding: Finding, signal: str, event: Event) -> float:
@@ -210,13 +210,21 @@ def strained(finding: Finding, tolerance: float) -> list[Rest]:
             continue
         pull = abs(chosen.fit.values[known.name] - known.start) / known.prior[1]
         off = pull - 1.64 * chosen.fit.deviations[known.name] / known.prior[1]
-        if off <= BEYOND + 1.0 or 0.5 * pull**2 <= enough:
+        if off <= BEYOND + 1.0 or 0.5 * pull**2 <= enough or not matters(finding, chosen, known):
             continue
         change = chosen.fit.values[known.name] / known.start - 1.0
         words = f"{signal} asks for {known.name} {change:+.1%} off its nominal value, and no cause of the library says why"
         left = finding.before[signal]
         found.append(Rest(finding.task.model.group.name, signal, left, words))
     return found
+
+
+def matters(finding: Finding, chosen: Trial, known: Unknown) -> bool:
+    """True if a trusted parameter at its nominal value changes a signal by more than rounding may have."""
+    moved = finding.task.model.simulate(chosen.fit.values)
+    nominal = finding.task.model.simulate(chosen.fit.values | {known.name: known.start})
+    changes = {s: float(np.std(moved[s] - nominal[s])) for s in finding.task.measured}
+    return any(change > 0.5 * rounding(finding, s) for s, change in changes.items())
 
 
 def local_rests(finding: Finding, signal: str) -> list[Rest]:
