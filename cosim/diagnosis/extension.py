@@ -8,6 +8,7 @@ from cosim.diagnosis.extend import closed, fitted_chain, write_extended
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.freerun import refitted
 from cosim.diagnosis.gain import measure, run_package
+from cosim.diagnosis.group_model import standing
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.verdict import stands
@@ -66,18 +67,19 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     if closed(machine.source) and record.grid is None:
         stimulus = stimulus_csv(record.time, record.signals[machine.drive])
     # the mapping's values first: it may set back to nominal what the model's own files say
-    values = machine.values | diagnosis.values | diagnosis.start
+    values = machine.values | diagnosis.values
+    values |= standing(diagnosis.start, values)
     plain = machine.values | diagnosis.calibrated
     nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
     diagnosis.packages = write_extended(machine.source, values, folder, stimulus)
     extended = diagnosis.packages["open"]
-    diagnosis.before = run_package(nominal, record, machine, diagnosis.start)
+    diagnosis.before = run_package(nominal, record, machine, standing(diagnosis.start, plain))
     diagnosis.after = run_package(extended, record, machine, {})
     if held is None:
         diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, diagnosis.window)
         return
     start = {n: v for g in machine.groups for n, v in fixed_values(held.record, g).items()}
-    diagnosis.held_before = run_package(nominal, held.record, machine, start)
-    diagnosis.held_after = run_package(extended, held.record, machine, start)
+    diagnosis.held_before = run_package(nominal, held.record, machine, standing(start, plain))
+    diagnosis.held_after = run_package(extended, held.record, machine, standing(start, values))
     window = diagnosis.window
     diagnosis.gains = measure(held.record, diagnosis.held_before, diagnosis.held_after, window, held.first)

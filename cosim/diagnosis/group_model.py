@@ -1,5 +1,7 @@
 """A group of blocks simulated over a log, again and again with other parameters."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,12 @@ def compiled_stage(component: str, block: str) -> CompiledBlock:
     return compiled_block(block, component)
 
 
+def standing(start: Mapping[str, float], settings: Mapping[str, float]) -> dict[str, float]:
+    """Angles at which the drive stands at the start, rad, where the sensor reads these; its gain and bias are settings."""
+    gain, bias = settings.get("sensor.gain", 1.0), settings.get("sensor.bias", 0.0)
+    return {name: (reading - bias) / gain for name, reading in start.items()}
+
+
 class GroupModel:
     """A group simulated over a log, again and again with other parameters.
 
@@ -23,7 +31,8 @@ class GroupModel:
         group: the blocks.
         drive: (n,) the driving signal, SI, one value a sample.
         h: interval between samples, s.
-        fixed: ``component.parameter`` -> SI of everything that differs from nominal and is not estimated.
+        fixed: ``component.parameter`` -> SI of everything that differs from nominal and is not estimated; a start angle is
+            what the sensor reads there.
         grid: the stamps of the samples and the finer steps; None where each sample is a step.
     """
 
@@ -81,6 +90,7 @@ class GroupModel:
     def simulate(self, values: dict[str, float]) -> dict[str, Array]:
         """Predicted signals, (n,) each, SI, with ``component.parameter`` -> value replaced."""
         settings = self.fixed | values
+        settings |= standing({n: settings[n] for n, _ in self.group.starts if n in settings}, settings)
         signal = self.fed(settings)
         h = self.h
         if self.grid is not None:

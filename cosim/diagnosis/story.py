@@ -142,14 +142,10 @@ def enter(found: Diagnosis, watch: Watch | None, name: str, text: str) -> None:
 
 
 def settle(model: GroupModel, constants: Mapping[str, float]) -> None:
-    """Take over what is known already; the start angle was read through the sensor."""
-    own = {n: v for n, v in constants.items() if n.partition(".")[0] in model.group.components}
-    if own:
-        for name in [n for n in model.fixed if n.endswith(".theta_0")]:
-            model.fixed[name] = (model.fixed[name] - own.get("sensor.bias", 0.0)) / own.get(
-                "sensor.gain", 1.0
-            )
-        model.fixed = model.fixed | own
+    """Take over what is known already."""
+    model.fixed = model.fixed | {
+        n: v for n, v in constants.items() if n.partition(".")[0] in model.group.components
+    }
 
 
 def verdict_of(named: list[Cause], left: list[Rest]) -> str:
