@@ -17,6 +17,7 @@ from fmus.contract import Effect, Variable
 SMALL = 0.05  # of an effect's typical size: the smallest start
 FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
+NEARLY = 0.05  # of the best's gain behind it: fitted until it settles
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 UNSEEN = 1.0  # log-likelihood below which a limit explains nothing
@@ -220,24 +221,31 @@ def tried_all(
         return tried(copied(task), effects, tolerance, started.get(sorted_names(effects), near), FIRST_ROUNDS)
 
     def further(trial: Trial) -> Trial:
+        reach = max(best - max(LAGGING, 0.5 * (best - base)), base - 3.0)
+        if trial.fit.settled or trial.fit.log_likelihood <= reach:
+            return trial
         return tried(copied(task), trial.effects, tolerance, trial.fit)
+
+    def to_the_end(trial: Trial) -> Trial:
+        # a long valley takes many rounds, and which of the best is the better one counts
+        reach = best - max(CLOSE, NEARLY * (best - base))
+        if trial.fit.settled or best < base + SURE or trial.fit.log_likelihood <= reach:
+            return trial
+        return polished(copied(task), trial, tolerance)
+
+    def led(trial: Trial) -> Trial:
+        other = led_on(trial, trials)
+        redone = other and tried(copied(task), trial.effects, tolerance, other.fit)
+        return max(trial, redone or trial, key=lambda t: t.score)
 
     with ThreadPoolExecutor(2) as pool:
         trials = list(counted(pool.map(first, sets), len(sets)))
         if not trials:
             return []
-        best = max(t.fit.log_likelihood for t in trials)
         base = near.log_likelihood if near is not None else min(t.fit.log_likelihood for t in trials)
-        reach = best - max(LAGGING, 0.5 * (best - base))
-        open_ = [not t.fit.settled and t.fit.log_likelihood > max(reach, base - 3.0) for t in trials]
-        ended = iter(list(pool.map(further, [t for t, go in zip(trials, open_, strict=True) if go])))
-        trials = [next(ended) if go else t for t, go in zip(trials, open_, strict=True)]
-        again = [(i, near_) for i, t in enumerate(trials) if (near_ := led_on(t, trials)) is not None]
-        redone = pool.map(
-            lambda job: tried(copied(task), trials[job[0]].effects, tolerance, job[1].fit), again
-        )
-        for (i, _), trial in zip(again, list(redone), strict=True):
-            trials[i] = max(trials[i], trial, key=lambda t: t.score)
+        for more in (further, to_the_end, led):
+            best = max(t.fit.log_likelihood for t in trials)
+            trials = list(pool.map(more, trials))
     return sorted(trials, key=lambda t: -t.score)
 
 
