@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.engines import run_engine
+from benchmarks.floor import emptied
 from cosim.paths import ssp_folder
 from cosim.ssp.stimulus import default_command, stimulus_csv
 from cosim.ssp.write import write_ssp
@@ -33,8 +34,10 @@ H = 1e-3
 THETA = "mechanical.theta"
 PACKAGES = ("pythonfmu", "fmpy", "ecospy", "libcosimpy", "numba", "numpy")
 # label: engine, the only core it may use
+FLOOR = "floor: empty FMUs in our runner"
 WAYS: dict[str, tuple[str, int | None]] = {
     "cosim": ("cosim", None),
+    FLOOR: ("cosim", None),
     "fmpy simulate_ssp": ("fmpy", None),
     "ecos": ("ecos_csv", None),
     "ecos, one core": ("ecos_csv", 0),
@@ -52,7 +55,7 @@ class Row:
         process_seconds: median time of the whole process, start and loading included.
         times_real_time: simulated time per `seconds`.
         ratio: `seconds` per those of our runner.
-        error_deg: largest error of the slew angle, deg.
+        error_deg: largest error of the slew angle, deg; NaN where nothing is computed.
     """
 
     label: str
@@ -104,7 +107,7 @@ def one_run(label: str, package: Path, steps: int, exact: Array) -> tuple[float,
     found, seconds = run_engine(engine, package, steps=steps, h=H, signals=[THETA], timeout=600.0, core=core)
     whole = time.perf_counter() - began
     rows = np.rint(found["time"] / H).astype(int)
-    error = float(np.max(np.abs(found[THETA] - exact[rows])))
+    error = math.nan if label == FLOOR else float(np.max(np.abs(found[THETA] - exact[rows])))
     return seconds, whole, math.degrees(error)
 
 
@@ -117,9 +120,10 @@ def compare(duration: float, repeat: int, labels: list[str]) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="benchmark_") as scratch:
         package = Path(scratch, "full_order.ssp")
         write_ssp(ssp_folder() / "full_order.ssd", package, stimulus=stimulus_csv(times, command))
+        empty = emptied(package, Path(scratch, "empty.ssp"))
         for turn in range(repeat):
             for label in labels:
-                runs[label].append(one_run(label, package, steps, exact))
+                runs[label].append(one_run(label, empty if label == FLOOR else package, steps, exact))
                 print(
                     f"  {turn + 1}/{repeat} {label}: {runs[label][-1][0]:.2f} s", file=sys.stderr, flush=True
                 )
