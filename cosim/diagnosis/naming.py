@@ -73,12 +73,7 @@ def find(
     them (`within` is False). A search may begin with a set of effects that is known to hold.
     """
     candidates = tuple(e for e in task.model.group.effects() if e.name not in SAMPLED)
-    null = tried(task, (), tolerance)
-    learn_noise(task, record, null.fit)
-    null = tried(task, (), tolerance, null.fit)
-    if (clear := away_from_stops(task, null, tolerance)) is not null:
-        learn_noise(task, record, clear.fit)
-        null = tried(task, (), tolerance, clear.fit)
+    null = nominal(task, record, tolerance)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
     chosen = best_single(task, null, single, tolerance) if most else null
     if begin is not None:
@@ -111,6 +106,18 @@ def find(
     finding.marks = sampled(task, record, finding.chosen.fit)
     finding.chosen = with_marks(usually_spelled(finding.chosen), finding.marks)
     return finding
+
+
+def nominal(task: Task, record: Record, tolerance: float) -> Trial:
+    """The model without effects, fitted, and the noise learned from it."""
+    null = tried(task, (), tolerance)
+    learn_noise(task, record, null.fit)
+    null = tried(task, (), tolerance, null.fit)
+    clear = away_from_stops(task, null, tolerance)
+    if clear is not null:
+        learn_noise(task, record, clear.fit)
+        null = tried(task, (), tolerance, clear.fit)
+    return null
 
 
 def best_single(task: Task, null: Trial, single: list[Trial], tolerance: float) -> Trial:
