@@ -17,7 +17,6 @@ from fmus.contract import Effect, Variable
 SMALL = 0.05  # of an effect's typical size: the smallest start
 FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
-NEARLY = 0.05  # of the best's gain behind it: fitted until it settles
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 UNSEEN = 1.0  # log-likelihood below which a limit explains nothing
@@ -226,13 +225,6 @@ def tried_all(
             return trial
         return tried(copied(task), trial.effects, tolerance, trial.fit)
 
-    def to_the_end(trial: Trial) -> Trial:
-        # a long valley takes many rounds, and which of the best is the better one counts
-        reach = best - max(CLOSE, NEARLY * (best - base))
-        if trial.fit.settled or best < base + SURE or trial.fit.log_likelihood <= reach:
-            return trial
-        return polished(copied(task), trial, tolerance)
-
     def led(trial: Trial) -> Trial:
         other = led_on(trial, trials)
         redone = other and tried(copied(task), trial.effects, tolerance, other.fit)
@@ -243,7 +235,7 @@ def tried_all(
         if not trials:
             return []
         base = near.log_likelihood if near is not None else min(t.fit.log_likelihood for t in trials)
-        for more in (further, to_the_end, led):
+        for more in (further, led):
             best = max(t.fit.log_likelihood for t in trials)
             trials = list(pool.map(more, trials))
     return sorted(trials, key=lambda t: -t.score)

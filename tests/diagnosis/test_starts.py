@@ -1,7 +1,5 @@
 """Where searches begin: the size, and for a sine the phase, that explain most."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,15 +100,3 @@ def test_a_search_that_went_astray_begins_again_where_a_kindred_one_ended() -> N
     assert led_on(fuller, [lost, fuller, other]) is None
     assert led_on(trial("coulomb_friction", 890.0), [fuller, other]) is None
     assert led_on(trial("stribeck_friction", 880.0), [trial("coulomb_friction", 890.0)]) is not None
-
-
-def test_of_what_explains_a_log_nearly_alike_each_is_fitted_to_the_end() -> None:
-    """Gravity over a small range of angles and the command alone: a long valley, beside which others seem better."""
-    hidden = ["mechanical.gravity_load:tau_g=90 N.m,theta_g=30 deg"]
-    log = as_log(make_log("multisine", 40.0, hidden, amplitude=0.75, seed=8, start=np.radians(13.0)))
-    found = diagnose(replace(log, signals={n: log.signals[n] for n in ("u", "slew")}))
-    (finding,) = found.findings.values()
-    best, *others = finding.single
-    gain = best.fit.log_likelihood - finding.null.fit.log_likelihood
-    assert all(t.fit.settled for t in others if t.fit.log_likelihood > best.fit.log_likelihood - 0.05 * gain)
-    assert "mechanical.gravity_load" in {n for c in found.causes for n in (c.effect.name, *c.alike)}
