@@ -119,7 +119,11 @@ def load_compiled(composed: Composed) -> Any:
         raise ModelError(f"the compiled module {file} cannot be loaded")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:  # Ctrl-C, too: what is half loaded must not be found the next time
+        del sys.modules[name]
+        raise
     return module
 
 

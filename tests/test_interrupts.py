@@ -5,10 +5,15 @@ import signal
 import subprocess
 import sys
 import threading
+from importlib.machinery import SourceFileLoader
+from types import ModuleType
 
 import pytest
 
+from cosim.compiled import CompiledBlock, load_compiled
 from cosim.interrupts import uninterrupted
+from fmus import registry
+from fmus.compose import compose
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
@@ -76,3 +81,19 @@ def test_what_is_ignored_stays_ignored_and_other_threads_are_left_alone() -> Non
     thread.start()
     thread.join()
     assert seen == [before]
+
+
+def test_ctrl_c_while_compiled_code_is_loaded_leaves_nothing_half_loaded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def struck(loader: SourceFileLoader, module: ModuleType) -> None:
+        raise KeyboardInterrupt
+
+    composed = compose(registry.block("sensor"))
+    name = load_compiled(composed).__name__
+    monkeypatch.delitem(sys.modules, name)
+    with monkeypatch.context() as patched:
+        patched.setattr(SourceFileLoader, "exec_module", struck)
+        with pytest.raises(KeyboardInterrupt):
+            load_compiled(composed)
+    assert hasattr(CompiledBlock(composed).module, "begin")
