@@ -24,6 +24,11 @@ def notes(diagnosis: Diagnosis, log: Log) -> list[str]:
             f"the log counts samples and its sampling time is not known: one sample counts as {diagnosis.record.h:g} s, "
             "and every time and rate here is on that scale"
         )
+    if diagnosis.tracker is not None and diagnosis.tracker.rounds:
+        found.append(
+            f"the slew sensor's steps are rounded {diagnosis.tracker.rounds}: against the tracker its readings are off by "
+            "half a step on average, which is no fault of its own"
+        )
     grid = diagnosis.record.grid
     if grid is not None:
         spread = np.diff(grid.stamps)

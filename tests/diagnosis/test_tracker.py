@@ -1,12 +1,14 @@
 """Slew sensor against tracker: clock, seam and sensor errors are found with their sizes, as exactly as the data allow."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from cosim.diagnosis.data import Record
+from cosim.diagnosis.data import Array, Record
 from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.story import diagnose, prepare
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
@@ -194,6 +196,29 @@ def test_a_seam_nearly_as_high_as_the_motion_is_long_is_no_wrong_scale() -> None
     assert cause.effect.name == "tracker.seam"
     value, deviation = cause.parameters["seam"]
     assert value == pytest.approx(-0.9 * DEG, abs=4.0 * deviation)
+
+
+@pytest.mark.parametrize(
+    ("convert", "start", "rounds"),
+    [(np.rint, 9.0, ""), (np.floor, 9.0, "down"), (np.ceil, 9.0, "up"), (np.trunc, -2.0, "towards zero")],
+)
+def test_a_converter_that_cuts_off_is_no_bias(
+    convert: Callable[[Array], Array], start: float, rounds: str
+) -> None:
+    run = make_log("mixed", 40.0, seed=3, tracker=True, start=start * DEG)
+    record, step = prepare(as_log(run), our_machine("full_order")), 0.15 * DEG
+
+    def read(bias: float) -> TrackerFinding:
+        readings = step * convert((record.signals["slew"] + bias) / step)
+        return compare_tracker(replace(record, signals=record.signals | {"slew": readings}), as_tracker(run))
+
+    finding = read(0.0)
+    assert (finding.causes, finding.rounds) == ([], rounds)
+    (cause,) = read(0.5 * DEG).causes
+    assert "sensor.bias" in {
+        cause.effect.name,
+        *cause.alike,
+    }  # a motion that stays below the seam shows no difference
 
 
 def test_missing_readings_do_not_count() -> None:
