@@ -10,6 +10,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from cosim.correlation import correlations
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.polar import Polar
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ class Unknown:
         scale: size of a typical change, SI.
         low, high: bounds, SI.
         prior: (mean, standard deviation) of what is known beforehand, or None.
+        amplitude: of a phase, the unknown that is the amplitude of its sine.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Unknown:
     low: float
     high: float
     prior: tuple[float, float] | None = None
+    amplitude: str = ""
 
 
 def placed(unknowns: list[Unknown], values: Mapping[str, float]) -> list[Unknown]:
@@ -168,30 +171,29 @@ def fit(
     """
     base = dict(fixed or {})
     names = [u.name for u in unknowns]
-    scales = np.array([u.scale for u in unknowns])
-    low = np.array([u.low for u in unknowns]) / scales
-    high = np.array([u.high for u in unknowns]) / scales
+    start = np.array([np.clip(u.start, u.low, u.high) for u in unknowns])
+    pairs = [(names.index(u.amplitude), i) for i, u in enumerate(unknowns) if u.amplitude in names]
+    polar = Polar(pairs, np.array([u.scale for u in unknowns]), start)
+    low, high = polar.bounds(np.array([u.low for u in unknowns]), np.array([u.high for u in unknowns]))
     priors = [(i, u.prior) for i, u in enumerate(unknowns) if u.prior is not None]
 
-    def values(z: Array) -> dict[str, float]:
-        return base | dict(zip(names, (z * scales).tolist(), strict=True))
-
     def cost(z: Array) -> Array:
-        white = task.white(task.residuals(values(z)))
-        extra = [(z[i] * scales[i] - mean) / deviation for i, (mean, deviation) in priors]
+        x = polar.told(z)
+        white = task.white(task.residuals(base | dict(zip(names, x.tolist(), strict=True))))
+        extra = [(x[i] - mean) / deviation for i, (mean, deviation) in priors]
         return np.concatenate([white, extra])
 
     def slopes(z: Array) -> Array:
         return jacobian(cost, z, low, high)
 
-    z0 = np.clip(np.array([u.start for u in unknowns]) / scales, low, high)
+    z0 = polar.sought(start)
     if not unknowns:
         residual = cost(z0)
         return Fit(
             {}, {}, -0.5 * float(residual @ residual), residual.size, task.residuals(base), np.empty((0, 0))
         )
     found = searched(cost, slopes, z0, (low, high), rounds)
-    return summarised(task, unknowns, values(found.x), found, (low, high), len(priors))
+    return summarised(task, names, base, polar, found, (low, high), len(priors))
 
 
 def searched(
@@ -228,28 +230,30 @@ def searched(
 
 def summarised(
     task: Task,
-    unknowns: list[Unknown],
-    estimate: dict[str, float],
+    names: list[str],
+    base: dict[str, float],
+    polar: Polar,
     found: OptimizeResult,
     bounds: tuple[Array, Array],
     priors: int,
 ) -> Fit:
-    """What an optimiser found, with intervals from the curvature; `bounds` in units of the unknowns' scales."""
-    names = [u.name for u in unknowns]
-    scales = np.array([u.scale for u in unknowns])
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * np.outer(scales, scales)
+    """What an optimiser found in the coordinates of `polar`, with intervals from the curvature; `bounds` of these."""
+    turn = polar.turn(found.x)
+    scaled = turn * polar.scales[:, None]
+    covariance = scaled @ np.linalg.pinv(found.jac.T @ found.jac) @ scaled.T
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    estimate = dict(zip(names, polar.told(found.x).tolist(), strict=True))
     ends = zip(names, found.x, *bounds, strict=True)
     return Fit(
-        {n: estimate[n] for n in names},
+        estimate,
         deviations,
         -float(found.cost),
         int(found.fun.size - priors),
-        task.residuals(estimate),
+        task.residuals(base | estimate),
         covariance,
         tuple(n for n, z, a, b in ends if z - a < 1e-4 or b - z < 1e-4),
         found.status > 0,
-        found.jac,
+        found.jac @ np.linalg.inv(turn) if polar.pairs else found.jac,
         found.fun,
     )
 

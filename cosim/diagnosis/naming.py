@@ -30,6 +30,8 @@ from cosim.diagnosis.trials import (
 from cosim.diagnosis.valleys import away_from_stops
 from fmus.contract import Effect
 
+NEARLY = 0.05  # of the chosen set's gain behind it: such a rival is fitted until it settles
+
 __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
 
 
@@ -277,4 +279,12 @@ def rivals(
         )
         if kept:  # one effect may do what the whole set does
             found[effect.name] += [t for t in finding.single if t.effects[0] not in finding.chosen.effects]
+        found[effect.name] = [to_the_end(task, t, finding, tolerance) for t in found[effect.name]]
     return found
+
+
+def to_the_end(task: Task, rival: Trial, finding: Finding, tolerance: float) -> Trial:
+    """A rival that explains nearly as much as the chosen set, fitted until it settles: it may explain as much."""
+    best = finding.chosen.fit.log_likelihood
+    reach = best - max(CLOSE, NEARLY * (best - finding.null.fit.log_likelihood))
+    return rival if rival.fit.settled or rival.fit.log_likelihood < reach else polished(task, rival, tolerance)

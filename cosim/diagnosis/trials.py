@@ -86,7 +86,8 @@ def unknowns(
             if name in model.group.trusted:
                 _, least, most = model.trust(name, tolerance)
                 low, high = max(low, least), min(high, most)
-            found[name] = Unknown(name, nominal, scale, low, high)
+            amplitude = f"{effect.component}.{effect.key}" if free.phase else ""
+            found[name] = Unknown(name, nominal, scale, low, high, amplitude=amplitude)
             # a small size is always tried: from there a weak effect, or none, is soon found
             off = nominal if free.floor == 0.0 else nominal + SMALL * free.scale
             known = parameter in effect.parameters and free.floor == 0.0

@@ -1,0 +1,45 @@
+"""Amplitude and phase of a sine are searched for as sine and cosine: the same numbers, and no bent valley."""
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.diagnosis.polar import Polar
+from cosim.diagnosis.story import diagnose
+from cosim.rig import as_log, make_log
+
+SCALES = np.array([2.0, 150.0, 5.0, 1.0])
+amplitudes = st.floats(1.0, 1e4) | st.floats(-1e4, -1.0)
+phases = st.floats(-10.0, 10.0)
+
+
+@given(amplitudes, phases, st.floats(-3.0, 3.0), st.floats(-5.0, 5.0))
+def test_unknowns_come_back_and_change_as_told(amplitude: float, phase: float, off: float, other: float) -> None:
+    start = np.array([1.0, np.sign(amplitude), 7.0, phase - off])
+    polar = Polar([(1, 3)], SCALES, start)
+    x = np.array([other, amplitude, 7.0 - other, phase])
+    z = polar.sought(x)
+    np.testing.assert_allclose(polar.told(z), x, rtol=1e-9, atol=1e-9)
+    size = 1e-6 * float(np.hypot(z[1], z[3]))
+    steps = [(polar.told(z + d) - polar.told(z - d)) / (2.0 * size * SCALES) for d in size * np.eye(4)]
+    np.testing.assert_allclose(polar.turn(z), np.stack(steps, axis=1), rtol=1e-4, atol=1e-6)
+
+
+@given(amplitudes, phases)
+def test_a_sine_is_the_same_in_both(amplitude: float, phase: float) -> None:
+    polar = Polar([(0, 1)], np.array([150.0, 1.0]), np.array([amplitude, phase]))
+    z = polar.sought(np.array([amplitude, phase]))
+    angle = np.linspace(-1.0, 1.0, 7)
+    sine = 150.0 * (z[0] * np.sin(angle) + z[1] * np.cos(angle))
+    np.testing.assert_allclose(amplitude * np.sin(angle + phase), sine, rtol=1e-9, atol=1e-9 * abs(amplitude))
+
+
+def test_gravity_is_found_over_a_small_range_of_angles_with_the_command_alone() -> None:
+    hidden = ["mechanical.gravity_load:tau_g=90 N.m,theta_g=30 deg"]
+    log = as_log(make_log("multisine", 40.0, hidden, amplitude=0.75, seed=8, start=np.radians(13.0)))
+    found = diagnose(replace(log, signals={n: log.signals[n] for n in ("u", "slew")}))
+    assert [c.effect.name for c in found.causes] == ["mechanical.gravity_load"]
+    (finding,) = found.findings.values()
+    assert finding.chosen.fit.settled
