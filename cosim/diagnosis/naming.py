@@ -287,4 +287,6 @@ def to_the_end(task: Task, rival: Trial, finding: Finding, tolerance: float) -> 
     """A rival that explains nearly as much as the chosen set, fitted until it settles: it may explain as much."""
     best = finding.chosen.fit.log_likelihood
     reach = best - max(CLOSE, NEARLY * (best - finding.null.fit.log_likelihood))
-    return rival if rival.fit.settled or rival.fit.log_likelihood < reach else polished(task, rival, tolerance)
+    return (
+        rival if rival.fit.settled or rival.fit.log_likelihood < reach else polished(task, rival, tolerance)
+    )

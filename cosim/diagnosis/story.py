@@ -15,12 +15,13 @@ from cosim.diagnosis.extension import FREE, estimate, gain_by_fmus
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import Group, merged
+from cosim.diagnosis.groups import merged
 from cosim.diagnosis.heldout import Held, reconsider, refuse
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, tried
+from cosim.diagnosis.reading import clear_of_lag, known_of, take_over
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
-from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
+from cosim.diagnosis.tracker import compare_tracker
 from cosim.diagnosis.trials import freed
 from cosim.diagnosis.upstream import upstream_rivals
 from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, rests
@@ -64,14 +65,6 @@ def prepare(log: Log, machine: Machine) -> Record:
     if "p_load" in log:
         signals["p_load"] = log.p_load
     return Record(interval, signals, grid, machine.options.rest)
-
-
-def settled(groups: tuple[Group, ...], seen: TrackerFinding | None) -> tuple[Group, ...]:
-    """The groups without the effects that a tracker has settled already."""
-    if seen is None:
-        return groups
-    known = ("sensor.gain", "sensor.bias", "sensor.drift")
-    return tuple(replace(g, excluded=(*g.excluded, *known)) for g in groups)
 
 
 def judge(
@@ -219,16 +212,14 @@ def stages(
 ) -> None:
     """The diagnosis stage by stage; each leaves what it found in `found`."""
     watch.plan(planned(found, tracker is not None, folder is not None))
-    constants = dict(found.machine.base)
     if tracker is not None:
         enter(found, watch, "tracker", "slew sensor against tracker")
-        seen = compare_tracker(found.record, tracker)
-        found.tracker = seen
-        found.never += seen.never
-        found.causes += seen.causes
-        found.groups = settled(found.groups, seen)
-        constants |= {n: v for n, v in seen.fit.values.items() if n.startswith("sensor.")}
+        take_over(found, compare_tracker(found.record, tracker))
+    constants = known_of(found)
     judge(found, trust, constants, watch)
+    if tracker is not None and clear_of_lag(found, tracker):
+        constants = known_of(found)
+        judge(found, trust, constants, watch)
     if not found.findings and tracker is None:
         missing = sorted({s for names in found.unjudged.values() for s in names})
         raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")

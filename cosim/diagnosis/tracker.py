@@ -66,8 +66,16 @@ class TrackerFinding:
     rounds: str = ""
 
 
-def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
+def compare_tracker(
+    record: Record, tracker: Tracker, lag: tuple[float, float] = (0.0, 0.0)
+) -> TrackerFinding:
     """Find clock, seam and sensor errors from a log and a tracker's record.
+
+    Args:
+        record: the log.
+        tracker: the tracker's record.
+        lag: time constant of the slew sensor's lag and its standard deviation, s: a slow motion shows it as an offset of
+            the clock, so it must be known from elsewhere.
 
     Raises:
         DataError: the log has no slew angle, or the two records cannot be laid over each other.
@@ -75,7 +83,8 @@ def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
     if "slew" not in record.signals:
         raise DataError("the tracker can only be compared with a measured slew angle, which this log lacks")
     readings = record.signals["slew"]
-    record = replace(record, signals=record.signals | {"slew": record.fresh("slew")})
+    quick = record.fresh("slew") + lag[0] * record.rate("slew", SMOOTH)
+    record = replace(record, signals=record.signals | {"slew": quick})
     with threadpool_limits(1):  # small matrices: more threads only wait for one another
         model, fits, best = explained(record, tracker)
         rounds = ""
@@ -88,6 +97,7 @@ def compare_tracker(record: Record, tracker: Tracker) -> TrackerFinding:
     everything = fits[ERRORS]
     each = price(everything)
     found = fits[best]
+    found.deviations[OFFSET] = float(np.hypot(found.deviations[OFFSET], lag[1]))
     predicted, _ = model.predict(found.values)
     causes = [named(name, best, fits, model) for name in best] + clock_cause(found, model)
     angle = seam_angle(model, found) if SEAM in best else None
