@@ -23,7 +23,7 @@ def window_numbers(task: Task) -> NDArray[np.int64]:
 
 def part(task: Task, mask: NDArray[np.bool_]) -> Task:
     """The task on some windows only; doubt from upstream counts in each part by itself."""
-    found = Task(task.model, task.measured, task.rules, task.doubt, mask)
+    found = Task(task.model, task.measured, task.rules, task.doubt, mask, steps=task.steps)
     found.set_rules(task.rules)
     return found
 

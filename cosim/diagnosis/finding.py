@@ -14,6 +14,7 @@ from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.noise import centred, learned
+from cosim.diagnosis.rounded import concentration
 from cosim.diagnosis.samples import Mark
 from cosim.diagnosis.trials import CLOSE, Trial, freed
 from fmus.contract import Effect
@@ -62,10 +63,8 @@ class Finding:
 def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
     """Free functions for each signal of the group, its linear part as fitted."""
     own = task.model.group.linear
-    predicted = {s: task.measured[s] - r for s, r in found.residuals.items()}
-    return free_bases(
-        record, task.model.group, {n: task.model.nominal(n) for n in own} | found.values, predicted
-    )
+    values = {n: task.model.nominal(n) for n in own} | found.values
+    return free_bases(record, task.model.group, values, found.predicted)
 
 
 def leftovers(task: Task, record: Record, found: Fit) -> dict[str, Leftover]:
@@ -81,12 +80,15 @@ def leftovers(task: Task, record: Record, found: Fit) -> dict[str, Leftover]:
 
 def learn_noise(task: Task, record: Record, found: Fit) -> None:
     """Set the task's whitening rules from the part of the residuals that free functions do not explain."""
-    task.retime({s: task.measured[s] - r for s, r in found.residuals.items()}, record.time)
+    task.retime({s: found.predicted[s] for s in task.rules}, record.time)
     rules = {}
     for signal, bases in bases_of(task, record, found).items():
         columns = chain.from_iterable([*(b.columns() for b in bases), task.doubt.get(signal, ())])
         least = quietest(task.measured[signal])
         rules[signal] = learned(task.rules[signal], found.residuals[signal], columns, least)
+        if signal in task.steps:
+            whole = task.measured[signal] - found.predicted[signal]
+            rules[signal] = rules[signal].larger(concentration(whole, task.steps[signal], rules[signal]))
     task.set_rules(rules)
 
 

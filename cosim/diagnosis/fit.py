@@ -11,6 +11,7 @@ from cosim.correlation import correlations
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.polar import Polar
+from cosim.diagnosis.rounded import beyond
 
 Array = NDArray[np.float64]
 
@@ -53,11 +54,12 @@ class Fit:
         deviations: standard deviation of each, SI.
         log_likelihood: of residuals and priors, up to a constant that all fits to the same data share.
         count: number of independent residuals.
-        residuals: signal -> (n,) measured minus predicted, SI.
+        residuals: signal -> (n,) measured minus predicted, SI; of readings in steps what lies beyond the step.
         covariance: of the estimates, in the order of `values`.
         at_bound: names of the estimates that ended on a bound.
         slopes: (rows, unknowns) slopes of whitened residuals and priors, in units of each unknown's scale.
         settled: the search ended by itself and not by its limit of rounds.
+        predicted: signal -> (n,) SI.
     """
 
     values: dict[str, float]
@@ -70,6 +72,7 @@ class Fit:
     settled: bool = True
     slopes: Array | None = field(default=None, repr=False)
     rows: Array | None = field(default=None, repr=False)
+    predicted: dict[str, Array] = field(default_factory=dict, repr=False)
 
     @property
     def correlations(self) -> dict[tuple[str, str], float]:
@@ -90,6 +93,7 @@ class Task:
             not known exactly; it counts as noise.
         mask: (windows,) windows that count, or None for all.
         late: standard deviation of the timing of observed signals against the drive, s; its doubt is the first row.
+        steps: signal -> step of its readings where that is coarser than their noise, SI.
     """
 
     model: GroupModel
@@ -99,6 +103,7 @@ class Task:
     mask: NDArray[np.bool_] | None = None
     shrink: tuple[Array, Array] | None = field(default=None, repr=False)
     late: float = 0.0
+    steps: Mapping[str, float] = field(default_factory=dict)
 
     def retime(self, predicted: Mapping[str, Array], time: Array) -> None:
         """Take the doubt of the timing from what is predicted now, signal -> (n,) SI, at these times (n,), s."""
@@ -122,13 +127,17 @@ class Task:
             self.shrink = (left, 1.0 - 1.0 / np.sqrt(1.0 + values**2))
 
     def residuals(self, values: dict[str, float]) -> dict[str, Array]:
-        """Measured minus predicted, signal by signal, SI."""
-        predicted = self.model.simulate(values)
-        # a trial far off may leave the numbers; it must only count as bad
-        return {
-            name: np.nan_to_num(measured - predicted[name], copy=False, nan=ABSURD).clip(-ABSURD, ABSURD)
-            for name, measured in self.measured.items()
-        }
+        """Measured minus predicted, signal by signal, SI; of readings in steps what lies beyond the step."""
+        return self.against(self.model.simulate(values))
+
+    def against(self, predicted: Mapping[str, Array]) -> dict[str, Array]:
+        """Residuals of a prediction, signal -> (n,) SI."""
+        found = {}
+        for name, measured in self.measured.items():
+            # a trial far off may leave the numbers; it must only count as bad
+            off = np.nan_to_num(measured - predicted[name], copy=False, nan=ABSURD).clip(-ABSURD, ABSURD)
+            found[name] = beyond(off, self.steps[name], self.rules[name]) if name in self.steps else off
+        return found
 
     def rows(self, residuals: Mapping[str, Array]) -> Array:
         """All signals' residuals, independent and of unit size but for doubt, in one row."""
@@ -188,10 +197,11 @@ def fit(
 
     z0 = polar.sought(start)
     if not unknowns:
-        residual = cost(z0)
-        return Fit(
-            {}, {}, -0.5 * float(residual @ residual), residual.size, task.residuals(base), np.empty((0, 0))
-        )
+        predicted = task.model.simulate(base)
+        residuals = task.against(predicted)
+        white = task.white(residuals)
+        reached = -0.5 * float(white @ white)
+        return Fit({}, {}, reached, white.size, residuals, np.empty((0, 0)), predicted=predicted)
     found = searched(cost, slopes, z0, (low, high), rounds)
     return summarised(task, names, base, polar, found, (low, high), len(priors))
 
@@ -244,17 +254,19 @@ def summarised(
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     estimate = dict(zip(names, polar.told(found.x).tolist(), strict=True))
     ends = zip(names, found.x, *bounds, strict=True)
+    predicted = task.model.simulate(base | estimate)
     return Fit(
         estimate,
         deviations,
         -float(found.cost),
         int(found.fun.size - priors),
-        task.residuals(base | estimate),
+        task.against(predicted),
         covariance,
         tuple(n for n, z, a, b in ends if z - a < 1e-4 or b - z < 1e-4),
         found.status > 0,
         found.jac @ np.linalg.inv(turn) if polar.pairs else found.jac,
         found.fun,
+        predicted,
     )
 
 

@@ -8,7 +8,7 @@ window has a free offset.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -64,6 +64,10 @@ class Whitener:
         """Size of the noise of one bin, the slowest kinds (which an offset takes up) left out."""
         quick = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)
         return float(np.sqrt(sum(self.sizes[:quick])))
+
+    def larger(self, by: float) -> "Whitener":
+        """The rule for noise of `by` times the variance."""
+        return replace(self, sizes=tuple(by * size for size in self.sizes))
 
     def windows(self, residual: Array) -> Array:
         """(n,) residual to (windows, bins a window)."""

@@ -64,6 +64,17 @@ def grid_step(values: Array) -> float:
     return step if float(np.mean(off < 0.01)) > ON_GRID else 0.0
 
 
+def sharpness(values: Array) -> float:
+    """Size of what readings (n,) change by from sample to sample without a motion, in their unit."""
+    return float(np.std(np.diff(values, 2)) / np.sqrt(6.0)) if values.size > 3 else 0.0
+
+
+def coarse_step(values: Array) -> float:
+    """Step of the grid on which readings (n,) lie, in their unit; 0 if they change by more from sample to sample."""
+    step = grid_step(values)
+    return step if step > COARSE * sharpness(values) else 0.0
+
+
 def stale_share(values: Array, rate: Array) -> tuple[float, float, float]:
     """Share of stale samples, its standard deviation, and the share that chance alone repeats.
 
@@ -107,9 +118,8 @@ def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
         rate: (n,) smoothed rate, rad/s.
         noise: size of the noise of one reading, as far as it is known, rad.
     """
-    sharp = float(np.std(np.diff(values, 2)) / np.sqrt(6.0)) if values.size > 3 else 0.0
-    step = grid_step(values)
-    if step > COARSE * max(noise, sharp):
+    step = coarse_step(values)
+    if step > COARSE * noise:
         # each reading on the grid by chance: the width of the test, 1 in 50
         gain = values.size * float(np.log(50.0))
         return [Mark("sensor.quantisation", "quantum", step, step / values.size, gain)]
@@ -128,6 +138,6 @@ def lost(share: float, spread: float, natural: float) -> bool:
 
 def stale(values: Array, rate: Array) -> NDArray[np.bool_]:
     """(n,) True where readings (n,) are stale, with their smoothed rate (n,); nowhere if no packets were lost."""
-    if values.size < 4 or not lost(*stale_share(values, rate)):
+    if values.size < 4 or coarse_step(values) or not lost(*stale_share(values, rate)):
         return np.zeros(values.size, dtype=bool)
     return np.concatenate([[False], values[1:] == values[:-1]]) & ~resting(values)

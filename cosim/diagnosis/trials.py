@@ -281,7 +281,9 @@ def polished(task: Task, trial: Trial, tolerance: float) -> Trial:
 
 def copied(task: Task) -> Task:
     """The same task with a model of its own, for another thread."""
-    return Task(task.model.copy(), task.measured, task.rules, task.doubt, task.mask, task.shrink)
+    return Task(
+        task.model.copy(), task.measured, task.rules, task.doubt, task.mask, task.shrink, steps=task.steps
+    )
 
 
 def sorted_names(effects: Iterable[Effect]) -> tuple[str, ...]:

@@ -106,12 +106,14 @@ def stands(finding: Finding) -> bool:
         return True
     share = CARRIED if len(finding.chosen.effects) == 1 else TOGETHER
     share = LINEAR if sole_form(finding) else share
+    gain = gained(finding)
     for signal, left in finding.after.items():
         if not systematic(left, negligible(finding, signal)):
             continue
-        if left.rms > max(share * finding.before[signal].rms, LINEAR * at_first(finding, signal)):
+        # the one signal may show next to nothing of a cause that the other is full of
+        much = left.gain > LINEAR**2 * gain
+        if much and left.rms > max(share * finding.before[signal].rms, LINEAR * at_first(finding, signal)):
             return False
-    gain = gained(finding)
     # something that happens once and carries more than the causes do may well be what called for them
     listed = [(s, e) for s, found in finding.events.items() for e in found.values()]
     return not any(local(finding, s, e) and e.gain > gain for s, e in listed)

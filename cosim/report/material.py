@@ -220,9 +220,9 @@ def gather(
     parts = {}
     for name, finding in found.findings.items():
         extended = finding.chosen if stands(finding) else finding.null
-        for signal, measured in finding.task.measured.items():
-            series[BLOCK_NOMINAL][signal] = measured - finding.null.fit.residuals[signal]
-            series[BLOCK_EXTENDED][signal] = measured - extended.fit.residuals[signal]
+        for signal in finding.task.measured:
+            series[BLOCK_NOMINAL][signal] = finding.null.fit.predicted[signal]
+            series[BLOCK_EXTENDED][signal] = extended.fit.predicted[signal]
         parts[name] = part_of(name, finding)
     for cause in found.causes:
         if cause.group in found.findings:

@@ -1,0 +1,63 @@
+"""Residuals of readings in steps: what a model is off by beyond the step that each reading stands for.
+
+A reading rounded to steps says between which two values the signal was, no more. Its error is no noise: it follows the
+motion, and a motion hardly larger than a step is read too large or too small throughout, which passes for an inertia or a
+friction. Within the step nothing is known, so nothing is held against a model there; all the news is in the instants at
+which the reading changes.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.noise import Whitener
+
+Array = NDArray[np.float64]
+
+BEND = 0.1  # of a step: half the width over which the residual goes from nothing to its slope, so that it has one
+ROUNDS = 6  # of Newton's method for the offset of a window
+
+
+def beyond(residual: Array, step: float, rule: Whitener) -> Array:
+    """(n,) what of measured minus predicted (n,) lies beyond the step of the readings, each window at its best offset.
+
+    Args:
+        residual: measured minus predicted.
+        step: of the readings, in the same unit.
+        rule: windows of the residual; without free offsets it is taken as it is.
+    """
+    return outside(placed(residual, step, rule), step)[0]
+
+
+def placed(residual: Array, step: float, rule: Whitener) -> Array:
+    """(n,) measured minus predicted (n,), each window less the offset that leaves least beyond the step."""
+    if not rule.demean:
+        return residual
+    whole = rule.bins * rule.window
+    count = (residual.size - rule.skip) // whole
+    rows = residual[rule.skip : rule.skip + count * whole].reshape(count, whole)
+    offset = rows.mean(axis=1)
+    for _ in range(ROUNDS):
+        off, slope = outside(rows - offset[:, None], step)
+        offset = offset + off.sum(axis=1) / np.maximum(slope.sum(axis=1), 1.0)
+    window = np.clip((np.arange(residual.size) - rule.skip) // whole, 0, count - 1)
+    return residual - offset[window]
+
+
+def concentration(residual: Array, step: float, rule: Whitener) -> float:
+    """By how much the noise of measured minus predicted (n,) is larger where it judges a model than on average, squared.
+
+    Noise and news come together, in the instants at which the reading changes: against the noise of all instants a model
+    would seem better known than it is (the sandwich of White, Econometrica 50(1), 1982).
+    """
+    off, slope = (rule.windows(row) for row in outside(placed(residual, step, rule), step))
+    both = float(np.mean(off**2)) * float(np.mean(slope**2))
+    return max(1.0, float(np.mean(off**2 * slope**2)) / both) if both > 0.0 else 1.0
+
+
+def outside(values: Array, step: float) -> tuple[Array, Array]:
+    """What of values (...) lies outside half a step to either side of zero, and its slope (...); bent, not broken."""
+    bend = BEND * step
+    over = np.abs(values) - (0.5 * step - bend)
+    curved = np.clip(over, 0.0, 2.0 * bend)
+    size = np.where(over < 2.0 * bend, curved**2 / (4.0 * bend), over - bend)
+    return np.copysign(size, values), curved / (2.0 * bend)
