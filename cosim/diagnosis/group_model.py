@@ -116,6 +116,20 @@ class GroupModel:
             signal = outputs[0]
         return self.observed(outputs)
 
+    @property
+    def step(self) -> float:
+        """Interval of the simulation, s."""
+        return self.h if self.grid is None else self.grid.step
+
+    def inside(self, component: str, signal: str) -> Array | None:
+        """(n,) a signal between two stages of the nominal model, SI, step by step; None where there is none."""
+        self.simulate({})
+        for i, (name, block) in enumerate(self.stages):
+            outputs = list(block.composed.outputs)
+            if name == component and signal in outputs and i in self.kept:
+                return np.asarray(self.kept[i][1][outputs.index(signal)])
+        return None
+
     def fed(self, settings: dict[str, float]) -> Array:
         """The drive as the first block feels it."""
         slot = self.group.upstream_slot

@@ -8,6 +8,7 @@ import numpy as np
 
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.limits import out_of_reach, reached
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.starts import Size, fit_from_starts
 from cosim.diagnosis.watch import counted
@@ -19,7 +20,6 @@ FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
-UNSEEN = 1.0  # log-likelihood below which a limit explains nothing
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 
@@ -157,44 +157,6 @@ def without(task: Task, trial: Trial, effect: Effect, null: Trial, tolerance: fl
     """A fitted set without one of its effects; of the last one the nominal model is left."""
     kept = tuple(e for e in trial.effects if e != effect)
     return tried(task, kept, tolerance, trial.fit) if kept else null
-
-
-def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...]]:
-    """``component.parameter`` of a limit -> the extreme of what it limits (a signal, its rate), and a little less, SI."""
-    found: dict[str, tuple[float, ...]] = {}
-    for effect in effects:
-        for parameter, free in effect.free.items():
-            if free.limits in task.measured:
-                rule = task.rules[free.limits]
-                means = rule.windows(task.measured[free.limits])
-                if free.rate:
-                    means = np.abs(np.diff(means, axis=1)) / (rule.bins * task.model.h)
-                extreme = float(means.max() if free.starts[0] > 0.0 else means.min())
-                found[f"{effect.component}.{parameter}"] = (extreme, 0.99 * extreme)
-    return found
-
-
-def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit) -> Fit:
-    """The fit with limits that the signal does not meet at their nominal value: the data say nothing of them.
-
-    A limit that ended just where the signal has its extreme is one of them: beyond it everything explains as much, so
-    its interval goes from that extreme over the nominal value.
-    """
-    if found.slopes is None:
-        return found
-    nominal: dict[str, float] = {}
-    pulls = -found.log_likelihood - 0.5 * float(np.sum(task.white(found.residuals) ** 2))
-    for effect in effects:
-        for name in (f"{effect.component}.{p}" for p, free in effect.free.items() if free.limits):
-            if name not in found.values:
-                continue
-            away = {name: task.model.nominal(name)}
-            white = task.white(task.residuals(found.values | nominal | away))
-            if -0.5 * float(white @ white) - pulls > found.log_likelihood - UNSEEN:
-                nominal |= away
-    extremes = reached(task, effects) if nominal else {}
-    spread = {n: abs(v - extremes[n][0]) / 1.96 for n, v in nominal.items() if n in extremes}
-    return replace(found, values=found.values | nominal, deviations=found.deviations | spread)
 
 
 def tried_all(

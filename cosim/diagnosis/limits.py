@@ -1,0 +1,68 @@
+"""Limits of a signal or of its rate: where to look for them, and whether the log ever came near them."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.fit import Fit, Task
+from fmus.contract import Effect, Free
+
+Array = NDArray[np.float64]
+
+UNSEEN = 1.0  # log-likelihood below which a limit explains nothing
+MET = (1.0, 0.99)  # of the extreme of what was measured: there or just below it a limit that was met lies
+PREDICTED = (0.99, 0.95)  # the same of what the model predicts without the limit
+
+
+def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...]]:
+    """``component.parameter`` of a limit -> the extreme of what it limits (a signal, its rate), and a little less, SI.
+
+    A signal that was not measured is the one that the nominal model predicts within the group.
+    """
+    found: dict[str, tuple[float, ...]] = {}
+    for effect in effects:
+        for parameter, free in effect.free.items():
+            rows = limited(task, effect, free)
+            if rows is not None:
+                extreme = float(rows.max() if free.starts[0] > 0.0 else rows.min())
+                shares = MET if free.limits in task.measured else PREDICTED
+                found[f"{effect.component}.{parameter}"] = tuple(share * extreme for share in shares)
+    return found
+
+
+def limited(task: Task, effect: Effect, free: Free) -> Array | None:
+    """(rows, samples) what a parameter limits: a signal or the size of its rate, SI; None where it limits nothing known."""
+    if free.limits in task.measured:
+        rule = task.rules[free.limits]
+        rows, interval = rule.windows(task.measured[free.limits]), rule.bins * task.model.h
+    else:
+        inside = task.model.inside(effect.component, free.limits) if free.limits else None
+        if inside is None:
+            return None
+        rows, interval = inside[None, :], task.model.step
+    return np.abs(np.diff(rows, axis=1)) / interval if free.rate else rows
+
+
+def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit) -> Fit:
+    """The fit with limits that the signal does not meet at their nominal value: the data say nothing of them.
+
+    A limit that ended just where the signal has its extreme is one of them: beyond it everything explains as much, so
+    its interval goes from that extreme over the nominal value.
+    """
+    if found.slopes is None:
+        return found
+    nominal: dict[str, float] = {}
+    pulls = -found.log_likelihood - 0.5 * float(np.sum(task.white(found.residuals) ** 2))
+    for effect in effects:
+        for name in (f"{effect.component}.{p}" for p, free in effect.free.items() if free.limits):
+            if name not in found.values:
+                continue
+            away = {name: task.model.nominal(name)}
+            white = task.white(task.residuals(found.values | nominal | away))
+            if -0.5 * float(white @ white) - pulls > found.log_likelihood - UNSEEN:
+                nominal |= away
+    extremes = reached(task, effects) if nominal else {}
+    spread = {n: abs(v - extremes[n][0]) / 1.96 for n, v in nominal.items() if n in extremes}
+    return replace(found, values=found.values | nominal, deviations=found.deviations | spread)
