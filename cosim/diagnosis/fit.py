@@ -128,7 +128,12 @@ class Task:
 
     def residuals(self, values: dict[str, float]) -> dict[str, Array]:
         """Measured minus predicted, signal by signal, SI; of readings in steps what lies beyond the step."""
-        return self.against(self.model.simulate(values))
+        return self.against(self.predicted(values))
+
+    def predicted(self, values: dict[str, float]) -> dict[str, Array]:
+        """What the model makes of the measured signals, signal -> (n,) SI."""
+        simulated = self.model.simulate(values)
+        return {s: simulated[s] for s in self.measured}
 
     def against(self, predicted: Mapping[str, Array]) -> dict[str, Array]:
         """Residuals of a prediction, signal -> (n,) SI."""
@@ -197,7 +202,7 @@ def fit(
 
     z0 = polar.sought(start)
     if not unknowns:
-        predicted = task.model.simulate(base)
+        predicted = task.predicted(base)
         residuals = task.against(predicted)
         white = task.white(residuals)
         reached = -0.5 * float(white @ white)
@@ -254,7 +259,7 @@ def summarised(
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     estimate = dict(zip(names, polar.told(found.x).tolist(), strict=True))
     ends = zip(names, found.x, *bounds, strict=True)
-    predicted = task.model.simulate(base | estimate)
+    predicted = task.predicted(base | estimate)
     return Fit(
         estimate,
         deviations,

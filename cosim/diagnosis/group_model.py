@@ -121,9 +121,9 @@ class GroupModel:
         """Interval of the simulation, s."""
         return self.h if self.grid is None else self.grid.step
 
-    def inside(self, component: str, signal: str) -> Array | None:
-        """(n,) a signal between two stages of the nominal model, SI, step by step; None where there is none."""
-        self.simulate({})
+    def inside(self, component: str, signal: str, values: dict[str, float]) -> Array | None:
+        """(n,) a signal between two stages, SI, step by step, with these values; None where there is none."""
+        self.simulate(values)
         for i, (name, block) in enumerate(self.stages):
             outputs = list(block.composed.outputs)
             if name == component and signal in outputs and i in self.kept:

@@ -1,6 +1,6 @@
 """Limits of a signal or of its rate: where to look for them, and whether the log ever came near them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,15 +16,22 @@ MET = (1.0, 0.99)  # of the extreme of what was measured: there or just below it
 PREDICTED = (0.99, 0.95)  # the same of what the model predicts without the limit
 
 
-def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...]]:
+def reached(
+    task: Task, effects: Iterable[Effect], values: Mapping[str, float] | None
+) -> dict[str, tuple[float, ...]]:
     """``component.parameter`` of a limit -> the extreme of what it limits (a signal, its rate), and a little less, SI.
 
-    A signal that was not measured is the one that the nominal model predicts within the group.
+    A signal that was not measured is the one that the model predicts within the group, if it is to be trusted.
+
+    Args:
+        task: data, model and noise.
+        effects: the effects.
+        values: ``component.parameter`` -> SI as far as known; None where not even its order of magnitude is.
     """
     found: dict[str, tuple[float, ...]] = {}
     for effect in effects:
         for parameter, free in effect.free.items():
-            rows = limited(task, effect, free)
+            rows = limited(task, effect, free, values)
             if rows is not None:
                 extreme = float(rows.max() if free.starts[0] > 0.0 else rows.min())
                 shares = MET if free.limits in task.measured else PREDICTED
@@ -32,24 +39,33 @@ def reached(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, ...
     return found
 
 
-def limited(task: Task, effect: Effect, free: Free) -> Array | None:
+def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] | None) -> Array | None:
     """(rows, samples) what a parameter limits: a signal or the size of its rate, SI; None where it limits nothing known."""
     if free.limits in task.measured:
         rule = task.rules[free.limits]
         rows, interval = rule.windows(task.measured[free.limits]), rule.bins * task.model.h
-    else:
-        inside = task.model.inside(effect.component, free.limits) if free.limits else None
+    elif free.limits and values is not None:
+        inside = task.model.inside(effect.component, free.limits, unlimited(task, effect, values))
         if inside is None:
             return None
         rows, interval = inside[None, :], task.model.step
+    else:
+        return None
     return np.abs(np.diff(rows, axis=1)) / interval if free.rate else rows
 
 
-def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit) -> Fit:
+def unlimited(task: Task, effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    """The values with the limits of an effect at their nominal ones, SI."""
+    return dict(values) | {
+        n: task.model.nominal(n) for p in effect.free if (n := f"{effect.component}.{p}") in values
+    }
+
+
+def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit, trusted: bool = True) -> Fit:
     """The fit with limits that the signal does not meet at their nominal value: the data say nothing of them.
 
     A limit that ended just where the signal has its extreme is one of them: beyond it everything explains as much, so
-    its interval goes from that extreme over the nominal value.
+    its interval goes from that extreme over the nominal value; `trusted` is as the values of `reached`.
     """
     if found.slopes is None:
         return found
@@ -63,6 +79,6 @@ def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit) -> Fit:
             white = task.white(task.residuals(found.values | nominal | away))
             if -0.5 * float(white @ white) - pulls > found.log_likelihood - UNSEEN:
                 nominal |= away
-    extremes = reached(task, effects) if nominal else {}
+    extremes = reached(task, effects, found.values if trusted else None) if nominal else {}
     spread = {n: abs(v - extremes[n][0]) / 1.96 for n, v in nominal.items() if n in extremes}
     return replace(found, values=found.values | nominal, deviations=found.deviations | spread)

@@ -120,7 +120,8 @@ def tried(
 ) -> Trial:
     """Fit a set of effects; parameters that `near` has already estimated begin there."""
     wanted, starts = unknowns(task.model, effects, tolerance)
-    for name, extremes in reached(task, effects).items():
+    rough = tolerance > 1.0  # what such a model predicts between its blocks says nothing
+    for name, extremes in reached(task, effects, None if rough else near.values if near else {}).items():
         starts[name] = (*starts[name], *extremes)
     if near is not None:
         for name in near.values:
@@ -137,7 +138,7 @@ def tried(
     slopes = None if near is None else near.slopes
     size = sought(task.model, effects, starts)
     found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes)
-    return Trial(effects, out_of_reach(task, effects, found), price)
+    return Trial(effects, out_of_reach(task, effects, found, not rough), price)
 
 
 def sought(
