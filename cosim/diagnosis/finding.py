@@ -64,7 +64,7 @@ def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
     """Free functions for each signal of the group, its linear part as fitted."""
     own = task.model.group.linear
     values = {n: task.model.nominal(n) for n in own} | found.values
-    return free_bases(record, task.model.group, values, found.predicted)
+    return free_bases(record, task.model.group, values, task.predicted(found))
 
 
 def leftovers(task: Task, record: Record, found: Fit) -> dict[str, Leftover]:
@@ -80,14 +80,14 @@ def leftovers(task: Task, record: Record, found: Fit) -> dict[str, Leftover]:
 
 def learn_noise(task: Task, record: Record, found: Fit) -> None:
     """Set the task's whitening rules from the part of the residuals that free functions do not explain."""
-    task.retime({s: found.predicted[s] for s in task.rules}, record.time)
+    task.retime(task.predicted(found), record.time)
     rules = {}
     for signal, bases in bases_of(task, record, found).items():
         columns = chain.from_iterable([*(b.columns() for b in bases), task.doubt.get(signal, ())])
         least = quietest(task.measured[signal])
         rules[signal] = learned(task.rules[signal], found.residuals[signal], columns, least)
         if signal in task.steps:
-            whole = task.measured[signal] - found.predicted[signal]
+            whole = task.measured[signal] - task.predicted(found)[signal]
             rules[signal] = rules[signal].larger(concentration(whole, task.steps[signal], rules[signal]))
     task.set_rules(rules)
 

@@ -59,7 +59,7 @@ class Fit:
         at_bound: names of the estimates that ended on a bound.
         slopes: (rows, unknowns) slopes of whitened residuals and priors, in units of each unknown's scale.
         settled: the search ended by itself and not by its limit of rounds.
-        predicted: signal -> (n,) SI.
+        predicted: signal -> (n,) SI, of readings in steps; of the others it is what was measured less the residual.
     """
 
     values: dict[str, float]
@@ -128,12 +128,16 @@ class Task:
 
     def residuals(self, values: dict[str, float]) -> dict[str, Array]:
         """Measured minus predicted, signal by signal, SI; of readings in steps what lies beyond the step."""
-        return self.against(self.predicted(values))
+        return self.against(self.model.simulate(values))
 
-    def predicted(self, values: dict[str, float]) -> dict[str, Array]:
-        """What the model makes of the measured signals, signal -> (n,) SI."""
-        simulated = self.model.simulate(values)
-        return {s: simulated[s] for s in self.measured}
+    def kept(self, values: dict[str, float]) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Residuals, and the predictions that they do not tell, signal -> (n,) SI."""
+        predicted = self.model.simulate(values)
+        return self.against(predicted), {s: predicted[s] for s in self.steps}
+
+    def predicted(self, found: "Fit") -> dict[str, Array]:
+        """What a fit makes of the measured signals, signal -> (n,) SI."""
+        return {s: found.predicted.get(s, self.measured[s] - r) for s, r in found.residuals.items()}
 
     def against(self, predicted: Mapping[str, Array]) -> dict[str, Array]:
         """Residuals of a prediction, signal -> (n,) SI."""
@@ -202,11 +206,10 @@ def fit(
 
     z0 = polar.sought(start)
     if not unknowns:
-        predicted = task.predicted(base)
-        residuals = task.against(predicted)
+        residuals, stepped = task.kept(base)
         white = task.white(residuals)
         reached = -0.5 * float(white @ white)
-        return Fit({}, {}, reached, white.size, residuals, np.empty((0, 0)), predicted=predicted)
+        return Fit({}, {}, reached, white.size, residuals, np.empty((0, 0)), predicted=stepped)
     found = searched(cost, slopes, z0, (low, high), rounds)
     return summarised(task, names, base, polar, found, (low, high), len(priors))
 
@@ -259,19 +262,19 @@ def summarised(
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     estimate = dict(zip(names, polar.told(found.x).tolist(), strict=True))
     ends = zip(names, found.x, *bounds, strict=True)
-    predicted = task.predicted(base | estimate)
+    residuals, stepped = task.kept(base | estimate)
     return Fit(
         estimate,
         deviations,
         -float(found.cost),
         int(found.fun.size - priors),
-        task.against(predicted),
+        residuals,
         covariance,
         tuple(n for n, z, a, b in ends if z - a < 1e-4 or b - z < 1e-4),
         found.status > 0,
         found.jac @ np.linalg.inv(turn) if polar.pairs else found.jac,
         found.fun,
-        predicted,
+        stepped,
     )
 
 

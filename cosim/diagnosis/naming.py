@@ -226,7 +226,7 @@ def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:
     allowed = {e.name for e in task.model.group.effects()}
     values, noise = record.signals[reading], task.rules[reading].rms
     last = values[2 * values.size // 3 :]
-    rate = np.gradient(found.predicted[reading], task.model.h)[-last.size :]
+    rate = np.gradient(task.predicted(found)[reading], task.model.h)[-last.size :]
     again = {m.effect: m.gain for m in marks(last, rate, noise)}
     seen = [m for m in marks(values, record.rate(reading), noise) if m.effect in allowed]
     return [replace(m, held_out=again.get(m.effect, 0.0)) for m in seen]

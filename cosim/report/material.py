@@ -220,9 +220,8 @@ def gather(
     parts = {}
     for name, finding in found.findings.items():
         extended = finding.chosen if stands(finding) else finding.null
-        for signal in finding.task.measured:
-            series[BLOCK_NOMINAL][signal] = finding.null.fit.predicted[signal]
-            series[BLOCK_EXTENDED][signal] = extended.fit.predicted[signal]
+        series[BLOCK_NOMINAL] |= finding.task.predicted(finding.null.fit)
+        series[BLOCK_EXTENDED] |= finding.task.predicted(extended.fit)
         parts[name] = part_of(name, finding)
     for cause in found.causes:
         if cause.group in found.findings:
