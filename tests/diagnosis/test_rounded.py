@@ -58,12 +58,13 @@ def test_noise_is_counted_where_it_judges() -> None:
     assert concentration(noise, 1e-9, RULE) == pytest.approx(1.0, abs=1e-3)  # steps this fine are none
 
 
-def test_a_fast_motion_of_a_few_steps_is_no_other_inertia() -> None:
+@pytest.mark.parametrize(
+    "measured",
+    [("u", "spool", "p_supply", "p_a", "p_b", "slew"), pytest.param(("u", "slew"), marks=pytest.mark.slow)],
+)
+def test_a_fast_motion_of_a_few_steps_is_no_other_inertia(measured: tuple[str, ...]) -> None:
     """A chirp whose fast part is hardly larger than a step."""
-    run = make_log("chirp", 40.0, ["sensor.quantisation:quantum=0.2 deg"], seed=3)
-    found = diagnose(as_log(run))
+    log = as_log(make_log("chirp", 40.0, ["sensor.quantisation:quantum=0.2 deg"], seed=3))
+    found = diagnose(replace(log, signals={n: log.signals[n] for n in measured}))
     assert [c.effect.name for c in found.causes] == ["sensor.quantisation"]
     assert found.verdict == "explained"
-    log = as_log(run)
-    found = diagnose(replace(log, signals={n: log.signals[n] for n in ("u", "slew")}))
-    assert [c.effect.name for c in found.causes] == ["sensor.quantisation"]
