@@ -1,4 +1,4 @@
-"""Amplitude and phase of a sine, searched for as the two sines that it is a sum of.
+"""Amplitude and phase of a sine of known period, searched for as the two sines that it is a sum of.
 
 A torque that is a sine of the angle looks, over a small range of angles, like a constant and a slope: amplitude and phase
 then lie in a long bent valley in which a search creeps. In the sizes of sine and cosine the same valley is straight.

@@ -86,7 +86,9 @@ def unknowns(
             if name in model.group.trusted:
                 _, least, most = model.trust(name, tolerance)
                 low, high = max(low, least), min(high, most)
-            amplitude = f"{effect.component}.{effect.key}" if free.phase else ""
+            # where the period is sought, too, it goes straight with the phase, and bent with sine and cosine
+            whole = free.phase and len(effect.free) == 2
+            amplitude = f"{effect.component}.{effect.key}" if whole else ""
             found[name] = Unknown(name, nominal, scale, low, high, amplitude=amplitude)
             # a small size is always tried: from there a weak effect, or none, is soon found
             off = nominal if free.floor == 0.0 else nominal + SMALL * free.scale
