@@ -26,6 +26,8 @@ AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in
 # chance up to 0.29 (of 530 logs, 100 of them with 1/f noise; in one of 300 since, 0.42)
 ALIKE = 1.0 / 3.0
 CERTAIN = 1e-30  # probability below which it need not: slow noise has explained itself to 1e-11 only
+# of the noise of one bin: slow noise has explained itself to 0.61 of it at most in some 3700 logs, faults to thousands
+LARGE = 1.0
 SMALLER = 0.97  # of the noise: less, and all is fitted again
 MOVED = 0.5  # standard deviations of the noise: the doubt of the timing has moved by more, and all is fitted again
 
@@ -92,20 +94,23 @@ def learn_noise(task: Task, record: Record, found: Fit) -> None:
     task.set_rules(rules)
 
 
-def systematic(leftover: Leftover, negligible: float) -> bool:
+def systematic(leftover: Leftover, negligible: float, noise: float) -> bool:
     """True if a residual holds something that is neither chance nor negligible (a size in the signal's unit).
 
     It must show again, and as strongly, in windows that had no share in finding it, unless no noise could explain that
-    much: windows that visit different regimes have little to say of each other.
+    much, or it is larger than the noise of one bin (`noise`, in the signal's unit): windows that visit different regimes
+    have little to say of each other, and what is nearly constant has been taken for slow noise.
     """
     again = leftover.held_out > max(AGAIN, ALIKE * leftover.gain)
-    seen = again or (leftover.p_value < CERTAIN and leftover.gain > AGAIN)
+    sure = leftover.p_value < CERTAIN or leftover.rms > LARGE * noise
+    seen = again or (sure and leftover.gain > AGAIN)
     return leftover.p_value < SYSTEMATIC and leftover.rms > negligible and seen
 
 
 def lacking(task: Task, record: Record, found: Fit) -> bool:
     """True if a fit leaves something that is no chance in a signal."""
-    return any(systematic(left, 0.0) for left in leftovers(task, record, found).values())
+    left = leftovers(task, record, found)
+    return any(systematic(one, 0.0, task.rules[s].rms) for s, one in left.items())
 
 
 def relearned(task: Task, record: Record, found: Fit) -> bool:

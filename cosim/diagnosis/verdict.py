@@ -68,6 +68,11 @@ def negligible(finding: Finding, signal: str) -> float:
     return max(limits)
 
 
+def notable(finding: Finding, signal: str, left: Leftover) -> bool:
+    """True if what is left of a signal is neither chance nor negligible."""
+    return systematic(left, negligible(finding, signal), finding.task.rules[signal].rms)
+
+
 def sole_form(finding: Finding) -> bool:
     """True if the laws of all chosen effects have one form only: nothing that they leave is their own."""
     return all(e.sole_form for e in finding.chosen.effects)
@@ -82,7 +87,7 @@ def rounding(finding: Finding, signal: str) -> float:
 
 def adequate(finding: Finding) -> bool:
     """True if nothing noticeable is left in any signal of the group."""
-    if any(systematic(left, negligible(finding, s)) for s, left in finding.after.items()):
+    if any(notable(finding, s, left) for s, left in finding.after.items()):
         return False
     return not any(local(finding, s, e) for s, found in finding.events.items() for e in found.values())
 
@@ -108,7 +113,7 @@ def stands(finding: Finding) -> bool:
     share = LINEAR if sole_form(finding) else share
     gain = gained(finding)
     for signal, left in finding.after.items():
-        if not systematic(left, negligible(finding, signal)):
+        if not notable(finding, signal, left):
             continue
         # the one signal may show next to nothing of a cause that the other is full of
         much = left.gain > LINEAR**2 * gain
@@ -186,7 +191,7 @@ def rests(finding: Finding, tolerance: float = 0.01) -> list[Rest]:
     standing = stands(finding)
     for signal, after in finding.after.items():
         left = after if standing else finding.before[signal]
-        if systematic(left, negligible(finding, signal)):
+        if notable(finding, signal, left):
             best, gain = next(iter(left.by_signal.items()))
             share = gain / max(left.gain, 1e-300)
             what, _, of = best.partition("(")
