@@ -15,7 +15,7 @@ from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import plain
-from cosim.diagnosis.samples import coarse_step
+from cosim.diagnosis.samples import coarse_steps
 from cosim.diagnosis.trials import Trial
 from fmus.contract import Effect
 
@@ -95,8 +95,7 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
     rules = {s: plain(bins, window, not group.absolute, round(UNSETTLED / record.h)) for s in observed}
     measured = observed_of(group, record)
-    steps = {s: step for s, values in measured.items() if (step := coarse_step(values))}
-    task = Task(model, measured, rules, steps=steps)
+    task = Task(model, measured, rules, steps=coarse_steps(measured))
     # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;
     # the first row is the timing's place
     task.late = SKEW * min(record.h, FINE) * float(np.sqrt(len(known) + 1))

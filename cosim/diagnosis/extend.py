@@ -12,7 +12,7 @@ from cosim.diagnosis.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import Whitener
-from cosim.diagnosis.samples import coarse_step
+from cosim.diagnosis.samples import coarse_steps
 from cosim.diagnosis.trials import anchored, unknowns
 from cosim.ssp.write import (
     NAMESPACES,
@@ -109,8 +109,7 @@ def fitted_chain(
     measured = {s: v for g in groups for s, v in observed_of(g, record).items() if s in rules}
     # here the absolute angle counts: the command carries no noise that could drift
     absolute = {s: Whitener(r.bins, r.window, False, r.sizes) for s, r in rules.items()}
-    steps = {s: step for s, values in measured.items() if (step := coarse_step(values))}
-    task = Task(model, measured, absolute, mask=mask, steps=steps)
+    task = Task(model, measured, absolute, mask=mask, steps=coarse_steps(measured))
     wanted, _ = unknowns(model, effects, tolerance)
     placed = anchored(wanted, near)
     for name, value in fixed.items():

@@ -5,6 +5,7 @@ squares is blind to both. They leave exact marks instead: readings on a grid, an
 A stale sample tells nothing new of the machine, and its lateness would pass for inertia: fits leave it out.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +74,11 @@ def coarse_step(values: Array) -> float:
     """Step of the grid on which readings (n,) lie, in their unit; 0 if they change by more from sample to sample."""
     step = grid_step(values)
     return step if step > COARSE * sharpness(values) else 0.0
+
+
+def coarse_steps(signals: Mapping[str, Array]) -> dict[str, float]:
+    """Signal -> that step, of the signals whose readings (n,) lie on such a grid, in their unit."""
+    return {name: step for name, values in signals.items() if (step := coarse_step(values))}
 
 
 def stale_share(values: Array, rate: Array) -> tuple[float, float, float]:
