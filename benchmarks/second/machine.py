@@ -128,7 +128,7 @@ def pressure_step(
 ) -> tuple[float, float, float]:
     """Load pressure, supply and its second lag after `h` (4.33), each exact for what the others are at the start."""
     root = math.sqrt(max(supply, 0.0) / 170e5)
-    flow = m.K_c * x * root * (1.0 + math.copysign(m.a_q, x))
+    flow = m.K_c * root * (x + m.a_q * abs(x))
     leak = m.c_l
     if m.p_turb > 0.0:
         leak *= math.sqrt(m.p_turb / (m.p_turb + abs(p)))
