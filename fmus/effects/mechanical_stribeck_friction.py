@@ -8,8 +8,10 @@ from fmus.effects.mechanical_coulomb_friction import EFFECT as COULOMB
 
 @equation
 def stribeck_level(omega, m, p):
-    """tau_s exp(-(omega/omega_s)^2), on top of Coulomb friction."""
+    """tau_s exp(-|omega/omega_s|^delta), on top of Coulomb friction."""
     ratio = omega / p.omega_s
+    if p.delta != 2.0:
+        return p.tau_s * math.exp(-(abs(ratio) ** p.delta))
     return p.tau_s * math.exp(-ratio * ratio)
 
 
@@ -17,7 +19,7 @@ EFFECT = Effect(
     name="mechanical.stribeck_friction",
     text="Friction is higher at standstill than in motion and falls with speed.",
     residual="a missing torque against motion that is largest near standstill; jerky start",
-    source="Armstrong-Helouvry et al., Automatica 30(7), 1994: tau_c + tau_s exp(-(omega/omega_s)^2)",
+    source="Armstrong-Helouvry et al., Automatica 30(7), 1994: tau_c + tau_s exp(-|omega/omega_s|^delta), delta 1/2 to 2",
     key="tau_s",
     parameters={
         "tau_s": Variable(
@@ -39,12 +41,21 @@ EFFECT = Effect(
             nominal=0.01,
             source="assumed; acts only where tau_s > 0",
         ),
+        "delta": Variable(
+            "1",
+            "Exponent of the fall with speed",
+            2.0,
+            0.3,
+            5.0,
+            nominal=1.0,
+            source="off: Gauss; 1 is Tustin's exponential",
+        ),
     },
     free={
         "tau_c": Free(starts=(30.0, 150.0), scale=100.0),
         "tau_s": Free(starts=(100.0, 300.0), scale=150.0, floor=10.0),
         "omega_s": Free(starts=(0.003, 0.01), scale=0.005),
     },
-    forms=COULOMB.forms,
+    forms={**COULOMB.forms, "delta": Free(starts=(1.0, 0.6), scale=0.5, floor=0.1)},
     fills={"friction_level": stribeck_level},
 )

@@ -1,6 +1,7 @@
 """Friction that builds up with speed or over a distance: against scipy's solution, and in the limits where it is sharp."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -103,3 +104,13 @@ def test_bristles_outlive_a_level_that_falls_to_nothing() -> None:
     found = made.play([[0.1 * B / AR]] * 200)
     assert np.isfinite(found).all()
     assert found[-1, 1] == pytest.approx(0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize("delta", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("speed", [-0.02, -0.005, 0.0, 0.001, 0.03])
+def test_friction_falls_with_speed_by_the_power_asked_for(delta: float, speed: float) -> None:
+    """Armstrong's curve: 1 is Tustin's exponential, 2 the Gaussian."""
+    law = registry.effects()["mechanical.stribeck_friction"].fills["friction_level"]
+    p = SimpleNamespace(tau_s=100.0, omega_s=0.01, delta=delta)
+    expected = 100.0 * math.exp(-((abs(speed) / 0.01) ** delta))
+    assert law(speed, None, p) == pytest.approx(expected, rel=1e-14)

@@ -7,7 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import butter, tf2ss
 
+from fmus import registry
+from fmus.compose import compose
+
 BLOCK = bare("sensor")
+LAGGING = compose(registry.block("sensor"), [registry.effects()["sensor.lag"]])
 angles = st.floats(-10.0, 10.0)
 
 
@@ -62,3 +66,30 @@ def test_filter_acts_on_the_scaled_reading() -> None:
     plain = run(BLOCK, 1e-3, [theta[0]], {"f_c": 15.0}).play(theta[1:, None])[:, 0]
     scaled = run(BLOCK, 1e-3, [theta[0]], {"f_c": 15.0, "gain": 2.0, "bias": 0.3}).play(theta[1:, None])[:, 0]
     assert scaled == pytest.approx(2.0 * plain + 0.3, abs=1e-12)
+
+
+@pytest.mark.parametrize("q_l", [1e-4, 0.1, 0.25, 0.5, 1.0])
+def test_a_lag_of_second_order_is_exact(q_l: float) -> None:
+    """Against scipy's matrix exponential, from overdamped by two equal lags and Butterworth to ringing."""
+    theta, tau = ramp_and_rest(1e-3), 0.05
+    A = np.array([[0.0, 1.0], [-1.0 / (q_l * tau**2), -1.0 / (q_l * tau)]])
+    B = np.array([[0.0], [1.0 / (q_l * tau**2)]])
+    states = ramp_response(A, B, np.array([theta[0], 0.0]), theta[:, None], 1e-3, [False])
+    found = run(LAGGING, 1e-3, [theta[0]], {"tau_l": tau, "q_l": q_l}).play(theta[1:, None])[:, 0]
+    assert np.abs(found - states[:, 0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("q_l", [0.0, 0.3])
+def test_a_lag_of_either_order_is_behind_a_ramp_by_its_time(q_l: float) -> None:
+    theta = 0.3 * np.arange(2000) * 1e-3
+    found = run(LAGGING, 1e-3, [0.0], {"tau_l": 0.05, "q_l": q_l}).play(theta[1:, None])[:, 0]
+    assert found[-1] == pytest.approx(theta[-1] - 0.3 * 0.05, rel=1e-9)
+
+
+def test_a_vanishing_share_of_the_second_order_is_the_first_order() -> None:
+    theta = ramp_and_rest(1e-3)
+    one, two = (
+        run(LAGGING, 1e-3, [theta[0]], {"tau_l": 0.05, "q_l": q}).play(theta[1:, None])[:, 0]
+        for q in (0.0, 1e-6)
+    )
+    assert np.abs(one - two).max() < 1e-6

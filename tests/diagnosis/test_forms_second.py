@@ -1,0 +1,43 @@
+"""Other forms of a law in logs of the second simulator: named as what they are, the form found, nothing beside it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.second.machine import Machine, run
+from benchmarks.second.record import Sensing, command, write
+from cosim.diagnosis.story import diagnose
+from cosim.logs import load_log
+
+FRICTION = {"tau_c": 100.0, "tau_s_friction": 120.0, "omega_s": 0.007}
+
+
+def told_of(folder, seed: int, **settings):
+    """Diagnosis of a log of half a minute, all signals measured."""
+    rng = np.random.default_rng(seed)
+    u = command("jog", 30.0, 0.9, 1000, rng)
+    write(folder, u, run(u, Machine(theta_0=0.2, J=770.0, b=26500.0, **settings)), Sensing(), rng)
+    return diagnose(load_log(folder / "log.csv"))
+
+
+@pytest.mark.parametrize(
+    ("effect", "settings", "form", "size"),
+    [
+        ("mechanical.stribeck_friction", FRICTION | {"law": 1}, "delta", 1.0),
+        ("mechanical.stribeck_friction", FRICTION, "", math.nan),
+        ("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25),
+        ("sensor.lag", {"tau_l": 0.1}, "", math.nan),
+    ],
+    ids=["exponential", "Gauss", "two lags", "one lag"],
+)
+def test_the_form_is_found_only_where_it_is(tmp_path, effect, settings, form, size) -> None:
+    found = told_of(tmp_path, 11, **settings)
+    (cause,) = found.causes
+    assert cause.effect.name == effect
+    assert not found.rests
+    assert set(cause.parameters) & set(cause.effect.forms) == ({form} if form else set())
+    if form:
+        value, deviation = cause.parameters[form]
+        assert value == pytest.approx(size, abs=4.0 * deviation, rel=0.1)
+        assert deviation < 0.3 * size
