@@ -16,7 +16,7 @@ from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import plain
 from cosim.diagnosis.samples import coarse_steps
-from cosim.diagnosis.trials import Trial
+from cosim.diagnosis.trials import Trial, tried
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -53,6 +53,22 @@ def directions(fit: Fit) -> list[dict[str, float]]:
     values, vectors = np.linalg.eigh(fit.covariance / np.outer(sizes, sizes))
     moves = (vectors * np.sqrt(np.maximum(values, 0.0))).T * sizes
     return [{n: fit.values[n] + m for n, m in zip(names, move.tolist(), strict=True)} for move in moves]
+
+
+def in_any_form(task: Task, chosen: Trial, tolerance: float) -> Fit:
+    """Estimates of a chosen set with the form of a law free that has several: what the log leaves open of it is doubt.
+
+    That a leak turns turbulent may hide in the pressure's noise, and yet push the column by what its simplest law lacks.
+    """
+    for effect in chosen.effects:
+        for parameter in effect.forms if not effect.is_formed else ():
+            others = tuple(e for e in chosen.effects if e != effect)
+            chosen = max(
+                chosen,
+                tried(task, (*others, effect.formed(parameter)), tolerance, chosen.fit),
+                key=lambda t: t.fit.log_likelihood,
+            )
+    return chosen.fit
 
 
 def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:

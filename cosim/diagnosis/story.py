@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cosim.diagnosis.chain import Known, task_for
+from cosim.diagnosis.chain import Known, in_any_form, task_for
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.exercised import never_exercised
 from cosim.diagnosis.extension import FREE, estimate, gain_by_fmus
@@ -112,9 +112,8 @@ def judge(
         conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
         chosen = finding.chosen
-        own = Known(
-            finding.task.model, chosen.fit, chosen.effects, finding.single if not chosen.effects else []
-        )
+        doubted = in_any_form(finding.task, chosen, trust)
+        own = Known(finding.task.model, doubted, chosen.effects, finding.single if not chosen.effects else [])
         known = [*upstream, own] if adequate(finding) else []
 
 
