@@ -1,9 +1,6 @@
 """The extended model of a diagnosis: its values from all blocks together, its packages, and its gain by the FMUs."""
 
-from collections.abc import Callable
 from pathlib import Path
-
-import numpy as np
 
 from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.crossval import held_windows
@@ -15,8 +12,8 @@ from cosim.diagnosis.gain import measure, run_package
 from cosim.diagnosis.group_model import standing
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import Whitener
-from cosim.diagnosis.trials import SURE
-from cosim.diagnosis.verdict import names_of, stands
+from cosim.diagnosis.together import weighed
+from cosim.diagnosis.verdict import stands
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
 
@@ -65,41 +62,10 @@ def estimate(
             groups, diagnosis.record, rules, effects, begin, start, tolerance, mask, constants
         )
 
-    chain = in_best_form(diagnosis, groups, fitted, near)
+    chain = weighed(diagnosis, groups, fitted, near)
     diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
     diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
     diagnosis.start = {n: chain.values[n] for n in start}
-
-
-def in_best_form(
-    diagnosis: Diagnosis,
-    groups: tuple[Group, ...],
-    fitted: Callable[[tuple[Effect, ...], dict[str, float]], Fit],
-    near: dict[str, float],
-) -> Fit:
-    """The fit of all blocks together, with another form of a law where the blocks behind it show that, if not its own does.
-
-    Args:
-        diagnosis: a cause that takes another form has it afterwards.
-        groups: the groups of the model, in order.
-        fitted: fits the whole chain with these effects, from these values.
-        near: where the search begins.
-    """
-    listed = [c for c in diagnosis.causes if c.group in diagnosis.findings]
-    best = fitted(tuple(c.effect for c in listed), near)
-    for cause in listed:
-        if cause.group == groups[-1].name or cause.effect.is_formed:
-            continue
-        for parameter, free in cause.effect.forms.items():
-            formed = cause.effect.formed(parameter)
-            begin = best.values | {f"{formed.component}.{parameter}": free.starts[0]}
-            other = fitted(tuple(formed if c is cause else c.effect for c in listed), begin)
-            if other.log_likelihood - 0.5 * float(np.log(max(other.count, 2))) > best.log_likelihood + SURE:
-                best, cause.effect = other, formed
-                cause.parameters = {
-                    p: (best.values[n], best.deviations[n]) for p, n in names_of(formed).items()
-                }
-    return best
 
 
 def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:

@@ -1,0 +1,94 @@
+"""All blocks fitted together: what they say of a cause that its own block can hardly tell from another.
+
+The slew integrates the pressure, so a block behind may know more of a block before it than that block's own signal does:
+whether a leak turns turbulent, or whether it is a leak at all or a smaller flow gain.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cosim.diagnosis.finding import Finding
+from cosim.diagnosis.fit import Fit
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.groups import Group
+from cosim.diagnosis.trials import CLOSE, SURE
+from cosim.diagnosis.verdict import Cause, names_of, other_of
+from fmus.contract import Effect
+
+Fitted = Callable[
+    [tuple[Effect, ...], dict[str, float]], Fit
+]  # effects and where the search begins -> the fit
+
+
+def weighed(diagnosis: Diagnosis, groups: tuple[Group, ...], fitted: Fitted, near: dict[str, float]) -> Fit:
+    """The fit of all blocks together, with the causes that it asks for in the blocks that others follow.
+
+    Args:
+        diagnosis: its causes take another form, or the place of one another, where that is sure; those that are sure to be
+            worse are no longer declared alike.
+        groups: the groups of the model, in order.
+        fitted: fits the whole chain.
+        near: where the search begins.
+    """
+    listed = [c for c in diagnosis.causes if c.group in diagnosis.findings]
+    best = fitted(tuple(c.effect for c in listed), near)
+    for cause in listed:
+        if cause.group != groups[-1].name:
+            best = against_rivals(diagnosis.findings[cause.group], listed, cause, fitted, best)
+            best = in_best_form(listed, cause, fitted, best)
+    return best
+
+
+def in_best_form(listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -> Fit:
+    """The best fit with any form of a cause's law; the cause has that form afterwards."""
+    plain = cause.effect
+    for parameter, free in plain.forms.items() if not plain.is_formed else ():
+        formed = plain.formed(parameter)
+        begin = best.values | {f"{formed.component}.{parameter}": free.starts[0]}
+        other = fitted(tuple(formed if c is cause else c.effect for c in listed), begin)
+        if other.log_likelihood - price(1, other) > best.log_likelihood + SURE:
+            best = other
+            rename(cause, formed, best)
+    return best
+
+
+def against_rivals(finding: Finding, listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -> Fit:
+    """The best fit with a cause or one declared alike in its place; the cause is that one afterwards."""
+    for trial in list(finding.rivals.get(cause.effect.name, ())):
+        rival = other_of(trial, finding.chosen)
+        if rival.name not in cause.alike:
+            continue
+        effects = tuple(rival if c is cause else c.effect for c in listed)
+        other = fitted(effects, best.values | trial.fit.values)
+        more = trial.price - finding.chosen.price
+        ahead = other.log_likelihood - best.log_likelihood - price(more, other)
+        behind = rival
+        if ahead > 0.0:
+            behind, best = cause.effect, other
+            finding.rivals[rival.name] = [finding.chosen, *finding.rivals[cause.effect.name]]
+            finding.chosen = trial
+            rename(cause, rival, best)
+        placed_behind(cause, behind, abs(ahead))
+    return best
+
+
+def placed_behind(cause: Cause, rival: Effect, behind: float) -> None:
+    """Put an effect among the rivals of a cause, so far behind it in log-likelihood."""
+    others = {cause.effect.name, rival.name}
+    cause.rivals = sorted(
+        [(rival, behind), *(r for r in cause.rivals if r[0].name not in others)], key=lambda r: r[1]
+    )
+    alike = [n for n in cause.alike if n not in others]
+    cause.alike = [rival.name, *alike] if behind < CLOSE else alike
+
+
+def rename(cause: Cause, effect: Effect, found: Fit) -> None:
+    """Give a cause another effect, or another form of it, with the estimates of a fit."""
+    cause.effect = effect
+    cause.parameters = {p: (found.values[n], found.deviations[n]) for p, n in names_of(effect).items()}
+
+
+def price(parameters: int, found: Fit) -> float:
+    """BIC's price in log-likelihood of more parameters."""
+    return 0.5 * parameters * float(np.log(max(found.count, 2)))
