@@ -30,12 +30,21 @@ UNSETTLED = 0.5  # s at the start that do not count: the state in which a log be
 
 @dataclass
 class Known:
-    """A group that is understood: its model, what was estimated, its causes, and every single effect as it was tried."""
+    """A group that is understood.
+
+    Attributes:
+        model: its model.
+        fit: what was estimated.
+        named: its causes.
+        price: free parameters of its causes beyond those of the nominal model.
+        others: every single effect as it was tried, or what can hardly be told from its causes.
+    """
 
     model: GroupModel
     fit: Fit
     named: tuple[Effect, ...] = ()
-    single: list[Trial] = field(default_factory=list)
+    price: int = 0
+    others: list[Trial] = field(default_factory=list)
 
 
 def fixed_values(record: Record, group: Group) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +16,16 @@ from cosim.diagnosis.extension import FREE, estimate, gain_by_fmus
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import merged
+from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.heldout import Held, reconsider, refuse
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, tried
+from cosim.diagnosis.origin import traced
 from cosim.diagnosis.reading import clear_of_lag, known_of, take_over
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import compare_tracker
 from cosim.diagnosis.trials import freed
-from cosim.diagnosis.upstream import upstream_rivals
+from cosim.diagnosis.upstream import alternatives
 from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError
@@ -108,13 +110,25 @@ def judge(
             finding.confirmed = finding.chosen.effects == kept != ()
         if held is not None:
             reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust)
-        finding.upstream = upstream_rivals(finding, known if group.integrates else [], record)
+        if group.integrates and known:
+            known, finding = traced(
+                found, finding, known, partial(anew, found, group, trust, constants), trust
+            )
         conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
         chosen = finding.chosen
         doubted = in_any_form(finding.task, chosen, trust)
-        own = Known(finding.task.model, doubted, chosen.effects, finding.single if not chosen.effects else [])
+        own = Known(finding.task.model, doubted, chosen.effects, chosen.price, alternatives(finding))
         known = [*upstream, own] if adequate(finding) else []
+
+
+def anew(
+    found: Diagnosis, group: Group, trust: float, constants: Mapping[str, float] | None, known: list[Known]
+) -> Finding:
+    """What is found in a group that `known` blocks drive."""
+    task = task_for(group, found.record, known)
+    settle(task.model, constants or {})
+    return find(task, found.record, trust, found.machine.options.causes)
 
 
 def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> None:

@@ -5,7 +5,7 @@ sensor would. Each effect that the blocks before could have is therefore weighed
 measurement allows it, and by what it would then do to this group.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,39 +15,65 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding
-from cosim.diagnosis.trials import Trial, declared, freed
+from cosim.diagnosis.trials import CLOSE, Trial, declared, freed
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
 
-def upstream_rivals(finding: Finding, known: list[Known], record: Record) -> list[tuple[Effect, float]]:
-    """Effects of the blocks before a group, with how far each explains the log worse than the named cause, best first.
+@dataclass(frozen=True)
+class Origin:
+    """What a group shows, explained by a block before it.
+
+    Attributes:
+        at: place of that block among those before.
+        trial: its effects, fitted.
+        behind: log-likelihood by which this explains the log worse than what was named in the group, prices counted;
+            negative where it explains the log better.
+    """
+
+    at: int
+    trial: Trial
+    behind: float
+
+
+def alternatives(finding: Finding) -> list[Trial]:
+    """Every single effect of a group in which nothing is named, otherwise what can hardly be told from what is."""
+    chosen = finding.chosen
+    if not chosen.effects:
+        return finding.single
+    sets = [t for listed in finding.rivals.values() for t in listed]
+    return [t for t in sets if t.score > chosen.score - CLOSE and len(t.effects) == len(chosen.effects)]
+
+
+def origins(finding: Finding, known: list[Known], record: Record) -> list[Origin]:
+    """Explanations of what was named in a group, or of what it shows, by the blocks before it, best first.
 
     Args:
-        finding: what was found in the group; only a single named cause has rivals here.
+        finding: what was found in the group.
         known: the blocks before it, in order.
         record: the log.
-
-    Returns:
-        (effect, log-likelihood behind the named cause, prices counted); negative where it explains the log better.
     """
-    if len(finding.chosen.effects) != 1 or not known:
-        return []
     named = finding.chosen.score - finding.null.score
     found = []
-    for i, item in enumerate(known):
-        for trial in item.single:
+    for at, item in enumerate(known):
+        for trial in item.others:
             # a parameter that is free already counts as doubt of the drive
-            if trial.effects[0] in item.named or any(
-                n in item.model.group.trusted for n in freed(trial.effects)
-            ):
+            new = [e for e in trial.effects if e not in item.named]
+            if any(n in item.model.group.trusted for n in freed(tuple(new))):
                 continue
-            gained = gain_downstream(finding, known, i, trial, record)
+            gained = gain_downstream(finding, known, at, trial, record)
             upstream = trial.fit.log_likelihood - item.fit.log_likelihood
-            price = 0.5 * trial.price * float(np.log(max(finding.null.fit.count, 2)))
-            found.append((trial.effects[0], named - (gained + upstream - price)))
-    return sorted(found, key=lambda rival: rival[1])
+            price = 0.5 * (trial.price - item.price) * float(np.log(max(finding.null.fit.count, 2)))
+            found.append(Origin(at, trial, named - (gained + upstream - price)))
+    return sorted(found, key=lambda origin: origin.behind)
+
+
+def upstream_rivals(finding: Finding, listed: list[Origin], known: list[Known]) -> list[tuple[Effect, float]]:
+    """Effects of blocks where nothing is named, with how far each explains the log worse than a group's one cause."""
+    if len(finding.chosen.effects) != 1:
+        return []
+    return [(o.trial.effects[0], o.behind) for o in listed if not known[o.at].named]
 
 
 def gain_downstream(finding: Finding, known: list[Known], at: int, trial: Trial, record: Record) -> float:

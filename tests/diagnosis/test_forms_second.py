@@ -28,8 +28,10 @@ def told_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, **settings)
         ("mechanical.stribeck_friction", FRICTION, "", math.nan),
         ("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25),
         ("sensor.lag", {"tau_l": 0.1}, "", math.nan),
+        ("mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06),
+        ("mechanical.backlash", {"gap": 0.006}, "", math.nan),
     ],
-    ids=["exponential", "Gauss", "two lags", "one lag"],
+    ids=["exponential", "Gauss", "two lags", "one lag", "creeping", "kinematic"],
 )
 def test_the_form_is_found_only_where_it_is(tmp_path, effect, settings, form, size) -> None:
     found = told_of(tmp_path, 11, **settings)

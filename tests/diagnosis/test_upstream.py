@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hidden_logs import off
 
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.story import diagnose
@@ -26,6 +27,21 @@ def test_an_asymmetry_below_the_noise_of_the_pressure_is_declared_beside_the_dri
     for cause in found.causes:
         if cause.group == "mechanical":
             assert "continuity.flow_asymmetry" in cause.alike
+
+
+def test_an_asymmetry_that_only_the_slew_shows_is_named_where_it_acts() -> None:
+    """A drift of the sensor with a gear ripple beside it explained the slew worse, and was named."""
+    noise = Noise(scale=2.0, kind="ar1", correlation_time=0.05)
+    hidden = [Hidden("continuity.flow_asymmetry", {"a_q": 0.02})]
+    run = make_log("mixed", 40.0, hidden, amplitude=0.8, noise=noise, seed=31, settings=off(31))
+    found = diagnose(as_log(run))
+    (cause,) = found.causes
+    assert cause.effect.name == "continuity.flow_asymmetry"
+    assert not found.rests
+    assert found.findings["mechanical"].chosen.effects == ()
+    value, deviation = cause.parameters["a_q"]
+    assert value == pytest.approx(0.02, abs=3.0 * deviation)
+    assert {e.name for e, far in cause.rivals if far > 6.0} & {"sensor.drift", "mechanical.gravity_load"}
 
 
 def test_a_drift_beyond_what_the_pressure_allows_has_no_rival_upstream() -> None:

@@ -1,0 +1,80 @@
+"""Whether what a group shows began in a block before it.
+
+A cause that is small where it acts (an asymmetry of the flow, a supply that falls in a way of its own) may be seen only
+where it is integrated. What explains the log clearly better from there, and leaves nothing to explain in the group, is the
+cause.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from cosim.diagnosis.chain import Known
+from cosim.diagnosis.finding import Finding, leftovers
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.naming import rivals
+from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.trials import CLOSE, SURE, polished
+from cosim.diagnosis.upstream import Origin, origins, upstream_rivals
+from cosim.diagnosis.verdict import adequate, causes, rests
+
+MOST = 2  # explanations that are tried, the most promising first
+
+
+def traced(
+    found: Diagnosis,
+    finding: Finding,
+    known: list[Known],
+    again: Callable[[list[Known]], Finding],
+    tolerance: float,
+) -> tuple[list[Known], Finding]:
+    """The blocks before a group and what was found in it, with a cause taken upstream where it belongs there.
+
+    Args:
+        found: record, findings and causes of the blocks before; a cause that belongs there is added to them.
+        finding: what was found in the group.
+        known: the blocks before it, in order.
+        again: looks for causes in the group anew, driven by these blocks.
+        tolerance: trust in the nominal parameters.
+    """
+    listed = origins(finding, known, found.record)
+    finding.upstream = upstream_rivals(finding, listed, known)
+    clean = not finding.chosen.effects and adequate(finding)
+    if clean or found.held is not None:
+        return known, finding
+    clearly = CLOSE if finding.chosen.effects else SURE
+    for origin in [o for o in listed if o.behind < -clearly][:MOST]:
+        item = replace(
+            known[origin.at],
+            fit=origin.trial.fit,
+            named=origin.trial.effects,
+            price=origin.trial.price,
+            others=[],
+        )
+        moved = [*known[: origin.at], item, *known[origin.at + 1 :]]
+        other = again(moved)
+        if not other.chosen.effects and adequate(other) and taken(found, finding, item, origin, tolerance):
+            return moved, other
+    return known, finding
+
+
+def taken(found: Diagnosis, shown: Finding, item: Known, origin: Origin, tolerance: float) -> bool:
+    """Name an origin in its own block, with what was named where it showed among its rivals; False if it leaves too much."""
+    name = item.model.group.name
+    before = found.findings[name]
+    finding = replace(before, chosen=polished(before.task, origin.trial, tolerance))
+    finding.after = leftovers(finding.task, found.record, finding.chosen.fit)
+    candidates = tuple(e for e in finding.task.model.group.effects() if e.name not in SAMPLED)
+    finding.rivals = rivals(finding.task, finding, candidates, tolerance)
+    named = causes(finding, tolerance)
+    new = [c for c in named if c.effect not in before.chosen.effects]
+    if not new:
+        return False
+    for cause in new:
+        cause.rivals = [*((e, -origin.behind) for e in shown.chosen.effects), *cause.rivals]
+        # its own signal hardly shows it: what it explains is what the group behind shows
+        cause.gain += shown.chosen.score - shown.null.score - origin.behind
+        cause.alike = []
+    found.findings[name] = finding
+    found.causes = [c for c in found.causes if c.group != name] + named
+    found.rests = [r for r in found.rests if r.block != name] + rests(finding, tolerance)
+    return True
