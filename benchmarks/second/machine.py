@@ -83,7 +83,7 @@ def soft(x: float, width: float) -> float:
     """max(x, 0) with a corner rounded over `width`; sharp at width 0."""
     if width <= 0.0:
         return max(x, 0.0)
-    return 0.5 * (x + math.sqrt(x * x + width * width)) - 0.5 * width
+    return 0.5 * (x + math.sqrt(x * x + width * width))
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -161,7 +161,7 @@ def torque(p: float, theta: float, m: Machine) -> float:
     """Torque of pressure, gravity and ripple (4.27)."""
     felt = p
     if m.p_c > 0.0:
-        felt = math.copysign(soft(abs(p) - m.p_c, m.s_c * m.p_c), p)
+        felt = soft(p - m.p_c, m.s_c * m.p_c) - soft(-p - m.p_c, m.s_c * m.p_c)
     total = felt * 8419.3e-6 * 0.1 - m.tau_g * math.sin(theta - m.theta_g)
     phase = m.n_r * theta + m.phi_r
     wave = 2.0 / math.pi * math.asin(math.sin(phase)) if m.triangle else math.sin(phase)

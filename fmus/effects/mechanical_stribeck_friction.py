@@ -46,9 +46,9 @@ EFFECT = Effect(
             "Exponent of the fall with speed",
             2.0,
             0.3,
-            5.0,
+            2.0,
             nominal=1.0,
-            source="off: Gauss; 1 is Tustin's exponential",
+            source="off: Gauss; 1 is Tustin's exponential; above 2 the curve has a shoulder and not a fall",
         ),
     },
     free={
