@@ -25,6 +25,11 @@ def prune(finding: Finding, record: Record, tolerance: float) -> None:
     drop_outweighed(finding, record, tolerance)
     simplified(finding, record, tolerance)
     moderated(finding, record, tolerance)
+    # what is left of a set, or has taken its place, must hold in other windows as well
+    held = confirmed(finding.task, finding.chosen, finding.null, tolerance)
+    if held is not finding.chosen:
+        finding.chosen = held
+        finding.after = leftovers(finding.task, record, held.fit)
 
 
 def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
@@ -63,8 +68,9 @@ def simplified(finding: Finding, record: Record, tolerance: float) -> None:
         and t.score > max(chosen.score - left, finding.null.score + left)
         and not impossible(t, finding.task.model)
     ]
-    if simpler:
-        best = min(simpler, key=lambda t: (t.price, -t.score))
+    in_order = sorted(simpler, key=lambda t: (t.price, -t.score))
+    best = next((t for t in in_order if not refuted(finding.task, t, tolerance)), None)
+    if best is not None:
         finding.chosen = polished(finding.task, best, tolerance)
         finding.after = leftovers(finding.task, record, finding.chosen.fit)
 
