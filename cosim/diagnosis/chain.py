@@ -38,6 +38,8 @@ class Known:
         named: its causes.
         price: free parameters of its causes beyond those of the nominal model.
         others: every single effect as it was tried, or what can hardly be told from its causes.
+        lacking: (n,) what its laws lack, as far as that is known, in its first signal, SI; None for nothing.
+        doubts: (n,) changes of that signal one standard deviation along each doubt of its laws.
     """
 
     model: GroupModel
@@ -45,6 +47,8 @@ class Known:
     named: tuple[Effect, ...] = ()
     price: int = 0
     others: list[Trial] = field(default_factory=list)
+    lacking: Array | None = None
+    doubts: list[Array] = field(default_factory=list)
 
 
 def fixed_values(record: Record, group: Group) -> dict[str, float]:
@@ -83,17 +87,20 @@ def in_any_form(task: Task, chosen: Trial, tolerance: float) -> Fit:
 def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
     """Drive of the next group from the groups before it, in order; and the drive one standard deviation along each doubt."""
 
-    def run(values: list[dict[str, float]]) -> Array:
+    def run(values: list[dict[str, float]], at: int = 0, change: Array | None = None) -> Array:
         signal = record.signals[known[0].model.group.drive]
-        for item, estimate in zip(known, values, strict=True):
+        for i, (item, estimate) in enumerate(zip(known, values, strict=True)):
             model = GroupModel(item.model.group, signal, record.h, item.model.fixed, record.grid)
             signal = model.simulate(estimate)[item.model.group.observed[0]]
+            for more in (item.lacking, change if i == at else None):
+                signal = signal if more is None else signal + more
         return signal
 
     best = [item.fit.values for item in known]
     moved = []
     for i, item in enumerate(known):
         moved += [run([*best[:i], values, *best[i + 1 :]]) for values in directions(item.fit)]
+        moved += [run(best, i, change) for change in item.doubts]
     return run(best), moved
 
 

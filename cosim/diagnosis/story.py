@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cosim.diagnosis.chain import Known, in_any_form, task_for
+from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.exercised import never_exercised
 from cosim.diagnosis.extension import FREE, estimate, gain_by_fmus
@@ -18,6 +18,7 @@ from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.heldout import Held, reconsider, refuse
+from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, tried
 from cosim.diagnosis.origin import traced
@@ -25,7 +26,6 @@ from cosim.diagnosis.reading import clear_of_lag, known_of, take_over
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import compare_tracker
 from cosim.diagnosis.trials import freed
-from cosim.diagnosis.upstream import alternatives
 from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError
@@ -116,10 +116,7 @@ def judge(
             )
         conclude(found, group.name, finding, trust)
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
-        chosen = finding.chosen
-        doubted = in_any_form(finding.task, chosen, trust)
-        own = Known(finding.task.model, doubted, chosen.effects, chosen.price, alternatives(finding))
-        known = [*upstream, own] if adequate(finding) else []
+        known = [*upstream, understood(finding, record, trust)] if adequate(finding) else []
 
 
 def anew(
