@@ -115,6 +115,8 @@ def judge(
                 found, finding, known, partial(anew, found, group, trust, constants), trust
             )
         conclude(found, group.name, finding, trust)
+        if group.name == found.groups[-1].name:
+            break
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
         known = [*upstream, understood(finding, record, trust)] if adequate(finding) else []
 
