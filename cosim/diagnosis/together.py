@@ -55,9 +55,11 @@ def in_best_form(listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -
 
 def against_rivals(finding: Finding, listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -> Fit:
     """The best fit with a cause or one declared alike in its place; the cause is that one afterwards."""
+    kept = {e for e in finding.chosen.effects if e != cause.effect}
     for trial in list(finding.rivals.get(cause.effect.name, ())):
         rival = other_of(trial, finding.chosen)
-        if rival.name not in cause.alike:
+        # one effect in the place of a whole set is another matter
+        if rival.name not in cause.alike or set(trial.effects) != kept | {rival}:
             continue
         effects = tuple(rival if c is cause else c.effect for c in listed)
         other = fitted(effects, best.values | trial.fit.values)
