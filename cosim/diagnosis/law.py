@@ -8,6 +8,7 @@ delivers is corrected by what free functions find in its residual, as far as the
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.compare.metrics import rms
 from cosim.diagnosis.chain import Known, in_any_form
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, bases_of
@@ -49,11 +50,12 @@ def doubt_of_law(finding: Finding, record: Record) -> tuple[Array | None, list[A
     signal = task.model.group.observed[0]
     silent = {s: np.zeros_like(r) for s, r in chosen.fit.residuals.items()}
     bases = bases_of(task, record, chosen.fit)[signal]
-    columns = np.array([column for basis in bases for column in basis.columns()])
-    sizes = np.sqrt(np.mean(columns**2, axis=1))
-    columns, sizes = columns[sizes > 0.0], sizes[sizes > 0.0]
-    # of the size that each is trusted to have at most
-    columns *= (FORM * finding.before[signal].rms / sizes)[:, np.newaxis]
+    trusted = FORM * finding.before[signal].rms  # the size that each has at most
+    scaled = (c * (trusted / max(rms(c), 1e-300)) for basis in bases for c in basis.columns())
+    # single precision: there are dozens of them, as long as the log
+    columns = np.array([c.astype(np.float32) for c in scaled if rms(c) > 0.0])
+    if not columns.size:
+        return None, []
     white = np.array([task.white(silent | {signal: column}) for column in columns])
     precision = white @ white.T + np.eye(len(columns))
     mean = np.linalg.solve(precision, white @ task.white(silent | {signal: chosen.fit.residuals[signal]}))

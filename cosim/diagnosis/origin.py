@@ -43,13 +43,8 @@ def traced(
         return known, finding
     clearly = CLOSE if finding.chosen.effects else SURE
     for origin in [o for o in listed if o.behind < -clearly][:MOST]:
-        item = replace(
-            known[origin.at],
-            fit=origin.trial.fit,
-            named=origin.trial.effects,
-            price=origin.trial.price,
-            others=[],
-        )
+        trial = origin.trial
+        item = Known(known[origin.at].model, trial.fit, trial.effects, trial.price)
         moved = [*known[: origin.at], item, *known[origin.at + 1 :]]
         other = again(moved)
         if not other.chosen.effects and adequate(other) and taken(found, finding, item, origin, tolerance):
