@@ -36,10 +36,11 @@ def traced(
         again: looks for causes in the group anew, driven by these blocks.
         tolerance: trust in the nominal parameters.
     """
+    if not finding.chosen.effects and adequate(finding):
+        return known, finding
     listed = origins(finding, known, found.record)
     finding.upstream = upstream_rivals(finding, listed, known)
-    clean = not finding.chosen.effects and adequate(finding)
-    if clean or found.held is not None:
+    if found.held is not None:
         return known, finding
     clearly = CLOSE if finding.chosen.effects else SURE
     for origin in [o for o in listed if o.behind < -clearly][:MOST]:
