@@ -13,7 +13,7 @@ from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.trials import CLOSE, SURE
-from cosim.diagnosis.verdict import Cause, names_of, other_of
+from cosim.diagnosis.verdict import Cause, names_of
 from fmus.contract import Effect
 
 Fitted = Callable[
@@ -57,10 +57,11 @@ def against_rivals(finding: Finding, listed: list[Cause], cause: Cause, fitted: 
     """The best fit with a cause or one declared alike in its place; the cause is that one afterwards."""
     kept = {e for e in finding.chosen.effects if e != cause.effect}
     for trial in list(finding.rivals.get(cause.effect.name, ())):
-        rival = other_of(trial, finding.chosen)
-        # one effect in the place of a whole set is another matter
-        if rival.name not in cause.alike or set(trial.effects) != kept | {rival}:
+        new = [e for e in trial.effects if e not in finding.chosen.effects]
+        # one effect in the place of a whole set is another matter, and so is what another exchange has made of a set
+        if len(new) != 1 or new[0].name not in cause.alike or set(trial.effects) != {*kept, *new}:
             continue
+        (rival,) = new
         effects = tuple(rival if c is cause else c.effect for c in listed)
         other = fitted(effects, best.values | trial.fit.values)
         more = trial.price - finding.chosen.price
