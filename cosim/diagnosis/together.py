@@ -67,12 +67,13 @@ def against_rivals(finding: Finding, listed: list[Cause], cause: Cause, fitted: 
         more = trial.price - finding.chosen.price
         ahead = other.log_likelihood - best.log_likelihood - price(more, other)
         behind = rival
-        if ahead > 0.0:
+        # nearly as good is no reason to change: what spans the same numbers would take turns
+        if ahead > CLOSE:
             behind, best = cause.effect, other
             finding.rivals[rival.name] = [finding.chosen, *finding.rivals[cause.effect.name]]
             finding.chosen = trial
             rename(cause, rival, best)
-        placed_behind(cause, behind, abs(ahead))
+        placed_behind(cause, behind, abs(ahead) if ahead > CLOSE else -ahead)
     return best
 
 
