@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 PIECES = (40, 120, 360)  # bins in a piece: about half a second, a second and four
 NARROWEST = 8  # values in a band of a piece
+PERIODS = 2  # that a line must have in a window
 # share of a piece's values that count as independent: noise is neither quite white nor quite normal (with all of them the
 # smallest probability in 180 logs of white, correlated and 1/f noise was 2e-3, with this share 3e-2)
 INDEPENDENT = 0.8
@@ -150,7 +151,8 @@ def line(white: Array, interval: float) -> Event:
     freedom = INDEPENDENT_LINE * 2.0 * windows
     around /= 1.0 - 2.0 / (9.0 * 2.0 * windows) * 3.0  # median of a chi-square against its mean
     ratio = power / np.maximum(around, LEAST * float(taper @ taper))
-    at = int(np.argmax(ratio))
+    # less than PERIODS in a window are slow noise as well as a line, and what free functions took of it has thinned the rest
+    at = PERIODS - 1 + int(np.argmax(ratio[PERIODS - 1 :]))
     one = float(f_distribution.sf(ratio[at], freedom, freedom * reach))
     frequency = (at + 1) / (bins * interval)
     gain = windows * (ratio[at] - 1.0 - float(np.log(max(ratio[at], 1e-300))))

@@ -39,6 +39,15 @@ def test_a_faint_line_is_found_at_its_frequency() -> None:
     assert found.start == pytest.approx(7.0, abs=0.21)
 
 
+@pytest.mark.parametrize(("frequency", "rings"), [(0.2, False), (0.6, True)])
+def test_one_period_in_a_window_is_slow_noise_as_well_as_a_line(frequency: float, rings: bool) -> None:
+    rng = np.random.default_rng(12)
+    time = np.arange(6000) * INTERVAL
+    slow = rng.normal(size=12).repeat(500) * np.sin(2.0 * np.pi * frequency * time)
+    white = (rng.normal(size=6000) + 0.45 * slow).reshape(12, 500)
+    assert (line(white, INTERVAL).p_value < 1e-5) == rings
+
+
 def test_the_start_of_the_log_shifts_the_times() -> None:
     rng = np.random.default_rng(11)
     white = rng.normal(size=(12, 500))
