@@ -155,6 +155,7 @@ def write(folder: Path, u: Array, true: dict[str, Array], s: Sensing, rng: np.ra
             rows = rows[lost(rows.size, s, rng)]
         if name in s.columns:
             table[column] = np.round(rows / unit, digits)
+    table["synthetic [1]"] = 1
     pd.DataFrame(table).to_csv(folder / "log.csv", index=False)
     if s.frames <= 0.0:
         return [str(folder / "log.csv")]
@@ -165,6 +166,6 @@ def write(folder: Path, u: Array, true: dict[str, Array], s: Sensing, rng: np.ra
     angle = angle + np.where(angle < 12.0 * DEG, s.seam, 0.0) + s.noise * NOISE["slew"] * coloured(
         rng, stamps.size, s.colour, 1.0 / s.frames
     )  # fmt: skip
-    tracked = {"time [s]": np.round(stamps, 6), "slew_external [deg]": np.round(angle / DEG, 6)}
+    tracked = {"time [s]": np.round(stamps, 6), "slew_external [deg]": np.round(angle / DEG, 6), "synthetic [1]": 1}
     pd.DataFrame(tracked).to_csv(folder / "tracker.csv", index=False)
     return [str(folder / "log.csv"), "--external", str(folder / "tracker.csv")]
