@@ -166,6 +166,10 @@ def write(folder: Path, u: Array, true: dict[str, Array], s: Sensing, rng: np.ra
     angle = angle + np.where(angle < 12.0 * DEG, s.seam, 0.0) + s.noise * NOISE["slew"] * coloured(
         rng, stamps.size, s.colour, 1.0 / s.frames
     )  # fmt: skip
-    tracked = {"time [s]": np.round(stamps, 6), "slew_external [deg]": np.round(angle / DEG, 6), "synthetic [1]": 1}
+    tracked = {
+        "time [s]": np.round(stamps, 6),
+        "slew_external [deg]": np.round(angle / DEG, 6),
+        "synthetic [1]": 1,
+    }
     pd.DataFrame(tracked).to_csv(folder / "tracker.csv", index=False)
     return [str(folder / "log.csv"), "--external", str(folder / "tracker.csv")]
