@@ -6,11 +6,20 @@ from fmus.contract import Effect, Free, Variable, equation
 
 
 @equation
+def sag_root(supply, p):
+    """Root of the supply over its value without flow: what the flow goes with."""
+    return math.sqrt(max(supply, 0.0) / p.p_s)
+
+
+@equation
 def sag_remember(x, x1, u, m, p, c):
-    """First-order lag of the supply towards p_s - k_s |spool| sqrt(Ps/p_s), with the mean opening of the step."""
-    flow = 0.5 * (abs(u.spool) + abs(m.sag_spool)) * math.sqrt(max(m.sag_supply, 0.0) / p.p_s)
-    goal = p.p_s - p.k_s * flow
-    return goal + (m.sag_supply - goal) * math.exp(-c.h / p.tau_s), u.spool
+    """First-order lag of the supply towards p_s - k_s |spool| sqrt(Ps/p_s), with the mean flow of the step (Heun)."""
+    decay = math.exp(-c.h / p.tau_s)
+    before = abs(m.sag_spool) * sag_root(m.sag_supply, p)
+    goal = p.p_s - p.k_s * 0.5 * (before + abs(u.spool) * sag_root(m.sag_supply, p))
+    ahead = goal + (m.sag_supply - goal) * decay
+    goal = p.p_s - p.k_s * 0.5 * (before + abs(u.spool) * sag_root(ahead, p))
+    return goal + (m.sag_supply - goal) * decay, u.spool
 
 
 @equation
@@ -22,7 +31,7 @@ def sag_begin(x, u, p):
 @equation
 def sag_opening(opening, m, p):
     """Flow falls with the root of the supply."""
-    return opening * math.sqrt(max(m.sag_supply, 0.0) / p.p_s)
+    return opening * sag_root(m.sag_supply, p)
 
 
 @equation
@@ -69,4 +78,5 @@ EFFECT = Effect(
     },
     begin=sag_begin,
     remember=sag_remember,
+    helpers=(sag_root,),
 )
