@@ -48,13 +48,28 @@ def traced(
         item = Known(known[origin.at].model, trial.fit, trial.effects, trial.price)
         moved = [*known[: origin.at], item, *known[origin.at + 1 :]]
         other = again(moved)
-        if not other.chosen.effects and adequate(other) and taken(found, finding, item, origin, tolerance):
+        if other.chosen.effects or not adequate(other):
+            continue
+        close = [o.trial for o in listed if o is not origin and o.behind < origin.behind + CLOSE]
+        alike = list(dict.fromkeys(e.name for t in close for e in t.effects if e not in trial.effects))
+        if taken(found, finding, item, origin, alike, tolerance):
             return moved, other
     return known, finding
 
 
-def taken(found: Diagnosis, shown: Finding, item: Known, origin: Origin, tolerance: float) -> bool:
-    """Name an origin in its own block, with what was named where it showed among its rivals; False if it leaves too much."""
+def taken(
+    found: Diagnosis, shown: Finding, item: Known, origin: Origin, alike: list[str], tolerance: float
+) -> bool:
+    """Name an origin in its own block, with what was named where it showed among its rivals; False if it leaves too much.
+
+    Args:
+        found: findings, causes and rests, renewed for that block.
+        shown: what was found where it showed.
+        item: the block with it.
+        origin: the explanation.
+        alike: effects of the blocks before that explain as much.
+        tolerance: trust in the nominal parameters.
+    """
     name = item.model.group.name
     before = found.findings[name]
     finding = replace(before, chosen=polished(before.task, origin.trial, tolerance))
@@ -67,9 +82,9 @@ def taken(found: Diagnosis, shown: Finding, item: Known, origin: Origin, toleran
         return False
     for cause in new:
         cause.rivals = [*((e, -origin.behind) for e in shown.chosen.effects), *cause.rivals]
-        # its own signal hardly shows it: what it explains is what the group behind shows
+        # its own signal hardly shows it, nor tells it from others: what it explains is what the group behind shows
         cause.gain += shown.chosen.score - shown.null.score - origin.behind
-        cause.alike = []
+        cause.alike = alike
     found.findings[name] = finding
     found.causes = [c for c in found.causes if c.group != name] + named
     found.rests = [r for r in found.rests if r.block != name] + rests(finding, tolerance)

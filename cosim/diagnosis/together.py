@@ -16,9 +16,8 @@ from cosim.diagnosis.trials import CLOSE, SURE
 from cosim.diagnosis.verdict import Cause, names_of
 from fmus.contract import Effect
 
-Fitted = Callable[
-    [tuple[Effect, ...], dict[str, float]], Fit
-]  # effects and where the search begins -> the fit
+# effects and where the search begins -> the fit
+Fitted = Callable[[tuple[Effect, ...], dict[str, float]], Fit]
 
 
 def weighed(diagnosis: Diagnosis, groups: tuple[Group, ...], fitted: Fitted, near: dict[str, float]) -> Fit:
