@@ -8,7 +8,6 @@ import numpy as np
 from benchmarks.second.machine import Machine
 from benchmarks.second.record import COLUMNS, COMMANDS, DEG
 
-Range = tuple[float, float]
 NOMINAL = Machine()
 TRUSTED = ("K", "w0", "zeta", "K_c", "T", "J", "b")
 
@@ -137,9 +136,10 @@ def draw(seed: int) -> Case:
     tracked = rng.random() < 0.3
     names = [n for n, f in FLAWS.items() if tracked or not f.tracker]
     count = int(rng.choice([0, 1, 2], p=[0.15, 0.5, 0.35]))
-    hidden = {str(n): sized(FLAWS[str(n)], rng) for n in rng.choice(names, count, replace=False)}
-    while clash(hidden):
+    while True:
         hidden = {str(n): sized(FLAWS[str(n)], rng) for n in rng.choice(names, count, replace=False)}
+        if not clash(hidden):
+            break
     forms = {n: formed(FLAWS[n], rng) for n in hidden}
     machine = {
         n: getattr(NOMINAL, n) * (1.0 + 0.01 * float(np.clip(rng.normal(), -2.0, 2.0))) for n in TRUSTED

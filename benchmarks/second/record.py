@@ -20,6 +20,8 @@ COLUMNS = {
     "p_b": ("p_b [bar]", 1e5, 4),
     "slew": ("slew [deg]", DEG, 6),
 }
+# the true signal and the sensor whose noise it is seen in
+SEEN_BY = {"spool": "spool", "p_supply": "p_supply", "p_load": "p_a", "angle": "slew"}
 COMMANDS = ("jog", "stairs", "sines", "chirps", "random")
 
 

@@ -11,38 +11,42 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.second.cases import FLAWS, Case
 from benchmarks.second.machine import Machine, run
-from benchmarks.second.record import NOISE, Sensing, command, write
+from benchmarks.second.record import NOISE, SEEN_BY, Sensing, command, write
+from cosim.compare.metrics import rms
 from cosim.units import base_factor
 
 ANGULAR = ("phi_r", "theta_g")
 
 
-def make(case: Case, folder: Path) -> list[str]:
-    """Write the log of `case` into `folder`; the arguments of `cosim diagnose`."""
+def played(case: Case) -> tuple[NDArray[np.float64], Sensing, np.random.Generator]:
+    """The command (n,) of a case, how it is logged, and the generator that draws the noise."""
     rng = np.random.default_rng([case.seed, 5])
     sensing = Sensing(**case.sensing)
-    u = command(case.command, case.duration, case.amplitude, sensing.rate, rng)
+    return command(case.command, case.duration, case.amplitude, sensing.rate, rng), sensing, rng
+
+
+def make(case: Case, folder: Path) -> list[str]:
+    """Write the log of `case` into `folder`; the arguments of `cosim diagnose`."""
+    u, sensing, rng = played(case)
     return write(folder, u, run(u, Machine(**case.machine)), sensing, rng)
 
 
 def shown(case: Case) -> dict[str, float]:
     """Effect -> largest rms, over the signals that are logged, of what it changes, in standard deviations of their noise."""
-    rng = np.random.default_rng([case.seed, 5])
-    sensing = Sensing(**case.sensing)
-    u = command(case.command, case.duration, case.amplitude, sensing.rate, rng)
+    u, sensing, _ = played(case)
     true, found = run(u, Machine(**case.machine)), {}
     for name in case.hidden:
         if FLAWS[name].sensing:
             continue
         set_here = {*case.hidden[name], *case.forms[name]}
         other = run(u, Machine(**{k: v for k, v in case.machine.items() if k not in set_here}))
-        sizes = {"spool": "spool", "p_supply": "p_supply", "p_load": "p_a", "angle": "slew"}
         found[name] = max(
-            float(np.sqrt(np.mean((true[s] - other[s]) ** 2))) / (sensing.noise * NOISE[c])
-            for s, c in sizes.items()
+            rms(true[s] - other[s]) / (sensing.noise * NOISE[c])
+            for s, c in SEEN_BY.items()
             if c in sensing.columns
         )
     return found

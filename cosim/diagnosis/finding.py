@@ -61,6 +61,11 @@ class Finding:
     upstream: list[tuple[Effect, float]] = field(default_factory=list)
     confirmed: bool = False
 
+    def accept(self, chosen: Trial, record: Record) -> None:
+        """Accept another set, and see what it leaves."""
+        self.chosen = chosen
+        self.after = leftovers(self.task, record, chosen.fit)
+
 
 def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
     """Free functions for each signal of the group, its linear part as fitted."""

@@ -15,7 +15,7 @@ from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
-from cosim.diagnosis.trials import tried_all, without
+from cosim.diagnosis.trials import candidates_of, tried_all, without
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -215,7 +215,7 @@ def prefer(finding: Finding, tolerance: float) -> None:
         effects.append(min(listed, key=lambda e: order.index(e.name) if e.name in order else 0))
     if tuple(effects) != finding.chosen.effects:
         finding.chosen = tried(finding.task, tuple(effects), tolerance, finding.chosen.fit)
-        candidates = tuple(e for e in finding.task.model.group.effects() if e.name not in SAMPLED)
+        candidates = candidates_of(finding.task)
         finding.rivals = rivals(finding.task, finding, candidates, tolerance)
 
 

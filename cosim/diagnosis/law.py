@@ -51,9 +51,9 @@ def doubt_of_law(finding: Finding, record: Record) -> tuple[Array | None, list[A
     silent = {s: np.zeros_like(r) for s, r in chosen.fit.residuals.items()}
     bases = bases_of(task, record, chosen.fit)[signal]
     trusted = FORM * finding.before[signal].rms  # the size that each has at most
-    scaled = (c * (trusted / max(rms(c), 1e-300)) for basis in bases for c in basis.columns())
+    listed = (column for basis in bases for column in basis.columns())
     # single precision: there are dozens of them, as long as the log
-    columns = np.array([c.astype(np.float32) for c in scaled if rms(c) > 0.0])
+    columns = np.array([(c * (trusted / size)).astype(np.float32) for c in listed if (size := rms(c)) > 0.0])
     if not columns.size:
         return None, []
     white = np.array([task.white(silent | {signal: column}) for column in columns])

@@ -12,13 +12,14 @@ from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import Event, burst, line
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
-from cosim.diagnosis.samples import SAMPLED, Mark, marks
+from cosim.diagnosis.samples import Mark, marks
 from cosim.diagnosis.screening import forms, promising
 from cosim.diagnosis.trials import (
     BEYOND,
     CLOSE,
     SURE,
     Trial,
+    candidates_of,
     declared,
     freed,
     polished,
@@ -74,7 +75,7 @@ def find(
     this log refute, or that explain less than what stays unexplained, are taken out again, unless other data will judge
     them (`within` is False). A search may begin with a set of effects that is known to hold.
     """
-    candidates = tuple(e for e in task.model.group.effects() if e.name not in SAMPLED)
+    candidates = candidates_of(task)
     null = nominal(task, record, tolerance)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
     chosen = best_single(task, null, single, tolerance) if most else null

@@ -9,11 +9,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from cosim.diagnosis.chain import Known
-from cosim.diagnosis.finding import Finding, leftovers
+from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.naming import rivals
-from cosim.diagnosis.samples import SAMPLED
-from cosim.diagnosis.trials import CLOSE, SURE, polished
+from cosim.diagnosis.trials import CLOSE, SURE, candidates_of, polished
 from cosim.diagnosis.upstream import Origin, origins, upstream_rivals
 from cosim.diagnosis.verdict import adequate, causes, rests
 
@@ -72,10 +71,9 @@ def taken(
     """
     name = item.model.group.name
     before = found.findings[name]
-    finding = replace(before, chosen=polished(before.task, origin.trial, tolerance))
-    finding.after = leftovers(finding.task, found.record, finding.chosen.fit)
-    candidates = tuple(e for e in finding.task.model.group.effects() if e.name not in SAMPLED)
-    finding.rivals = rivals(finding.task, finding, candidates, tolerance)
+    finding = replace(before)
+    finding.accept(polished(before.task, origin.trial, tolerance), found.record)
+    finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), tolerance)
     named = causes(finding, tolerance)
     new = [c for c in named if c.effect not in before.chosen.effects]
     if not new:

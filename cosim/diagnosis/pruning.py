@@ -3,7 +3,7 @@
 from cosim.diagnosis.bounds import impossible
 from cosim.diagnosis.crossval import refuted
 from cosim.diagnosis.data import Record
-from cosim.diagnosis.finding import Finding, leftovers, unexplained
+from cosim.diagnosis.finding import Finding, unexplained
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.freeform import SYSTEMATIC
 from cosim.diagnosis.group_model import GroupModel
@@ -28,15 +28,13 @@ def prune(finding: Finding, record: Record, tolerance: float) -> None:
     # what is left of a set, or has taken its place, must hold in other windows as well
     held = confirmed(finding.task, finding.chosen, finding.null, tolerance)
     if held is not finding.chosen:
-        finding.chosen = held
-        finding.after = leftovers(finding.task, record, held.fit)
+        finding.accept(held, record)
 
 
 def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
     """Take causes out that explain less than what stays unexplained."""
     while out := outweighed(finding, tolerance):
-        finding.chosen = without(finding.task, finding.chosen, out, finding.null, tolerance)
-        finding.after = leftovers(finding.task, record, finding.chosen.fit)
+        finding.accept(without(finding.task, finding.chosen, out, finding.null, tolerance), record)
 
 
 def outweighed(finding: Finding, tolerance: float) -> Effect | None:
@@ -71,8 +69,7 @@ def simplified(finding: Finding, record: Record, tolerance: float) -> None:
     in_order = sorted(simpler, key=lambda t: (t.price, -t.score))
     best = next((t for t in in_order if not refuted(finding.task, t, tolerance)), None)
     if best is not None:
-        finding.chosen = polished(finding.task, best, tolerance)
-        finding.after = leftovers(finding.task, record, finding.chosen.fit)
+        finding.accept(polished(finding.task, best, tolerance), record)
 
 
 def moderated(finding: Finding, record: Record, tolerance: float) -> None:
@@ -94,8 +91,7 @@ def moderated(finding: Finding, record: Record, tolerance: float) -> None:
     ]
     if alike:
         best = max(alike, key=lambda t: t.score)
-        finding.chosen = polished(finding.task, best, tolerance)
-        finding.after = leftovers(finding.task, record, finding.chosen.fit)
+        finding.accept(polished(finding.task, best, tolerance), record)
 
 
 def size_of(trial: Trial, model: GroupModel) -> float:

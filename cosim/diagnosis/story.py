@@ -25,7 +25,7 @@ from cosim.diagnosis.origin import traced
 from cosim.diagnosis.reading import clear_of_lag, known_of, take_over
 from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import compare_tracker
-from cosim.diagnosis.trials import freed
+from cosim.diagnosis.trials import Trial, freed
 from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError
@@ -90,9 +90,8 @@ def judge(
             continue
         enter(found, watch, group.name, f"{group.name}: {len(group.effects())} candidates")
         # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
-        task = task_for(group, record, known if group.integrates else [])
-        settle(task.model, constants or {})
-        finding = find(task, record, trust, most, within=held is None)
+        driving = known if group.integrates else []
+        finding = searched(found, group, trust, constants, driving, most, within=held is None)
         for left in reversed(range(SEARCHES)):
             if held is None:
                 break
@@ -104,16 +103,14 @@ def judge(
                 break
             group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
             begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
-            task = task_for(group, record, known if group.integrates else [])
-            settle(task.model, constants or {})
-            finding = find(task, record, trust, most if left else len(kept), within=False, begin=begin)
+            room = most if left else len(kept)
+            finding = searched(found, group, trust, constants, driving, room, within=False, begin=begin)
             finding.confirmed = finding.chosen.effects == kept != ()
         if held is not None:
             reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust)
-        if group.integrates and known:
-            known, finding = traced(
-                found, finding, known, partial(anew, found, group, trust, constants), trust
-            )
+        if driving:
+            again = partial(searched, found, group, trust, constants, most=most)
+            known, finding = traced(found, finding, known, again, trust)
         conclude(found, group.name, finding, trust)
         if group.name == found.groups[-1].name:
             break
@@ -121,13 +118,21 @@ def judge(
         known = [*upstream, understood(finding, record, trust)] if adequate(finding) else []
 
 
-def anew(
-    found: Diagnosis, group: Group, trust: float, constants: Mapping[str, float] | None, known: list[Known]
+def searched(
+    found: Diagnosis,
+    group: Group,
+    trust: float,
+    constants: Mapping[str, float] | None,
+    known: list[Known],
+    most: int,
+    *,
+    within: bool = True,
+    begin: Trial | None = None,
 ) -> Finding:
-    """What is found in a group that `known` blocks drive."""
+    """What is found in a group that `known` blocks drive; `most`, `within` and `begin` as `naming.find` takes them."""
     task = task_for(group, found.record, known)
     settle(task.model, constants or {})
-    return find(task, found.record, trust, found.machine.options.causes)
+    return find(task, found.record, trust, most, within, begin)
 
 
 def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> None:

@@ -6,13 +6,11 @@ whether a leak turns turbulent, or whether it is a leak at all or a smaller flow
 
 from collections.abc import Callable
 
-import numpy as np
-
 from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import Group
-from cosim.diagnosis.trials import CLOSE, SURE
+from cosim.diagnosis.trials import CLOSE, SURE, charged
 from cosim.diagnosis.verdict import Cause, names_of
 from fmus.contract import Effect
 
@@ -46,7 +44,7 @@ def in_best_form(listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -
         formed = plain.formed(parameter)
         begin = best.values | {f"{formed.component}.{parameter}": free.starts[0]}
         other = fitted(tuple(formed if c is cause else c.effect for c in listed), begin)
-        if other.log_likelihood - price(1, other) > best.log_likelihood + SURE:
+        if other.log_likelihood - charged(1, other) > best.log_likelihood + SURE:
             best = other
             rename(cause, formed, best)
     return best
@@ -64,15 +62,16 @@ def against_rivals(finding: Finding, listed: list[Cause], cause: Cause, fitted: 
         effects = tuple(rival if c is cause else c.effect for c in listed)
         other = fitted(effects, best.values | trial.fit.values)
         more = trial.price - finding.chosen.price
-        ahead = other.log_likelihood - best.log_likelihood - price(more, other)
-        behind = rival
+        ahead = other.log_likelihood - best.log_likelihood - charged(more, other)
         # nearly as good is no reason to change: what spans the same numbers would take turns
-        if ahead > CLOSE:
-            behind, best = cause.effect, other
-            finding.rivals[rival.name] = [finding.chosen, *finding.rivals[cause.effect.name]]
-            finding.chosen = trial
-            rename(cause, rival, best)
-        placed_behind(cause, behind, abs(ahead) if ahead > CLOSE else -ahead)
+        if ahead <= CLOSE:
+            placed_behind(cause, rival, -ahead)
+            continue
+        old, best = cause.effect, other
+        finding.rivals[rival.name] = [finding.chosen, *finding.rivals[old.name]]
+        finding.chosen = trial
+        rename(cause, rival, best)
+        placed_behind(cause, old, ahead)
     return best
 
 
@@ -90,8 +89,3 @@ def rename(cause: Cause, effect: Effect, found: Fit) -> None:
     """Give a cause another effect, or another form of it, with the estimates of a fit."""
     cause.effect = effect
     cause.parameters = {p: (found.values[n], found.deviations[n]) for p, n in names_of(effect).items()}
-
-
-def price(parameters: int, found: Fit) -> float:
-    """BIC's price in log-likelihood of more parameters."""
-    return 0.5 * parameters * float(np.log(max(found.count, 2)))

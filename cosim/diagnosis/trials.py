@@ -40,12 +40,22 @@ class Trial:
     @property
     def score(self) -> float:
         """Log-likelihood less BIC's price for each free parameter."""
-        return self.fit.log_likelihood - 0.5 * self.price * float(np.log(max(self.fit.count, 2)))
+        return self.fit.log_likelihood - charged(self.price, self.fit)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects, sorted."""
         return tuple(sorted(e.name for e in self.effects))
+
+
+def charged(parameters: int, found: Fit) -> float:
+    """BIC's price of free parameters, in log-likelihood, by the number of values fitted."""
+    return 0.5 * parameters * float(np.log(max(found.count, 2)))
+
+
+def candidates_of(task: Task) -> tuple[Effect, ...]:
+    """The effects that a fit can tell in a group: all but those seen in the raw samples."""
+    return tuple(e for e in task.model.group.effects() if e.name not in SAMPLED)
 
 
 def declared(effect: Effect, parameter: str) -> Variable:

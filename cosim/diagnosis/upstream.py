@@ -15,7 +15,7 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding
-from cosim.diagnosis.trials import CLOSE, Trial, declared, freed
+from cosim.diagnosis.trials import CLOSE, Trial, charged, declared, freed
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def origins(finding: Finding, known: list[Known], record: Record) -> list[Origin
                 continue
             gained = gain_downstream(finding, known, at, trial, record)
             upstream = trial.fit.log_likelihood - item.fit.log_likelihood
-            price = 0.5 * (trial.price - item.price) * float(np.log(max(finding.null.fit.count, 2)))
+            price = charged(trial.price - item.price, finding.null.fit)
             found.append(Origin(at, trial, named - (gained + upstream - price)))
     return sorted(found, key=lambda origin: origin.behind)
 
