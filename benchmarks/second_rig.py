@@ -2,6 +2,7 @@
 
 Draws none, one or two effects in the library's form or another one (`benchmarks.second.cases`), simulates the drive
 with another integrator, writes the CSV, runs ``cosim diagnose`` on it and holds answer and intervals against the truth.
+With ``--strangers`` each log hides a cause that the library lacks (`benchmarks.second.strangers`).
 Outcomes go to a JSON lines file; a run that is started again goes on where it stopped.
 """
 
@@ -19,6 +20,7 @@ from rich.console import Console
 
 from benchmarks.blind_suite import read
 from benchmarks.second.cases import Case, draw
+from benchmarks.second.strangers import draw_stranger
 from benchmarks.second.trial import run_case
 
 LIMIT = 3.0  # half-widths from which an interval is shown as wrong
@@ -67,6 +69,7 @@ def main() -> int:
     parser.add_argument(
         "--seeds", type=int, nargs=2, default=(0, 20), metavar=("FIRST", "END"), help="half-open range"
     )
+    parser.add_argument("--strangers", action="store_true", help="hide causes that the library lacks")
     parser.add_argument("--workers", type=int, default=2, help="diagnoses at a time")
     parser.add_argument("--keep", type=Path, help="folder in which logs and answers stay")
     parser.add_argument(
@@ -75,7 +78,8 @@ def main() -> int:
     options = parser.parse_args()
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     done = {row["case"]["seed"] for row in read(options.file)}
-    todo: list[Case] = [draw(seed) for seed in range(*options.seeds) if seed not in done]
+    drawn = draw_stranger if options.strangers else draw
+    todo: list[Case] = [drawn(seed) for seed in range(*options.seeds) if seed not in done]
     options.file.parent.mkdir(parents=True, exist_ok=True)
     with options.file.open("a", encoding="utf-8") as out, ThreadPoolExecutor(options.workers) as pool:
         for future in as_completed([pool.submit(run_case, case, options.keep) for case in todo]):

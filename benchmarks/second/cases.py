@@ -130,6 +130,20 @@ def clash(hidden: dict[str, dict[str, float]]) -> bool:
     return len(names) > len(set(names))
 
 
+def setting(rng: np.random.Generator) -> tuple[dict[str, float], dict[str, Any]]:
+    """A machine off nominal by what is trusted, somewhere on its way, and the noise and rate of its log."""
+    machine = {
+        n: getattr(NOMINAL, n) * (1.0 + 0.01 * float(np.clip(rng.normal(), -2.0, 2.0))) for n in TRUSTED
+    }
+    machine["theta_0"] = float(rng.uniform(-0.2, 0.8))
+    sensing: dict[str, Any] = {
+        "noise": float(rng.uniform(0.5, 2.0)),
+        "colour": float(rng.choice([0.0, rng.uniform(0.01, 0.1)])),
+        "rate": int(rng.choice([1000, 1000, 500, 200, 100])),
+    }
+    return machine, sensing
+
+
 def draw(seed: int) -> Case:
     """The case of a seed: none, one or two effects, any form, any command, some signals, perhaps a tracker."""
     rng = np.random.default_rng([seed, 2019])
@@ -141,15 +155,7 @@ def draw(seed: int) -> Case:
         if not clash(hidden):
             break
     forms = {n: formed(FLAWS[n], rng) for n in hidden}
-    machine = {
-        n: getattr(NOMINAL, n) * (1.0 + 0.01 * float(np.clip(rng.normal(), -2.0, 2.0))) for n in TRUSTED
-    }
-    machine["theta_0"] = float(rng.uniform(-0.2, 0.8))
-    sensing: dict[str, Any] = {
-        "noise": float(rng.uniform(0.5, 2.0)),
-        "colour": float(rng.choice([0.0, rng.uniform(0.01, 0.1)])),
-        "rate": int(rng.choice([1000, 1000, 500, 200, 100])),
-    }
+    machine, sensing = setting(rng)
     lacking = LACKING[int(rng.integers(len(LACKING)))]
     sensing["columns"] = tuple(c for c in COLUMNS if c not in lacking)
     if tracked:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 TICK = 1e-3  # s
+PATCH = 0.05  # rad: half-width of a patch of friction
 SIGNALS = ("spool", "p_load", "p_supply", "angle", "far")
 
 
@@ -24,6 +25,11 @@ class Machine(NamedTuple):
     halves the air's share; `supply` 0 lag, 1 two lags, 2 flow in proportion to the opening; `law` of falling friction 0
     Gauss, 1 exponential, 2 rational; `friction` 0 dry, 1 smooth over `w_v`, 2 bristles of deflection `z_s`; `triangle`
     ripple; `creep` time in which a gap closes; `lags` of the sensor.
+
+    What no effect of the library is: `progress` the spool's travel grows by this power of the demand; `k_side` its gain
+    differs between the sides; `p_relief` a relief valve holds the load pressure; `line` a second lag of the pressure, of a
+    hose; `wind` torque that repeats in time with `w_wind`; `cushion` a spring beyond `theta_c` from the start; `patch`
+    friction about the angle `theta_p`.
     """
 
     K: float = 2.375e-3
@@ -76,6 +82,16 @@ class Machine(NamedTuple):
     tau_l: float = 0.0
     lags: int = 1
     theta_0: float = 0.0
+    progress: float = 1.0
+    k_side: float = 0.0
+    p_relief: float = 1e9
+    line: float = 0.0
+    wind: float = 0.0
+    w_wind: float = 1.0
+    cushion: float = 0.0
+    theta_c: float = 0.3
+    patch: float = 0.0
+    theta_p: float = 0.0
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -99,7 +115,10 @@ def demand(command: float, state: Array, m: Machine) -> float:
             total += state[i]
         c = total / m.plays
     d = soft(c - m.b_r, m.round_dz) - soft(m.b_l - c, m.round_dz)
-    return min(max(d, -1.0), 1.0)
+    d = min(max(d, -1.0), 1.0)
+    if m.progress != 1.0:
+        d = math.copysign(abs(d) ** m.progress, d)
+    return d * (1.0 + math.copysign(m.k_side, d))
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -145,45 +164,52 @@ def pressure_step(
         supply = lag + (supply - lag) * pole
     else:
         supply = low + (supply - low) * math.exp(-h / m.tau_s)
-    return settled + (p - settled) * math.exp(-h / time), supply, lag
+    p = settled + (p - settled) * math.exp(-h / time)
+    return min(max(p, -m.p_relief), m.p_relief), supply, lag
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def level(w: float, m: Machine) -> float:
-    """Friction torque at speed `w`."""
+def level(w: float, theta: float, m: Machine) -> float:
+    """Friction torque at speed `w` and angle `theta`."""
     s = abs(w) / m.omega_s
     fall = math.exp(-s * s) if m.law == 0 else math.exp(-s) if m.law == 1 else 1.0 / (1.0 + s * s)
-    return m.tau_c + m.tau_s_friction * fall
+    more = m.patch * math.exp(-(((theta - m.theta_p) / PATCH) ** 2)) if m.patch > 0.0 else 0.0
+    return m.tau_c + m.tau_s_friction * fall + more
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def torque(p: float, theta: float, m: Machine) -> float:
-    """Torque of pressure, gravity and ripple (4.27)."""
+def torque(p: float, theta: float, t: float, m: Machine) -> float:
+    """Torque of pressure, gravity and ripple (4.27), wind and end cushion."""
     felt = p
     if m.p_c > 0.0:
         felt = soft(p - m.p_c, m.s_c * m.p_c) - soft(-p - m.p_c, m.s_c * m.p_c)
     total = felt * 8419.3e-6 * 0.1 - m.tau_g * math.sin(theta - m.theta_g)
     phase = m.n_r * theta + m.phi_r
     wave = 2.0 / math.pi * math.asin(math.sin(phase)) if m.triangle else math.sin(phase)
+    if m.wind != 0.0:
+        total += m.wind * math.sin(m.w_wind * t)
+    turned = theta - m.theta_0
+    if m.cushion > 0.0 and abs(turned) > m.theta_c:
+        total -= m.cushion * (turned - math.copysign(m.theta_c, turned))
     return total + m.tau_r * wave
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def column_step(w: float, z: float, drive: float, h: float, m: Machine) -> tuple[float, float]:
+def column_step(w: float, z: float, drive: float, theta: float, h: float, m: Machine) -> tuple[float, float]:
     """Speed and bristle after `h`: implicit midpoint in the damping, friction as an impulse or by its smooth law."""
     J = m.J * (1.0 - m.mu)
     below = 1.0 + 0.5 * h * m.b / J
     free = (w * (1.0 - 0.5 * h * m.b / J) + h * drive / J) / below
-    if m.tau_c + m.tau_s_friction <= 0.0:
+    if m.tau_c + m.tau_s_friction + m.patch <= 0.0:
         return free, z
     if m.friction == 0:
-        most = h * level(w, m) / (J * below)
+        most = h * level(w, theta, m) / (J * below)
         return math.copysign(max(abs(free) - most, 0.0), free), z
     new = w
     bristle = z
     for _ in range(3):
         mid = 0.5 * (w + new)
-        f = level(mid, m)
+        f = level(mid, theta, m)
         if m.friction == 1:
             resist = f * math.tanh(mid / m.w_v)
         else:
@@ -202,7 +228,7 @@ def advance(u: Array, m: Machine, substeps: int) -> tuple[Array, Array, Array, A
     out = (np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
     h = TICK / substeps
     plays = np.zeros(max(m.plays, 1))
-    x = v = p = w = z = wb = d1 = d2 = 0.0
+    x = v = p = source = w = z = wb = d1 = d2 = 0.0
     supply = lag = 170e5
     theta = boom = far = seen = seen2 = m.theta_0
     for k in range(n):
@@ -220,9 +246,11 @@ def advance(u: Array, m: Machine, substeps: int) -> tuple[Array, Array, Array, A
                 d2 = first + (d2 - first) * pole
             x_before = x
             x, v = spool_step(x, v, d, h, m)
-            p_before = p
-            p, supply, lag = pressure_step(p, supply, lag, 0.5 * (x + x_before), h, m)
-            drive = torque(0.5 * (p + p_before), theta + 0.5 * h * w, m)
+            before = p
+            source, supply, lag = pressure_step(source, supply, lag, 0.5 * (x + x_before), h, m)
+            p = source if m.line <= 0.0 else source + (p - source) * math.exp(-h / m.line)
+            t = k * TICK + (i + 0.5) * h
+            drive = torque(0.5 * (p + before), theta + 0.5 * h * w, t, m)
             if m.mu > 0.0:
                 inertia = m.mu * m.J
                 pull = inertia * (
@@ -234,7 +262,7 @@ def advance(u: Array, m: Machine, substeps: int) -> tuple[Array, Array, Array, A
                 boom += 0.5 * h * (wb + wb_new)
                 wb = wb_new
             w_before = w
-            w, z = column_step(w, z, drive, h, m)
+            w, z = column_step(w, z, drive, theta, h, m)
             theta += 0.5 * h * (w + w_before)
             held = min(max(far, theta - 0.5 * m.gap), theta + 0.5 * m.gap)
             far = held if m.creep <= 0.0 else held + (far - held) * math.exp(-h / m.creep)

@@ -32,6 +32,7 @@ class Sensing:
     Attributes:
         gain, bias, drift: of the slew sensor [1, rad, rad/s].
         quantum: step of its reading [rad], rounded `down` or to the nearest.
+        ecc, turns, phase: an eccentric encoder reads this much too much [rad], as often a turn, from this phase on [rad].
         stale: share of lost packets, in bursts of `burst` samples on average.
         noise: factor on the sensors' usual noise; `colour` its correlation time [s], 0 for white.
         rate: rows a second; the command changes at the rows only.
@@ -44,6 +45,9 @@ class Sensing:
     drift: float = 0.0
     quantum: float = 0.0
     down: bool = False
+    ecc: float = 0.0
+    turns: float = 10.0
+    phase: float = 0.0
     stale: float = 0.0
     burst: float = 1.0
     noise: float = 1.0
@@ -117,6 +121,7 @@ def read_slew(angle: Array, s: Sensing, rng: np.random.Generator) -> Array:
         s.gain * angle
         + s.bias
         + s.drift * time
+        + s.ecc * np.sin(s.turns * angle + s.phase)
         + s.noise * NOISE["slew"] * coloured(rng, angle.size, s.colour)
     )
     if s.quantum > 0.0:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.second.cases import FLAWS, Case
 from benchmarks.second.machine import Machine, run
 from benchmarks.second.record import NOISE, SEEN_BY, Sensing, command, write
+from benchmarks.second.strangers import STRANGERS, judged_stranger
 from cosim.compare.metrics import rms
 from cosim.units import base_factor
 
@@ -36,11 +37,17 @@ def make(case: Case, folder: Path) -> list[str]:
 
 
 def shown(case: Case) -> dict[str, float]:
-    """Effect -> largest rms, over the signals that are logged, of what it changes, in standard deviations of their noise."""
+    """Effect -> largest rms, over the signals that are logged, of what it changes, in standard deviations of their noise.
+
+    Of the sensors' flaws that the library knows nothing: their forms change what noise there is.
+    """
     u, sensing, _ = played(case)
     true, found = run(u, Machine(**case.machine)), {}
     for name in case.hidden:
-        if FLAWS[name].sensing:
+        if name in STRANGERS and STRANGERS[name].sensing:
+            error = sensing.ecc * np.sin(sensing.turns * true["angle"] + sensing.phase)
+            found[name] = rms(error - error.mean()) / (sensing.noise * NOISE["slew"])
+        if (FLAWS.get(name) or STRANGERS[name]).sensing:
             continue
         set_here = {*case.hidden[name], *case.forms[name]}
         other = run(u, Machine(**{k: v for k, v in case.machine.items() if k not in set_here}))
@@ -89,7 +96,12 @@ def off(case: Case, answer: dict[str, Any]) -> dict[str, list[float]]:
 
 
 def judged(case: Case, answer: dict[str, Any]) -> str:
-    """In a word: exact, rest (exact, and something unexplained), alike, extra, missed, unexplained or wrong."""
+    """In a word: exact, rest (exact, and something unexplained), alike, extra, missed, unexplained or wrong.
+
+    Of a cause that the library lacks what `judged_stranger` says.
+    """
+    if case.hidden.keys() <= STRANGERS.keys() and case.hidden:
+        return judged_stranger(case, answer)
     named = [c["effect"] for c in answer["causes"]]
     reported = {n for c in answer["causes"] for n in (c["effect"], *c["indistinguishable_from"])}
     hidden = set(case.hidden)

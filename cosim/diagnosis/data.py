@@ -9,6 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 from cosim.diagnosis.freeform import Basis, changing, families
 from cosim.diagnosis.grid import Grid
 from cosim.diagnosis.groups import Group
+from cosim.diagnosis.memory import reversals
 from cosim.diagnosis.options import REST
 from cosim.diagnosis.samples import stale
 
@@ -159,7 +160,8 @@ def angle_bases(
         factors.append(("direction", direction, "p_load", np.abs(drivers["p_load"])))
     for of, signal, by, driver in factors:
         found += changing(of, signal, by, driver, transfer, h, what, unit)
-    return {group.observed[0]: found + families({"omega": rate}, None, h, "reading", "rad")}
+    found += families({"omega": rate}, None, h, "reading", "rad")
+    return {group.observed[0]: found + reversals("theta", angle, "reading", "rad", h)}
 
 
 def command_of(record: Record, drive: str) -> str:

@@ -47,6 +47,14 @@ class Grid:
     _below: NDArray[np.int64] = field(init=False, repr=False, compare=False)
     _part: Array = field(init=False, repr=False, compare=False)
 
+    @property
+    def even(self) -> bool:
+        """True if no stamp is off an even one by more than half an interval: jitter only."""
+        return bool(
+            np.max(np.abs(self.stamps - np.linspace(0.0, self.stamps[-1], self.stamps.size)))
+            < 0.5 * self.stamps[-1] / self.stamps.size
+        )
+
     def driven(self, values: Array, held: bool) -> Array:
         """(n,) what samples (m,) hand over at the steps' times.
 

@@ -36,6 +36,7 @@ class Event:
         gain: log-likelihood that it carries beyond chance.
         excess: its mean square over that of the rest.
         start, end: s for a stretch, Hz for a line (both the same).
+        size: root mean square in the signal's unit, where it is known; otherwise `excess` says it.
     """
 
     p_value: float
@@ -43,6 +44,7 @@ class Event:
     excess: float
     start: float
     end: float
+    size: float = 0.0
 
 
 NOTHING = Event(1.0, 0.0, 1.0, 0.0, 0.0)

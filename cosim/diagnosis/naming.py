@@ -9,11 +9,12 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, relearned
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.local import Event, burst, line
+from cosim.diagnosis.local import PERIODS, Event, burst, line
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
 from cosim.diagnosis.screening import forms, promising
+from cosim.diagnosis.swing import swing
 from cosim.diagnosis.trials import (
     BEYOND,
     CLOSE,
@@ -213,10 +214,12 @@ def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
     """What is left of a signal at one time or at one frequency."""
     white, rule = task.white_of(signal, found.residuals), task.rules[signal]
     interval = rule.bins * task.model.h
-    return {
-        "event": burst(white, interval, rule.skip * task.model.h),
-        "line": line(white, interval),
-    }
+    tests = {"event": burst(white, interval, rule.skip * task.model.h), "line": line(white, interval)}
+    if task.model.grid is None or task.model.grid.even:  # elsewhere bins differ in length
+        own = found.residuals[signal], task.model.drive, task.predicted(found)[signal]
+        left, *motions = (rule.windows(values).ravel() for values in own)
+        tests["swing"] = swing(left, motions, interval, PERIODS / (rule.window * interval))
+    return tests
 
 
 def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:

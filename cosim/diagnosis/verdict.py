@@ -99,6 +99,8 @@ def local(finding: Finding, signal: str, event: Event) -> bool:
 
 def size_of(finding: Finding, signal: str, event: Event) -> float:
     """Size of what stands out, beyond the noise around it, in the signal's unit."""
+    if event.size > 0.0:
+        return event.size
     return finding.task.rules[signal].sigma * float(np.sqrt(max(event.excess - 1.0, 0.0)))
 
 
@@ -191,15 +193,16 @@ def rests(finding: Finding, tolerance: float = 0.01) -> list[Rest]:
     standing = stands(finding)
     for signal, after in finding.after.items():
         left = after if standing else finding.before[signal]
-        if notable(finding, signal, left):
-            best, gain = next(iter(left.by_signal.items()))
+        best, gain = next(iter(left.by_signal.items()), ("", 0.0))
+        at_once = local_rests(finding, signal)
+        if notable(finding, signal, left) and not any(r.leftover.gain > gain for r in at_once):
             share = gain / max(left.gain, 1e-300)
             what, _, of = best.partition("(")
             cause = f"a missing {what} that depends on {of.rstrip(')')}"
             words = f"{cause} explains {min(share, 1.0):.0%} of what is systematic in {signal}"
             found.append(Rest(finding.task.model.group.name, signal, left, words))
         else:
-            found += local_rests(finding, signal)
+            found += at_once
     return found or strained(finding, tolerance)
 
 
@@ -235,7 +238,7 @@ def matters(finding: Finding, chosen: Trial, known: Unknown) -> bool:
 
 
 def local_rests(finding: Finding, signal: str) -> list[Rest]:
-    """What stays unexplained at one time or at one frequency, where nothing else of the signal does."""
+    """What stays unexplained at one time or at one frequency, the clearest of these."""
     found = []
     residual = finding.chosen.fit.residuals[signal]
     for kind, event in finding.events.get(signal, {}).items():
@@ -243,10 +246,14 @@ def local_rests(finding: Finding, signal: str) -> list[Rest]:
             continue
         if kind == "event":
             words = f"{signal} is off between {event.start:.1f} and {event.end:.1f} s only: something happened once"
+        elif kind == "swing":
+            words = (
+                f"{signal} swings at {event.start:.3f} Hz all the time, whatever the machine is asked to do"
+            )
         else:
             words = f"{signal} rings at {event.start:.2f} Hz beyond what noise and the model give"
         size = size_of(finding, signal, event)
         left = Leftover(event.p_value, event.gain, size, residual, {kind: event.gain}, {}, event.gain)
         span = (event.start, event.end) if kind == "event" else None
         found.append(Rest(finding.task.model.group.name, signal, left, words, span))
-    return found[:1]
+    return sorted(found, key=lambda rest: -rest.leftover.gain)[:1]

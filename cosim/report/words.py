@@ -7,55 +7,9 @@ from pathlib import Path
 from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.schema import Answer, NamedCause, Parameter
 from cosim.report.material import Material, component_of
+from cosim.report.names import BLOCK_NAMES, QUANTITIES, SIGNAL_NAMES, TURNING
 from fmus import registry
 
-SIGNAL_NAMES = {
-    "slew": "slew angle",
-    "spool": "spool position",
-    "p_load": "load pressure",
-    "p_supply": "supply pressure",
-    "p_a": "pressure at port A",
-    "p_b": "pressure at port B",
-    "u": "command",
-}
-BLOCK_NAMES = {
-    "dead_zone": "dead zone",
-    "dcv": "valve",
-    "continuity": "hydraulics",
-    "mechanical": "mechanics",
-    "sensor": "slew sensor",
-    "tracker": "tracker",
-    "simplified": "drive",
-}
-# where a quantity "of" which something depends, or "what" is missing, is shown: (name, SI unit, shown unit)
-QUANTITIES: dict[str, tuple[str, str, str]] = {
-    "omega": ("slew speed", "rad/s", "deg/s"),
-    "theta": ("slew angle", "rad", "deg"),
-    "slew": ("slew angle", "rad", "deg"),
-    "time": ("time", "s", "s"),
-    "p_load": ("load pressure", "Pa", "bar"),
-    "u": ("command", "1", "%"),
-    "spool": ("spool position", "m", "mm"),
-    "spool_rate": ("spool speed", "m/s", "mm/s"),
-    "abs(spool)": ("spool opening", "m", "mm"),
-    "torque": ("missing torque", "N.m", "N.m"),
-    "demand": ("missing demand", "1", "%"),
-    "opening": ("missing opening", "m", "mm"),
-    "supply": ("missing supply pressure", "Pa", "bar"),
-    "lagged supply": ("missing supply pressure, lagged", "Pa", "bar"),
-    "reading": ("missing reading", "rad", "deg"),
-}
-# words for rotation -> words for a linear axis
-TURNING = (
-    ("slew speed", "speed"),
-    ("slew angle", "position"),
-    ("torque", "force"),
-    ("Torque", "Force"),
-    ("the column", "the axis"),
-    ("turns", "moves"),
-    ("angle", "position"),
-    *(("inertia", "mass"), ("Inertia", "Mass")),
-)
 NOISY = 1.1  # times the sensor's noise within which an error is called the noise
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))

@@ -10,7 +10,8 @@ from rig_helpers import clean, lively
 from benchmarks.second.cases import FLAWS, draw
 from benchmarks.second.machine import Machine, run
 from benchmarks.second.record import NOISE, SEEN_BY
-from benchmarks.second.trial import judged, off
+from benchmarks.second.strangers import STRANGERS, draw_stranger
+from benchmarks.second.trial import judged, off, shown
 from cosim.rig import Hidden
 
 START = 0.3  # rad, where the rig's own choice would lie elsewhere
@@ -82,7 +83,10 @@ def test_a_seed_draws_the_same_case_and_cases_are_plain_data():
 def answer(*effects, unexplained=(), interval=(90.0, 120.0)):
     """A diagnosis that names `effects`."""
     told = {"tau_c": {"value": 105.0, "unit": "N.m", "ci95": list(interval)}}
-    causes = [{"effect": e, "parameters": told, "indistinguishable_from": []} for e in effects]
+    causes = [
+        {"effect": e, "block": e.partition(".")[0], "parameters": told, "indistinguishable_from": []}
+        for e in effects
+    ]
     return {"causes": causes, "unexplained": list(unexplained)}
 
 
@@ -105,3 +109,19 @@ def test_an_interval_is_held_against_the_truth():
     truth = case.hidden["mechanical.coulomb_friction"]["tau_c"]
     told = off(case, answer("mechanical.coulomb_friction", interval=(95.0, 115.0)))
     assert told["mechanical.coulomb_friction.tau_c"] == pytest.approx([105.0, truth, (105.0 - truth) / 10.0])
+
+
+@pytest.mark.parametrize("name", STRANGERS)
+def test_every_stranger_changes_what_is_measured(name):
+    cases = [c for c in map(draw_stranger, range(40)) if name in c.hidden]
+    assert max(shown(case)[name] for case in cases) > 5.0
+
+
+def test_a_stranger_is_to_be_called_unexplained_in_its_block():
+    case = next(c for c in map(draw_stranger, range(400)) if "stranger.hose" in c.hidden)
+    there, elsewhere = {"block": "continuity"}, {"block": "dcv"}
+    assert judged(case, answer(unexplained=[there])) == "honest"
+    assert judged(case, answer(unexplained=[elsewhere])) == "elsewhere"
+    assert judged(case, answer()) == "missed"
+    assert judged(case, answer("continuity.leakage", unexplained=[there])) == "named"
+    assert judged(case, answer("dcv.gain", unexplained=[there])) == "extra"
