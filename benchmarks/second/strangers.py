@@ -31,7 +31,7 @@ STRANGERS: dict[str, Stranger] = {
     "stranger.relief_valve": Stranger("continuity", {"p_relief": (3e5, 7e5)}),
     "stranger.hose": Stranger("continuity", {"line": (0.015, 0.1)}),
     "stranger.wind": Stranger("mechanical", {"wind": (20.0, 150.0), "w_wind": (0.4, 4.0)}),
-    "stranger.cushion": Stranger("mechanical", {"cushion": (500.0, 5000.0), "theta_c": (0.02, 0.15)}),
+    "stranger.cushion": Stranger("mechanical", {"cushion": (500.0, 5000.0), "theta_c": (0.003, 0.04)}),
     "stranger.patch": Stranger("mechanical", {"patch": (60.0, 250.0), "theta_p": (-0.1, 0.1)}),
     "stranger.eccentric_encoder": Stranger(
         "mechanical", {"ecc": (0.05 * DEG, 0.4 * DEG), "turns": (5.0, 25.0), "phase": (-3.0, 3.0)}, sensing=True
