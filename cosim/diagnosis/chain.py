@@ -59,11 +59,15 @@ def fixed_values(record: Record, group: Group) -> dict[str, float]:
 
 def directions(fit: Fit) -> list[dict[str, float]]:
     """Values of the estimates one standard deviation along each principal direction of their uncertainty."""
-    names = list(fit.values)[: fit.covariance.shape[0]]  # marks in the samples have none
+    spread = np.diag(fit.covariance) > 0.0  # of a stop that is never met the data say nothing
+    # marks in the samples have no covariance
+    names = [n for n, live in zip(fit.values, spread, strict=False) if live]
     if not names:
         return []
-    sizes = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
-    values, vectors = np.linalg.eigh(fit.covariance / np.outer(sizes, sizes))
+    covariance = fit.covariance[np.ix_(spread, spread)]
+    sizes = np.sqrt(np.diag(covariance))
+    # rounding alone may leave more than one
+    values, vectors = np.linalg.eigh(np.clip(covariance / np.outer(sizes, sizes), -1.0, 1.0))
     moves = (vectors * np.sqrt(np.maximum(values, 0.0))).T * sizes
     return [{n: fit.values[n] + m for n, m in zip(names, move.tolist(), strict=True)} for move in moves]
 

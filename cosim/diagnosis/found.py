@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.data import Record
+from cosim.diagnosis.floors import floor_of
 from cosim.diagnosis.gain import Gain
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.heldout import Held, Refused
@@ -101,11 +102,7 @@ class Diagnosis:
     @property
     def noise(self) -> dict[str, float]:
         """Signal -> size of its noise per sample, SI: what is left where everything is explained."""
-        return {
-            s: float(np.std(high_pass(self.record.signals[s])))
-            for f in self.findings.values()
-            for s in f.task.rules
-        }
+        return {s: floor_of(f, s) for f in self.findings.values() for s in f.task.rules}
 
     @property
     def window(self) -> int:
@@ -126,8 +123,3 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, found: Diagnosis) -> None:
         super().__init__(f"interrupted: {found.stage}")
         self.found = found
-
-
-def high_pass(signal: Array) -> Array:
-    """Second differences scaled to the size of white noise: what no drive of this bandwidth can produce."""
-    return np.diff(signal, 2) / np.sqrt(6.0)
