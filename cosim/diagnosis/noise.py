@@ -35,6 +35,8 @@ class Whitener:
         demean: each window has a free offset.
         sizes: variance of the white and of each correlated noise, in squares of the signal's unit.
         skip: samples at the start that do not count: the state in which the log begins is not known.
+        carried: (window, window) covariance of what the noise of a measured drive leaves in the bins of a window, None for
+            nothing; in squares of the signal's unit.
     """
 
     bins: int
@@ -42,12 +44,15 @@ class Whitener:
     demean: bool
     sizes: tuple[float, ...]
     skip: int = 0
+    carried: Array | None = field(default=None, repr=False, compare=False)
     matrix: Array = field(init=False, repr=False, compare=False)
     offset: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Prepare the matrix that whitens a window."""
         covariance = np.tensordot(np.array(self.sizes), kinds(self.window), axes=1)
+        if self.carried is not None:
+            covariance = covariance + self.carried
         factor = cholesky(covariance, lower=True)
         matrix = solve_triangular(factor, np.eye(self.window), lower=True)
         object.__setattr__(self, "matrix", matrix.T.copy())
@@ -92,19 +97,29 @@ def kinds(window: int) -> Array:
 def averaged(tau: float, count: int) -> Array:
     """(count,) correlation of bin means of exponentially correlated noise, `tau` in bins: smoother than its samples'."""
     step = np.exp(-1.0 / tau)
-    itself = 2.0 * tau**2 * (1.0 / tau - 1.0 + step)
     others = (tau * (1.0 - step)) ** 2 * step ** np.arange(count - 1)
-    return np.concatenate([[1.0], others / itself])
+    return np.concatenate([[1.0], others / of_means(tau)])
+
+
+def of_means(tau: float) -> float:
+    """Variance of bin means of exponentially correlated noise over that of its samples, `tau` in bins."""
+    return float(2.0 * tau**2 * (1.0 / tau - 1.0 + np.exp(-1.0 / tau)))
 
 
 @cache
 def expected(window: int, demean: bool) -> Array:
     """(kinds, frequencies) mean tapered periodogram of each kind, leakage included."""
+    return np.stack([periodogram(kind, demean) for kind in kinds(window)])
+
+
+def periodogram(covariance: Array, demean: bool) -> Array:
+    """(frequencies,) mean tapered periodogram of noise of this covariance (window, window), leakage included."""
+    window = len(covariance)
     taper = np.diag(hann(window, sym=False))
     if demean:
         taper = taper @ (np.eye(window) - 1.0 / window)
     spectrum = np.fft.rfft(taper, axis=0)[1:]
-    return np.stack([((spectrum @ k) * spectrum.conj()).sum(axis=1).real for k in kinds(window)])
+    return np.asarray(((spectrum @ covariance) * spectrum.conj()).sum(axis=1).real)
 
 
 def plain(bins: int, window: int, demean: bool, skip: int = 0) -> Whitener:
@@ -117,10 +132,13 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: f
 
     What the rows (n,) of `absorbed` explain of the residual is taken out first, and the spectra expected of each kind
     of noise are those that remain behind the same projection: slow noise has few degrees of freedom, and free functions
-    absorb many of them.
+    absorb many of them. What the drive's noise leaves is known beforehand and not sought.
     """
     rows = centred(rule, residual)
     shapes = expected(rule.window, rule.demean)
+    there = np.zeros((1, shapes.shape[1]))
+    if rule.carried is not None:
+        there = periodogram(rule.carried, rule.demean)[None]
     kept = np.ones(shapes.shape[1], dtype=bool)
     listed = [centred(rule, column).ravel() for column in absorbed]
     if listed:
@@ -131,13 +149,16 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: f
         q = left[:, values > 1e-3 * values[0]]
         flat = rows.ravel()
         rows = (flat - q @ (q.T @ flat)).reshape(rows.shape)
-        remaining = behind(q.reshape(*rows.shape, -1), rule.demean)
+        q = q.reshape(*rows.shape, -1)
+        remaining = behind(q, rule.demean, kinds(rule.window), shapes)
+        if rule.carried is not None:
+            there = behind(q, rule.demean, rule.carried[None], there)
         # where the projection leaves little, little can be learned, and what is left there is far from independent
         kept = np.asarray((remaining > REMAINING * shapes).all(axis=0))
         shapes = remaining
     taper = hann(rule.window, sym=False)
     power = np.mean(np.abs(np.fft.rfft(rows * taper, axis=1)[:, 1:]) ** 2, axis=0)[kept]
-    shapes = shapes[:, kept]
+    shapes, known = shapes[:, kept], there[0, kept]
     total = max(float(np.mean(rows**2)), 1e-300)
     if total < least**2:
         power = power + (least**2 - total) * shapes[0]
@@ -145,15 +166,16 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: f
 
     def cost(logs: Array) -> tuple[float, Array]:
         parts = np.exp(logs)[:, None] * total * shapes
-        model = parts.sum(axis=0)
+        model = known + parts.sum(axis=0)
         slope = parts @ ((1.0 - power / model) / model)
         return float(np.sum(np.log(model) + power / model)), slope
 
-    start = np.log(np.maximum(multiplied(shapes, power / total), FLOOR))
+    more = np.maximum(power - known, FLOOR * power)
+    start = np.log(np.maximum(multiplied(shapes, more / total), FLOOR))
     found = minimize(
         cost, start, jac=True, method="L-BFGS-B", bounds=[(np.log(FLOOR), np.log(1e3))] * len(shapes)
     )
-    return Whitener(rule.bins, rule.window, rule.demean, tuple((np.exp(found.x) * total).tolist()), rule.skip)
+    return replace(rule, sizes=tuple((np.exp(found.x) * total).tolist()))
 
 
 def multiplied(shapes: Array, power: Array, rounds: int = 400) -> Array:
@@ -175,22 +197,26 @@ def centred(rule: Whitener, residual: Array) -> Array:
     return rows - (rows.mean(axis=1, keepdims=True) if rule.demean else 0.0)
 
 
-def behind(q: Array, demean: bool) -> Array:
+def behind(q: Array, demean: bool, covariances: Iterable[Array], shapes: Iterable[Array]) -> Array:
     """(kinds, frequencies) mean tapered periodogram of each kind of noise behind the projection off `q`.
 
-    `q` is (windows, window, k), its columns orthonormal over all windows together.
+    Args:
+        q: (windows, window, k), its columns orthonormal over all windows together.
+        demean: each window has a free offset.
+        covariances: (window, window) of each kind.
+        shapes: (frequencies,) periodogram of each before the projection.
     """
     window = q.shape[1]
     taper = hann(window, sym=False)[None, :, None]
     seen = np.fft.rfft(q * taper, axis=1)[:, 1:]  # (windows, frequencies, k)
-    shapes = []
+    found = []
     centre = np.eye(window) - (1.0 / window if demean else 0.0)
-    for base, kind in zip(expected(window, demean), kinds(window), strict=True):
+    for base, kind in zip(shapes, covariances, strict=True):
         covariance = centre @ kind @ centre
         moved = covariance @ q  # (windows, window, k)
         cross = np.fft.rfft(moved * taper, axis=1)[:, 1:]
         inner = np.tensordot(q, moved, axes=([0, 1], [0, 1]))
         less = 2.0 * np.einsum("wfk,wfk->f", cross, seen.conj()).real
         more = np.einsum("wfk,kl,wfl->f", seen, inner, seen.conj(), optimize=True).real
-        shapes.append(np.maximum(base + (more - less) / q.shape[0], 1e-9 * base))
-    return np.stack(shapes)
+        found.append(np.maximum(base + (more - less) / q.shape[0], 1e-9 * base))
+    return np.stack(found)

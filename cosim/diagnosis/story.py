@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from cosim.diagnosis.carried import carried
 from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.exercised import never_exercised
@@ -132,6 +133,10 @@ def searched(
     """What is found in a group that `known` blocks drive; `most`, `within` and `begin` as `naming.find` takes them."""
     task = task_for(group, found.record, known)
     settle(task.model, constants or {})
+    heard = [f.task.rules[group.drive] for f in found.findings.values() if group.drive in f.task.rules]
+    if group.integrates and not known and heard:
+        left = carried(task, heard[0])
+        task.set_rules({s: replace(rule, carried=left[s]) for s, rule in task.rules.items()})
     return find(task, found.record, trust, most, within, begin)
 
 
