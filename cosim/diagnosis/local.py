@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 PIECES = (40, 120, 360)  # bins in a piece: about half a second, a second and four
 NARROWEST = 8  # values in a band of a piece
+LOCAL = 1e-5  # probability below which something at one time or one frequency is no chance
 PERIODS = 2  # that a line must have in a window
 # share of a piece's values that count as independent: noise is neither quite white nor quite normal (with all of them the
 # smallest probability in 180 logs of white, correlated and 1/f noise was 2e-3, with this share 3e-2)
@@ -96,6 +97,15 @@ def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
                 skip + (start + ends) * interval,
             )
     return replace(best, p_value=min(1.0, best.p_value * max(tests, 1)))
+
+
+def apart(white: Array, event: Event, interval: float, skip: float = 0.0) -> Array:
+    """The windows (rows) that an event does not touch; all of them if it is no more than chance."""
+    if event.p_value >= LOCAL:
+        return white
+    length = white.shape[1] * interval
+    begins = skip + length * np.arange(white.shape[0])
+    return white[(begins + length <= event.start) | (begins >= event.end)]
 
 
 def heart(row: Array, low: float, high: float, level: float) -> tuple[float, int, int]:

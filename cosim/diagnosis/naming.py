@@ -9,7 +9,7 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, relearned
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.local import PERIODS, Event, burst, line
+from cosim.diagnosis.local import PERIODS, Event, apart, burst, line
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
@@ -213,8 +213,10 @@ def in_same_form(task: Task, chosen: Trial, single: list[Trial], tolerance: floa
 def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
     """What is left of a signal at one time or at one frequency."""
     white, rule = task.white_of(signal, found.residuals), task.rules[signal]
-    interval = rule.bins * task.model.h
-    tests = {"event": burst(white, interval, rule.skip * task.model.h), "line": line(white, interval)}
+    interval, begin = rule.bins * task.model.h, rule.skip * task.model.h
+    event = burst(white, interval, begin)
+    # what happened once may ring as well: a line is what all the rest has
+    tests = {"event": event, "line": line(apart(white, event, interval, begin), interval)}
     if task.model.grid is None or task.model.grid.even:  # elsewhere bins differ in length
         own = found.residuals[signal], task.model.drive, task.predicted(found)[signal]
         left, *motions = (rule.windows(values).ravel() for values in own)

@@ -9,7 +9,7 @@ from cosim.diagnosis.crossval import held_out_gain
 from cosim.diagnosis.finding import at_first, gained, systematic, unexplained
 from cosim.diagnosis.fit import Unknown
 from cosim.diagnosis.freeform import Leftover
-from cosim.diagnosis.local import Event
+from cosim.diagnosis.local import LOCAL, Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
 from cosim.diagnosis.trials import freed, without
 from fmus import registry
@@ -18,7 +18,6 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not matter in practice
-LOCAL = 1e-5  # probability below which something at one time or one frequency is no chance
 CARRIED = 0.1  # of the original systematic residual that may be left for one named cause to stand
 TOGETHER = 0.05  # the same for several: a sum of two imitates a third more easily
 LINEAR = 0.01  # the same where the law has one form only, as that of a nominal parameter

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.diagnosis.answer import answer
-from cosim.diagnosis.local import burst, line
+from cosim.diagnosis.local import apart, burst, line
 from cosim.diagnosis.story import diagnose
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -46,6 +46,19 @@ def test_one_period_in_a_window_is_slow_noise_as_well_as_a_line(frequency: float
     slow = rng.normal(size=12).repeat(500) * np.sin(2.0 * np.pi * frequency * time)
     white = (rng.normal(size=6000) + 0.45 * slow).reshape(12, 500)
     assert (line(white, INTERVAL).p_value < 1e-5) == rings
+
+
+def test_what_happened_once_is_no_line_and_a_line_is_no_matter_of_one_stretch() -> None:
+    rng = np.random.default_rng(13)
+    ringing = np.sin(2.0 * np.pi * 2.0 * np.arange(6000) * INTERVAL).reshape(12, 500)
+    white = rng.normal(size=(12, 500))
+    once = white + ringing * (np.arange(12) == 5)[:, None] * 4.0
+    event = burst(once, INTERVAL)
+    assert event.p_value < 1e-9
+    assert line(once, INTERVAL).p_value < 1e-5
+    assert line(apart(once, event, INTERVAL), INTERVAL).p_value > 1e-3
+    always = white + ringing
+    assert line(apart(always, burst(always, INTERVAL), INTERVAL), INTERVAL).p_value < 1e-9
 
 
 def test_the_start_of_the_log_shifts_the_times() -> None:
