@@ -30,6 +30,9 @@ def weighed(diagnosis: Diagnosis, groups: tuple[Group, ...], fitted: Fitted, nea
     """
     listed = [c for c in diagnosis.causes if c.group in diagnosis.findings]
     best = fitted(tuple(c.effect for c in listed), near)
+    # over all windows at one offset, readings in steps make the likelihood jagged: it says little of small differences
+    if any(finding.task.steps for finding in diagnosis.findings.values()):
+        return best
     for cause in listed:
         if cause.group != groups[-1].name:
             best = against_rivals(diagnosis.findings[cause.group], listed, cause, fitted, best)

@@ -47,3 +47,17 @@ def test_sets_that_span_the_same_two_numbers_are_declared_alike() -> None:
     assert not found.rests
     reported = {n for c in found.causes for n in (c.effect.name, *c.alike)}
     assert {FLOW_GAIN, LEAKAGE} <= reported <= {FLOW_GAIN, LEAKAGE, "continuity.compressibility"}
+
+
+def test_a_slew_read_in_steps_weighs_nothing() -> None:
+    """Its likelihood over the whole log is jagged: a turbulent leak took the place of a smaller flow gain."""
+    noise = Noise(scale=0.93, kind="ar1", correlation_time=0.038)
+    hidden = [f"{FLOW_GAIN}:K_c=4.79386e8", "sensor.quantisation:quantum=0.00177075 rad"]
+    own = {"dcv.K": 2.404632e-3, "dcv.w0": 25.2826, "dcv.zeta": 0.544845, "continuity.T": 0.111033}
+    own |= {"mechanical.J": 773.485, "mechanical.b": 26942.275}
+    run = make_log("small_steps", 60.0, hidden, seed=1028124213, noise=noise, settings=own, amplitude=0.60367)
+    found = diagnose(as_log(run))
+    cause = next(c for c in found.causes if c.group == "continuity")
+    assert FLOW_GAIN in (cause.effect.name, *cause.alike)
+    value, deviation = cause.parameters["K_c"]
+    assert value == pytest.approx(4.79386e8, abs=2.5 * deviation)
