@@ -39,7 +39,7 @@ from cosim.diagnosis.schema import (
     Unexplained,
     Words,
 )
-from cosim.diagnosis.verdict import Cause, local, names_of
+from cosim.diagnosis.verdict import Cause, local, names_of, size_of
 from cosim.logs import Log
 from cosim.packages import project_version
 from fmus import registry
@@ -116,13 +116,12 @@ def localisation(diagnosis: Diagnosis) -> list[Location]:
         for signal, left in finding.before.items():
             rule = finding.task.rules[signal]
             penalty = max(0.0, finding.chosen.fit.log_likelihood - finding.null.fit.log_likelihood)
-            once = [e.gain for e in finding.events.get(signal, {}).values() if local(finding, signal, e)]
-            weight = max(0.0, left.gain if left.p_value < 1e-6 else 0.0, *once) + (
+            once = [e for e in finding.events.get(signal, {}).values() if local(finding, signal, e)]
+            weight = max(0.0, left.gain if left.p_value < 1e-6 else 0.0, *(e.gain for e in once)) + (
                 penalty if finding.chosen.effects else 0.0
             )
-            rows.append(
-                (name, signal, weight, float(np.hypot(at_first(finding, signal), rule.rms)), rule.rms)
-            )
+            size = max(at_first(finding, signal), *(size_of(finding, signal, e) for e in once), 0.0)
+            rows.append((name, signal, weight, float(np.hypot(size, rule.rms)), rule.rms))
     total = sum(row[2] for row in rows)
     found = []
     for name, signal, weight, residual, noise in sorted(rows, key=lambda row: -row[2]):

@@ -13,6 +13,7 @@ from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
 from cosim.diagnosis.local import Event
+from cosim.diagnosis.memory import Reversals
 from cosim.diagnosis.noise import centred, learned
 from cosim.diagnosis.rounded import concentration
 from cosim.diagnosis.samples import Mark
@@ -90,7 +91,9 @@ def learn_noise(task: Task, record: Record, found: Fit) -> None:
     task.retime(task.predicted(found), record.time)
     rules = {}
     for signal, bases in bases_of(task, record, found).items():
-        columns = chain.from_iterable([*(b.columns() for b in bases), task.doubt.get(signal, ())])
+        # not of the path since a reversal: what friction's law lacks lies along it as well, and would pass for less noise
+        smooth = (b.columns() for b in bases if not isinstance(b, Reversals))
+        columns = chain.from_iterable([*smooth, task.doubt.get(signal, ())])
         least = quietest(task.measured[signal])
         rules[signal] = learned(task.rules[signal], found.residuals[signal], columns, least)
         if signal in task.steps:
