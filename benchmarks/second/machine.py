@@ -246,11 +246,11 @@ def advance(u: Array, m: Machine, substeps: int) -> tuple[Array, Array, Array, A
                 d2 = first + (d2 - first) * pole
             x_before = x
             x, v = spool_step(x, v, d, h, m)
-            before = p
+            p_before = p
             source, supply, lag = pressure_step(source, supply, lag, 0.5 * (x + x_before), h, m)
             p = source if m.line <= 0.0 else source + (p - source) * math.exp(-h / m.line)
             t = k * TICK + (i + 0.5) * h
-            drive = torque(0.5 * (p + before), theta + 0.5 * h * w, t, m)
+            drive = torque(0.5 * (p + p_before), theta + 0.5 * h * w, t, m)
             if m.mu > 0.0:
                 inertia = m.mu * m.J
                 pull = inertia * (

@@ -114,6 +114,11 @@ def coloured(rng: np.random.Generator, count: int, colour: float, step: float = 
     return np.asarray(lfilter([np.sqrt(1.0 - pole * pole)], [1.0, -pole], white))
 
 
+def eccentric(angle: Array, s: Sensing) -> Array:
+    """What an eccentric encoder reads too much, (n,) [rad]."""
+    return s.ecc * np.sin(s.turns * angle + s.phase)
+
+
 def read_slew(angle: Array, s: Sensing, rng: np.random.Generator) -> Array:
     """What the slew sensor sends, (n,) [rad]."""
     time = np.arange(angle.size) * TICK
@@ -121,7 +126,7 @@ def read_slew(angle: Array, s: Sensing, rng: np.random.Generator) -> Array:
         s.gain * angle
         + s.bias
         + s.drift * time
-        + s.ecc * np.sin(s.turns * angle + s.phase)
+        + eccentric(angle, s)
         + s.noise * NOISE["slew"] * coloured(rng, angle.size, s.colour)
     )
     if s.quantum > 0.0:

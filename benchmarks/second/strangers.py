@@ -56,12 +56,12 @@ def draw_stranger(seed: int) -> Case:
 
 
 def judged_stranger(case: Case, answer: dict[str, Any]) -> str:
-    """In a word: honest, named (a cause in its block), elsewhere (named or unexplained in another only) or missed."""
+    """In a word: honest, named (a cause in its block), extra (honest, and a cause in another block), elsewhere or missed."""
     (name,) = case.hidden
     block = STRANGERS[name].block
-    if any(
-        c["block"] == block or (block == "mechanical" and c["block"] == "sensor") for c in answer["causes"]
-    ):
+    # mechanics and slew sensor are judged as one
+    own = {"mechanical", "sensor"} if block == "mechanical" else {block}
+    if any(c["block"] in own for c in answer["causes"]):
         return "named"
     if any(block in r["block"].split("+") for r in answer["unexplained"]):
         return "extra" if answer["causes"] else "honest"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.second.cases import FLAWS, Case
 from benchmarks.second.machine import Machine, run
-from benchmarks.second.record import NOISE, SEEN_BY, Sensing, command, write
+from benchmarks.second.record import NOISE, SEEN_BY, Sensing, command, eccentric, write
 from benchmarks.second.strangers import STRANGERS, judged_stranger
 from cosim.compare.metrics import rms
 from cosim.units import base_factor
@@ -39,15 +39,15 @@ def make(case: Case, folder: Path) -> list[str]:
 def shown(case: Case) -> dict[str, float]:
     """Effect -> largest rms, over the signals that are logged, of what it changes, in standard deviations of their noise.
 
-    Of the sensors' flaws that the library knows nothing: their forms change what noise there is.
+    Nothing for the sensors' flaws that the library knows: steps and lost packets change the noise itself.
     """
     u, sensing, _ = played(case)
     true, found = run(u, Machine(**case.machine)), {}
     for name in case.hidden:
-        if name in STRANGERS and STRANGERS[name].sensing:
-            error = sensing.ecc * np.sin(sensing.turns * true["angle"] + sensing.phase)
-            found[name] = rms(error - error.mean()) / (sensing.noise * NOISE["slew"])
         if (FLAWS.get(name) or STRANGERS[name]).sensing:
+            if name in STRANGERS:
+                error = eccentric(true["angle"], sensing)
+                found[name] = rms(error - error.mean()) / (sensing.noise * NOISE["slew"])
             continue
         set_here = {*case.hidden[name], *case.forms[name]}
         other = run(u, Machine(**{k: v for k, v in case.machine.items() if k not in set_here}))

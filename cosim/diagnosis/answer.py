@@ -96,7 +96,7 @@ def words(diagnosis: Diagnosis) -> Words:
 
 def signals(diagnosis: Diagnosis) -> dict[str, Signal]:
     """Errors of the nominal model's FMUs over the whole log."""
-    found = {}
+    found, floors = {}, diagnosis.noise
     for signal, simulated in diagnosis.before.items():
         if signal not in diagnosis.record.signals:
             continue
@@ -104,7 +104,7 @@ def signals(diagnosis: Diagnosis) -> dict[str, Signal]:
         unit, scale = shown(signal)
         rmse = rms(measured - simulated)
         fit = fit_percent(measured, simulated) or 0.0  # 0 also for a constant signal
-        noise = diagnosis.noise.get(signal, 0.0) * scale
+        noise = floors.get(signal, 0.0) * scale
         found[signal] = Signal(rmse=rmse * scale, fit_percent=fit, unit=unit, noise_floor=noise)
     return found
 
@@ -185,14 +185,14 @@ def packages(diagnosis: Diagnosis) -> Packages | None:
 
 def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:
     """Held-out errors in display units."""
-    found = {}
+    found, floors = {}, diagnosis.noise
     for signal, gain in diagnosis.gains.items():
         unit, scale = shown(signal)
         found[signal] = SignalGain(
             rmse_before=gain.before * scale,
             rmse_after=gain.after * scale,
             unit=unit,
-            noise_floor=diagnosis.noise.get(signal, 0.0) * scale,
+            noise_floor=floors.get(signal, 0.0) * scale,
             fit_percent_before=gain.fit_before,
             fit_percent_after=gain.fit_after,
             ci95_of_ratio=gain.ratio_ci95,

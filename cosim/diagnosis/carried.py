@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.noise import CORRELATION_TIMES, SLOW, Whitener, centred, kinds, of_means
+from cosim.diagnosis.noise import CORRELATION_TIMES, QUICK, Whitener, centred, kinds, of_means
 
 Array = NDArray[np.float64]
 
@@ -33,28 +33,23 @@ def carried(task: Task, rule: Whitener) -> dict[str, Array]:
         noisy = GroupModel(model.group, drive, model.h, model.fixed, model.grid).simulate({})
         for signal, own in task.rules.items():
             sizes[signal] += float(np.mean(centred(own, noisy[signal] - quiet[signal]) ** 2)) / REPEATS
-    return {
-        s: size * walk(rule, own.window)
-        for (s, size), own in zip(sizes.items(), task.rules.values(), strict=True)
-    }
+    return {s: sizes[s] * walk(rule, own.window) for s, own in task.rules.items()}
 
 
 def walk(rule: Whitener, window: int) -> Array:
     """(window, window) covariance of the integral of quick noise by a rule; without its mean it has unit mean square."""
-    quick = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)
-    noise = np.tensordot(np.array(rule.sizes[:quick]), kinds(window)[:quick], axes=1)
+    noise = np.tensordot(np.array(rule.sizes[:QUICK]), kinds(window)[:QUICK], axes=1)
     summed = np.cumsum(np.cumsum(noise, axis=0), axis=1)
-    centre = np.eye(window) - 1.0 / window
-    return summed * (window / max(float(np.trace(centre @ summed @ centre)), 1e-300))
+    square = (np.trace(summed) - summed.sum() / window) / window
+    return np.asarray(summed / max(float(square), 1e-300))
 
 
 def drawn(rule: Whitener, count: int, rng: np.random.Generator) -> Array:
     """Noise (count,) by a rule, sample by sample; of the slowest kinds, which may be a model's error as well, nothing."""
     noise = rng.normal(size=count) * np.sqrt(rule.sizes[0] * rule.bins)
-    for tau, size in zip(CORRELATION_TIMES, rule.sizes[1:], strict=True):
-        if tau < SLOW:
-            pole = np.exp(-1.0 / (tau * rule.bins))
-            sample = np.sqrt(size / of_means(tau))
-            steps = rng.normal(size=count) * sample * np.sqrt(1.0 - pole * pole)
-            noise += lfilter([1.0], [1.0, -pole], steps, zi=[pole * sample * rng.normal()])[0]
+    for tau, size in zip(CORRELATION_TIMES[: QUICK - 1], rule.sizes[1:QUICK], strict=True):
+        pole = np.exp(-1.0 / (tau * rule.bins))
+        sample = np.sqrt(size / of_means(tau))
+        steps = rng.normal(size=count) * sample * np.sqrt(1.0 - pole * pole)
+        noise += lfilter([1.0], [1.0, -pole], steps, zi=[pole * sample * rng.normal()])[0]
     return np.asarray(noise)

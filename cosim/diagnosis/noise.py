@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 CORRELATION_TIMES = (1.0, 2.5, 6.0, 15.0, 40.0, 120.0, 400.0, 2000.0)  # in bins
 SLOW = 100.0  # bins: noise with longer correlation is taken up by a window's offset
+QUICK = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)  # kinds of noise that are not, the white one first
 REMAINING = 0.6  # share of a spectrum that must survive the projection for that frequency to count
 FLOOR = 1e-7  # smallest share of each kind of noise: keeps the covariance well conditioned
 
@@ -67,8 +68,7 @@ class Whitener:
     @property
     def rms(self) -> float:
         """Size of the noise of one bin, the slowest kinds (which an offset takes up) left out."""
-        quick = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)
-        return float(np.sqrt(sum(self.sizes[:quick])))
+        return float(np.sqrt(sum(self.sizes[:QUICK])))
 
     def larger(self, by: float) -> "Whitener":
         """The rule for noise of `by` times the variance."""
