@@ -7,15 +7,12 @@ rest is pint's.
 import re
 from functools import cache
 from tokenize import TokenError
-from typing import Any
-
-import pint
+from typing import TYPE_CHECKING, Any
 
 from cosim.errors import UsageError
 
-registry: pint.UnitRegistry[Any] = pint.UnitRegistry()
-registry.define("percent = 0.01 = %")
-registry.define("@alias turn = rev")
+if TYPE_CHECKING:
+    import pint
 
 _LONGEST = 100
 _EXPONENT = re.compile(r"(?<=[A-Za-z])(-?\d+)")
@@ -27,6 +24,17 @@ _UNIT = re.compile(
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 _BASE_NAMES = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol",
                "candela": "cd", "radian": "rad"}  # fmt: skip
+
+
+@cache
+def registry() -> "pint.UnitRegistry[Any]":
+    """Pint's units and ours; made when the first unit is read, because a process that only runs models reads none."""
+    import pint
+
+    made: pint.UnitRegistry[Any] = pint.UnitRegistry()
+    made.define("percent = 0.01 = %")
+    made.define("@alias turn = rev")
+    return made
 
 
 def fmi_to_pint(unit: str) -> str:
@@ -43,7 +51,7 @@ def fmi_to_pint(unit: str) -> str:
 
 
 @cache
-def parse_unit(unit: str) -> pint.Unit:
+def parse_unit(unit: str) -> "pint.Unit":
     """The pint unit of a text in FMI's or pint's spelling.
 
     Raises:
@@ -55,12 +63,14 @@ def parse_unit(unit: str) -> pint.Unit:
         raise UsageError(
             f"{shown!r} is not a unit that can be read: write names with whole exponents, such as 'kg.m2' or 'N.m.s/rad'"
         )
+    from pint.errors import PintError
+
     try:
-        return registry.Unit(text)
+        return registry().Unit(text)
     # what pint's parser lets through of Python's own tokenizer, of `assert` and of arithmetic
-    except (pint.errors.PintError, TokenError, SyntaxError, AssertionError, ArithmeticError, ValueError, TypeError,
+    except (PintError, TokenError, SyntaxError, AssertionError, ArithmeticError, ValueError, TypeError,
             AttributeError, KeyError) as error:  # fmt: skip
-        reason = f": {error}" if isinstance(error, pint.errors.PintError) else ""
+        reason = f": {error}" if isinstance(error, PintError) else ""
         raise UsageError(f"'{unit}' is not a unit that can be read{reason}") from None
 
 
@@ -70,10 +80,12 @@ def base_factor(unit: str) -> float:
     Raises:
         UsageError: the text is not a unit, or a number in it is no plain multiple (degC, dB).
     """
+    from pint.errors import PintError
+
     parsed = parse_unit(unit)
     try:
-        zero, one = (float(registry.Quantity(x, parsed).to_base_units().magnitude) for x in (0.0, 1.0))
-    except (pint.errors.PintError, ArithmeticError):
+        zero, one = (float(registry().Quantity(x, parsed).to_base_units().magnitude) for x in (0.0, 1.0))
+    except (PintError, ArithmeticError):
         zero, one = 1.0, 1.0
     if zero != 0.0:
         raise UsageError(f"unit '{unit}' has an offset or is logarithmic: give one that is a plain multiple")
@@ -93,7 +105,7 @@ def factor(unit: str, target: str) -> float:
     if source.dimensionality != goal.dimensionality:
         raise UsageError(f"unit '{unit}' has the wrong dimension: expected one like '{target}'")
     base_factor(unit), base_factor(target)
-    return float(registry.Quantity(1.0, source).to(goal).magnitude)
+    return float(registry().Quantity(1.0, source).to(goal).magnitude)
 
 
 def parse_quantity(text: str, target: str) -> float:
@@ -121,7 +133,7 @@ def base_exponents(unit: str) -> tuple[dict[str, int], float]:
     """
     scale = base_factor(unit)
     exponents: dict[str, int] = {}
-    for name, power in registry.Quantity(1.0, parse_unit(unit)).to_base_units().unit_items():
+    for name, power in registry().Quantity(1.0, parse_unit(unit)).to_base_units().unit_items():
         whole = round(float(power))  # type: ignore[arg-type]  # pint allows complex powers, units have none
         if name not in _BASE_NAMES or power != whole:
             raise UsageError(

@@ -10,9 +10,10 @@ from cosim.cli import main
 from cosim.paths import ssp_folder
 from cosim.ssp.write import write_ssp
 
-# a busy machine may take any time for an example
-settings.register_profile("untimed", deadline=None)
-settings.load_profile("untimed")
+# a busy machine may take any time for an example; the same examples every time, others with --hypothesis-profile search
+settings.register_profile("search", deadline=None)
+settings.register_profile("same", deadline=None, derandomize=True)
+settings.load_profile("same")
 
 
 @pytest.fixture(scope="session", autouse=True)

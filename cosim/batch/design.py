@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, qmc
+from scipy.special import ndtr, ndtri
 
 from cosim.batch.plan import Design
 from cosim.batch.values import Distribution
@@ -74,6 +74,8 @@ def drawn(
         raise UsageError(f"{samples} samples are more than {MOST_RUNS}")
     notes: list[str] = []
     size, parts = len(distributions), np.empty((0, 0))
+    if design != "random":
+        from scipy.stats import qmc  # half a second to load, which a grid does without
     if design == "sobol":
         power = max(0, int(np.ceil(np.log2(samples))))
         if 2**power != samples:
@@ -110,7 +112,7 @@ def dependent(parts: Array, names: list[str], correlations: Mapping[tuple[str, s
     lower = np.asarray(np.linalg.qr(root.T, mode="r")).T
     lower = lower * np.where(np.diag(lower) < 0.0, -1.0, 1.0)
     found = parts.copy()
-    found[:, touched] = norm.cdf(norm.ppf(np.clip(parts[:, touched], 1e-12, 1.0 - 1e-12)) @ lower.T)
+    found[:, touched] = ndtr(ndtri(np.clip(parts[:, touched], 1e-12, 1.0 - 1e-12)) @ lower.T)
     return found
 
 

@@ -6,10 +6,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.batch.plan import EngineName, Task
 from cosim.ssp.system import Value
 
 Array = NDArray[np.float64]
+Task = Literal["simulate", "compare", "diagnose"]
+EngineName = Literal["fmu", "compiled"]
 Status = Literal["done", "failed"]
 
 

@@ -24,13 +24,12 @@ from pydantic import (
     field_validator,
 )
 
+from cosim.batch.job import EngineName, Task
 from cosim.errors import DataError, UsageError
 from cosim.ssp.build import SYSTEMS
 from cosim.ssp.hints import did_you_mean
 
 Design = Literal["grid", "zip", "latin_hypercube", "sobol", "random"]
-Task = Literal["simulate", "compare", "diagnose"]
-EngineName = Literal["fmu", "compiled"]
 Word = Annotated[str, Field(min_length=1)]
 Words = tuple[Word, ...]
 Scalar = str | int | float | bool

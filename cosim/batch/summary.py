@@ -1,13 +1,11 @@
 """What a finished batch says: quantiles of the scores, what they depend on, thresholds, failures."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import spearmanr
 
 from cosim.batch.parameters import Varied
 from cosim.errors import UsageError
@@ -79,9 +77,8 @@ def _rank_correlation(x: "pd.Series[Any]", y: "pd.Series[Any]") -> float | None:
     pair = pair[np.isfinite(pair).all(axis=1)]
     if len(pair) < FEWEST or np.ptp(pair[:, 0]) == 0.0 or _constant(pair[:, 1]):
         return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return float(spearmanr(pair[:, 0], pair[:, 1]).statistic)
+    ranks = pd.DataFrame(pair).rank()
+    return float(ranks[0].corr(ranks[1]))
 
 
 def _constant(values: Array) -> bool:

@@ -96,17 +96,24 @@ def _simulate(job: Job, run: Run, outcome: Outcome) -> None:
 
 
 def _load_system(job: Job, run: Run, kept: Loaded) -> None:
-    from cosim.batch.twin import Twin
-    from cosim.master import Runner
-    from cosim.request import read_inputs
     from cosim.ssp.read import read_system
 
     model = job.models[run.model]
     system = kept.stack.enter_context(read_system(_present(model.file)))
-    kept.tool = Twin(system) if job.engine == "compiled" else Runner(system)
+    # each is loaded where it is needed: of a short batch that is most of the time
+    if job.engine == "compiled":
+        from cosim.batch.twin import Twin
+
+        kept.tool = Twin(system)
+    else:
+        from cosim.master import Runner
+
+        kept.tool = Runner(system)
     kept.stack.callback(kept.tool.close)
     kept.options, kept.stop = {"start_time": model.start}, model.stop
     if job.input is not None:
+        from cosim.request import read_inputs
+
         mapping = _present(job.mapping) if job.mapping else None
         inputs, first, _ = read_inputs(_present(job.input), mapping, system, model.step)
         kept.options = {"start_time": first, "inputs": inputs}

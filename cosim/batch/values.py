@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from cosim.errors import UsageError
 from cosim.ssp.fmu import parse_value
@@ -51,7 +51,7 @@ class Distribution:
         below, above = ((self.middle - self.low) / Z95, (self.high - self.middle) / Z95)
         first, last = (self._part(bound, below, above) for bound in (self.least, self.most))
         inside = np.clip(part, 1e-12, 1.0 - 1e-12)  # the ends of a normal distribution are infinite
-        z = norm.ppf(first + inside * (last - first))
+        z = ndtri(first + inside * (last - first))
         drawn = self.middle + z * np.where(z < 0.0, below, above)
         return np.clip(drawn, self.least, self.most)
 
@@ -59,7 +59,7 @@ class Distribution:
         deviation = below if value < self.middle else above
         if deviation == 0.0 or np.isinf(value):
             return float(value > self.middle) if value != self.middle else 0.5
-        return float(norm.cdf((value - self.middle) / deviation))
+        return float(ndtr((value - self.middle) / deviation))
 
 
 def split_setting(text: str, option: str, example: str) -> tuple[str, str]:

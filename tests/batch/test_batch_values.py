@@ -165,10 +165,9 @@ def test_sobol_takes_a_power_of_two_and_says_so() -> None:
 def test_correlated_draws_keep_their_own_distributions(roots: list[list[float]], seed: int) -> None:
     """Whatever the correlations (of any rank), and however rounded in a file; an independent neighbour is left alone."""
     rows = np.array(roots)
-    size = np.linalg.norm(rows, axis=1)
-    matrix = np.where(
-        np.outer(size, size) > 1e-6, rows @ rows.T / np.maximum(np.outer(size, size), 1e-12), 0.0
-    )
+    size = np.linalg.norm(rows, axis=1, keepdims=True)
+    rows = np.where(size > 1e-6, rows / np.maximum(size, 1e-6), 0.0)  # a row of nothing depends on no other
+    matrix = rows @ rows.T
     names = ["a", "b", "c"]
     pairs = {
         (names[i], names[k]): round(float(matrix[i, k]), 2)
