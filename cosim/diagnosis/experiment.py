@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import ChainModel
 from cosim.diagnosis.fit import Unknown, jacobian
+from cosim.diagnosis.grid import Grid
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.noise import Whitener
@@ -52,6 +53,38 @@ class Proposal:
     file: Path | None = None
 
 
+class Rehearsal:
+    """An experiment played on fitted models: commanded at every step, read as often as the log was sampled.
+
+    Args:
+        groups: the groups of the model.
+        command: (n,) SI, one value a step.
+        fixed: start angle.
+        h: step, s.
+        interval: between two readings, s.
+    """
+
+    def __init__(
+        self, groups: tuple[Group, ...], command: Array, fixed: dict[str, float], h: float, interval: float
+    ) -> None:
+        self.chain = ChainModel(groups, Record(h, {groups[0].drive: command}), fixed)
+        end = (command.size - 1) * h
+        self.grid = Grid(np.arange(int(end / interval + 1e-6) + 1) * interval, h)
+        self.every_step = abs(interval - h) < 1e-6 * h
+
+    def read(self, values: Mapping[str, float]) -> dict[str, Array]:
+        """Signal -> (m,) what is read of it, SI."""
+        found = self.chain.simulate(dict(values))
+        return found if self.every_step else {s: self.grid.sampled(rows) for s, rows in found.items()}
+
+    def spread(self, evidence: Array) -> Array:
+        """(m,) what each reading adds, as (n,) what each step adds."""
+        if self.every_step:
+            return evidence
+        gathered = np.interp(self.grid.time, self.grid.stamps, np.cumsum(evidence))
+        return np.diff(gathered, prepend=0.0)
+
+
 def menu(duration: float, h: float) -> list[tuple[Description, Array]]:
     """Feasible excitations of one duration, s, at steps of h: shapes, amplitudes, frequencies; |u| <= 1, mean about zero."""
     time = np.arange(round(duration / h) + 1) * h
@@ -83,7 +116,7 @@ def white_difference(a: Mapping[str, Array], b: Mapping[str, Array], rules: Mapp
 
 
 def evidence_of(predicted: Mapping[str, Array], rules: Mapping[str, Whitener]) -> Array:
-    """(n,) log-likelihood that each sample adds for the first of two predictions (2, n) of each signal, if it is true."""
+    """(m,) log-likelihood that each reading adds for the first of two predictions (2, m) of each signal, if it is true."""
     found = np.zeros(next(iter(predicted.values())).shape[1])
     for signal, (one, other) in predicted.items():
         rule = rules[signal]
@@ -93,7 +126,7 @@ def evidence_of(predicted: Mapping[str, Array], rules: Mapping[str, Whitener]) -
 
 
 def separation(
-    model: ChainModel,
+    played: Rehearsal,
     first: Mapping[str, float],
     second: Mapping[str, float],
     rules: Mapping[str, Whitener],
@@ -103,16 +136,16 @@ def separation(
 
     The second model's parameters take up what they can, to first order, trusted ones at the price of their priors.
     """
-    target = white_difference(model.simulate(dict(first)), model.simulate(dict(second)), rules)
+    base = played.read(second)
+    target = white_difference(played.read(first), base, rules)
     scales = np.array([u.scale for u in loose])
     z = np.array([second[u.name] for u in loose]) / scales
     low = np.array([u.low for u in loose]) / scales
     high = np.array([u.high for u in loose]) / scales
-    base = model.simulate(dict(second))
 
     def moved(at: Array) -> Array:
         values = dict(second) | {u.name: float(v) for u, v in zip(loose, at * scales, strict=True)}
-        return white_difference(model.simulate(values), base, rules)
+        return white_difference(played.read(values), base, rules)
 
     columns = jacobian(moved, z, low, high)
     prior = np.diag([u.scale / u.prior[1] if u.prior else 0.0 for u in loose])
@@ -135,6 +168,7 @@ def propose(
     duration: float = 30.0,
     h: float = 1e-3,
     size: float = 1.0,
+    interval: float = 1e-3,
 ) -> Proposal | None:
     """The excitation of the menu that separates two models best; None if none does.
 
@@ -149,27 +183,29 @@ def propose(
         duration: of the experiment, s.
         h: step, s.
         size: of the full command.
+        interval: between two readings, s; the rules are for these.
     """
-    drive = groups[0].drive
     ranked = []
     for description, command in menu(duration, h):
-        model = ChainModel(groups, Record(h, {drive: size * command}), fixed)
-        raw = white_difference(model.simulate(dict(first)), model.simulate(dict(second)), rules)
+        played = Rehearsal(groups, size * command, fixed, h, interval)
+        raw = white_difference(played.read(first), played.read(second), rules)
         ranked.append((float(raw @ raw), description, command))
     ranked.sort(key=lambda item: -item[0])
     best: Proposal | None = None
     values: dict[str, float] = {}
     for _, description, command in ranked[:REFINED]:
-        model = ChainModel(groups, Record(h, {drive: size * command}), fixed)
-        gain, refit = separation(model, first, second, rules, loose)
+        played = Rehearsal(groups, size * command, fixed, h, interval)
+        gain, refit = separation(played, first, second, rules, loose)
         if best is None or gain > best.predicted_gain:
             best, values = Proposal(why, description, gain, command), dict(second) | refit
     if best is None or best.predicted_gain <= 1.0:
         return None
-    model = ChainModel(groups, Record(h, {drive: size * best.command}), fixed)
-    one, other = model.simulate(dict(first)), model.simulate(values)
-    predicted = {s: np.stack([one[s], other[s]]) for s in rules if s in one}
-    return replace(best, predicted=predicted, rules=dict(rules), evidence=evidence_of(predicted, rules))
+    played = Rehearsal(groups, size * best.command, fixed, h, interval)
+    read = [played.read(each) for each in (first, values)]
+    evidence = evidence_of({s: np.stack([r[s] for r in read]) for s in rules if s in read[0]}, rules)
+    drawn = [played.chain.simulate(dict(each)) for each in (first, values)]
+    predicted = {s: np.stack([d[s] for d in drawn]) for s in rules if s in drawn[0]}
+    return replace(best, predicted=predicted, rules=dict(rules), evidence=played.spread(evidence))
 
 
 def proposal_for(
@@ -180,8 +216,9 @@ def proposal_for(
     values: Mapping[str, float],
     tolerance: float = 0.01,
     size: float = 1.0,
+    interval: float = 1e-3,
 ) -> Proposal | None:
-    """An experiment for the first cause that has a twin in this log, or None; `size` is that of the full command, SI."""
+    """An experiment for the first cause that has a twin in this log, or None; `size` and `interval` as in `propose`."""
     for cause in causes:
         if not cause.alike or cause.group not in findings:
             continue
@@ -200,7 +237,7 @@ def proposal_for(
         second = base | twins[0].fit.values
         loose, _ = unknowns(finding.task.model, twins[0].effects, tolerance)
         why = f"tells {cause.effect.name} from {cause.alike[0]}, which this log cannot"
-        found = propose(groups, first, second, loose, rules, why, fixed, size=size)
+        found = propose(groups, first, second, loose, rules, why, fixed, size=size, interval=interval)
         return found and replace(found, models=(cause.effect.name, cause.alike[0]))
     return None
 

@@ -200,11 +200,16 @@ def in_plain_form(task: Task, chosen: Trial, tolerance: float) -> Trial:
 
 
 def in_same_form(task: Task, chosen: Trial, single: list[Trial], tolerance: float) -> list[Trial]:
-    """Single effects in the form that a chosen one has, where that explains more: rivals on equal terms. Best first."""
+    """Single effects on equal terms with the chosen set, where that explains more. Best first.
+
+    Each takes the form that a chosen effect has; beside the one chosen effect, if that has another form, any of its own.
+    """
     taken = {p for e in chosen.effects for p in e.free if p in e.forms}
     sets: list[tuple[Effect, ...]] = [
         (e.formed(p),) for t in single for e in t.effects for p in taken if p in e.forms
     ]
+    if taken and len(chosen.effects) == 1:
+        sets += forms(task, chosen, single)
     formed = {t.effects[0]: t for t in reversed(tried_all(task, sets, tolerance, chosen.fit, single))}
     found = [max(t, formed.get(t.effects[0], t), key=lambda one: one.score) for t in single]
     return sorted(found, key=lambda t: -t.score)

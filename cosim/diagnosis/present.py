@@ -107,11 +107,15 @@ def delivered(found: Diagnosis, log: Log, folder: Path, watch: Watch | None = No
         found.stage = "next experiment"
         watch.stage("next", found.stage)
         proposal = None
-        if found.record.grid is None:  # what is proposed is a command at 1 kHz
-            size = full_command(found)
-            groups = found.machine.groups
+        if log.time_unit == "s":  # what is proposed is a command over time
             proposal = proposal_for(
-                groups, found.findings, found.causes, found.start, found.values, size=size
+                found.machine.groups,
+                found.findings,
+                found.causes,
+                found.start,
+                found.values,
+                size=full_command(found),
+                interval=found.record.h,
             )
         if proposal is not None:
             proposal = write_command(proposal, folder)

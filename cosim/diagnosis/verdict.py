@@ -139,8 +139,6 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
     found = marked(finding)
     if not finding.chosen.effects or not stands(finding):
         return found
-    # a difference less than what all leave unexplained tells nothing
-    close = max(CLOSE, unexplained(finding))
     for effect in finding.chosen.effects:
         rivals = [
             (other_of(t, finding.chosen), shortfall(t, finding.chosen))
@@ -158,10 +156,21 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                 values.log_likelihood - fewer.fit.log_likelihood,
                 held_out_gain(finding.task, finding.chosen, effect, tolerance),
                 rivals,
-                list(dict.fromkeys(e.name for e, behind in rivals if behind < close)),
+                list(dict.fromkeys(e.name for e, behind in rivals if behind < close(finding, effect, e))),
             )
         )
     return sorted(found, key=lambda c: -c.gain)
+
+
+def close(finding: Finding, effect: Effect, rival: Effect) -> float:
+    """Log-likelihood by which a rival may explain the log worse than an effect and still not be told from it."""
+    # a difference less than what all leave unexplained tells nothing
+    limit = max(CLOSE, unexplained(finding))
+    one, other = set(freed([effect.plain])), set(freed([rival.plain]))
+    # two laws that both had to be bent may be bent otherwise: such a rival would stand as a cause of its own
+    if effect.is_formed and rival.is_formed and not (one <= other or other <= one):
+        limit = max(limit, CARRIED**2 * gained(finding))
+    return limit
 
 
 def shortfall(rival: Trial, chosen: Trial) -> float:

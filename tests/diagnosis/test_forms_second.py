@@ -56,3 +56,11 @@ def test_a_form_that_hides_in_its_own_signal_shows_in_the_blocks_behind(tmp_path
     value, deviation = found.causes[0].parameters["k_t"]
     assert value == pytest.approx(1.0 / 1.9e6, abs=3.0 * deviation)
     assert deviation < 0.2 * value
+
+
+def test_of_two_laws_that_both_had_to_be_bent_neither_is_refuted_by_a_detail(tmp_path) -> None:
+    """A valve that opens softly, by another law than the library's, was friction that creeps, and nothing else."""
+    found = told_of(tmp_path, 11, ("sines", 25.0, 0.87), Sensing(noise=1.8), p_c=2.4e5, s_c=0.75)
+    (cause,) = found.causes
+    assert cause.effect.is_formed
+    assert "continuity.cracking_pressure" in (cause.effect.name, *cause.alike)
