@@ -69,7 +69,8 @@ class Rehearsal:
     ) -> None:
         self.chain = ChainModel(groups, Record(h, {groups[0].drive: command}), fixed)
         end = (command.size - 1) * h
-        self.grid = Grid(np.arange(int(end / interval + 1e-6) + 1) * interval, h)
+        stamps = np.arange(int(end / interval + 1e-6) + 1, dtype=np.float64) * interval
+        self.grid = Grid(stamps, h)
         self.every_step = abs(interval - h) < 1e-6 * h
 
     def read(self, values: Mapping[str, float]) -> dict[str, Array]:
