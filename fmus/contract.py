@@ -200,6 +200,7 @@ class Effect:
         helpers: further equations that these call.
         asked: the diagnosis considers it only where a mapping file asks for it.
         sole_form: its law can have no other form (an offset, a factor, an inertia): what it leaves is none of its own.
+        along: signal of which its torque is a function, whatever its form: omega or p_load; empty for no such law.
     """
 
     name: str
@@ -219,6 +220,7 @@ class Effect:
     helpers: tuple[Callable[..., Any], ...] = ()
     asked: bool = False
     sole_form: bool = False
+    along: str = ""
 
     @property
     def block(self) -> str:

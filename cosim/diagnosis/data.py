@@ -1,5 +1,6 @@
 """A log made ready for the diagnosis, SI, and the free functions of each group."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -57,12 +58,17 @@ class Record:
 
     def smooth(self, name: str, cutoff: float = 5.0) -> Array:
         """A signal without what lies above `cutoff` Hz, no phase shift."""
-        sections = butter(2, min(cutoff * 2.0 * self.h, 0.9), output="sos")
-        return np.asarray(sosfiltfilt(sections, self.signals[name]))
+        return low_pass(self.signals[name], self.h, cutoff)
 
     def rate(self, name: str, cutoff: float = 5.0) -> Array:
         """Time derivative of a signal, smoothed."""
         return np.asarray(np.gradient(self.smooth(name, cutoff), self.h), dtype=np.float64)
+
+
+def low_pass(values: Array, h: float, cutoff: float) -> Array:
+    """Values (n,) every h s without what lies above `cutoff` Hz, no phase shift."""
+    sections = butter(2, min(cutoff * 2.0 * h, 0.9), output="sos")
+    return np.asarray(sosfiltfilt(sections, values))
 
 
 def free_bases(
@@ -141,14 +147,8 @@ def angle_bases(
     else:
         name = drive if not group.held and group.stages[0][1] == "mechanical" else command_of(record, drive)
         drivers[name] = record.smooth(name) if name == drive and not group.held else record.signals[name]
-    if group.kind == "simplified":
-        k, a = (values[name] for name in group.linear)
-        transfer = ([k], [1.0, a, 0.0])
-        what, unit = "demand", "1"
-    else:
-        J, b = (values[name] for name in group.linear)
-        transfer = ([1.0], [J, b, 0.0])
-        what, unit = "torque", "N.m"
+    transfer = to_angle(group, values)
+    what, unit = ("demand", "1") if group.kind == "simplified" else ("torque", "N.m")
     found = families(drivers, transfer, h, what, unit)
     factors = [
         ("omega", rate, "time", record.time),
@@ -162,6 +162,12 @@ def angle_bases(
         found += changing(of, signal, by, driver, transfer, h, what, unit)
     found += families({"omega": rate}, None, h, "reading", "rad")
     return {group.observed[0]: found + reversals("theta", angle, "reading", "rad", h)}
+
+
+def to_angle(group: Group, values: Mapping[str, float]) -> tuple[list[float], list[float]]:
+    """Transfer function from a missing torque to the angle (4.28), from a missing demand in the simplified model."""
+    one, other = (values[name] for name in group.linear)
+    return ([one], [1.0, other, 0.0]) if group.kind == "simplified" else ([1.0], [one, other, 0.0])
 
 
 def command_of(record: Record, drive: str) -> str:

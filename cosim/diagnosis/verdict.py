@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis import bent
 from cosim.diagnosis.crossval import held_out_gain
 from cosim.diagnosis.finding import at_first, gained, systematic, unexplained
 from cosim.diagnosis.fit import Unknown
@@ -139,6 +140,8 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
     found = marked(finding)
     if not finding.chosen.effects or not stands(finding):
         return found
+    # a difference less than what all leave unexplained tells nothing
+    close = max(CLOSE, unexplained(finding))
     for effect in finding.chosen.effects:
         rivals = [
             (other_of(t, finding.chosen), shortfall(t, finding.chosen))
@@ -156,21 +159,29 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                 values.log_likelihood - fewer.fit.log_likelihood,
                 held_out_gain(finding.task, finding.chosen, effect, tolerance),
                 rivals,
-                list(dict.fromkeys(e.name for e, behind in rivals if behind < close(finding, effect, e))),
+                [
+                    *dict.fromkeys(e.name for e, behind in rivals if behind < close),
+                    *bent_alike(finding, effect),
+                ],
             )
         )
     return sorted(found, key=lambda c: -c.gain)
 
 
-def close(finding: Finding, effect: Effect, rival: Effect) -> float:
-    """Log-likelihood by which a rival may explain the log worse than an effect and still not be told from it."""
-    # a difference less than what all leave unexplained tells nothing
-    limit = max(CLOSE, unexplained(finding))
-    one, other = set(freed([effect.plain])), set(freed([rival.plain]))
-    # two laws that both had to be bent may be bent otherwise: such a rival would stand as a cause of its own
-    if effect.is_formed and rival.is_formed and not (one <= other or other <= one):
-        limit = max(limit, CARRIED**2 * gained(finding))
-    return limit
+def bent_alike(finding: Finding, effect: Effect) -> list[str]:
+    """Rivals that a chosen effect beats only by a detail, where both laws had to be bent and may be bent otherwise.
+
+    Such a rival would stand as a cause by itself, and is as good where both are free in their form.
+    """
+    found = []
+    for trial in finding.rivals.get(effect.name, []) if effect.is_formed else ():
+        rival, short = other_of(trial, finding.chosen), shortfall(trial, finding.chosen)
+        if rival.is_formed and CLOSE <= short < CARRIED**2 * gained(finding):
+            behind = bent.behind(finding.task, (effect, finding.chosen), (rival, trial))
+            # the free functions take up some noise, each of its own
+            if behind is not None and behind < SURE:
+                found.append(rival.name)
+    return found
 
 
 def shortfall(rival: Trial, chosen: Trial) -> float:

@@ -57,5 +57,6 @@ EFFECT = Effect(
         "omega_s": Free(starts=(0.003, 0.01), scale=0.005),
     },
     forms={**COULOMB.forms, "delta": Free(starts=(1.0, 0.6), scale=0.5, floor=0.1)},
+    along="omega",
     fills={"friction_level": stribeck_level},
 )

@@ -58,9 +58,16 @@ def test_a_form_that_hides_in_its_own_signal_shows_in_the_blocks_behind(tmp_path
     assert deviation < 0.2 * value
 
 
-def test_of_two_laws_that_both_had_to_be_bent_neither_is_refuted_by_a_detail(tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("settings", "apart"),
+    [({"p_c": 2.4e5, "s_c": 0.75}, False), ({"tau_c": 120.0, "friction": 2, "z_s": 3e-5}, True)],
+    ids=["soft valve", "LuGre"],
+)
+def test_two_bent_laws_are_told_apart_by_what_they_depend_on_not_by_a_detail(tmp_path, settings, apart):
     """A valve that opens softly, by another law than the library's, was friction that creeps, and nothing else."""
-    found = told_of(tmp_path, 11, ("sines", 25.0, 0.87), Sensing(noise=1.8), p_c=2.4e5, s_c=0.75)
+    found = told_of(tmp_path, 11, ("sines", 25.0, 0.87), Sensing(noise=1.8), **settings)
     (cause,) = found.causes
     assert cause.effect.is_formed
-    assert "continuity.cracking_pressure" in (cause.effect.name, *cause.alike)
+    if apart:
+        assert cause.effect.name == "mechanical.coulomb_friction"
+    assert ("continuity.cracking_pressure" in (cause.effect.name, *cause.alike)) != apart
