@@ -108,14 +108,15 @@ def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
     return run(best), moved
 
 
-def observed_of(group: Group, record: Record) -> dict[str, Array]:
-    """The measured signals of a group, signal -> (n,) SI; of a sensor that may lose packets without what is stale."""
-    loses = any(e.name == "sensor.dropout" for e in group.effects())
-    return {
-        s: record.fresh(s) if loses and s == group.reading else record.signals[s]
-        for s in group.observed
-        if s in record.signals
-    }
+def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[str, NDArray[np.bool_]]]:
+    """The measured signals of a group, signal -> (n,) SI, and of a sensor that loses packets which samples are stale."""
+    measured = {s: record.signals[s] for s in group.observed if s in record.signals}
+    if group.reading not in measured or all(e.name != "sensor.dropout" for e in group.effects()):
+        return measured, {}
+    lost = record.lost(group.reading)
+    if not lost.any():
+        return measured, {}
+    return measured | {group.reading: record.fresh(group.reading)}, {group.reading: lost}
 
 
 def task_for(group: Group, record: Record, known: list[Known]) -> Task:
@@ -130,8 +131,8 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     window = length // (bins * count)  # whole windows fill the log
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
     rules = {s: plain(bins, window, not group.absolute, round(UNSETTLED / record.h)) for s in observed}
-    measured = observed_of(group, record)
-    task = Task(model, measured, rules, steps=coarse_steps(measured))
+    measured, lost = observed_of(group, record)
+    task = Task(model, measured, rules, steps=coarse_steps(measured), lost=lost)
     # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;
     # the first row is the timing's place
     task.late = SKEW * min(record.h, FINE) * float(np.sqrt(len(known) + 1))

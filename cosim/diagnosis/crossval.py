@@ -1,5 +1,7 @@
 """What an effect gains on windows that were not used to estimate it."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,7 @@ def window_numbers(task: Task) -> NDArray[np.int64]:
 
 def part(task: Task, mask: NDArray[np.bool_]) -> Task:
     """The task on some windows only; doubt from upstream counts in each part by itself."""
-    found = Task(task.model, task.measured, task.rules, task.doubt, mask, steps=task.steps)
+    found = replace(task, mask=mask)
     found.set_rules(task.rules)
     return found
 

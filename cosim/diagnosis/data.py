@@ -12,7 +12,7 @@ from cosim.diagnosis.grid import Grid
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.memory import reversals
 from cosim.diagnosis.options import REST
-from cosim.diagnosis.samples import stale
+from cosim.diagnosis.samples import bridged, stale
 
 Array = NDArray[np.float64]
 
@@ -50,11 +50,13 @@ class Record:
         """True if all of these were measured."""
         return all(name in self.signals for name in names)
 
+    def lost(self, name: str) -> NDArray[np.bool_]:
+        """(n,) True where a signal is stale because a packet was lost."""
+        return stale(self.signals[name], self.rate(name))
+
     def fresh(self, name: str) -> Array:
-        """A signal with its stale samples, where packets were lost, on straight lines between fresh ones."""
-        values = self.signals[name]
-        late = stale(values, self.rate(name))
-        return np.interp(self.time, self.time[~late], values[~late]) if late.any() else values
+        """A signal with its stale samples on straight lines between fresh ones."""
+        return bridged(self.signals[name], self.lost(name), self.time)
 
     def smooth(self, name: str, cutoff: float = 5.0) -> Array:
         """A signal without what lies above `cutoff` Hz, no phase shift."""

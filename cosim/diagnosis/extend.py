@@ -106,10 +106,15 @@ def fitted_chain(
         constants: ``component.parameter`` -> SI that is known already.
     """
     model = ChainModel(groups, record, fixed | dict(constants or {}))
-    measured = {s: v for g in groups for s, v in observed_of(g, record).items() if s in rules}
+    measured: dict[str, Array] = {}
+    lost: dict[str, NDArray[np.bool_]] = {}
+    for group in groups:
+        own, stale = observed_of(group, record)
+        measured |= {s: v for s, v in own.items() if s in rules}
+        lost |= stale
     # here the absolute angle counts: the command carries no noise that could drift
     absolute = {s: Whitener(r.bins, r.window, False, r.sizes) for s, r in rules.items()}
-    task = Task(model, measured, absolute, mask=mask, steps=coarse_steps(measured))
+    task = Task(model, measured, absolute, mask=mask, steps=coarse_steps(measured), lost=lost)
     wanted, _ = unknowns(model, effects, tolerance)
     placed = anchored(wanted, near)
     for name, value in fixed.items():

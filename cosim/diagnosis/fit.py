@@ -12,6 +12,7 @@ from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.polar import Polar
 from cosim.diagnosis.rounded import beyond
+from cosim.diagnosis.samples import bridged
 
 Array = NDArray[np.float64]
 
@@ -94,6 +95,7 @@ class Task:
         mask: (windows,) windows that count, or None for all.
         late: standard deviation of the timing of observed signals against the drive, s; its doubt is the first row.
         steps: signal -> step of its readings where that is coarser than their noise, SI.
+        lost: signal -> (n,) True where its sample is stale: there its residual lies on a straight line, not its reading.
     """
 
     model: GroupModel
@@ -104,6 +106,7 @@ class Task:
     shrink: tuple[Array, Array] | None = field(default=None, repr=False)
     late: float = 0.0
     steps: Mapping[str, float] = field(default_factory=dict)
+    lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def retime(self, predicted: Mapping[str, Array], time: Array) -> None:
         """Take the doubt of the timing from what is predicted now, signal -> (n,) SI, at these times (n,), s."""
@@ -145,6 +148,8 @@ class Task:
         for name, measured in self.measured.items():
             # a trial far off may leave the numbers; it must only count as bad
             off = np.nan_to_num(measured - predicted[name], copy=False, nan=ABSURD).clip(-ABSURD, ABSURD)
+            if name in self.lost:
+                off = bridged(off, self.lost[name], of=self.rules[name].bins)
             found[name] = beyond(off, self.steps[name], self.rules[name]) if name in self.steps else off
         return found
 

@@ -32,7 +32,7 @@ def whole(task: Task, size: Mapping[str, float]) -> Task:
         s: Whitener(r.bins, r.window, False, (size[s] ** 2,) + (0.0,) * len(r.sizes[1:]), r.skip)
         for s, r in task.rules.items()
     }
-    return Task(task.model, task.measured, rules)
+    return Task(task.model, task.measured, rules, lost=task.lost)
 
 
 def refitted(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near: Fit) -> Fit:

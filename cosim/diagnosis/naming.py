@@ -8,12 +8,13 @@ from cosim.diagnosis.bounds import impossible
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, relearned
 from cosim.diagnosis.fit import Fit, Task
+from cosim.diagnosis.forms import forms, in_plain_form, in_same_form
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import PERIODS, Event, apart, burst, line
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
-from cosim.diagnosis.screening import forms, promising
+from cosim.diagnosis.screening import promising
 from cosim.diagnosis.swing import swing
 from cosim.diagnosis.trials import (
     BEYOND,
@@ -187,32 +188,6 @@ def beside_rivals(
         found += tried_all(task, [(*one.effects, e) for e in rest], tolerance, one.fit)
     believed = [t for t in found if accepted(t, chosen, task.model, tolerance)]
     return sorted(believed, key=lambda t: -t.score)
-
-
-def in_plain_form(task: Task, chosen: Trial, tolerance: float) -> Trial:
-    """The chosen set without the forms that a cause named since has made needless."""
-    for effect in chosen.effects:
-        if effect.is_formed and len(chosen.effects) > 1:
-            plain = tuple(e.plain if e == effect else e for e in chosen.effects)
-            trial = tried(task, plain, tolerance, chosen.fit)
-            chosen = trial if trial.score > chosen.score - SURE else chosen
-    return chosen
-
-
-def in_same_form(task: Task, chosen: Trial, single: list[Trial], tolerance: float) -> list[Trial]:
-    """Single effects on equal terms with the chosen set, where that explains more. Best first.
-
-    Each takes the form that a chosen effect has; beside the one chosen effect, if that has another form, any of its own.
-    """
-    taken = {p for e in chosen.effects for p in e.free if p in e.forms}
-    sets: list[tuple[Effect, ...]] = [
-        (e.formed(p),) for t in single for e in t.effects for p in taken if p in e.forms
-    ]
-    if taken and len(chosen.effects) == 1:
-        sets += forms(task, chosen, single)
-    formed = {t.effects[0]: t for t in reversed(tried_all(task, sets, tolerance, chosen.fit, single))}
-    found = [max(t, formed.get(t.effects[0], t), key=lambda one: one.score) for t in single]
-    return sorted(found, key=lambda t: -t.score)
 
 
 def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:

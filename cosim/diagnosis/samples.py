@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from cosim.calibrate.noise import COMPUTED, SMOOTH
 
 Array = NDArray[np.float64]
 
@@ -104,9 +107,12 @@ def resting(values: Array) -> NDArray[np.bool_]:
 
     After stale samples the reading jumps by all that was missed, after a rest it starts as gently as it goes on.
     """
+    found = np.zeros(values.size, dtype=bool)
+    fresh = values[np.concatenate([[True], values[1:] != values[:-1]])]
+    if noisy(fresh):  # no reading is repeated to the last digit twenty times
+        return found
     same = np.concatenate([[False], values[1:] == values[:-1], [False]])
     edges = np.flatnonzero(same[1:] != same[:-1])
-    found = np.zeros(values.size, dtype=bool)
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if last - first < REST:
             continue
@@ -114,6 +120,14 @@ def resting(values: Array) -> NDArray[np.bool_]:
         if after.size < 2 or after[0] <= GENTLE * after[1]:
             found[first : last + 1] = True
     return found
+
+
+def noisy(values: Array) -> bool:
+    """True if readings (n,) have noise of their own, by what is usual among them: jumps after stale samples are rare."""
+    if values.size < 5:
+        return False
+    moved, own = (float(np.median(np.abs(np.diff(values, order)))) for order in (1, 4))
+    return own / np.sqrt(70.0) > SMOOTH * COMPUTED * moved
 
 
 def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
@@ -140,6 +154,17 @@ def lost(share: float, spread: float, natural: float) -> bool:
     """True if repeats, as `stale_share` counts them, are more than chance, coloured noise or rounding makes."""
     # readings in coarse steps repeat by themselves: lost packets among them cannot be seen
     return natural < NATURAL and share > max(MANY_REPEATS, SURE_REPEATS * spread, COLOURED * natural)
+
+
+def bridged(values: Array, lost: NDArray[np.bool_], time: Array | None = None, of: int = 1) -> Array:
+    """Values (n,) with those of lost samples on straight lines between the others, over time (n,) or evenly.
+
+    The lines run between means `of` so many others: a gap shall not repeat the noise of the two at its ends.
+    """
+    at = np.arange(values.size, dtype=np.float64) if time is None else time
+    found = values.copy()
+    found[lost] = np.interp(at[lost], at[~lost], uniform_filter1d(values[~lost], of, mode="nearest"))
+    return found
 
 
 def stale(values: Array, rate: Array) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Which further effects, and which other forms of a law, are worth a fit: a score test of their sensitivities."""
+"""Which further effects are worth a fit: a score test of their sensitivities."""
 
 import itertools
 from collections.abc import Iterable, Mapping
@@ -61,27 +61,6 @@ def pointed(task: Task, base: Trial, starts: Mapping[str, tuple[float, ...]]) ->
         if size > 0.0:
             best = max(best, 0.5 * float(change @ residual) ** 2 / size)
     return best
-
-
-def forms(task: Task, base: Trial, single: Iterable[Trial]) -> list[tuple[Effect, ...]]:
-    """Sets in which a law has another form: of an effect of the set, or alone of another that explains half as much.
-
-    Args:
-        task: data, model and noise.
-        base: the fitted set.
-        single: every single effect, fitted; each form must promise more than its plain law by a score test.
-    """
-    single = list(single)
-    enough = 0.5 * (base.fit.log_likelihood + min(t.fit.log_likelihood for t in single))
-    whole = [t for t in single if t.effects[0] not in base.effects and t.fit.log_likelihood > enough]
-    found: list[tuple[Effect, ...]] = []
-    for trial in (base, *whole):
-        for effect in (e for e in trial.effects if not e.is_formed):
-            others = tuple(e for e in trial.effects if e != effect)
-            for parameter, free in effect.forms.items():
-                if pointed(task, trial, {f"{effect.component}.{parameter}": free.starts}) > SURE:
-                    found.append((*others, effect.formed(parameter)))
-    return found
 
 
 def relief(base: Trial, name: str, nominal: float, deviation: float, count: int) -> float:

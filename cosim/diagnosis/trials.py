@@ -256,9 +256,7 @@ def polished(task: Task, trial: Trial, tolerance: float) -> Trial:
 
 def copied(task: Task) -> Task:
     """The same task with a model of its own, for another thread."""
-    return Task(
-        task.model.copy(), task.measured, task.rules, task.doubt, task.mask, task.shrink, steps=task.steps
-    )
+    return replace(task, model=task.model.copy())
 
 
 def sorted_names(effects: Iterable[Effect]) -> tuple[str, ...]:

@@ -26,7 +26,8 @@ def in_bursts(log: Log, every: int, chance: float, longest: int) -> Log:
 
 
 @pytest.mark.parametrize(
-    ("excitation", "every", "chance", "longest"), [("triangle", 5, 0.02, 8), ("mixed", 1, 0.5, 3)]
+    ("excitation", "every", "chance", "longest"),
+    [("triangle", 5, 0.02, 8), ("mixed", 1, 0.5, 3), ("steps", 1, 0.01, 45)],
 )
 def test_lost_packets_hide_nothing_and_make_nothing_up(
     excitation: str, every: int, chance: float, longest: int
@@ -35,6 +36,17 @@ def test_lost_packets_hide_nothing_and_make_nothing_up(
     found = diagnose(in_bursts(log, every, chance, longest))
     assert [c.effect.name for c in found.causes] == ["sensor.dropout"]
     assert found.rests == []
+
+
+def test_a_long_run_of_stale_samples_is_no_rest_of_a_noisy_sensor() -> None:
+    """By chance the noise behind a run starts as gently as a motion does."""
+    rng = np.random.default_rng(3)
+    values = 1e-5 * np.arange(4000) + rng.normal(0.0, 1e-4, 4000)
+    late = np.zeros(values.size, dtype=bool)
+    for first in range(100, 3900, 100):
+        late[first : first + 30] = True
+        values[first : first + 30] = values[first - 1]
+    assert np.array_equal(stale(values, np.ones(values.size)), late)
 
 
 def test_what_is_stale_is_known_sample_by_sample() -> None:
