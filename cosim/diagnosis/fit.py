@@ -60,7 +60,7 @@ class Fit:
         at_bound: names of the estimates that ended on a bound.
         slopes: (rows, unknowns) slopes of whitened residuals and priors, in units of each unknown's scale.
         settled: the search ended by itself and not by its limit of rounds.
-        predicted: signal -> (n,) SI, of readings in steps; of the others it is what was measured less the residual.
+        predicted: signal -> (n,) SI, of readings in steps or stale; of the others it is what was measured less the residual.
     """
 
     values: dict[str, float]
@@ -136,7 +136,7 @@ class Task:
     def kept(self, values: dict[str, float]) -> tuple[dict[str, Array], dict[str, Array]]:
         """Residuals, and the predictions that they do not tell, signal -> (n,) SI."""
         predicted = self.model.simulate(values)
-        return self.against(predicted), {s: predicted[s] for s in self.steps}
+        return self.against(predicted), {s: predicted[s] for s in {*self.steps, *self.lost}}
 
     def predicted(self, found: "Fit") -> dict[str, Array]:
         """What a fit makes of the measured signals, signal -> (n,) SI."""

@@ -133,12 +133,15 @@ def tried(
     """Fit a set of effects; parameters that `near` has already estimated begin there."""
     wanted, starts = unknowns(task.model, effects, tolerance)
     rough = tolerance > 1.0  # what such a model predicts between its blocks says nothing
-    for name, extremes in reached(task, effects, None if rough else near.values if near else {}).items():
+    limits = reached(task, effects, None if rough else near.values if near else {})
+    for name, extremes in limits.items():
         starts[name] = (*starts[name], *extremes)
     if near is not None:
-        for name in near.values:
+        for name, value in near.values.items():
             if name in starts:
-                starts[name] = (near.values[name],)
+                # a limit that nothing met may be met now that more is known, and nothing leads there
+                out = name in limits and value == task.model.nominal(name)
+                starts[name] = (value, *limits[name]) if out else (value,)
         wanted = placed(wanted, near.values)
     price = (
         len(wanted)
