@@ -34,6 +34,7 @@ from cosim.diagnosis.valleys import away_from_stops
 from fmus.contract import Effect
 
 NEARLY = 0.05  # of the chosen set's gain behind it: such a rival is fitted until it settles
+HALF = 0.5  # the same of a single effect in the place of the one chosen: its valley may be long
 
 __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
 
@@ -100,6 +101,8 @@ def find(
     if within:
         chosen = confirmed(task, chosen, null, tolerance)
     finding = Finding(task, null, chosen, single)
+    if len(chosen.effects) == 1:
+        finding.single = single = [to_the_end(task, t, finding, tolerance, HALF) for t in single]
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)
     if within:
@@ -269,10 +272,10 @@ def rivals(
     return found
 
 
-def to_the_end(task: Task, rival: Trial, finding: Finding, tolerance: float) -> Trial:
+def to_the_end(task: Task, rival: Trial, finding: Finding, tolerance: float, share: float = NEARLY) -> Trial:
     """A rival that explains nearly as much as the chosen set, fitted until it settles: it may explain as much."""
     best = finding.chosen.fit.log_likelihood
-    reach = best - max(CLOSE, NEARLY * (best - finding.null.fit.log_likelihood))
+    reach = best - max(CLOSE, share * (best - finding.null.fit.log_likelihood))
     return (
         rival if rival.fit.settled or rival.fit.log_likelihood < reach else polished(task, rival, tolerance)
     )
