@@ -11,7 +11,7 @@ from cosim.diagnosis.finding import at_first
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.isolability import isolability
 from cosim.diagnosis.lexicon import current
-from cosim.diagnosis.naming import declared
+from cosim.diagnosis.naming import CLOSE, declared
 from cosim.diagnosis.remarks import (
     held_file,
     held_from,
@@ -170,6 +170,11 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
 
 def reason(behind: float, alike: bool) -> str:
     """Words for how far a rival lies behind."""
+    if alike and behind > CLOSE:
+        return (
+            f"{behind:.0f} in log-likelihood behind, which tells nothing while the law is known only nearly: "
+            "this log cannot tell the two apart"
+        )
     if alike:
         return f"only {behind:.1f} in log-likelihood behind: this log cannot tell the two apart"
     return f"explains the log worse by {behind:.0f} in log-likelihood (less the price of its parameters)"

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from cosim.diagnosis.answer import reason
 from cosim.diagnosis.schema import Answer
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "diagnosis.schema.json"
@@ -15,6 +16,12 @@ def schema() -> str:
 
 def test_published_schema_is_current() -> None:
     assert SCHEMA.read_text(encoding="utf-8") == schema(), f"run: python {Path(__file__).name}"
+
+
+def test_how_far_a_rival_lies_behind_is_told_with_what_it_means() -> None:
+    assert "only 3.2" in reason(3.2, True)
+    assert "known only nearly" in reason(2127.6, True)
+    assert "worse by 30" in reason(30.0, False)
 
 
 if __name__ == "__main__":
