@@ -7,7 +7,7 @@ from cosim.diagnosis.finding import Finding, unexplained
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.freeform import SYSTEMATIC
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.trials import CLOSE, Trial, polished, tried_all, without
+from cosim.diagnosis.trials import CLOSE, Trial, of_usual_size, polished, tried_all, without
 from fmus.contract import Effect
 
 FAR = 5.0  # typical sizes: an effect beyond is one that hardly ever occurs
@@ -84,10 +84,17 @@ def moderated(finding: Finding, record: Record, tolerance: float) -> None:
     forms: list[tuple[Effect, ...]] = [
         (e.formed(p),) for t in finding.single for e in t.effects if not e.is_formed for p in e.forms
     ]
+    # a drive that only creeps tells the ratio of two parameters of such a law: any size does, a usual one too
+    formed = [
+        of_usual_size(finding.task, t.effects, tolerance, FAR) if size_of(t, model) > FAR else t
+        for t in tried_all(finding.task, forms, tolerance)
+    ]
     alike = [
         t
-        for t in (*finding.single, *tried_all(finding.task, forms, tolerance))
-        if t.score > chosen.score - CLOSE and size_of(t, model) <= FAR and not impossible(t, model)
+        for t in (*finding.single, *formed)
+        if t.score > chosen.score - CLOSE
+        and size_of(t, model) <= FAR * (1.0 + 1e-9)
+        and not impossible(t, model)
     ]
     if alike:
         best = max(alike, key=lambda t: t.score)

@@ -143,17 +143,34 @@ def tried(
                 out = name in limits and value == task.model.nominal(name)
                 starts[name] = (value, *limits[name]) if out else (value,)
         wanted = placed(wanted, near.values)
-    price = (
-        len(wanted)
-        - len(trusted(task.model, tolerance))
-        + sum(u.prior is None and u.name in task.model.group.trusted for u in wanted)
-    )
+    price = price_of(task, wanted, tolerance)
     if not starts:
         return Trial(effects, fit(task, wanted, rounds=rounds), price)
     slopes = None if near is None else near.slopes
     size = sought(task.model, effects, starts)
     found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes)
     return Trial(effects, out_of_reach(task, effects, found, not rough), price)
+
+
+def price_of(task: Task, wanted: list[Unknown], tolerance: float) -> int:
+    """Free parameters beyond those of the nominal model."""
+    known = trusted(task.model, tolerance)
+    return (
+        len(wanted) - len(known) + sum(u.prior is None and u.name in task.model.group.trusted for u in wanted)
+    )
+
+
+def of_usual_size(task: Task, effects: tuple[Effect, ...], tolerance: float, most: float) -> Trial:
+    """Fit a set of effects none of which is larger than so many of its typical sizes."""
+    wanted, starts = unknowns(task.model, effects, tolerance)
+    for effect in (e for e in effects if e.key in e.free):
+        name, reach = f"{effect.component}.{effect.key}", most * effect.free[effect.key].scale
+        off = task.model.nominal(name)
+        wanted = [
+            replace(u, low=max(u.low, off - reach), high=min(u.high, off + reach)) if u.name == name else u
+            for u in wanted
+        ]
+    return Trial(effects, fit_from_starts(task, wanted, starts), price_of(task, wanted, tolerance))
 
 
 def sought(

@@ -9,8 +9,12 @@ from scipy.signal import lfilter
 
 from cosim.diagnosis.freeform import SYSTEMATIC, Leftover, changing, explain, families
 from cosim.diagnosis.noise import plain
+from cosim.diagnosis.pruning import FAR
+from cosim.diagnosis.story import diagnose
 from cosim.diagnosis.verdict import systematic
-from tests.diagnosis.hidden_logs import told
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+from tests.diagnosis.hidden_logs import off, told
 
 Array = NDArray[np.float64]
 H, N = 1e-3, 60_000
@@ -72,3 +76,14 @@ def test_a_drive_that_friction_holds_is_not_called_a_dead_sensor() -> None:
     (cause,) = found.causes
     assert cause.effect.name != "sensor.gain"
     assert {"sensor.gain", "mechanical.coulomb_friction"} <= {cause.effect.name, *cause.alike}
+
+
+def test_a_law_of_which_only_a_ratio_is_known_is_tried_at_a_usual_size() -> None:
+    """A drive that only creeps shows tau_c / omega_v: the best fit lay at a friction beyond all sizes, and was set aside."""
+    own = off(9, "mechanical.viscous_friction")
+    run = make_log("small_steps", 25.0, ["mechanical.viscous_friction:b=2.7e5"], seed=9, settings=own)
+    found = diagnose(as_log(run))
+    (cause,) = found.causes
+    assert cause.effect.name == "mechanical.coulomb_friction"
+    assert "mechanical.viscous_friction" in cause.alike
+    assert cause.parameters["tau_c"][0] <= FAR * cause.effect.free["tau_c"].scale * (1.0 + 1e-9)
