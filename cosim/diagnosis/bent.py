@@ -32,18 +32,18 @@ def behind(task: Task, one: tuple[Effect, Trial], other: tuple[Effect, Trial]) -
 
 
 def with_free_function(task: Task, trial: Trial, along: str) -> float | None:
-    """Log-likelihood of a fitted set with any torque along a signal beside it; None where the group has no such signal."""
-    group, (signal, *_) = task.model.group, task.measured
-    driver = signal_along(task, trial, along)
-    if driver is None or group.kind != "mechanical":
+    """Log-likelihood of a fitted set with any torque along a signal beside it; None where nothing moves along it."""
+    group = task.model.group
+    driver = signal_along(task, trial, along) if group.kind == "mechanical" else None
+    if driver is None or not driver.any():
         return None
     values = {n: task.model.nominal(n) for n in group.linear} | trial.fit.values
-    size = np.abs(driver)
+    size, angle = np.abs(driver), group.observed[0]
     steps = np.quantile(size[size > STILL * size.max()], np.linspace(0.0, 1.0, KNOTS))
     knots = np.unique(np.concatenate([-steps, [0.0], steps]))
     basis = Basis(along, "torque", "N.m", knots, driver, to_angle(group, values), task.model.h)
     silent = {s: np.zeros_like(r) for s, r in trial.fit.residuals.items()}
-    columns = np.stack([task.white(silent | {signal: column}) for column in basis.columns()], axis=1)
+    columns = np.stack([task.white(silent | {angle: column}) for column in basis.columns()], axis=1)
     target = task.white(trial.fit.residuals) if trial.fit.rows is None else trial.fit.rows
     columns = np.concatenate([columns, np.zeros((target.size - columns.shape[0], columns.shape[1]))])
     # what is fitted already may move along, at the price of its prior

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from cosim.diagnosis import bent
 from cosim.diagnosis.freeform import SYSTEMATIC, Leftover, changing, explain, families
 from cosim.diagnosis.noise import plain
 from cosim.diagnosis.pruning import FAR
@@ -76,6 +77,16 @@ def test_a_drive_that_friction_holds_is_not_called_a_dead_sensor() -> None:
     (cause,) = found.causes
     assert cause.effect.name != "sensor.gain"
     assert {"sensor.gain", "mechanical.coulomb_friction"} <= {cause.effect.name, *cause.alike}
+
+
+def test_a_drive_that_stands_has_no_torque_along_its_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    finding = told(seed=53, seconds=21.0).findings["mechanical"]
+    assert bent.with_free_function(finding.task, finding.null, "omega") is not None
+    assert bent.with_free_function(finding.task, finding.null, "theta") is None
+    gain = bent.with_free_function(finding.task, finding.null, "p_load") - finding.null.fit.log_likelihood
+    assert 0.0 <= gain < 40.0, "no more than 33 free values take up of noise"
+    monkeypatch.setattr(bent, "signal_along", lambda *_: np.zeros(21_001))
+    assert bent.with_free_function(finding.task, finding.null, "omega") is None
 
 
 def test_a_law_of_which_only_a_ratio_is_known_is_tried_at_a_usual_size() -> None:
