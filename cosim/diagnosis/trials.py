@@ -133,15 +133,12 @@ def tried(
     """Fit a set of effects; parameters that `near` has already estimated begin there."""
     wanted, starts = unknowns(task.model, effects, tolerance)
     rough = tolerance > 1.0  # what such a model predicts between its blocks says nothing
-    limits = reached(task, effects, None if rough else near.values if near else {})
-    for name, extremes in limits.items():
+    for name, extremes in reached(task, effects, None if rough else near.values if near else {}).items():
         starts[name] = (*starts[name], *extremes)
     if near is not None:
-        for name, value in near.values.items():
+        for name in near.values:
             if name in starts:
-                # a limit that nothing met may be met now that more is known, and nothing leads there
-                out = name in limits and value == task.model.nominal(name)
-                starts[name] = (value, *limits[name]) if out else (value,)
+                starts[name] = (near.values[name],)
         wanted = placed(wanted, near.values)
     price = price_of(task, wanted, tolerance)
     if not starts:
