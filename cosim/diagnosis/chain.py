@@ -15,7 +15,7 @@ from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import plain
-from cosim.diagnosis.samples import coarse_steps
+from cosim.diagnosis.samples import bridged, coarse_steps
 from cosim.diagnosis.trials import Trial, tried
 from fmus.contract import Effect
 
@@ -116,7 +116,8 @@ def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[st
     lost = record.lost(group.reading)
     if not lost.any():
         return measured, {}
-    return measured | {group.reading: record.fresh(group.reading)}, {group.reading: lost}
+    fresh = bridged(measured[group.reading], lost, record.time)
+    return measured | {group.reading: fresh}, {group.reading: lost}
 
 
 def task_for(group: Group, record: Record, known: list[Known]) -> Task:

@@ -75,7 +75,10 @@ class Rehearsal:
 
     def read(self, values: Mapping[str, float]) -> dict[str, Array]:
         """Signal -> (m,) what is read of it, SI."""
-        found = self.chain.simulate(dict(values))
+        return self.sampled(self.chain.simulate(dict(values)))
+
+    def sampled(self, found: dict[str, Array]) -> dict[str, Array]:
+        """Signal -> (m,) what is read of signals (n,) known at every step, SI."""
         return found if self.every_step else {s: self.grid.sampled(rows) for s, rows in found.items()}
 
     def spread(self, evidence: Array) -> Array:
@@ -202,9 +205,9 @@ def propose(
     if best is None or best.predicted_gain <= 1.0:
         return None
     played = Rehearsal(groups, size * best.command, fixed, h, interval)
-    read = [played.read(each) for each in (first, values)]
-    evidence = evidence_of({s: np.stack([r[s] for r in read]) for s in rules if s in read[0]}, rules)
     drawn = [played.chain.simulate(dict(each)) for each in (first, values)]
+    read = [played.sampled(each) for each in drawn]
+    evidence = evidence_of({s: np.stack([r[s] for r in read]) for s in rules if s in read[0]}, rules)
     predicted = {s: np.stack([d[s] for d in drawn]) for s in rules if s in drawn[0]}
     return replace(best, predicted=predicted, rules=dict(rules), evidence=played.spread(evidence))
 

@@ -159,10 +159,11 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                 values.log_likelihood - fewer.fit.log_likelihood,
                 held_out_gain(finding.task, finding.chosen, effect, tolerance),
                 rivals,
-                [
-                    *dict.fromkeys(e.name for e, behind in rivals if behind < close),
-                    *bent_alike(finding, effect),
-                ],
+                list(
+                    dict.fromkeys(
+                        [*(e.name for e, behind in rivals if behind < close), *bent_alike(finding, effect)]
+                    )
+                ),
             )
         )
     return sorted(found, key=lambda c: -c.gain)
