@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim import console
+from cosim.diagnosis.lexicon import current
 from cosim.errors import UsageError
 from cosim.identify.estimate import Quantity
 from cosim.identify.nominal import declared
 from cosim.ssp.write import values_xml
-from cosim.units import factor
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,6 +41,11 @@ class Answer:
     draw: "Callable[[], Figure] | None" = None
     texts: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def synthetic(self) -> bool:
+        """A log was made by the virtual rig."""
+        return bool(self.data.get("synthetic"))
+
     def as_data(self, files: Mapping[str, Path]) -> dict[str, Any]:
         """The JSON object."""
         found = {name: q.as_data() for name, q in self.parameters.items()}
@@ -57,8 +62,7 @@ def parameter_table(parameters: Mapping[str, Quantity], nominal: Mapping[str, fl
     """Rows name, value, lower and upper end of the 95 % interval, unit, nominal, in the units people read."""
     rows: list[list[object]] = []
     for name, quantity in parameters.items():
-        unit = declared(name).display or quantity.unit
-        scale = factor(quantity.unit, unit)
+        unit, scale = current().quantity(quantity.unit, declared(name).display)
         low, high = quantity.interval
         known = nominal.get(name)
         shown = "" if known is None else f"{known * scale:.5g}"
@@ -103,7 +107,7 @@ def write_files(answer: Answer, folder: Path) -> dict[str, Path]:
         if answer.parameters:
             written["ssv"] = write_ssv(answer.parameters, folder / f"{stem}.ssv")
         if answer.draw is not None:
-            written["png"] = save(answer.draw, folder / f"{stem}.png")
+            written["png"] = save(answer.draw, folder / f"{stem}.png", answer.synthetic)
         for name, text in answer.texts.items():
             written[name] = folder / name
             written[name].write_text(text, encoding="utf-8")
@@ -128,6 +132,8 @@ def finish(answer: Answer, out: Path | None, as_json: bool) -> None:
         console.emit_json(answer.as_data(written))
         return
     output = console.stdout_console()
+    if answer.synthetic:
+        output.print("from a synthetic log", markup=False)
     for title, columns, rows in answer.tables:
         if rows:
             output.print(console.table(title, columns, rows))

@@ -13,6 +13,7 @@ from cosim.identify.nominal import valve_demand
 from cosim.logs import Log
 from cosim.logs.filter import low_pass
 from cosim.signals import SIGNALS
+from cosim.units import factor
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -96,18 +97,30 @@ def even(log: Log) -> tuple[Log, list[str]]:
 
 
 def moving(log: Log, name: str) -> Array:
-    """A signal (n,) that must move to be of use.
+    """A signal of the crane (n,) that must move to be of use.
+
+    Raises:
+        DataError: it is not in the log, or does not stand out from its noise.
+    """
+    return travels(log, name, SMALLEST_COMMAND if name == "u" else None)
+
+
+def travels(log: Log, name: str, least: float | None = None) -> Array:
+    """A signal (n,) that must move by more than `least` [SI], or else than its noise, to be of use.
 
     Raises:
         DataError: it is not in the log, or does not stand out from its noise.
     """
     values = log.require(name, WHAT.get(name, "this"))
     travel = float(np.ptp(values))
-    least = SMALLEST_COMMAND if name == "u" else MOVES * noise_floor(values, log.step)
-    if travel <= least or float(np.std(values)) == 0.0:
-        signal = SIGNALS[name]
+    if (
+        travel <= (MOVES * noise_floor(values, log.step) if least is None else least)
+        or float(np.std(values)) == 0.0
+    ):
+        unit = SIGNALS[name].unit if name in SIGNALS else log.display[name]
+        si = SIGNALS[name].si if name in SIGNALS else log.units[name]
         raise DataError(
-            f"{log.source}: '{name}' hardly moves ({travel / signal.to_si:.3g} {signal.unit} in all): nothing can be"
+            f"{log.source}: '{name}' hardly moves ({travel * factor(si, unit):.3g} {unit} in all): nothing can be"
             " identified from it; record a log with an excitation, such as one of `cosim identify experiment`"
         )
     return values

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compare.picture import ERROR, MEASURED, SIMULATED, STYLE
+from cosim.diagnosis.lexicon import Lexicon
 from cosim.identify.candidates import Choice
 from cosim.identify.dead_zone import DeadZone
 from cosim.identify.frf import Frf
 from cosim.identify.frf_fit import response_of
+from cosim.identify.inverse_dynamics import Mechanics
 from cosim.identify.scaling import Channel
 from cosim.identify.state_space import Observer, RootLocus
 from cosim.identify.transfer_function import TransferFunction
@@ -28,13 +30,15 @@ POINTS = 20_000  # drawn of a long series
 RATE_WINDOW = 0.2  # s, over which a slew rate is taken for the picture
 
 
-def save(draw: "Callable[[], Figure]", path: Path) -> Path:
-    """Draw and write a PNG."""
+def save(draw: "Callable[[], Figure]", path: Path, synthetic: bool = False) -> Path:
+    """Draw and write a PNG that says whether its log is synthetic."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     with mpl.rc_context(STYLE):
         figure = draw()
+        if synthetic:
+            figure.supxlabel("synthetic log", x=0.995, ha="right", fontsize=8)
         FigureCanvasAgg(figure)
         figure.savefig(path, dpi=110)
     return path
@@ -225,4 +229,38 @@ def scaling_figure(channels: Sequence[Channel]) -> "Figure":
         )
         axes.set_xlabel("voltage [V]")
         axes.set_ylabel(f"{channel.signal} [{channel.unit}]")
+    return figure
+
+
+def mechanics_figure(found: Mechanics, lexicon: Lexicon) -> "Figure":
+    """Torque without its inertial part over velocity, with the friction found; torque and its error over time."""
+    figure = _figure(11.0, 5.5)
+    grid = figure.subplot_mosaic([["law", "time"], ["law", "error"]], width_ratios=[1.0, 1.2])
+    motion, (unit, scale), (speed, to_speed) = (
+        found.motion,
+        lexicon.quantity("N.m"),
+        lexicon.quantity("rad/s", "deg/s"),
+    )
+    torque, model = scale * motion.torque, np.where(found.used, scale * found.torque(), np.nan)
+    values = {name: q.value for name, q in found.values.items()}
+    part = np.flatnonzero(found.used)[_thin(int(found.used.sum()))]
+    friction = torque - scale * values["J"] * found.acceleration
+    law = grid["law"]
+    law.plot(
+        to_speed * found.velocity[part], friction[part], ".", color=MEASURED, markersize=1.5, label="measured"
+    )
+    top = float(np.abs(found.velocity[part]).max())
+    for speeds in (np.linspace(-top, -1e-9, 2), np.linspace(1e-9, top, 2)):
+        level = (
+            values["b"] * speeds + values.get("tau_c", 0.0) * np.sign(speeds) + values.get("tau_load", 0.0)
+        )
+        law.plot(to_speed * speeds, scale * level, color=SIMULATED, linewidth=1.4)
+    law.set_xlabel(f"velocity [{speed}]")
+    law.set_ylabel(f"torque without J dω/dt [{unit}]")
+    law.set_title("friction and load", loc="left")
+    grid["error"].sharex(grid["time"])
+    time = np.arange(torque.size) * motion.step
+    _over_time(grid["time"], grid["error"], time, torque, model, found.used, f"torque [{unit}]")
+    grid["time"].set_title(f"up to {found.highest:.3g} Hz, best fit {found.fit:.2f} %", loc="left")
+    figure.suptitle(f"Mechanics in {motion.name}", fontsize=11)
     return figure

