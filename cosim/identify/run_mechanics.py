@@ -78,8 +78,9 @@ def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motio
 def known_values(machine: Machine, settings: Sequence[str]) -> dict[str, float]:
     """Parameter of the mechanics -> SI, without those that are looked for."""
     if COMPONENT not in machine.wiring.blocks:
+        blocks = ", ".join(machine.wiring.blocks)
         raise UsageError(
-            f"the model '{machine.name}' has no block '{COMPONENT}' between a torque and an angle, but {', '.join(machine.wiring.blocks)}"
+            f"the model '{machine.name}' has no block '{COMPONENT}' between a torque and an angle, but {blocks}"
         )
     values = {
         name.partition(".")[2]: value

@@ -155,6 +155,12 @@ def test_impossible_settings_are_refused(text, tmp_path):
         call("mechanics", file, "--set", text)
 
 
+def test_a_model_without_mechanics_is_refused():
+    log = rubbing()
+    with pytest.raises(UsageError, match=r"'simplified' has no block 'mechanical'.*simplified"):
+        motion_of(log, machine_of("simplified", log, None))
+
+
 def test_refusals_name_the_signal_and_the_remedy():
     log = rubbing()
     with pytest.raises(DataError, match=r"no signal 'slew'.*the mechanics"):
