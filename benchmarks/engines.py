@@ -75,13 +75,15 @@ def run_ecos_csv(
 
 
 def run_cosim(package: Path, steps: int, h: float, signals: Sequence[str]) -> tuple[dict[str, Array], float]:
-    """Our own runner, after a first run of ten steps that loads the compiled loop."""
+    """Our own runner, after a run of ten steps that loads the compiled loop; an open package gets the usual command."""
     from cosim.master import Runner
+    from cosim.ssp.stimulus import default_command
 
     with Runner(package) as runner:
-        runner.run(10 * h, h, record=list(signals))
+        inputs = {"u": default_command(steps * h)} if "u" in runner.system.inputs else {}
+        runner.run(10 * h, h, record=list(signals), inputs=inputs)
         began = time.perf_counter()
-        result = runner.run(steps * h, h, record=list(signals))
+        result = runner.run(steps * h, h, record=list(signals), inputs=inputs)
         seconds = time.perf_counter() - began
         return {"time": result.time, **{name: result.signals[name] for name in signals}}, seconds
 

@@ -25,8 +25,7 @@ from cosim.interrupts import uninterrupted
 from fmus import registry
 from fmus.compose import Composed, compose
 from fmus.contract import Buffer, Effect
-from fmus.specialise import collect
-from fmus.syntax import parsed
+from fmus.syntax import collect, parsed
 
 Array = NDArray[np.float64]
 

@@ -103,40 +103,47 @@ class BlockSlave(BaseSlave):
         self.set_real, self.get_real = set_real, get_real
 
     def install_running(self) -> None:
-        """After initialisation: steps can be made."""
-        values, n, takes_time = self.values, self.n_inputs, self.takes_time
-        coefficients, p = self.equations[6], self.p
+        """After initialisation: steps can be made, by the flattened text itself."""
+        p, h = self.p, self.h
+        coefficients = self.equations[6]
         on = any(p[i] != off for i, off in self.switches)
         stepper = self.compiled(self.with_effects if on else self.plain)
-        advance, renew, running = stepper(values, p, coefficients(p, self.h), self.x, self.m)
-        h = self.h
-        low, high = h * (1.0 - 1e-12), h * (1.0 + 1e-12)
 
-        def do_step(time: float, step: float) -> bool:
-            nonlocal h, low, high
-            if self.failed:
+        def resized(time: float, step: float) -> bool:
+            nonlocal h
+            if not 0.0 < step < 1e6:
+                self.refuse(f"step size {step!r} s is refused: it must be positive and below 1e6")
                 return False
-            try:
-                if not low < step < high:  # masters pass steps with rounding jitter
-                    if not 0.0 < step < 1e6:
-                        self.refuse(f"step size {step!r} s is refused: it must be positive and below 1e6")
-                        return False
-                    renew(coefficients(p, step))
-                    h, low, high = step, step * (1.0 - 1e-12), step * (1.0 + 1e-12)
-                if takes_time and not -1e9 < time < 1e9:
-                    self.refuse(f"communication time {time!r} s is refused: it must be a number within 1e9")
-                    return False
-                advance(time + step)
-                if not -1e300 < values[n] < 1e300:
-                    raise ArithmeticError(f"{self.names[n]} = {values[n]!r}")
-            except Exception as error:
-                self.refuse(f"the step at t = {time!r} s failed: {error}")
-                return False
+            if not h * (1.0 - 1e-12) < step < h * (1.0 + 1e-12):  # masters pass steps with rounding jitter
+                renew(coefficients(p, step), step)
+                h = step
             return True
 
-        self.do_step = do_step
+        def failed(time: float, error: Exception | None) -> bool:
+            n = self.n_inputs
+            if self.takes_time and not -1e9 < time < 1e9:
+                self.refuse(f"communication time {time!r} s is refused: it must be a number within 1e9")
+            else:
+                why = f"{self.names[n]} = {self.values[n]!r}" if error is None else error
+                self.refuse(f"the step at t = {time!r} s failed: {why}")
+            return False
+
+        do_step, renew, running = stepper(
+            self.values, p, coefficients(p, h), self.x, self.m, h, resized, failed
+        )
+        self.do_step = self.step_after_refusal if self.failed else do_step
         self.running = lambda: (*running(), h)
         self.install_access()
+
+    def refuse(self, message: str) -> None:
+        """Log `message` as an error; from now on every step is discarded."""
+        super().refuse(message)
+        if self.mode == "running":
+            self.do_step = self.step_after_refusal
+
+    def step_after_refusal(self, time: float, step: float) -> bool:
+        """A step that is discarded: something was refused before, and said then."""
+        return False
 
     @staticmethod
     @functools.cache

@@ -9,39 +9,51 @@ are the same bit for bit (tests/fmus/test_specialise.py).
 
 import ast
 import copy
-from collections.abc import Iterator
 from textwrap import indent
 
 from fmus.compose import Composed
-from fmus.syntax import parsed
+from fmus.syntax import calls, collect, names, parsed
 
+TAKEN = ("values", "now", "resized", "failed")
 TUPLES = {"x": "State", "x1": "State", "u": "Input", "m": "Memory", "p": "Parameters", "c": "Coefficients"}
 
 TEMPLATE = '''"""{title}"""
 import math
 
-def stepper(values, p, c, x, m):
-    """Make a step to the time `now`; take coefficients of another step size; tell state and memory."""
+def stepper(values, p, c, x, m, h, resized, failed):
+    """Make a step; take coefficients of another step size; tell state and memory."""
     {p}*_ = p
     {c}= c
     {x}= x
     {m}*others, = m
+    h__step = h
 {functions}
-    def renew(new):
-        nonlocal {c_names}
-        {c}= new
+    def renew(new, h):
+        nonlocal h__step, {c_names}
+        h__step, {c}= h, *new
     def running():
         return ({x}), ({m}*others,)
-    return advance, renew, running
+    return do_step, renew, running
 '''
+HEADER = """\
+if do__step != h__step and not resized(do__time, do__step):
+    return False
+"""
+CLOCK = """\
+if not -1e9 < do__time < 1e9:
+    return failed(do__time, None)
+now = do__time + do__step
+"""
 
 
 def flat_text(composed: Composed) -> str:
-    """Text of a module that defines ``stepper(values, p, c, x, m) -> (advance, renew, running)``.
+    """Text of a module that defines ``stepper(values, p, c, x, m, h, resized, failed) -> (do_step, renew, running)``.
 
-    ``values`` is a list of inputs, outputs and whatever follows; ``advance(now)`` reads inputs there, makes a step that ends at the
-    time ``now``, and stores the outputs. ``renew(c)`` takes the coefficients of another step size; ``running()`` gives (x, m). ``p``
-    and ``m`` may have more fields than the block has (those of effects that are off): they are left alone.
+    ``values`` is a list of inputs, outputs and whatever follows; ``do_step(time, step)`` reads inputs there, makes a step, stores the
+    outputs and gives True. Before a step that is not exactly `h` long it asks ``resized(time, step)``, which calls ``renew(c, step)``
+    with the coefficients of that size, or leaves them, or gives False, which ends the step. What raises, or makes a first output that is no number, ends
+    with what ``failed(time, error or None)`` gives. ``running()`` gives (x, m). ``p`` and ``m`` may have more fields than the block
+    has (those of effects that are off): they are left alone.
 
     Raises:
         ValueError: an equation uses a named tuple in a way that cannot be flattened; the message names it.
@@ -89,9 +101,9 @@ class _Flat:
         node = copy.deepcopy(self.functions[name])
         node.args.args = [a for a in node.args.args if a.arg not in self.tuples[name]]
         for variable in [a.arg for a in node.args.args] + list(names(node, ast.Store)):
-            if "__" in variable or variable in ("values", "now"):
+            if "__" in variable or variable in TAKEN:
                 raise ValueError(
-                    f"{name} has a variable '{variable}': `values`, `now` and double underscores are taken"
+                    f"{name} has a variable '{variable}': {', '.join(TAKEN)} and double underscores are taken"
                 )
         node.body = self.without_tuples(name, node.body[1:] if ast.get_docstring(node) else node.body)
         return node
@@ -124,12 +136,19 @@ class _Flat:
             for i, (name, variable) in enumerate(self.composed.block.inputs.items())
         ]
         end = [*after, *parsed(f"{x} = {x1}").body] if after else []
-        returns = _Returns(x1 if after else x, [*end, *self.stores()])
+        first = len(self.composed.inputs)
+        sound = parsed(f"-1e300 < values[{first}] < 1e300 or failed(do__time, None)").body[0]
+        assert isinstance(sound, ast.Expr)
+        returns = _Returns(x1 if after else x, [*end, *self.stores()], sound.value)
         step = ast.Module([*before, *copy.deepcopy(self.flat["step"].body)], [])
         returns.visit(step)
-        node = parsed("def advance(now):\n    pass").body[0]
+        frame = "def do_step(do__time, do__step):\n    try:\n        pass\n    except Exception as do__error:\n        return failed(do__time, do__error)"
+        node = parsed(frame).body[0]
         assert isinstance(node, ast.FunctionDef)
-        node.body = [*parsed("\n".join(inputs)).body, *step.body]
+        guarded = node.body[0]
+        assert isinstance(guarded, ast.Try)
+        header = HEADER + (CLOCK if self.composed.takes_time else "")
+        guarded.body = [*parsed(header).body, *parsed("\n".join(inputs)).body, *step.body]
         return node
 
     def stores(self) -> list[ast.stmt]:
@@ -169,26 +188,6 @@ class _Flat:
         )
         compile(text, f"stepper of {self.composed.block.name}", "exec")
         return text
-
-
-def names(node: ast.AST, context: type[ast.expr_context]) -> set[str]:
-    """Names that a piece of syntax reads (`ast.Load`) or assigns (`ast.Store`)."""
-    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, context)}
-
-
-def calls(node: ast.AST) -> Iterator[tuple[str, ast.Call]]:
-    """Calls of plain names, with the name."""
-    for n in ast.walk(node):
-        if isinstance(n, ast.Call) and isinstance(n.func, ast.Name):
-            yield n.func.id, n
-
-
-def collect(node: ast.AST, functions: dict[str, ast.FunctionDef], found: list[ast.FunctionDef]) -> None:
-    """Append to `found` the functions that `node` calls, and those that these call."""
-    for name, _ in calls(node):
-        if name in functions and functions[name] not in found:
-            found.append(functions[name])
-            collect(functions[name], functions, found)
 
 
 class _Fields(ast.NodeTransformer):
@@ -283,14 +282,14 @@ class _Replace(ast.NodeTransformer):
 
 
 class _Returns(ast.NodeTransformer):
-    """In place of ``return value``: assign the value, do what follows a step, return."""
+    """In place of ``return value``: assign the value, do what follows a step, return whether the step is sound."""
 
-    def __init__(self, target: str, after: list[ast.stmt]) -> None:
-        self.target, self.after = target, after
+    def __init__(self, target: str, after: list[ast.stmt], sound: ast.expr) -> None:
+        self.target, self.after, self.sound = target, after, sound
 
     def visit_Return(self, node: ast.Return) -> list[ast.stmt]:
         assert node.value is not None
         assign = parsed(f"{self.target} = 0").body[0]
         assert isinstance(assign, ast.Assign)
         assign.value = node.value
-        return [assign, *copy.deepcopy(self.after), ast.Return(None)]
+        return [assign, *copy.deepcopy(self.after), ast.Return(copy.deepcopy(self.sound))]

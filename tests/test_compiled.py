@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cosim.compiled import CompiledBlock, compiled_block
 from fmus import registry
 from fmus.contract import Buffer
-from fmus.specialise import collect
+from fmus.syntax import collect
 
 H = 1e-3
 TIME = np.arange(3001) * H

@@ -99,9 +99,12 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
             t.values[t.n_outputs + n_series + d] = t.values[t.snapshots[d]]
         for c in range(len(t.components)):
             a, b = t.in_start[c], t.in_start[c + 1]
-            if b > a:
-                for i in range(a, b):
-                    t.in_values[i] = t.in_factor[i] * t.values[t.in_source[i]] + t.in_offset[i]
+            new = False
+            for i in range(a, b):
+                value = t.in_factor[i] * t.values[t.in_source[i]] + t.in_offset[i]
+                new |= value != t.in_values[i]
+                t.in_values[i] = value
+            if new:  # an input keeps its value until it is set again
                 status = call_real(
                     t.setters[c], t.components[c], t.in_references + 4 * a, b - a, t.in_pointer + 8 * a
                 )

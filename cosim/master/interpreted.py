@@ -46,9 +46,12 @@ def _operation(
     target: Any = memoryview(in_values.data)
 
     def operate(time: float) -> tuple[int, int]:
-        if b > a:
-            for i, j, factor, offset in wires:
-                target[i] = factor * source[j] + offset
+        new = False
+        for i, j, factor, offset in wires:
+            value = factor * source[j] + offset
+            new |= value != target[i]
+            target[i] = value
+        if new:  # an input keeps its value until it is set again
             status = set_real(component, in_refs, b - a, in_pointer)
             if status > 1:
                 return 0, status

@@ -43,21 +43,33 @@ def compare(
     values = [0.0] * (n + n_out)
     h, now = steps[0], 0.0
     again = composed.module.begin(r.x, composed.module.Input(*rows[0]), r.p, buffers(composed))
-    advance, renew, running = stepper(flat)(values, r.p, r.c, r.x, again)
+
+    def resized(time: float, step: float) -> bool:
+        r.c = composed.module.coefficients(r.p, step)
+        renew(r.c, step)
+        return True
+
+    def failed(time: float, error: Exception | None) -> bool:
+        failures.append(error)
+        return False
+
+    failures: list[Exception | None] = []
+    do_step, renew, running = stepper(flat)(values, r.p, r.c, r.x, again, h, resized, failed)
     for k, (row, step) in enumerate(zip(rows, steps, strict=True)):
+        time, now = now, now + step
         if step != h:
             h, r.c = step, composed.module.coefficients(r.p, step)
-            renew(r.c)
-        now += step
         inputs = [*row[:n], now] if composed.takes_time else [*row]
         values[:n] = inputs[:n]
-        try:
-            expected = r.step(*inputs)
-        except (ArithmeticError, ValueError) as error:
-            with pytest.raises(type(error)):
-                advance(now)
+        sound = do_step(time, step)
+        if failures and failures[0] is not None:
+            with pytest.raises(type(failures[0])):
+                r.step(*inputs)
             return k
-        advance(now)
+        expected = r.step(*inputs)
+        assert sound == (-1e300 < values[n] < 1e300)
+        assert failures == ([] if sound else [None])
+        failures.clear()
         assert [x.hex() for x in map(float, values[n:])] == [x.hex() for x in map(float, expected)]
         x, m = running()
         for found, known in ((x, tuple(r.x)), (m, tuple(r.m))):

@@ -135,3 +135,18 @@ def test_an_input_series_takes_the_place_of_a_connection(toys: Any) -> None:
         result = runner.run(1.0, 0.1, inputs={"l.u": 2.0})
     assert "input l.u follows the given series instead of g.y" in result.notes
     assert np.allclose(result["l.y"], 2.0 * (1.0 - np.exp(-result.time / 0.5)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_an_input_is_set_only_when_it_changes(toys: Any, engine: Any) -> None:
+    """It keeps its value until then (FMI 2.0, section 2.1.7)."""
+    held = [1.0, 1.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0, 1.0, 1.0]
+    with Runner(toys.fmu("counter")) as runner:
+        result = runner.run(
+            1.0, 0.1, inputs={"u": (0.1 * np.arange(10), np.array(held))}, hold=["u"], engine=engine
+        )
+        again = runner.run(1.0, 0.1, inputs={"u": 3.0}, engine=engine)
+    sets = result[next(iter(result))]
+    np.testing.assert_array_equal(np.diff(sets), [0, 0, 1, 0, 0, 1, 0, 0, 1, 0])
+    assert sets[0] > 0  # in initialisation mode the first value is set
+    assert np.ptp(again[next(iter(again))]) == 0.0

@@ -130,6 +130,16 @@ BODIES = {
     def do_step(self, t, h):
         return True
 """,
+    # y = how often the input was set
+    "counter": """
+        self.declare(u=(Real, C.input, V.continuous, 0.0), y=(Real, C.output, V.continuous, 0.0))
+
+    def set_real(self, refs, values):
+        self.y += 1.0
+
+    def do_step(self, t, h):
+        return True
+""",
     # ends as asked: a refused parameter, discarded steps, an exception
     "grumbler": """
         self.declare(limit=(Real, C.parameter, V.fixed, 1.0), refuse_at=(Real, C.parameter, V.fixed, 1e9),
