@@ -18,9 +18,9 @@ def six_blocks(folder: Path, file: Path) -> Path:
     """
     wiring = shutil.copytree(ssp_folder(), folder / "six_blocks") / "full_order.ssd"
     document = etree.parse(wiring)
-    for component in document.findall("//ssd:Component[@name='sensor']", NAMESPACES):
+    for component in document.findall(".//ssd:Component[@name='sensor']", NAMESPACES):
         component.getparent().remove(component)
-    for wire in document.findall("//ssd:Connection", NAMESPACES):
+    for wire in document.findall(".//ssd:Connection", NAMESPACES):
         if wire.get("endElement") == "sensor":
             wire.getparent().remove(wire)
         elif wire.get("startElement") == "sensor":

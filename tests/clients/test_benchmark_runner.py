@@ -50,6 +50,7 @@ def test_short_run_writes_figures_and_our_runner_is_the_most_exact(tmp_path, mon
         "1",
         "--only",
         "cosim",
+        runner.SIX,
         "fmpy simulate_ssp",
         "--json",
         str(file),
@@ -58,8 +59,9 @@ def test_short_run_writes_figures_and_our_runner_is_the_most_exact(tmp_path, mon
     assert runner.main() == 0
     figures = json.loads(file.read_text())
     rows = {row["label"]: row for row in figures["rows"]}
-    assert set(rows) == {"cosim", "fmpy simulate_ssp"}
+    assert set(rows) == {"cosim", runner.SIX, "fmpy simulate_ssp"}
     assert rows["cosim"]["error_deg"] < 1e-5  # second order in the step
+    assert rows[runner.SIX]["error_deg"] == pytest.approx(rows["cosim"]["error_deg"], rel=1e-6)
     assert rows["fmpy simulate_ssp"]["error_deg"] > 1e-4  # one step of delay for each wire
     assert rows["cosim"]["ratio"] == 1.0
     assert figures["machine"]["pythonfmu"] == "0.7.0"
