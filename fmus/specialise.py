@@ -49,11 +49,11 @@ now = do__time + do__step
 def flat_text(composed: Composed) -> str:
     """Text of a module that defines ``stepper(values, p, c, x, m, h, resized, failed) -> (do_step, renew, running)``.
 
-    ``values`` is a list of inputs, outputs and whatever follows; ``do_step(time, step)`` reads inputs there, makes a step, stores the
-    outputs and gives True. Before a step that is not exactly `h` long it asks ``resized(time, step)``, which calls ``renew(c, step)``
-    with the coefficients of that size, or leaves them, or gives False, which ends the step. What raises, or makes a first output that is no number, ends
-    with what ``failed(time, error or None)`` gives. ``running()`` gives (x, m). ``p`` and ``m`` may have more fields than the block
-    has (those of effects that are off): they are left alone.
+    ``values`` is a list of inputs, outputs and whatever follows; ``do_step(time, step)`` reads inputs there, makes a step, stores
+    the outputs and gives True. Before a step that is not exactly `h` long it asks ``resized(time, step)``, which calls
+    ``renew(c, step)`` with the coefficients of that size, or leaves them, or gives False, which ends the step. What raises, or makes a
+    first output that is no number, ends with what ``failed(time, error or None)`` gives. ``running()`` gives (x, m). ``p`` and ``m``
+    may have more fields than the block has (those of effects that are off): they are left alone.
 
     Raises:
         ValueError: an equation uses a named tuple in a way that cannot be flattened; the message names it.
