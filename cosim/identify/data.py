@@ -113,10 +113,8 @@ def travels(log: Log, name: str, least: float | None = None) -> Array:
     """
     values = log.require(name, WHAT.get(name, "this"))
     travel = float(np.ptp(values))
-    if (
-        travel <= (MOVES * noise_floor(values, log.step) if least is None else least)
-        or float(np.std(values)) == 0.0
-    ):
+    least = MOVES * noise_floor(values, log.step) if least is None else least
+    if travel <= least or float(np.std(values)) == 0.0:
         unit = SIGNALS[name].unit if name in SIGNALS else log.display[name]
         si = SIGNALS[name].si if name in SIGNALS else log.units[name]
         raise DataError(

@@ -49,6 +49,7 @@ class Motion:
         angle: (n,) [rad].
         keep: (n,), False where a sample was missing.
         values: parameter of the mechanics -> SI, as known: area and arm among them.
+        start: time of the first sample [s].
     """
 
     name: str
@@ -57,6 +58,7 @@ class Motion:
     angle: Array
     keep: Mask
     values: Mapping[str, float]
+    start: float = 0.0
 
 
 @dataclass(frozen=True)

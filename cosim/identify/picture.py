@@ -259,7 +259,7 @@ def mechanics_figure(found: Mechanics, lexicon: Lexicon) -> "Figure":
     law.set_ylabel(f"torque without J dω/dt [{unit}]")
     law.set_title("friction and load", loc="left")
     grid["error"].sharex(grid["time"])
-    time = np.arange(torque.size) * motion.step
+    time = motion.start + np.arange(torque.size) * motion.step
     _over_time(grid["time"], grid["error"], time, torque, model, found.used, f"torque [{unit}]")
     grid["time"].set_title(f"up to {found.highest:.3g} Hz, best fit {found.fit:.2f} %", loc="left")
     figure.suptitle(f"Mechanics in {motion.name}", fontsize=11)

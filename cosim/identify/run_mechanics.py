@@ -72,7 +72,9 @@ def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motio
     for gap in log.gaps:
         keep &= (log.time <= gap.start) | (log.time >= gap.stop)
     torque = values["A"] * values["r"] * to_pascal * travels(log, pressure)
-    return Motion(log.name, log.step, torque, to_radians * travels(log, angle), keep, values)
+    return Motion(
+        log.name, log.step, torque, to_radians * travels(log, angle), keep, values, float(log.time[0])
+    )
 
 
 def known_values(machine: Machine, settings: Sequence[str]) -> dict[str, float]:

@@ -127,7 +127,7 @@ def test_command_writes_a_parameter_set_a_picture_and_json(tmp_path):
 
 
 def test_picture_shows_the_friction_law():
-    found = identify_mechanics(motion(rubbing()))
+    found = identify_mechanics(motion(rubbing().slice(8.0, None)))
     figure = mechanics_figure(found, machine_of(None, rubbing(), None).lexicon)
     assert isinstance(figure, Figure)
     FigureCanvasAgg(figure)
@@ -136,6 +136,7 @@ def test_picture_shows_the_friction_law():
     # the law jumps by twice the dry friction at standstill
     assert right[0] - left[-1] == pytest.approx(2.0 * found.values["tau_c"].value, rel=1e-6)
     assert law.get_xlabel() == "velocity [deg/s]"
+    assert figure.axes[1].lines[0].get_xdata()[0] == pytest.approx(8.0)  # the log's own time
 
 
 def test_known_numbers_can_be_given(tmp_path):
