@@ -124,6 +124,16 @@ def travels(log: Log, name: str, least: float | None = None) -> Array:
     return values
 
 
+def measured(log: Log, *names: str) -> Mask:
+    """Mask (n,): True where all these signals were measured, neither filled nor within a gap."""
+    keep = np.ones(len(log), dtype=bool)
+    for name in names:
+        keep &= log.valid_mask(name)
+    for gap in log.gaps:
+        keep &= (log.time <= gap.start) | (log.time >= gap.stop)
+    return keep
+
+
 def record(
     log: Log,
     source: str,
@@ -151,9 +161,7 @@ def record(
     given, made = moving(log, source), moving(log, target)
     if source == "u" and not linear:
         given = valve_demand(given, dict(known))
-    keep = log.valid_mask(source) & log.valid_mask(target)
-    for gap in log.gaps:
-        keep &= (log.time <= gap.start) | (log.time >= gap.stop)
+    keep = measured(log, source, target)
     if target == "spool":
         free = away_from_stops(made, known, log.step)
         if not free.all():

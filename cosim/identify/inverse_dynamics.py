@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, coherence, sosfiltfilt, welch
+from scipy.signal import coherence, welch
 
 from cosim.compiled import compiled_block
 from cosim.errors import DataError
 from cosim.identify.estimate import FEWEST_BINS, Quantity
 from cosim.identify.spectrum import Bins
+from cosim.logs.filter import low_pass_without_shift
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,10 +29,9 @@ OPTIONAL = ("tau_c", "tau_load")  # left out where the log does not show them
 HIGHEST = 40.0  # Hz; as in the other identifications
 COHERENT = 0.8  # between torque and velocity, up to the highest frequency used
 WIDER = 3.0  # the differentiated angle's cut-off over the highest frequency used: its roll-off must not be seen there
-STANDING = (
-    0.01  # of the largest speed: below it friction laws differ from each other, and noise decides the sign
-)
+STANDING = 0.01  # of the largest speed: below it friction laws differ, and noise decides the sign
 NOISES = 5.0  # standard deviations of the velocity's noise below which its sign is in doubt
+ORDER = 4  # of the low-pass without shift
 EDGE = 0.2  # s at both ends of the log that the filter spoils
 PARTS = 24  # of the log, whose errors are taken as independent
 FEWEST_PARTS = 10  # of them with motion
@@ -126,7 +126,7 @@ def identify_mechanics(motion: Motion, highest: float | None = None) -> Mechanic
         problem.used,
         rows[0],
         rows[1],
-        problem.fit([found[n].value for n in names], names),
+        problem.fit(found),
     )
 
 
@@ -159,12 +159,13 @@ class _Problem:
                 f"{motion.name}: the drive moves in {self.used.mean():.0%} of the log only, or the log is too short: inertia"
                 " and friction need motion in both directions over ten seconds and more"
             )
+        self.row_numbers, self.torque_numbers = self.numbers(self.rows), self.numbers(motion.torque)
 
     def differentiated(self, angle: Array) -> tuple[Array, Array]:
         """Rows (4, n) that go with J, b, tau_c and tau_load, and a smoother velocity (n,) [rad/s]."""
         step = self.motion.step
-        velocity = np.gradient(_low_passed(angle, step, self.wide), step)
-        smooth = _low_passed(velocity, step, min(self.highest, self.wide))
+        velocity = np.gradient(low_pass_without_shift(angle, step, self.wide, ORDER), step)
+        smooth = low_pass_without_shift(velocity, step, min(self.highest, self.wide), ORDER)
         return np.vstack(
             [np.gradient(velocity, step), velocity, np.sign(smooth), np.ones_like(angle)]
         ), smooth
@@ -190,8 +191,7 @@ class _Problem:
     def solved(self, names: Sequence[str]) -> dict[str, Quantity]:
         """The numbers `names`, the others being 0."""
         places = [list(UNITS).index(name) for name in names]
-        rows = self.numbers(self.rows[places])
-        torque = self.numbers(self.motion.torque)
+        rows, torque = self.row_numbers[places], self.torque_numbers
         found: Array = np.asarray(np.linalg.lstsq(rows.T, torque, rcond=None)[0])
         for _ in range(ROUNDS):
             self._check(dict(zip(names, found, strict=True)))
@@ -238,15 +238,8 @@ class _Problem:
         count = len(effects)
         return np.sqrt(np.sum(np.square(effects), axis=0) * count / (count - gains.shape[0]))
 
-    def fit(self, values: Sequence[float], names: Sequence[str]) -> float:
+    def fit(self, found: Mapping[str, Quantity]) -> float:
         """Share of the torque that is explained, in percent."""
-        places = [list(UNITS).index(name) for name in names]
-        torque = self.numbers(self.motion.torque)
-        left = torque - np.asarray(values) @ self.numbers(self.rows[places])
-        return 100.0 * (1.0 - float(np.linalg.norm(left) / np.linalg.norm(torque)))
-
-
-def _low_passed(series: Array, step: float, cutoff: float) -> Array:
-    """Series (n,) below a frequency [Hz], without shift: Butterworth of order 4, forth and back."""
-    sections = butter(4, min(2.0 * cutoff * step, 0.95), output="sos")
-    return np.asarray(sosfiltfilt(sections, series))
+        values = np.array([found[name].value if name in found else 0.0 for name in UNITS])
+        left = self.torque_numbers - values @ self.row_numbers
+        return 100.0 * (1.0 - float(np.linalg.norm(left) / np.linalg.norm(self.torque_numbers)))

@@ -7,7 +7,7 @@ from cosim.diagnosis.machine import Machine
 from cosim.errors import DataError, UsageError
 from cosim.identify import picture
 from cosim.identify.answer import COLUMNS, Answer, parameter_table
-from cosim.identify.data import even, travels
+from cosim.identify.data import even, measured, travels
 from cosim.identify.inverse_dynamics import Mechanics, Motion, identify_mechanics
 from cosim.identify.nominal import declared
 from cosim.identify.run import log_data
@@ -65,16 +65,10 @@ def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motio
     values = known_values(machine, settings)
     log, _ = even(log)
     (pressure, to_pascal), (angle, to_radians) = (_signal(machine, log, ports) for ports in (PRESSURE, ANGLE))
-    keep = (
-        log.valid_mask(pressure) if pressure in log.signals else log.valid_mask("p_a") & log.valid_mask("p_b")
-    )
-    keep = keep & log.valid_mask(angle)
-    for gap in log.gaps:
-        keep &= (log.time <= gap.start) | (log.time >= gap.stop)
     torque = values["A"] * values["r"] * to_pascal * travels(log, pressure)
-    return Motion(
-        log.name, log.step, torque, to_radians * travels(log, angle), keep, values, float(log.time[0])
-    )
+    radians = to_radians * travels(log, angle)
+    keep = measured(log, pressure, angle)
+    return Motion(log.name, log.step, torque, radians, keep, values, float(log.time[0]))
 
 
 def known_values(machine: Machine, settings: Sequence[str]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
+from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from cosim.errors import DataError, UsageError
 from cosim.logs.log import Log
@@ -45,6 +45,12 @@ def low_pass(values: Array, step: float, cutoff: float, order: int = ORDER) -> A
     settled = sosfilt_zi(sections).reshape(sections.shape[0], *([1] * (data.ndim - 1)), 2)
     found, _ = sosfilt(sections, data, zi=settled * data[..., :1])
     return np.asarray(found)
+
+
+def low_pass_without_shift(values: Array, step: float, cutoff: float, order: int) -> Array:
+    """Values (n,), one every `step` s, below `cutoff` Hz: a Butterworth forth and back, at most at 0.9 of half the rate."""
+    sections = butter(order, min(2.0 * cutoff * step, 0.9), output="sos")
+    return np.asarray(sosfiltfilt(sections, values))
 
 
 def filter_log(log: Log, cutoff: float, order: int = ORDER, signals: Sequence[str] | None = None) -> Log:

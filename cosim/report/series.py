@@ -2,7 +2,8 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
+
+from cosim.logs.filter import low_pass_without_shift
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -40,8 +41,7 @@ def averaged(values: Array, size: int) -> tuple[Array, Array]:
 
 def low_pass(values: Array, h: float, cutoff: float) -> Array:
     """A signal without what lies above `cutoff` Hz, no phase shift."""
-    sections = butter(3, min(2.0 * cutoff * h, 0.9), output="sos")
-    return np.asarray(sosfiltfilt(sections, values))
+    return low_pass_without_shift(values, h, cutoff, order=3)
 
 
 def slopes(values: Array, h: float) -> tuple[Array, Array]:
