@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import coherence, welch
 
 from cosim.compiled import compiled_block
-from cosim.errors import DataError
+from cosim.errors import DataError, UsageError
 from cosim.identify.estimate import FEWEST_BINS, Quantity
 from cosim.identify.spectrum import Bins
 from cosim.logs.filter import low_pass_without_shift
@@ -27,6 +27,7 @@ Mask = NDArray[np.bool_]
 UNITS = {"J": "kg.m2", "b": "N.m.s/rad", "tau_c": "N.m", "tau_load": "N.m"}
 OPTIONAL = ("tau_c", "tau_load")  # left out where the log does not show them
 HIGHEST = 40.0  # Hz; as in the other identifications
+RESOLVED = 0.2  # of the sampling rate: what differences of samples still resolve
 COHERENT = 0.8  # between torque and velocity, up to the highest frequency used
 WIDER = 3.0  # the differentiated angle's cut-off over the highest frequency used: its roll-off must not be seen there
 STANDING = 0.01  # of the largest speed: below it friction laws differ, and noise decides the sign
@@ -105,7 +106,13 @@ def identify_mechanics(motion: Motion, highest: float | None = None) -> Mechanic
 
     Raises:
         DataError: there is too little motion, or torque and motion do not obey the equation.
+        UsageError: `highest` does not fit the log's rate.
     """
+    if highest is not None and not 0.0 < highest <= RESOLVED / motion.step:
+        limit = RESOLVED / motion.step
+        raise UsageError(
+            f"--highest {highest:g} Hz does not lie between 0 and a fifth of the sampling rate, {limit:g} Hz"
+        )
     problem = _Problem(motion, highest or coherent_band(motion.torque, motion.angle, motion.step))
     names, not_shown = list(UNITS), dict[str, Quantity]()
     while True:
@@ -136,7 +143,7 @@ def coherent_band(torque: Array, angle: Array, step: float) -> float:
     frequencies, found = coherence(np.diff(angle), torque[1:], 1.0 / step, nperseg=segment)
     best = float(frequencies[1])
     for i in range(2, frequencies.size):
-        if frequencies[i] > min(HIGHEST, 0.2 / step):
+        if frequencies[i] > min(HIGHEST, RESOLVED / step):
             break
         if found[np.searchsorted(frequencies, frequencies[i] / 1.3) : i + 1].mean() > COHERENT:
             best = float(frequencies[i])

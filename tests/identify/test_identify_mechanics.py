@@ -156,6 +156,12 @@ def test_impossible_settings_are_refused(text, tmp_path):
         call("mechanics", file, "--set", text)
 
 
+@pytest.mark.parametrize("highest", [0.0, -3.0, 300.0, float("nan")])
+def test_frequencies_that_the_log_does_not_resolve_are_refused(highest):
+    with pytest.raises(UsageError, match=r"--highest .* between 0 and .* 200 Hz"):
+        identify_mechanics(motion(rubbing()), highest=highest)
+
+
 def test_a_model_without_mechanics_is_refused():
     log = rubbing()
     with pytest.raises(UsageError, match=r"'simplified' has no block 'mechanical'.*simplified"):
