@@ -75,7 +75,7 @@ def plain_cause(cause: Cause) -> dict[str, Any]:
         "effect": cause.effect.name,
         "group": cause.group,
         "gain": cause.gain,
-        "held_out": cause.held_out,
+        "held_out": cause.held_out.gain,
         "alike": list(cause.alike),
         "parameters": {n: [float(v), float(d)] for n, (v, d) in cause.parameters.items()},
     }

@@ -12,6 +12,7 @@ from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.isolability import isolability
 from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.naming import CLOSE, declared
+from cosim.diagnosis.reference import Reference
 from cosim.diagnosis.remarks import (
     held_file,
     held_from,
@@ -26,6 +27,7 @@ from cosim.diagnosis.remarks import (
 from cosim.diagnosis.schema import (
     Answer,
     Correlated,
+    LinearReference,
     Location,
     NamedCause,
     NextExperiment,
@@ -40,6 +42,7 @@ from cosim.diagnosis.schema import (
     Words,
 )
 from cosim.diagnosis.verdict import Cause, local, names_of, size_of
+from cosim.inference.held_out import ratio_ci95
 from cosim.logs import Log
 from cosim.packages import project_version
 from fmus import registry
@@ -71,6 +74,8 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         held_out=held_out(diagnosis),
         held_out_from=held_from(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],
+        linear={s: linear(s, item) for s, item in diagnosis.references.items()},
+        linear_blocks=linear_blocks(diagnosis),
         words=words(diagnosis),
         correlations=correlated(diagnosis),
         interrupted=diagnosis.stage or None,
@@ -157,7 +162,13 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
     rivals = [
         Rival(effect=e.name, why_not=reason(behind, e.name in cause.alike)) for e, behind in cause.rivals[:8]
     ]
-    evidence = {"log_likelihood_gain": cause.gain, "held_out_gain": cause.held_out}
+    low, high = cause.held_out.ci95
+    evidence = {
+        "log_likelihood_gain": cause.gain,
+        "held_out_gain": cause.held_out.gain,
+        "held_out_gain_low": low,
+        "held_out_gain_high": high,
+    }
     return NamedCause(
         effect=cause.effect.name,
         block=cause.effect.block,
@@ -202,6 +213,30 @@ def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:
             fit_percent_after=gain.fit_after,
             ci95_of_ratio=gain.ratio_ci95,
         )
+    return found
+
+
+def linear(signal: str, item: Reference) -> LinearReference:
+    """A linear reference in display units."""
+    unit, scale = shown(signal)
+    return LinearReference(
+        order=item.model.order,
+        poles=[(p.real, p.imag) for p in item.model.sections.poles],
+        delay=item.model.sections.delay,
+        what=item.words,
+        rmse=item.error * scale,
+        rmse_extended=item.ours_error * scale,
+        unit=unit,
+        ci95_of_ratio=ratio_ci95(item.ours, item.squares),
+    )
+
+
+def linear_blocks(diagnosis: Diagnosis) -> dict[str, LinearReference]:
+    """The linear reference of each block that was held against one."""
+    found = {}
+    for name, finding in diagnosis.findings.items():
+        if finding.reference is not None:
+            found[name] = linear(next(iter(finding.task.measured)), finding.reference)
     return found
 
 

@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.fit import Task, fit
-from cosim.diagnosis.trials import Trial, anchored, confined, unknowns
+from cosim.diagnosis.fit import Fit, Task
+from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.trials import Trial, without
+from cosim.inference.held_out import HeldOutGain, gain_between, left_out, steps_without
 from fmus.contract import Effect
 
-REFUTED = -2.0  # log-likelihood on held-out windows below which an effect is refuted by them
+Array = NDArray[np.float64]
 
 
 def held_windows(count: int) -> NDArray[np.bool_]:
@@ -30,33 +32,57 @@ def part(task: Task, mask: NDArray[np.bool_]) -> Task:
     return found
 
 
-def held_out_gain(task: Task, chosen: Trial, effect: Effect, tolerance: float) -> float:
-    """Log-likelihood that an effect gains on held-out windows, all parameters estimated on the others.
+def held_out_gain(task: Task, richer: Fit, poorer: Fit) -> HeldOutGain:
+    """Log-likelihood that one fit gains over another on windows that had no share in its estimates.
 
-    The alternative has all trusted parameters within their trust: beyond it they would need a cause themselves.
+    What is trusted of the nominal values counts as well: a fit that bends them beyond that has its price.
 
     Args:
         task: data, model and noise of the group.
-        chosen: the accepted set, fitted on all windows.
-        effect: one of its effects.
-        tolerance: trust in the nominal parameters.
+        richer: the fit with the effect.
+        poorer: the fit without it.
     """
-    rule = next(iter(task.rules.values()))
-    held = held_windows(rule.windows(next(iter(task.measured.values()))).shape[0])
-    if not held.any() or held.all():
-        return float("nan")
-    fitting, judged = part(task, ~held), part(task, held)
-    wanted, _ = unknowns(task.model, chosen.effects, tolerance)
-    others, _ = unknowns(task.model, [e for e in chosen.effects if e != effect], tolerance)
-    scores = []
-    for unknown in (wanted, confined(others)):
-        unknown = anchored(unknown, chosen.fit.values)
-        white = judged.white(judged.residuals(fit(fitting, unknown).values))
-        scores.append(-0.5 * float(white @ white))
-    return scores[0] - scores[1]
+    block = window_numbers(task)
+    found = gain_between(left_out_rows(task, richer, block), left_out_rows(task, poorer, block), block)
+    pulls = [0.5 * float(np.sum(rows_of(task, f)[block.size :] ** 2)) for f in (poorer, richer)]
+    return HeldOutGain(found.gain + pulls[0] - pulls[1], found.deviation)
 
 
-def refuted(task: Task, chosen: Trial, tolerance: float) -> list[Effect]:
-    """The effects of a set that make it predict held-out windows worse, the worst first."""
-    gains = [(held_out_gain(task, chosen, e, tolerance), e) for e in chosen.effects]
-    return [e for gain, e in sorted(gains, key=lambda item: item[0]) if gain < REFUTED]
+def rows_of(task: Task, found: Fit) -> Array:
+    """Whitened residuals of a fit, then those of its priors."""
+    return task.white(found.residuals) if found.rows is None else found.rows
+
+
+def moving(found: Fit) -> tuple[list[str], Array]:
+    """The estimates that the data move, and the slopes (rows, k) of whitened residuals and priors in them."""
+    if found.slopes is None:
+        return [], np.empty((0, 0))
+    names = list(found.values)[: found.slopes.shape[1]]
+    kept = [i for i, n in enumerate(names) if n not in found.at_bound and np.any(found.slopes[:, i])]
+    return [names[i] for i in kept], found.slopes[:, kept]
+
+
+def left_out_rows(task: Task, found: Fit, block: NDArray[np.int64]) -> Array:
+    """Whitened residuals of each window with the estimate that the others give."""
+    rows, (names, slopes) = rows_of(task, found), moving(found)
+    return left_out(rows, slopes if names else np.empty((rows.size, 0)), block)
+
+
+def left_out_steps(task: Task, found: Fit) -> tuple[list[str], Array]:
+    """Estimates, and (windows, k) what leaving out each window changes of them, SI."""
+    block = window_numbers(task)
+    names, slopes = moving(found)
+    if not names:
+        return [], np.empty((int(block.max(initial=-1)) + 1, 0))
+    scales = np.array([found.scales[n] for n in names])
+    return names, steps_without(rows_of(task, found), slopes, block) * scales
+
+
+def refuted(task: Task, chosen: Trial, null: Trial, tolerance: float) -> list[Effect]:
+    """The effects of a set whose gain on held-out windows may be nothing, the worst first."""
+    gains = [
+        (held_out_gain(task, chosen.fit, without(task, chosen, e, null, tolerance).fit), e)
+        for e in chosen.effects
+        if e.name not in SAMPLED
+    ]
+    return [e for gain, e in sorted(gains, key=lambda item: item[0].ci95[0]) if not gain.sure]

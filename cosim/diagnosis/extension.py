@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.extend import closed, fitted_chain, write_extended
@@ -13,11 +15,10 @@ from cosim.diagnosis.group_model import standing
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.together import weighed
+from cosim.diagnosis.trials import FREE
 from cosim.diagnosis.verdict import stands
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
-
-FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
 
 
 def estimate(
@@ -42,15 +43,16 @@ def estimate(
         diagnosis.correlations |= fit.correlations
         rules |= finding.task.rules
     diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
-    if diagnosis.held is not None and len(findings) == len(groups) == 1:
+    if (diagnosis.held is not None or tolerance >= FREE) and len(findings) == len(groups) == 1:
         (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
-        best = refitted(
-            finding, effects, tolerance, (finding.chosen if stands(finding) else finding.null).fit
-        )
+        count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
+        mask = ~held_windows(count) if diagnosis.held is None else None
+        near_fit = (finding.chosen if stands(finding) else finding.null).fit
+        best = refitted(finding, effects, tolerance, near_fit, mask)
         diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
         diagnosis.correlations = best.correlations
         if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
-            diagnosis.calibrated = refitted(finding, (), tolerance, finding.null.fit).values
+            diagnosis.calibrated = refitted(finding, (), tolerance, finding.null.fit, mask).values
         return
     if diagnosis.rests or diagnosis.unjudged or not findings:
         return
@@ -92,3 +94,12 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     diagnosis.held_after = run_package(extended, held.record, machine, standing(start, values))
     window = diagnosis.window
     diagnosis.gains = measure(held.record, diagnosis.held_before, diagnosis.held_after, window, held.first)
+
+
+def worse(diagnosis: Diagnosis) -> bool:
+    """True if the extension makes errors on held-out data larger, taken over all signals; clearly so, if it has causes."""
+    gains = diagnosis.gains.values()
+    ratio = np.prod([g.after / max(g.before, 1e-300) for g in gains])
+    if ratio <= 1.0 or not diagnosis.causes:
+        return bool(ratio > 1.0)
+    return any(g.ratio_ci95[0] > 1.0 for g in gains)

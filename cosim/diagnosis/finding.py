@@ -15,6 +15,7 @@ from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.memory import Reversals
 from cosim.diagnosis.noise import centred, learned
+from cosim.diagnosis.reference import Reference
 from cosim.diagnosis.rounded import concentration
 from cosim.diagnosis.samples import Mark
 from cosim.diagnosis.trials import CLOSE, Trial, freed
@@ -48,6 +49,10 @@ class Finding:
         marks: effects seen in the raw samples.
         upstream: effects of the blocks before, with how far each explains the log worse than the accepted one.
         confirmed: held-out data have borne out the chosen effects.
+        free: the nominal parameters are fitted freely, so nothing says how little the model must leave.
+        reference: a linear model of free order beside the chosen effects.
+        held_squares: (windows,) mean square of the free run's error on held-out data with the effects kept, SI.
+        lacks_linear: the linear model is clearly better: linear dynamics are missing.
     """
 
     task: Task
@@ -61,6 +66,10 @@ class Finding:
     marks: list[Mark] = field(default_factory=list)
     upstream: list[tuple[Effect, float]] = field(default_factory=list)
     confirmed: bool = False
+    free: bool = False
+    reference: Reference | None = None
+    held_squares: Array | None = field(default=None, repr=False)
+    lacks_linear: bool = False
 
     def accept(self, chosen: Trial, record: Record) -> None:
         """Accept another set, and see what it leaves."""

@@ -61,6 +61,7 @@ class Fit:
         slopes: (rows, unknowns) slopes of whitened residuals and priors, in units of each unknown's scale.
         settled: the search ended by itself and not by its limit of rounds.
         predicted: signal -> (n,) SI, of readings in steps or stale; of the others it is what was measured less the residual.
+        scales: ``component.parameter`` -> unit of the slopes in it, SI.
     """
 
     values: dict[str, float]
@@ -74,6 +75,7 @@ class Fit:
     slopes: Array | None = field(default=None, repr=False)
     rows: Array | None = field(default=None, repr=False)
     predicted: dict[str, Array] = field(default_factory=dict, repr=False)
+    scales: dict[str, float] = field(default_factory=dict, repr=False)
 
     @property
     def correlations(self) -> dict[tuple[str, str], float]:
@@ -280,6 +282,7 @@ def summarised(
         found.jac @ np.linalg.inv(turn) if polar.pairs else found.jac,
         found.fun,
         stepped,
+        dict(zip(names, polar.scales.tolist(), strict=True)),
     )
 
 

@@ -14,6 +14,7 @@ from cosim.diagnosis.groups import Group
 from cosim.diagnosis.heldout import Held, Refused
 from cosim.diagnosis.machine import Machine
 from cosim.diagnosis.naming import Finding
+from cosim.diagnosis.reference import Reference
 from cosim.diagnosis.tracker import TrackerFinding
 from cosim.diagnosis.verdict import Cause, Rest
 
@@ -60,6 +61,7 @@ class Diagnosis:
         tracker: what the external tracker says, if there was one.
         held: the part of the log, or the other log, on which gains are measured; None for every third window.
         held_before, held_after: as before, after, over the held-out log.
+        references: signal -> the linear reference from the command to it, beside the extended model.
         calibrated: trusted parameters fitted without any cause, where they were freed: what the extension is held against.
         refused: causes that the fitting log asks for and the held-out one does not bear out.
         span: start and end of the stretch that was used, s of the log's own time.
@@ -90,6 +92,7 @@ class Diagnosis:
     held_after: dict[str, Array] = field(default_factory=dict)
     refused: list[Refused] = field(default_factory=list)
     calibrated: dict[str, float] = field(default_factory=dict)
+    references: dict[str, Reference] = field(default_factory=dict)
     span: tuple[float, float] = (0.0, 0.0)
     elsewhere: list[Elsewhere] = field(default_factory=list)
     stage: str = ""

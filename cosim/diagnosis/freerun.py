@@ -21,21 +21,28 @@ GAINED = 1e-3  # of the sum of squares that a further round must take away
 CLUSTERS = 12  # parts of the log that count as independent repetitions in intervals
 
 
-def whole(task: Task, size: Mapping[str, float]) -> Task:
+def whole(task: Task, size: Mapping[str, float], mask: NDArray[np.bool_] | None = None) -> Task:
     """The task of fitting the error over the whole log as it is, drift included: what a free run is judged by.
 
     Args:
         task: the task of naming, in windows with offsets of their own.
         size: signal -> size of the error, SI.
+        mask: (windows,) windows that count, or None for all.
     """
     rules = {
         s: Whitener(r.bins, r.window, False, (size[s] ** 2,) + (0.0,) * len(r.sizes[1:]), r.skip)
         for s, r in task.rules.items()
     }
-    return Task(task.model, task.measured, rules, lost=task.lost)
+    return Task(task.model, task.measured, rules, lost=task.lost, mask=mask)
 
 
-def refitted(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near: Fit) -> Fit:
+def refitted(
+    finding: Finding,
+    effects: tuple[Effect, ...],
+    tolerance: float,
+    near: Fit,
+    mask: NDArray[np.bool_] | None = None,
+) -> Fit:
     """Trusted parameters and effects fitted to the error over the whole log.
 
     Over a whole log sticking makes the error jagged, with several valleys. The search begins where the fit in windows
@@ -48,9 +55,10 @@ def refitted(finding: Finding, effects: tuple[Effect, ...], tolerance: float, ne
         effects: the causes.
         tolerance: trust in the nominal parameters.
         near: a fit in windows of a set nearby.
+        mask: (windows,) windows that count, or None for all.
     """
     size = {s: max(float(np.std(r)), 1e-300) for s, r in near.residuals.items()}
-    task = whole(finding.task, size)
+    task = whole(finding.task, size, mask)
     wanted, _ = unknowns(task.model, effects, tolerance)
     found = tried(finding.task, effects, tolerance, near).fit
     for left in reversed(range(ROUNDS)):
@@ -61,8 +69,7 @@ def refitted(finding: Finding, effects: tuple[Effect, ...], tolerance: float, ne
     if not wanted or found.slopes is None or found.rows is None:
         return found
     scales = np.array([u.scale for u in wanted])
-    count = sum(rule.windows(task.measured[s]).size for s, rule in task.rules.items())
-    scores = found.slopes[:count] * found.rows[:count, None]
+    scores = found.slopes[: found.count] * found.rows[: found.count, None]
     parts = np.stack([part.sum(axis=0) for part in np.array_split(scores, CLUSTERS)])
     bread = np.linalg.pinv(found.slopes.T @ found.slopes)
     meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0)

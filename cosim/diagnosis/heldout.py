@@ -16,12 +16,10 @@ from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.trials import candidates_of, tried_all, without
+from cosim.inference.held_out import ratio_ci95
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
-
-WORTH = 0.01  # of the error on held-out data that a cause must take away
-RESAMPLED = 2000  # times the windows of held-out data, to tell whether one of two rivals is clearly better
 
 
 @dataclass(frozen=True)
@@ -92,30 +90,28 @@ class Step:
 
     def clearly_better(self, other: "Step") -> bool:
         """True if the difference on held-out data is more than the choice of these windows may have made."""
-        count = self.squares.size
-        rows = np.random.default_rng(1).integers(0, count, (RESAMPLED, count))
-        ratio = self.squares[rows].sum(axis=1) / np.maximum(other.squares[rows].sum(axis=1), 1e-300)
-        return self.sure and self.held < other.held * (1.0 - WORTH) and bool(np.quantile(ratio, 0.975) < 1.0)
+        return self.sure and ratio_ci95(self.squares, other.squares)[1] < 1.0
 
 
 def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused], tuple[Effect, ...]]:
     """The causes of a finding that do not help on held-out data, and what is kept of it.
 
-    A cause is kept if without it the error on held-out data is larger, and if the whole fitting log determines its size.
+    A cause is kept if without it the error on held-out data is larger by more than the choice of these data may have made
+    (95 %), and if the whole fitting log determines its size.
     Because some help together only (friction and a limit of the stroke bend the same curve at its two ends), causes are
     taken in one by one from none and left out one by one from all, and the better end counts. Of a cause that holds
     another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler. A rival that explains
     the fitting log as well as a cause takes its place if it is clearly better on held-out data.
 
     Args:
-        finding: what was named in one group; `confirmed` is set if nothing is refused.
+        finding: what was named in one group; `confirmed` is set if nothing is refused, and `held_squares`.
         held: the held-out data.
         tolerance: trust in the nominal parameters.
     """
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
     prefer(finding, tolerance)
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
-    if not waiting or not signal or finding.task.model.group.drive not in held.record.signals:
+    if not signal or finding.task.model.group.drive not in held.record.signals:
         return [], finding.chosen.effects
     step = stepper(finding, held, signal, tolerance)
     at = min((balanced(finding, step(e), waiting, step) for e in ((), waiting)), key=lambda s: s.judged)
@@ -128,6 +124,7 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
         with_it = step(widened(finding, at.effects, effect))
         refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
     finding.confirmed = bool(at.effects) and not refused
+    finding.held_squares = at.squares
     if not refused:
         refused = outdone(finding, at, step, signal)
     return refused, at.effects
@@ -244,7 +241,7 @@ def balanced(
         before = at
         while True:
             more = [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]
-            better = [s for s in more if s.judged < at.judged * (1.0 - WORTH)]
+            better = [s for s in more if s.clearly_better(at)]
             for effect in at.effects:
                 rest = tuple(e for e in at.effects if e != effect)
                 more = [step((*rest, e)) for e, _ in alike(finding, effect) if e not in rest]
@@ -255,7 +252,7 @@ def balanced(
             at = min(better, key=lambda s: s.fitted)
         while at.effects:  # left out, or something simpler in its place
             fewer = min((step(e) for e in narrowed(finding, at.effects)), key=lambda s: (s.judged, s.held))
-            if fewer.judged * (1.0 - WORTH) > at.judged:
+            if at.clearly_better(fewer):
                 break
             at = fewer
         if {e.name for e in at.effects} == {e.name for e in before.effects}:

@@ -19,6 +19,7 @@ from cosim.diagnosis.swing import swing
 from cosim.diagnosis.trials import (
     BEYOND,
     CLOSE,
+    FREE,
     SURE,
     Trial,
     candidates_of,
@@ -100,7 +101,7 @@ def find(
     single = in_same_form(task, chosen, single, tolerance)
     if within:
         chosen = confirmed(task, chosen, null, tolerance)
-    finding = Finding(task, null, chosen, single)
+    finding = Finding(task, null, chosen, single, free=tolerance >= FREE)
     if len(chosen.effects) == 1:
         finding.single = single = [to_the_end(task, t, finding, tolerance, HALF) for t in single]
     finding.before = leftovers(task, record, finding.null.fit)

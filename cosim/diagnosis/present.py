@@ -173,13 +173,20 @@ def show(result: Answer, out: Path) -> None:
     for rest in result.unexplained:
         stdout_console().print(f"unexplained in {rest.block}: {rest.what}", markup=False)
     rows = [
-        (s, f"{g.rmse_before:.4g}", f"{g.rmse_after:.4g}", f"{g.noise_floor:.4g}", g.unit)
+        (
+            s,
+            f"{g.rmse_before:.4g}",
+            f"{g.rmse_after:.4g}",
+            f"{result.linear[s].rmse:.4g}" if s in result.linear else "",
+            f"{g.noise_floor:.4g}",
+            g.unit,
+        )
         for s, g in result.gain.items()
     ]
     stdout_console().print(
         table(
             f"Error on {result.held_out}, before and after",
-            ["signal", "before", "after", "noise", "unit"],
+            ["signal", "before", "after", "linear model", "noise", "unit"],
             rows,
         )
     )

@@ -15,15 +15,18 @@ FAR = 5.0  # typical sizes: an effect beyond is one that hardly ever occurs
 
 def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
     """The chosen set without what no possible value explains and what held-out windows refute, the worst first."""
-    while chosen.effects and (out := impossible(chosen, task.model) or refuted(task, chosen, tolerance)):
+    while chosen.effects and (
+        out := impossible(chosen, task.model) or refuted(task, chosen, null, tolerance)
+    ):
         chosen = without(task, chosen, out[0], null, tolerance)
     return chosen
 
 
 def prune(finding: Finding, record: Record, tolerance: float) -> None:
     """Take out of a finding what explains less than it leaves, and what is more than the log can tell."""
-    drop_outweighed(finding, record, tolerance)
-    simplified(finding, record, tolerance)
+    if not finding.free:  # a model known only roughly leaves more than any cause explains
+        drop_outweighed(finding, record, tolerance)
+        simplified(finding, record, tolerance)
     moderated(finding, record, tolerance)
     # what is left of a set, or has taken its place, must hold in other windows as well
     held = confirmed(finding.task, finding.chosen, finding.null, tolerance)
@@ -67,7 +70,7 @@ def simplified(finding: Finding, record: Record, tolerance: float) -> None:
         and not impossible(t, finding.task.model)
     ]
     in_order = sorted(simpler, key=lambda t: (t.price, -t.score))
-    best = next((t for t in in_order if not refuted(finding.task, t, tolerance)), None)
+    best = next((t for t in in_order if not refuted(finding.task, t, finding.null, tolerance)), None)
     if best is not None:
         finding.accept(polished(finding.task, best, tolerance), record)
 

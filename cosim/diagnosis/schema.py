@@ -108,6 +108,22 @@ class SignalGain(Model):
     ci95_of_ratio: tuple[float, float]
 
 
+class LinearReference(Model):
+    """A linear model of free order from the command to a signal, on the same held-out data as the extended model.
+
+    `poles` in 1/s, real and imaginary part; `rmse_extended` is the extended model's error in the same windows.
+    """
+
+    order: int
+    poles: list[tuple[float, float]]
+    delay: float
+    what: str
+    rmse: float
+    rmse_extended: float
+    unit: str
+    ci95_of_ratio: tuple[float, float]  # of the extended model's error over the linear one's
+
+
 class Unexplained(Model):
     """Something systematic that no effect of the library explains."""
 
@@ -156,6 +172,10 @@ class Answer(Model):
     held_out: str = "every third window of the log"
     held_out_from: float | None = None
     refused: list[RefusedCause] = []
+    linear: dict[str, LinearReference] = {}  # signal -> the linear reference, command to signal
+    linear_blocks: dict[
+        str, LinearReference
+    ] = {}  # the same of each block, driven by what was measured before it
     words: Words = Words()
     correlations: list[Correlated] = []  # of pairs beyond 0.01; all others are independent
     interrupted: str | None = None  # the stage in which Ctrl-C ended it

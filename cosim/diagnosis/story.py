@@ -13,21 +13,23 @@ from cosim.diagnosis.carried import carried
 from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.exercised import never_exercised
-from cosim.diagnosis.extension import FREE, estimate, gain_by_fmus
+from cosim.diagnosis.extension import estimate, gain_by_fmus, worse
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.heldout import Held, reconsider, refuse
+from cosim.diagnosis.heldout import Held, Refused, reconsider, refuse
 from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
-from cosim.diagnosis.naming import Finding, find, tried
+from cosim.diagnosis.naming import Finding, find, rivals, tried
 from cosim.diagnosis.origin import traced
 from cosim.diagnosis.reading import clear_of_lag, known_of, take_over
-from cosim.diagnosis.stretch import chosen_stretch, elsewhere, others
+from cosim.diagnosis.reference import Reference, across, of_group, of_whole, over_logs
+from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.stretch import by_twin, chosen_stretch, elsewhere, others
 from cosim.diagnosis.tracker import compare_tracker
-from cosim.diagnosis.trials import Trial, freed
-from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, rests
+from cosim.diagnosis.trials import FREE, Trial, candidates_of, freed
+from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, negligible, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError
 from cosim.logs import Log, Tracker
@@ -93,22 +95,9 @@ def judge(
         # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
         driving = known if group.integrates else []
         finding = searched(found, group, trust, constants, driving, most, within=held is None)
-        for left in reversed(range(SEARCHES)):
-            if held is None:
-                break
-            count = len(finding.chosen.effects)
-            enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
-            turned_down, kept = refuse(finding, held, trust)
-            found.refused += turned_down
-            if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
-                break
-            group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
-            begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
-            room = most if left else len(kept)
-            finding = searched(found, group, trust, constants, driving, room, within=False, begin=begin)
-            finding.confirmed = finding.chosen.effects == kept != ()
         if held is not None:
-            reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust)
+            finding = borne_out(found, group, finding, held, driving, trust, constants, watch)
+        beaten_by_linear(finding, record, held)
         if driving:
             again = partial(searched, found, group, trust, constants, most=most)
             known, finding = traced(found, finding, known, again, trust)
@@ -117,6 +106,55 @@ def judge(
             break
         upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
         known = [*upstream, understood(finding, record, trust)] if adequate(finding) else []
+
+
+def borne_out(
+    found: Diagnosis,
+    group: Group,
+    finding: Finding,
+    held: Held,
+    known: list[Known],
+    trust: float,
+    constants: Mapping[str, float] | None,
+    watch: Watch | None,
+) -> Finding:
+    """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
+    most = found.machine.options.causes
+    for left in reversed(range(SEARCHES)):
+        count = len(finding.chosen.effects)
+        enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
+        turned_down, kept = refuse(finding, held, trust)
+        found.refused += turned_down
+        if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
+            break
+        group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
+        begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
+        if not left:  # no more is looked for: what is kept stands
+            finding.accept(begin or finding.null, found.record)
+            finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), trust)
+            finding.confirmed = kept != ()
+            break
+        squares = finding.held_squares
+        finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
+        finding.held_squares = squares
+    reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust)
+    return finding
+
+
+def beaten_by_linear(finding: Finding, record: Record, held: Held | None) -> None:
+    """Hold a finding against a linear model of free order; where that is clearly better, nothing is named on top of it."""
+    task = finding.task
+    if held is None:
+        finding.reference = of_group(task, finding.chosen.fit, record.time)
+    elif finding.held_squares is not None:
+        finding.reference = over_logs(task, record, held.record, held.first, finding.held_squares)
+    linear, signal = finding.reference, next(iter(task.measured))
+    if linear is None or adequate(finding) or not linear.clearly_better:
+        return
+    if linear.ours_error**2 - linear.error**2 > negligible(finding, signal) ** 2:
+        finding.lacks_linear = True
+        finding.accept(finding.null, record)
+        finding.rivals = {}
 
 
 def searched(
@@ -161,6 +199,41 @@ def settle(model: GroupModel, constants: Mapping[str, float]) -> None:
     model.fixed = model.fixed | {
         n: v for n, v in constants.items() if n.partition(".")[0] in model.group.components
     }
+
+
+def concluded(found: Diagnosis) -> None:
+    """Order of the causes, and the verdict."""
+    found.causes.sort(key=lambda c: -c.gain)
+    found.verdict = verdict_of(found.causes, found.rests)
+
+
+def taken_back(found: Diagnosis, folder: Path, trust: float) -> None:
+    """Leave the model as it was where its extension predicts data held out worse: such causes are refused."""
+    for name, finding in found.findings.items():
+        signal = next(iter(finding.task.measured))
+        gain = found.gains.get(signal)
+        own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
+        if not own or gain is None:
+            continue
+        found.refused += [Refused(c.effect, name, signal, c.gain, gain.before, gain.after) for c in own]
+        finding.accept(finding.null, found.record)
+        found.causes = [c for c in found.causes if c not in own]
+        found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
+    concluded(found)
+    found.values = dict(found.calibrated)
+    gain_by_fmus(found, folder)
+
+
+def beside_the_whole(found: Diagnosis, constants: Mapping[str, float]) -> dict[str, Reference]:
+    """The linear reference from the command to each signal, beside the extended model."""
+    held, drive = found.held, found.machine.drive
+    values = dict(constants) | found.values
+    after = found.after or by_twin(found, found.record, values)
+    signals = [s for s in after if s in found.record.signals and s in found.noise]
+    if held is None:
+        return of_whole(found.record, drive, signals, after, found.window)
+    judged = found.held_after or by_twin(found, held.record, values)
+    return across(found.record, held.record, held.first, drive, signals, judged, found.window)
 
 
 def verdict_of(named: list[Cause], left: list[Rest]) -> str:
@@ -246,8 +319,7 @@ def stages(
         missing = sorted({s for names in found.unjudged.values() for s in names})
         raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
-    found.causes.sort(key=lambda c: -c.gain)
-    found.verdict = verdict_of(found.causes, found.rests)
+    concluded(found)
     enter(found, watch, "extended", "extended model")
     estimate(found, found.groups, trust, constants)
     if part is not log:
@@ -256,6 +328,9 @@ def stages(
     if folder is not None:
         enter(found, watch, "gain", "gain on held-out data, by the FMUs")
         gain_by_fmus(found, folder)
+        if worse(found):
+            taken_back(found, folder, trust)
+    found.references = beside_the_whole(found, constants)
     found.stage = ""
 
 

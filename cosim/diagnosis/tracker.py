@@ -26,6 +26,7 @@ from cosim.diagnosis.samples import grid_step
 from cosim.diagnosis.tracker_model import ERRORS, OFFSET, RATE, SEAM, SEAM_ANGLE, SMOOTH, TrackerModel
 from cosim.diagnosis.verdict import Cause
 from cosim.errors import DataError
+from cosim.inference.held_out import HeldOutGain
 from cosim.logs import Tracker
 from fmus import registry
 from fmus.contract import Effect
@@ -232,7 +233,7 @@ def named(name: str, best: tuple[str, ...], fits: dict[tuple[str, ...], Fit], mo
         "sensor",
         {name.partition(".")[2]: (found.values[name], found.deviations[name])},
         found.log_likelihood - fits[without].log_likelihood,
-        held_out(model, found, best, without),
+        HeldOutGain(held_out(model, found, best, without)),
         rivals,
         [e.name for e, behind in rivals if behind < CLOSE],
     )
@@ -251,7 +252,7 @@ def clock_cause(found: Fit, model: TrackerModel) -> list[Cause]:
     if gain < SURE + float(np.log(found.count)):  # BIC's price of two parameters
         return []
     parameters = {"offset": (offset, spread[0]), "rate": (rate, spread[1])}
-    return [Cause(effect_of("tracker.clock"), "tracker", parameters, gain, float("nan"))]
+    return [Cause(effect_of("tracker.clock"), "tracker", parameters, gain, HeldOutGain(float("nan")))]
 
 
 def held_out(model: TrackerModel, found: Fit, best: tuple[str, ...], without: tuple[str, ...]) -> float:

@@ -20,6 +20,7 @@ FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
+FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 

@@ -1,18 +1,19 @@
 """From fits to answers: what is a cause, what cannot be told apart, what stays unexplained."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis import bent
 from cosim.diagnosis.crossval import held_out_gain
-from cosim.diagnosis.finding import at_first, gained, systematic, unexplained
+from cosim.diagnosis.finding import at_first, gained, systematic
 from cosim.diagnosis.fit import Unknown
 from cosim.diagnosis.freeform import Leftover
 from cosim.diagnosis.local import LOCAL, Event
 from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
 from cosim.diagnosis.trials import freed, without
+from cosim.inference.held_out import HeldOutGain
 from fmus import registry
 from fmus.contract import Effect
 
@@ -34,7 +35,7 @@ class Cause:
         group: name of the group in which it was found.
         parameters: its parameters: name -> (estimate, standard deviation), SI.
         gain: log-likelihood lost when the effect is taken away.
-        held_out: log-likelihood gained on held-out windows, with parameters from the others.
+        held_out: log-likelihood gained on windows that had no share in the estimates, with its interval.
         rivals: (effect, log-likelihood behind the chosen set).
         alike: effects that the data cannot tell from this one.
     """
@@ -43,7 +44,7 @@ class Cause:
     group: str
     parameters: dict[str, tuple[float, float]]
     gain: float
-    held_out: float
+    held_out: HeldOutGain
     rivals: list[tuple[Effect, float]] = field(default_factory=list)
     alike: list[str] = field(default_factory=list)
 
@@ -107,9 +108,10 @@ def size_of(finding: Finding, signal: str, event: Event) -> float:
 def stands(finding: Finding) -> bool:
     """True if the chosen effects carry the systematic part of the residual, even where a small rest remains.
 
-    So do effects that data have borne out which took no part in naming them.
+    So do effects that data have borne out which took no part in naming them, and all that held-out windows bear out where
+    the nominal parameters are not trusted: such a model leaves something in any case, and how much says nothing.
     """
-    if finding.confirmed:
+    if finding.confirmed or finding.free:
         return True
     share = CARRIED if len(finding.chosen.effects) == 1 else TOGETHER
     share = LINEAR if sole_form(finding) else share
@@ -130,7 +132,13 @@ def marked(finding: Finding) -> list[Cause]:
     """Causes seen in the raw samples."""
     effects, group = registry.effects(), finding.task.model.group.name
     return [
-        Cause(effects[m.effect], group, {m.parameter: (m.value, m.deviation)}, m.gain, m.held_out)
+        Cause(
+            effects[m.effect],
+            group,
+            {m.parameter: (m.value, m.deviation)},
+            m.gain,
+            HeldOutGain(m.held_out),
+        )
         for m in finding.marks
     ]
 
@@ -140,8 +148,6 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
     found = marked(finding)
     if not finding.chosen.effects or not stands(finding):
         return found
-    # a difference less than what all leave unexplained tells nothing
-    close = max(CLOSE, unexplained(finding))
     for effect in finding.chosen.effects:
         rivals = [
             (other_of(t, finding.chosen), shortfall(t, finding.chosen))
@@ -157,16 +163,45 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                 finding.task.model.group.name,
                 {p: (values.values[n], values.deviations[n]) for p, n in names_of(effect).items()},
                 values.log_likelihood - fewer.fit.log_likelihood,
-                held_out_gain(finding.task, finding.chosen, effect, tolerance),
+                held_out_gain(finding.task, finding.chosen.fit, fewer.fit),
                 rivals,
                 list(
                     dict.fromkeys(
-                        [*(e.name for e, behind in rivals if behind < close), *bent_alike(finding, effect)]
+                        [
+                            *(e.name for e, behind in finding.upstream if behind < CLOSE),
+                            *indistinguishable(finding, effect, fewer),
+                            *bent_alike(finding, effect),
+                        ]
                     )
                 ),
             )
         )
     return sorted(found, key=lambda c: -c.gain)
+
+
+def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[str]:
+    """Rivals that explain the log about as well as a chosen effect in its place, the closest first.
+
+    One whose gain behind the chosen set is small, or may be nothing on windows left out (of models that leave something,
+    a difference means only what other data would show again: Vuong, Econometrica 57(2), 1989); and that itself gains.
+
+    Args:
+        finding: what was found in the group.
+        effect: the chosen effect.
+        fewer: the chosen set without it.
+    """
+    task, chosen = finding.task, finding.chosen
+    found = []
+    for trial in sorted(finding.rivals.get(effect.name, []), key=lambda t: shortfall(t, chosen)):
+        behind = shortfall(trial, chosen)
+        if behind >= CLOSE and (
+            trial.score <= fewer.score + SURE
+            or held_out_gain(task, chosen.fit, trial.fit).sure
+            or not held_out_gain(task, trial.fit, fewer.fit).sure
+        ):
+            continue
+        found.append(other_of(trial, chosen).name)
+    return found
 
 
 def bent_alike(finding: Finding, effect: Effect) -> list[str]:
@@ -223,7 +258,21 @@ def rests(finding: Finding, tolerance: float = 0.01) -> list[Rest]:
             found.append(Rest(finding.task.model.group.name, signal, left, words))
         else:
             found += at_once
+    if finding.lacks_linear:
+        found.insert(0, missing_dynamics(finding))
     return found or strained(finding, tolerance)
+
+
+def missing_dynamics(finding: Finding) -> Rest:
+    """What a linear model of free order shows that the group lacks."""
+    assert finding.reference is not None
+    signal, linear = next(iter(finding.before)), finding.reference
+    words = (
+        f"linear dynamics are missing: a linear model ({linear.words}) predicts {signal} on data held out with "
+        f"{linear.error / linear.ours_error:.0%} of the error that the extended model has"
+    )
+    left = replace(finding.before[signal], rms=float(np.sqrt(linear.ours_error**2 - linear.error**2)))
+    return Rest(finding.task.model.group.name, signal, left, words)
 
 
 def strained(finding: Finding, tolerance: float) -> list[Rest]:

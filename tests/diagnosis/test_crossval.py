@@ -35,7 +35,7 @@ def test_a_stop_that_the_other_windows_hardly_touch_is_not_refuted() -> None:
     )
     (cause,) = diagnose(as_log(run)).causes
     assert cause.effect.name == "dcv.stroke_limit"
-    assert cause.held_out > 100.0
+    assert cause.held_out.gain > 100.0
     x_max, x_min = (cause.parameters[name][0] for name in ("x_max", "x_min"))
     assert (x_max, x_min) == pytest.approx((2.03e-3, -2.01e-3), abs=1e-5)
 
@@ -44,7 +44,7 @@ def test_a_parameter_off_its_trust_is_held_against_one_within_it() -> None:
     """Under a prior that the data overwhelm the alternative would have nearly the same value, and chance would decide."""
     (cause,) = told("continuity.flow_gain", seed=81).causes
     assert cause.effect.name == "continuity.flow_gain"
-    assert cause.held_out > 0.2 * cause.gain
+    assert cause.held_out.gain > 0.2 * cause.gain
 
 
 def test_what_a_cause_is_weighed_against_stays_within_its_trust() -> None:
@@ -85,5 +85,5 @@ def test_a_cause_is_not_refuted_by_a_nominal_parameter_bent_far_beyond_its_trust
     assert abs(bent) > BEYOND * TOLERANCE
     (cause,) = found.causes
     assert cause.effect.name == "sensor.lag"
-    assert cause.held_out > 0.2 * cause.gain
+    assert cause.held_out.gain > 0.2 * cause.gain
     assert not found.rests

@@ -1,0 +1,328 @@
+"""A linear reference of free order: what any model must beat before something nonlinear is named.
+
+One input and one output, with delay, constant offset and initial state, fitted to the simulated output (output error), so
+that it is judged as a simulation is. The poles are first-order and second-order sections in continuous time; with poles
+and delay given, gains, offset and initial state follow from linear least squares (variable projection: Golub and Pereyra
+1973), so the search is over few numbers. The order is the one that predicts
+left-out blocks best (`cosim.inference.held_out`).
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from cosim.inference.held_out import gain_between, left_out
+
+Array = NDArray[np.float64]
+Rows = Callable[[Array], Array]  # (k, n) signals -> (k, values), residuals weighed as the data are
+
+HIGHEST = 6  # order
+QUICKEST = 1.0  # rad per sample: beyond it a pole is a direct way
+SLOWEST = 1e-4  # rad per length of the data: below it a pole is an integrator
+DAMPING = (0.003, 8.0)  # of second-order sections
+DECAY = 3.0  # natural logarithms by which a mode dies out over the data at least: one that rings on is the noise's
+LATEST = 20  # samples of delay
+FREQUENCIES = 7  # of a new section that are looked at
+DAMPINGS = (0.05, 0.7)
+BEGINNING = 0.05  # of a new record, from which its initial state is taken
+WORTH = 0.02  # of the error on left-out blocks that a higher order must take away
+EVALUATIONS = 60  # of one search at most
+
+
+@dataclass(frozen=True)
+class Sections:
+    """Poles and delay of a linear model.
+
+    Attributes:
+        first: rates of first-order sections, 1/s.
+        second: (frequency rad/s, damping) of second-order sections.
+        delay: s.
+    """
+
+    first: tuple[float, ...] = ()
+    second: tuple[tuple[float, float], ...] = ()
+    delay: float = 0.0
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return len(self.first) + 2 * len(self.second)
+
+    @property
+    def poles(self) -> tuple[complex, ...]:
+        """The poles, 1/s, the slowest first."""
+        found = [complex(-a) for a in self.first]
+        for w, zeta in self.second:
+            found += [complex(p) for p in np.roots([1.0, 2.0 * zeta * w, w * w])]
+        return tuple(sorted(found, key=lambda p: (abs(p), p.imag)))
+
+    def coordinates(self) -> Array:
+        """(q,) logarithms of rates, frequencies and dampings, then the delay."""
+        pairs = [(np.log(w), np.log(zeta)) for w, zeta in self.second]
+        return np.array([*np.log(self.first), *np.ravel(pairs), self.delay])
+
+    def moved(self, coordinates: Array) -> "Sections":
+        """The sections at other coordinates (q,)."""
+        one, two = len(self.first), len(self.second)
+        values = np.exp(coordinates[:-1])
+        pairs = values[one:].reshape(two, 2)
+        second = tuple((float(w), float(z)) for w, z in pairs)
+        return Sections(tuple(values[:one].tolist()), second, float(coordinates[-1]))
+
+    def more(self, first: float | None = None, second: tuple[float, float] | None = None) -> "Sections":
+        """With one section more."""
+        return Sections(
+            self.first + ((first,) if first is not None else ()),
+            self.second + ((second,) if second is not None else ()),
+            self.delay,
+        )
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """A fitted linear reference.
+
+    Attributes:
+        sections: poles and delay.
+        gains: of the responses to the input, then of the free responses, then the offset.
+        h: interval of the samples for which it holds, s.
+        length: of the data it was fitted to, s.
+        residuals: (values,) what it leaves, weighed.
+        left_out: (values,) the same of each block with an estimate from the others.
+    """
+
+    sections: Sections
+    gains: Array = field(repr=False)
+    h: float
+    length: float
+    residuals: Array = field(repr=False)
+    left_out: Array = field(repr=False)
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return self.sections.order
+
+    @property
+    def integrates(self) -> bool:
+        """True if a pole is too slow for the data to tell it from an integrator."""
+        return any(abs(p) * self.length < 1.0 for p in self.sections.poles)
+
+    def predicted(self, u: Array, h: float) -> Array:
+        """(n,) output on the input (n,) that it was fitted to, from the initial state found there, every `h` s."""
+        driven, free = columns(self.sections, u, h, self.length)
+        return np.asarray(self.gains @ np.concatenate([driven, free, np.ones((1, u.size))]))
+
+    def simulate(self, u: Array, y: Array, h: float) -> Array:
+        """(n,) output on another input (n,) every `h` s, from the initial state of the beginning of its output (n,)."""
+        driven, free = columns(self.sections, u, h, self.length)
+        count = driven.shape[0]
+        forced = self.gains[:count] @ driven
+        begin = min(y.size, max(round(BEGINNING * y.size), 4 * (len(free) + 1)))
+        rest = y - forced
+        if not self.integrates:
+            rest = rest - self.gains[-1]
+        else:
+            free = np.concatenate([free, np.ones((1, u.size))])
+        own, *_ = np.linalg.lstsq(free[:, :begin].T, rest[:begin], rcond=1e-3)
+        return np.asarray(y - rest + own @ free)
+
+
+def columns(sections: Sections, u: Array, h: float, length: float) -> tuple[Array, Array]:
+    """Responses (k, n) of each section's states to the input, held over a step, and (m, n) from each initial state."""
+    n = u.size
+    driven: list[Array] = []
+    free: list[Array] = []
+    impulse = np.zeros(n)
+    impulse[0] = 1.0
+    for a in sections.first:
+        decay = np.exp(-a * h)
+        gain = max(a, 1.0 / length) * (-np.expm1(-a * h) / a if a * h > 1e-9 else h)
+        driven.append(lfilter([0.0, gain], [1.0, -decay], u))
+        free.append(lfilter([1.0], [1.0, -decay], impulse))
+    for w, zeta in sections.second:
+        # states: position over its static value, and speed over w times that
+        system = np.zeros((3, 3))
+        system[:2, :2] = [[0.0, w], [-w, -2.0 * zeta * w]]
+        system[1, 2] = w
+        whole = expm(system * h)
+        A, B = whole[:2, :2], whole[:2, 2]
+        bottom = [1.0, -float(np.trace(A)), float(np.linalg.det(A))]
+        # adj(zI - A) = zI + A - tr(A) I
+        adjoint = A - np.trace(A) * np.eye(2)
+        tops = np.stack([B, adjoint @ B], axis=1)
+        driven += [lfilter([0.0, *top], bottom, u) for top in tops]
+        starts = np.stack([np.eye(2), adjoint], axis=2)
+        free += [lfilter(starts[0, i], bottom, impulse) for i in range(2)]
+    if not driven:
+        driven.append(np.array(u, dtype=np.float64))
+    found = np.array(driven)
+    if sections.delay > 0.0:
+        time = np.arange(n) * h
+        found = np.array([np.interp(time - sections.delay, time, c) for c in found])
+    return found, np.array(free).reshape(len(free), n)
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a linear reference is fitted to.
+
+    Attributes:
+        u, y: (n,) input and output, every `h` s.
+        rows: weighs residuals: (k, n) -> (k, values).
+        block: (values,) block of each value, left out together.
+    """
+
+    u: Array
+    y: Array
+    h: float
+    rows: Rows
+    block: NDArray[np.int64]
+
+    @property
+    def length(self) -> float:
+        """Duration, s."""
+        return float(self.u.size * self.h)
+
+    def decaying(self, sections: Sections) -> Sections:
+        """The sections with modes that die out over the data."""
+        second = tuple((w, max(zeta, DECAY / (w * self.length))) for w, zeta in sections.second)
+        return Sections(sections.first, second, sections.delay)
+
+    def regressors(self, sections: Sections) -> Array:
+        """(n-columns, n) everything that enters linearly."""
+        driven, free = columns(sections, self.u, self.h, self.length)
+        return np.concatenate([driven, free, np.ones((1, self.u.size))])
+
+    def solved(self, sections: Sections, target: Array) -> tuple[Array, Array, Array]:
+        """Gains, weighed regressors (values, k) and residuals (values,) with these poles."""
+        matrix = self.rows(self.regressors(sections)).T
+        sizes = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
+        sizes[sizes < 1e-12 * max(float(sizes.max()), 1e-300)] = np.inf
+        scaled = matrix / sizes
+        gram = scaled.T @ scaled
+        gram[np.diag_indices_from(gram)] += 1e-10
+        gains = np.linalg.solve(gram, scaled.T @ target)
+        return gains / sizes, matrix, target - scaled @ gains
+
+
+def reference(data: Data, highest: int = HIGHEST) -> LinearModel:
+    """The linear model whose order predicts left-out blocks best; of nearly equal ones the lowest order.
+
+    Args:
+        data: input, output and their weights.
+        highest: order that is tried.
+    """
+    target = data.rows(data.y[None])[0]
+    best = model_of(data, Sections(), target)
+    found = [best]
+    missed = 0
+    for _ in range(highest):
+        starts = list(wider(data, found, target))
+        if not starts:
+            break
+        model = model_of(data, refined(data, starts, target), target)
+        found.append(model)
+        better = gain_between(model.left_out / scale_of(best), best.left_out / scale_of(best), data.block)
+        if better.sure and scale_of(model) < (1.0 - WORTH) * scale_of(best):
+            best, missed = model, 0
+        else:
+            missed += 1
+        if missed == 2:
+            break
+    return best
+
+
+def scale_of(model: LinearModel) -> float:
+    """Size of what a model leaves of left-out blocks."""
+    return max(float(np.sqrt(np.mean(model.left_out**2))), 1e-300)
+
+
+def wider(data: Data, found: list[LinearModel], target: Array) -> Iterator[Sections]:
+    """Where the search for the next order begins: one more first-order section, or one more of second order."""
+    low, high = limits(data)
+    rates = np.geomspace(max(low, 1.0 / data.length), 0.5 * high, FREQUENCIES)
+    base = found[-1].sections
+    delays = (0.0, data.h, 3.0 * data.h, 8.0 * data.h) if base.order == 0 else (base.delay,)
+    one = [Sections((*base.first, a), base.second, d) for a, d in product([low, *rates], delays)]
+    yield promising(data, one, target)
+    if len(found) > 1:
+        before = found[-2].sections
+        two = [before.more(second=(w, z)) for w, z in product(rates, DAMPINGS)]
+        yield promising(data, two, target)
+
+
+def promising(data: Data, listed: list[Sections], target: Array) -> Sections:
+    """The one of several sets of sections that explains most."""
+
+    def left(sections: Sections) -> float:
+        residuals = data.solved(data.decaying(sections), target)[2]
+        return float(residuals @ residuals)
+
+    return min(listed, key=left)
+
+
+def limits(data: Data) -> tuple[float, float]:
+    """Slowest and quickest pole that is sought, 1/s."""
+    return SLOWEST / data.length, QUICKEST / data.h
+
+
+def refined(data: Data, starts: list[Sections], target: Array) -> Sections:
+    """The best of the searches from these starts, over poles and delay."""
+    low, high = np.log(limits(data))
+    best, reached = starts[0], np.inf
+    for start in starts:
+        one, two = len(start.first), len(start.second)
+        least = np.array([low] * one + [low, np.log(DAMPING[0])] * two + [0.0])
+        most = np.array([high] * one + [high, np.log(DAMPING[1])] * two + [LATEST * data.h])
+        size = np.array([1.0] * (one + 2 * two) + [5.0 * data.h])
+        begin = np.clip(start.coordinates(), least + 1e-6 * size, most - 1e-6 * size)
+        scale = max(float(np.sqrt(target @ target)), 1e-300)
+
+        def cost(x: Array, start: Sections = start, scale: float = scale) -> Array:
+            return data.solved(data.decaying(start.moved(x)), target)[2] / scale
+
+        found = least_squares(
+            cost,
+            begin,
+            bounds=(least, most),
+            x_scale=size,
+            diff_step=1e-4,
+            ftol=1e-4,
+            xtol=1e-4,
+            gtol=1e-10,
+            max_nfev=max(4, EVALUATIONS // (begin.size + 1)),
+        )
+        if found.cost < reached:
+            best, reached = data.decaying(start.moved(found.x)), float(found.cost)
+    return best
+
+
+def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
+    """The model with these poles, and what it leaves of blocks that are left out."""
+    gains, matrix, residuals = data.solved(sections, target)
+    place = sections.coordinates()
+    slopes = [-matrix]
+    for i in range(place.size if sections.order else 0):
+        step = 1e-4 * (data.h if i == place.size - 1 else 1.0)
+        up = place.copy()
+        up[i] += step
+        other = data.rows(data.regressors(sections.moved(up)))
+        slopes.append(-((gains @ other - gains @ matrix.T) / step)[:, None])
+    jacobian = np.concatenate(slopes, axis=1)
+    sizes = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian))
+    jacobian = jacobian[:, sizes > 0.0] / sizes[sizes > 0.0]
+    return LinearModel(
+        sections,
+        gains,
+        data.h,
+        data.length,
+        residuals,
+        left_out(residuals, jacobian, data.block),
+    )

@@ -1,0 +1,104 @@
+"""The linear reference finds order, poles and delay of known systems, and nothing where there is nothing."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter
+
+from cosim.inference.linear import Data, reference
+
+Array = NDArray[np.float64]
+H = 0.02
+COUNT = 1500
+
+
+def command(seed: int) -> Array:
+    return np.repeat(np.random.default_rng(seed).uniform(-1.0, 1.0, COUNT // 30), 30)
+
+
+def response(top: list[float], bottom: list[float], u: Array, late: int = 0) -> Array:
+    b, a, _ = cont2discrete((top, bottom), H)
+    y = lfilter(np.ravel(b), a, u)
+    return np.concatenate([np.zeros(late), y[: y.size - late]])
+
+
+def data(u: Array, y: Array) -> Data:
+    return Data(u, y, H, lambda rows: rows, np.arange(u.size) * 8 // u.size)
+
+
+def noisy(y: Array, seed: int = 0, share: float = 0.01) -> Array:
+    return y + share * np.std(y) * np.random.default_rng(100 + seed).standard_normal(y.size)
+
+
+@pytest.mark.parametrize(
+    ("top", "bottom", "poles"),
+    [
+        ([8.0], [1.0, 4.0], [-4.0]),
+        ([30.0], [1.0, 5.5, 30.0], [-2.75 - 4.737j, -2.75 + 4.737j]),
+        (
+            [1.0, 3.0, 9000.0],
+            list(np.polymul([1.0, 0.4, 25.0], [1.0, 1.0, 400.0])),
+            [-0.2 - 4.996j, -0.2 + 4.996j, -0.5 - 19.994j, -0.5 + 19.994j],
+        ),
+    ],
+    ids=["lag", "mode", "two modes"],
+)
+def test_order_and_poles_are_those_of_the_system(
+    top: list[float], bottom: list[float], poles: list[complex]
+) -> None:
+    u = command(3)
+    found = reference(data(u, noisy(response(top, bottom, u)) + 0.3))
+    assert found.order == len(poles)
+    # a percent of noise: poles to two percent of the quickest
+    assert np.allclose(
+        sorted(found.sections.poles, key=lambda p: (abs(p), p.imag)), poles, atol=0.02 * abs(poles[-1])
+    )
+
+
+def test_a_delay_and_an_integrator_are_found() -> None:
+    u = command(4)
+    found = reference(data(u, noisy(response([10.0], [1.0, 4.4, 0.0], u, late=3), share=1e-4)))
+    assert found.integrates
+    # the drift of an integrator is large beside what a delay changes: known to a sample
+    assert found.sections.delay == pytest.approx(3 * H, abs=H)
+
+
+def test_the_error_on_another_record_is_the_noise_though_it_starts_elsewhere() -> None:
+    u, other = command(5), command(6)
+    system = ([30.0], [1.0, 5.5, 30.0])
+    found = reference(data(u, noisy(response(*system, u)) + 0.3))
+    start = np.exp(-2.75 * H * np.arange(COUNT)) * np.cos(4.737 * H * np.arange(COUNT))
+    clean = response(*system, other) + 0.3 + start
+    y = noisy(clean, 7)
+    error = np.sqrt(np.mean((found.simulate(other, y, H) - clean) ** 2))
+    assert error < 0.01 * np.std(clean)
+
+
+def test_noise_alone_has_no_order() -> None:
+    u = command(8)
+    found = reference(data(u, np.random.default_rng(9).standard_normal(COUNT)))
+    assert found.order == 0
+
+
+def test_a_dead_zone_is_no_linear_system() -> None:
+    u = command(10)
+    v = np.sign(u) * np.maximum(np.abs(u) - 0.4, 0.0)
+    y = response([8.0], [1.0, 4.0], v)
+    found = reference(data(u, noisy(y)))
+    assert np.std(found.left_out) > 0.1 * np.std(y)
+
+
+@settings(max_examples=8)
+@given(
+    rate=st.floats(0.5, 10.0), gain=st.floats(0.1, 10.0), offset=st.floats(-3.0, 3.0), seed=st.integers(0, 99)
+)
+def test_scaling_and_shifting_the_output_change_nothing_else(
+    rate: float, gain: float, offset: float, seed: int
+) -> None:
+    u = command(seed)
+    y = noisy(response([rate], [1.0, rate], u), seed, 0.05)
+    one, other = reference(data(u, y), highest=2), reference(data(u, gain * y + offset), highest=2)
+    assert one.order == other.order
+    assert np.std(other.left_out) == pytest.approx(gain * np.std(one.left_out), rel=1e-2)
