@@ -4,19 +4,24 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.compare.metrics import rms
 from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.extend import closed, fitted_chain, write_extended
+from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.freerun import refitted
 from cosim.diagnosis.gain import measure, run_package
 from cosim.diagnosis.group_model import standing
 from cosim.diagnosis.groups import Group
+from cosim.diagnosis.heldout import Refused
+from cosim.diagnosis.naming import worth_naming
 from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.together import weighed
-from cosim.diagnosis.trials import FREE
-from cosim.diagnosis.verdict import stands
+from cosim.diagnosis.trials import FREE, Trial, without
+from cosim.diagnosis.verdict import rests, stands
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
 
@@ -49,6 +54,11 @@ def estimate(
         mask = ~held_windows(count) if diagnosis.held is None else None
         near_fit = (finding.chosen if stands(finding) else finding.null).fit
         best = refitted(finding, effects, tolerance, near_fit, mask)
+        while lost := vanished(finding, effects, best, tolerance):
+            effects = tuple(e for e in effects if e is not lost)
+            fewer = refitted(finding, effects, tolerance, near_fit, mask)
+            turn_down(diagnosis, finding, lost, best, fewer, tolerance)
+            best = fewer
         diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
         diagnosis.correlations = best.correlations
         if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
@@ -68,6 +78,26 @@ def estimate(
     diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
     diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
     diagnosis.start = {n: chain.values[n] for n in start}
+
+
+def vanished(finding: Finding, effects: tuple[Effect, ...], found: Fit, tolerance: float) -> Effect | None:
+    """An effect of which a free run over the log leaves nothing, or nothing that is determined."""
+    trial = Trial(effects, found, 0)
+    named = (e for e in effects if e.name not in SAMPLED)
+    return next((e for e in named if not worth_naming(trial, e, finding.task.model, tolerance)), None)
+
+
+def turn_down(
+    diagnosis: Diagnosis, finding: Finding, effect: Effect, with_it: Fit, without_it: Fit, tolerance: float
+) -> None:
+    """Take a cause back of which the free run leaves nothing."""
+    name, signal = finding.task.model.group.name, next(iter(finding.task.measured))
+    before, after = rms(without_it.residuals[signal]), rms(with_it.residuals[signal])
+    gain = next(c.gain for c in diagnosis.causes if c.effect is effect)
+    diagnosis.refused.append(Refused(effect, name, signal, gain, before, after, sure=False))
+    diagnosis.causes = [c for c in diagnosis.causes if c.effect is not effect]
+    finding.accept(without(finding.task, finding.chosen, effect, finding.null, tolerance), diagnosis.record)
+    diagnosis.rests = [r for r in diagnosis.rests if r.block != name] + rests(finding, tolerance)
 
 
 def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:

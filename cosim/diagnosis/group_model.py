@@ -21,6 +21,8 @@ def compiled_stage(component: str, block: str) -> CompiledBlock:
 def standing(start: Mapping[str, float], settings: Mapping[str, float]) -> dict[str, float]:
     """Angles at which the drive stands at the start, rad, where the sensor reads these; its gain and bias are settings."""
     gain, bias = settings.get("sensor.gain", 1.0), settings.get("sensor.bias", 0.0)
+    if gain == 0.0:  # a sensor that shows nothing says nothing of the start
+        return dict.fromkeys(start, 0.0)
     return {name: (reading - bias) / gain for name, reading in start.items()}
 
 

@@ -8,6 +8,7 @@ from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.schema import (
     RefusedCause,
 )
+from cosim.inference.held_out import ratio_ci95
 from cosim.logs import Log
 
 
@@ -128,6 +129,14 @@ def limits(diagnosis: Diagnosis, log: Log) -> list[str]:
             f"the log lasts {log.duration:.0f} s; the diagnosis used the {end - start:.0f} s from {start:.6g} s on, "
             "whose command visits most, and times in it count from there"
         )
+    for signal, linear in diagnosis.references.items():
+        low, _ = ratio_ci95(linear.ours, linear.squares)
+        if diagnosis.causes and low > 1.0:
+            unit, scale = shown(signal)
+            found.append(
+                f"a linear model ({linear.words}) predicts {signal} better on data held out than the extended model: "
+                f"{linear.error * scale:.4g} against {linear.ours_error * scale:.4g} {unit}"
+            )
     return found + [
         f"from {item.start:.0f} to {item.end:.0f} s the extended model's error in {item.signal} is "
         f"{item.ratio:.3g} times that in the stretch used: something else happens there"

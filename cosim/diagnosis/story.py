@@ -322,6 +322,7 @@ def stages(
     concluded(found)
     enter(found, watch, "extended", "extended model")
     estimate(found, found.groups, trust, constants)
+    concluded(found)
     if part is not log:
         pieces = ((p, prepare(p, found.machine)) for p in others(log, part))
         found.elsewhere = elsewhere(found, pieces, constants | found.values)

@@ -1,0 +1,79 @@
+"""Machines that no model of ours describes well: what is named on them, and what is not (logs computed here, synthetic)."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter
+
+from cosim.diagnosis.answer import answer
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.story import diagnose
+from cosim.logs import Log
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+
+Array = NDArray[np.float64]
+H = 0.02
+COUNT = 3000
+
+
+def through(top: list[float], bottom: list[float], u: Array) -> Array:
+    """Response of a transfer function to a held input."""
+    b, a, _ = cont2discrete((top, bottom), H)
+    return np.asarray(lfilter(np.ravel(b), a, u))
+
+
+def command() -> Array:
+    return np.repeat(np.random.default_rng(7).uniform(-1.0, 1.0, COUNT // 25), 25)
+
+
+def log_of(u: Array, angle: Array) -> Log:
+    """A log of command and angle, with noise of 2e-4 rad."""
+    like = as_log(make_log("mixed", 21.0, [], seed=1))
+    noisy = angle + 2e-4 * np.random.default_rng(8).standard_normal(COUNT)
+    return dataclasses.replace(like, time=np.arange(COUNT) * H, signals={"u": u, "slew": noisy})
+
+
+@pytest.fixture(scope="module")
+def arm() -> tuple[Log, Diagnosis]:
+    """A linear drive whose arm swings at 6 rad/s, which the model does not have."""
+    u = command()
+    angle = through([36.0], [1.0, 0.36, 36.0], through([0.1745], [1.0, 4.4, 0.0], u))
+    log = log_of(u, angle)
+    return log, diagnose(log, model="simplified", calibrate=True)
+
+
+def test_missing_linear_dynamics_are_told_and_nothing_else_is_named_on_top(
+    arm: tuple[Log, Diagnosis],
+) -> None:
+    found = arm[1]
+    assert found.causes == []
+    assert found.verdict == "unexplained"
+    (rest,) = [r for r in found.rests if r.what.startswith("linear dynamics are missing")]
+    assert "a mode at 6 rad/s" in rest.what
+
+
+def test_the_linear_reference_stands_beside_the_answer(arm: tuple[Log, Diagnosis]) -> None:
+    said = answer(arm[1], arm[0], None).linear["slew"]
+    assert said.rmse < 0.1 * said.rmse_extended
+    assert said.ci95_of_ratio[0] > 10.0
+    assert any(abs(complex(*pole)) == pytest.approx(6.0, rel=0.02) for pole in said.poles)
+
+
+def test_a_wide_dead_zone_is_named_though_much_is_left() -> None:
+    """A lag, a disturbance and a ripple that no hypothesis has are left over: held-out windows tell, no share of it."""
+    u = command()
+    # the model's compensator adds 0.45 and 0.40 of command, its valve takes them away again: here it takes 0.25 more
+    moved = np.sign(u) * np.maximum(np.abs(u) - 0.25, 0.0)
+    angle = through([1.0], [0.05, 1.0], through([0.297], [1.0, 7.0, 0.0], moved))
+    time = np.arange(COUNT) * H
+    angle = angle + 2e-3 * np.cumsum(np.sin(0.44 * time) * H) + 4e-3 * np.sin(60.0 * angle)
+    found = diagnose(log_of(u, angle), model="simplified", calibrate=True)
+    assert [c.effect.name for c in found.causes] == ["dead_zone.mismatch"]
+    assert found.verdict == "partly_explained"
+    # what is left bends the edges, and the intervals know it
+    for name, edge in (("dead_zone.b_r", 0.70), ("dead_zone.b_l", -0.65)):
+        reach = 1.96 * found.deviations[name]
+        assert abs(found.values[name] - edge) < reach < 0.2
