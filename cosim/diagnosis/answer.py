@@ -27,6 +27,7 @@ from cosim.diagnosis.remarks import (
 from cosim.diagnosis.schema import (
     Answer,
     Correlated,
+    DataFinding,
     LinearReference,
     Location,
     NamedCause,
@@ -74,6 +75,10 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         held_out=held_out(diagnosis),
         held_out_from=held_from(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],
+        data=[
+            DataFinding(signal=d.signal, finding=d.finding, remedy=d.remedy, factor=d.factor)
+            for d in diagnosis.data
+        ],
         linear={s: linear(s, item) for s, item in diagnosis.references.items()},
         linear_blocks=linear_blocks(diagnosis),
         words=words(diagnosis),
@@ -148,7 +153,10 @@ def localisation(diagnosis: Diagnosis) -> list[Location]:
 def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
     """One cause with its parameters, evidence and rivals."""
     parameters = {}
+    nothing = unmoved(diagnosis, cause)
     for parameter, name in names_of(cause.effect).items():
+        if parameter in nothing:
+            continue
         variable = declared(cause.effect, parameter)
         value, deviation = cause.parameters[parameter]
         value = diagnosis.values.get(name, value)
@@ -177,6 +185,19 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         rivals=rivals,
         indistinguishable_from=cause.alike,
     )
+
+
+def unmoved(diagnosis: Diagnosis, cause: Cause) -> set[str]:
+    """Parameters of a cause that stay at their nominal value and of which the log says nothing, where others do move."""
+    finding = diagnosis.findings.get(cause.group)
+    if finding is None:
+        return set()
+    still = {
+        p
+        for p, n in names_of(cause.effect).items()
+        if cause.parameters[p][1] == 0.0 and cause.parameters[p][0] == finding.task.model.nominal(n)
+    }
+    return still if len(still) < len(cause.parameters) else set()
 
 
 def reason(behind: float, alike: bool) -> str:

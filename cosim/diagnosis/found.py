@@ -12,6 +12,7 @@ from cosim.diagnosis.floors import floor_of
 from cosim.diagnosis.gain import Gain
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.heldout import Held, Refused
+from cosim.diagnosis.labels import Contradiction
 from cosim.diagnosis.machine import Machine
 from cosim.diagnosis.naming import Finding
 from cosim.diagnosis.reference import Reference
@@ -42,12 +43,14 @@ class Diagnosis:
     """Everything the diagnosis found.
 
     Attributes:
-        verdict: "adequate", "explained", "partly_explained" or "unexplained"; "interrupted" until all is judged.
+        verdict: "adequate", "explained", "partly_explained", "unexplained" or "implausible_data"; "interrupted" until all is
+            judged.
         record: the prepared log, or the stretch of it that the fits use.
         machine: the model.
         groups: its groups, as far as this log tells them apart.
         findings: group -> what was found in it, for the groups that could be judged.
         unjudged: group -> the signals whose absence keeps it from being judged.
+        data: labels of the log that its data contradict; nothing else is judged then.
         causes: named causes, the largest gain first.
         rests: what stays unexplained.
         never: effects that the log could not have shown.
@@ -75,6 +78,7 @@ class Diagnosis:
     groups: tuple[Group, ...]
     findings: dict[str, Finding] = field(default_factory=dict)
     unjudged: dict[str, list[str]] = field(default_factory=dict)
+    data: list[Contradiction] = field(default_factory=list)
     causes: list[Cause] = field(default_factory=list)
     rests: list[Rest] = field(default_factory=list)
     never: list[str] = field(default_factory=list)

@@ -158,6 +158,8 @@ def show(result: Answer, out: Path) -> None:
     """Print the answer for people."""
     kind = "synthetic log" if result.synthetic else "measured log"
     stdout_console().print(f"verdict: {result.verdict} ({kind}, model {result.model})")
+    for label in result.data:
+        stdout_console().print(f"data: {label.finding}: {label.remedy}", markup=False)
     for cause in result.causes:
         numbers = ", ".join(
             f"{n} = {p.value:.6g} {p.unit} ({p.ci95[0]:.6g} to {p.ci95[1]:.6g})"

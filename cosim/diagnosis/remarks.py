@@ -111,7 +111,11 @@ def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
     found = {g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()}
     for group in diagnosis.groups:
         if group.name not in found and group.name not in diagnosis.findings:
-            found[group.name] = "the diagnosis was interrupted before it was judged"
+            found[group.name] = (
+                "the data contradict their labels"
+                if diagnosis.data
+                else "the diagnosis was interrupted before it was judged"
+            )
     return found
 
 
@@ -130,11 +134,12 @@ def limits(diagnosis: Diagnosis, log: Log) -> list[str]:
             "whose command visits most, and times in it count from there"
         )
     for signal, linear in diagnosis.references.items():
-        low, _ = ratio_ci95(linear.ours, linear.squares)
-        if diagnosis.causes and low > 1.0:
+        low, high = ratio_ci95(linear.ours, linear.squares)
+        if diagnosis.rests and high > 1.0:
             unit, scale = shown(signal)
+            how = "better than" if low > 1.0 else "no clearly worse than"
             found.append(
-                f"a linear model ({linear.words}) predicts {signal} better on data held out than the extended model: "
+                f"on data held out a linear model ({linear.words}) predicts {signal} {how} the extended model: "
                 f"{linear.error * scale:.4g} against {linear.ours_error * scale:.4g} {unit}"
             )
     return found + [

@@ -150,10 +150,21 @@ class Separable(Model):
     effects: list[str]
 
 
+class DataFinding(Model):
+    """A label of the log that its data contradict; `factor`: by which the values are too large as labelled."""
+
+    signal: str
+    finding: str
+    remedy: str
+    factor: float | None = None
+
+
 class Answer(Model):
     """The whole diagnosis; "interrupted" is the verdict of one that Ctrl-C ended before all blocks were judged."""
 
-    verdict: Literal["adequate", "explained", "partly_explained", "unexplained", "interrupted"]
+    verdict: Literal[
+        "adequate", "explained", "partly_explained", "unexplained", "implausible_data", "interrupted"
+    ]
     synthetic: bool
     model: str
     signals: dict[str, Signal]
@@ -172,6 +183,7 @@ class Answer(Model):
     held_out: str = "every third window of the log"
     held_out_from: float | None = None
     refused: list[RefusedCause] = []
+    data: list[DataFinding] = []  # with the verdict implausible_data
     linear: dict[str, LinearReference] = {}  # signal -> the linear reference, command to signal
     linear_blocks: dict[
         str, LinearReference

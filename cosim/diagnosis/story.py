@@ -19,6 +19,7 @@ from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.heldout import Held, Refused, reconsider, refuse
+from cosim.diagnosis.labels import clock, contradictions, rescaled
 from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, rivals, tried
@@ -281,11 +282,19 @@ def diagnose(
     part = log
     if log.time_unit == "s" and machine.options.held_out_from is None:
         part = chosen_stretch(log, machine.drive, from_start=tracker is not None)
+    told = clock(part, lambda log: prepare(log, machine), machine, trust < FREE)
+    if told:
+        part = rescaled(part, 1.0 / (told[0].factor or 1.0))
     record, held = parted(prepare(part, machine), machine)
     if held_out is not None:
         held = Held(prepare(held_out, machine), 0, held_out.name, held_out.sha256)
     found = Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals))
     found.span, found.held = (float(part.time[0]), float(part.time[-1])), held
+    found.data = told or contradictions(part, record, machine, trust < FREE)
+    if found.data:
+        found.verdict = "implausible_data"
+        found.before = by_twin(found, record, machine.base)
+        return found
     watch = watch or Watch()
     try:
         # small matrices: more threads only wait for one another

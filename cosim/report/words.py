@@ -227,6 +227,9 @@ def sentence(material: Material) -> str:
             f"The simulation agrees with the log: in {judged}, what is left is no more than noise and the tolerance "
             "of the nominal parameters allow."
         )
+    if answer.data:
+        told_of = "; ".join(f"{d.finding}: {d.remedy}" for d in answer.data)
+        return f"The data contradict their labels, so no cause was looked for. {told_of}."
     if answer.verdict == "interrupted":
         judged = listed([block_name(name) for name in material.parts] or ["no block"])
         if not answer.causes:

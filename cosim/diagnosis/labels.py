@@ -1,0 +1,285 @@
+"""A log held against its own labels (CONTRACT section 9), before any physical cause is looked for.
+
+A unit that is off by a known factor, a reversed sign, two columns exchanged, a signal that never moves or a clock in another
+unit change what a block seems to do far beyond any fault: its gain against the nominal model is off by that factor, and the
+shape is right all the same. Each such mistake is tried, and told if it alone makes all blocks plausible.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.chain import WINDOW, fixed_values
+from cosim.diagnosis.data import Record
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.groups import Group, merged
+from cosim.diagnosis.machine import Machine
+from cosim.errors import CosimError
+from cosim.logs import Log
+from cosim.signals import SIGNALS
+from cosim.units import factor
+
+Array = NDArray[np.float64]
+Signals = Mapping[str, Array]
+
+USUAL = (1.0 / 3.0, 3.0)  # gain of a block against the nominal one: no fault of the library goes beyond
+SHAPE = 0.8  # correlation with the nominal prediction from which the shape is right
+CLOCK = 0.9  # the same where the clock itself is in question: nothing but the truth comes so near
+MOVES = 0.01  # of a signal's plausible range that the model must predict where a signal is said never to move
+BALANCE = (0.05, 0.2)  # relative error of p_a + p_b = p_supply that is as it should be, and that is not
+WRAPS = 2  # jumps by a whole turn that make an angle one that wraps
+UNITS = {
+    "rad": ("deg", "rad", "rev"),
+    "m": ("m", "cm", "mm", "in"),
+    "Pa": ("Pa", "kPa", "MPa", "bar", "psi"),
+    "1": ("1", "%"),
+    "rad/s": ("deg/s", "rad/s"),
+}
+TIMES = {"ms labelled s": 1e-3, "us labelled s": 1e-6, "min labelled s": 60.0, "s labelled ms": 1e3}
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """A label that the data contradict.
+
+    Attributes:
+        signal: the signal, "time" for the clock.
+        finding: in words.
+        factor: by which its values are too large as labelled; None where it is no factor.
+        remedy: what to do.
+    """
+
+    signal: str
+    finding: str
+    remedy: str
+    factor: float | None = None
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake in the labels that is tried.
+
+    Attributes:
+        told: what would be said of it.
+        undone: signals as they would be without it.
+    """
+
+    told: Contradiction
+    undone: Callable[[Signals], dict[str, Array]] = field(repr=False)
+
+
+def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) -> list[Contradiction]:
+    """What the data say against their labels; nothing for nearly every log.
+
+    Args:
+        log: the log as read.
+        record: the same prepared.
+        machine: the model.
+        trusted: its nominal parameters are known; of one whose gains are not only the signs can be held against the log.
+    """
+    found = [*still(record, machine), *wrapping(record)]
+    if found:
+        return found
+    groups = merged(machine.groups, record.signals)
+    as_labelled = shapes(record, record.signals, groups)
+    shape = SHAPE
+    if plausible(as_labelled):
+        # the command passes a dead zone and limits: a wrong unit of it spoils the shape, not the gain
+        usual = in_range(record, machine.drive) and as_labelled and abs(as_labelled[0][1]) >= SHAPE
+        if not trusted or not as_labelled or usual:
+            return exchanged_with_supply(record.signals)
+        shape = CLOCK
+    mistakes = [*signs(record, groups)]
+    if trusted:
+        mistakes += [*units(log, record)]
+    tried = ((m, shapes(record, m.undone(record.signals), groups)) for m in mistakes)
+    right = [(min(abs(r) for _, r in each), m) for m, each in tried if plausible(each, shape)]
+    return [max(right, key=lambda item: item[0])[1].told] if right else exchanged_with_supply(record.signals)
+
+
+def in_range(record: Record, name: str) -> bool:
+    """True if a signal keeps to its plausible range, or half as much again."""
+    most = float(np.max(np.abs(record.signals[name])))
+    return name not in SIGNALS or most <= 1.5 * max(abs(SIGNALS[name].low), abs(SIGNALS[name].high))
+
+
+def shapes(record: Record, signals: Signals, groups: tuple[Group, ...]) -> list[tuple[float, float]]:
+    """Gain and correlation of each group's first signal against the nominal prediction, as far as both were measured."""
+    found = []
+    for group in groups:
+        if group.drive not in signals or group.observed[0] not in signals:
+            continue
+        own = Record(record.h, dict(signals), record.grid, record.rest)
+        model = GroupModel(group, signals[group.drive], record.h, fixed_values(own, group), record.grid)
+        y, predicted = signals[group.observed[0]], model.simulate({})[group.observed[0]]
+        rows = [centred(values, record.h, group.integrates) for values in (y, predicted)]
+        sizes = [float(np.sqrt(row @ row)) for row in rows]
+        if sizes[0] <= 0.0 or not np.all(np.isfinite(sizes)):
+            continue
+        if sizes[1] <= 0.0:  # the model would stand still
+            found.append((np.inf, 0.0))
+            continue
+        product = float(rows[0] @ rows[1])
+        found.append((product / sizes[1] ** 2, product / (sizes[0] * sizes[1])))
+    return found
+
+
+def centred(values: Array, h: float, windows: bool) -> Array:
+    """A signal without its mean, or each of its windows of some 5 s without its own where it drifts."""
+    count = max(1, round(values.size * h / WINDOW)) if windows else 1
+    return np.concatenate([part - part.mean() for part in np.array_split(values, count)])
+
+
+def plausible(each: list[tuple[float, float]], shape: float = 0.0) -> bool:
+    """True if no block's gain is beyond all faults while its shape is right; with `shape`, all shapes must be right."""
+    if not each:
+        return not shape
+    inside = [USUAL[0] <= gain <= USUAL[1] for gain, _ in each]
+    if shape:
+        return all(ok and r >= shape for ok, (_, r) in zip(inside, each, strict=True))
+    return all(ok or abs(r) < SHAPE for ok, (_, r) in zip(inside, each, strict=True))
+
+
+def scaled(names: tuple[str, ...], by: float) -> Callable[[Signals], dict[str, Array]]:
+    """Signals with some of them divided by a factor; the load pressure follows its ports."""
+
+    def undone(signals: Signals) -> dict[str, Array]:
+        found = {n: v / by if n in names else v for n, v in signals.items()}
+        if {"p_a", "p_b"} & set(names) and {"p_a", "p_b"} <= set(found):
+            found["p_load"] = found["p_a"] - found["p_b"]
+        return found
+
+    return undone
+
+
+def signs(record: Record, groups: tuple[Group, ...]) -> Iterator[Mistake]:
+    """Each signal with its sign reversed, and the ports of the load pressure exchanged."""
+    used = dict.fromkeys(n for g in groups for n in (g.drive, g.observed[0]) if n in record.signals)
+    for name in used:
+        if name == "p_load" and "p_a" in record.signals:
+            told = Contradiction(
+                "p_a", "p_a and p_b look exchanged", "exchange the two columns in the file or the mapping"
+            )
+        else:
+            remedy = f"give {name} the other sign: gain = -1 in its table of a mapping"
+            told = Contradiction(name, f"{name} looks reversed in sign", remedy, -1.0)
+        yield Mistake(told, scaled((name,), -1.0))
+
+
+def units(log: Log, record: Record) -> Iterator[Mistake]:
+    """Each signal in each other unit of its dimension."""
+    pressures = tuple(n for n in ("p_a", "p_b") if n in record.signals)
+    single = [(n,) for n in record.signals if n in SIGNALS and n not in ("p_load", "p_supply")]
+    for names in [pressures, *single] if len(pressures) == 2 else single:
+        si = SIGNALS[names[0]].si
+        who = " and ".join(names)
+        # the unit in which people read it is the likeliest to have been meant or written
+        usual = log.display.get(names[0], SIGNALS[names[0]].unit)
+        pairs = sorted(permutations(UNITS.get(si, ()), 2), key=lambda pair: usual not in pair)
+        seen: list[float] = []
+        for labelled, true in pairs:
+            by = factor(labelled, si) / factor(true, si)
+            if any(abs(by / other - 1.0) < 1e-6 for other in seen):
+                continue
+            seen.append(by)
+            told = Contradiction(
+                names[0], f"{who}: looks like {true} labelled {labelled}", f"label {who} [{true}]", by
+            )
+            yield Mistake(told, scaled(names, by))
+
+
+def exchanged_with_supply(signals: Signals) -> list[Contradiction]:
+    """A port's pressure and the supply's exchanged: p_a + p_b = p_supply then holds the other way round only."""
+    if not {"p_a", "p_b", "p_supply"} <= set(signals):
+        return []
+    means = {n: float(np.mean(signals[n])) for n in ("p_a", "p_b", "p_supply")}
+    whole = max(abs(v) for v in means.values())
+
+    def error(port: str, other: str, supply: str) -> float:
+        return abs(means[port] + means[other] - means[supply]) / max(whole, 1e-300)
+
+    if error("p_a", "p_b", "p_supply") < BALANCE[1]:
+        return []
+    for port, other in (("p_a", "p_b"), ("p_b", "p_a")):
+        if error("p_supply", other, port) < BALANCE[0]:
+            finding = f"{port} and p_supply look exchanged"
+            return [Contradiction(port, finding, "exchange the two columns in the file or the mapping")]
+    return []
+
+
+def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
+    """Signals that never move although the others do."""
+    moving = {n: float(np.ptp(v)) > 0.0 for n, v in record.signals.items()}
+    remedy = "check sensor and wiring, or leave the column out"
+    if not moving[machine.drive]:
+        yield Contradiction(
+            machine.drive, f"{machine.drive} never moves", "check that this column is the command"
+        )
+        return
+    for one, other in (("p_a", "p_b"), ("p_b", "p_a")):
+        if not moving.get(one, True) and moving.get(other, False):
+            yield Contradiction(one, f"{one} never moves", remedy)
+    for group in merged(machine.groups, record.signals):
+        name = group.observed[0]
+        if moving.get(name, True) or group.drive not in record.signals or name not in SIGNALS:
+            continue
+        drive = record.signals[group.drive]
+        model = GroupModel(group, drive, record.h, fixed_values(record, group), record.grid)
+        most = SIGNALS[name].high - SIGNALS[name].low
+        if float(np.ptp(model.simulate({})[name])) > MOVES * most:
+            yield Contradiction(name, f"{name} never moves", remedy)
+
+
+def wrapping(record: Record) -> Iterator[Contradiction]:
+    """Angles that jump by a whole turn."""
+    for name, values in record.signals.items():
+        if name not in SIGNALS or SIGNALS[name].si != "rad":
+            continue
+        jumps = np.abs(np.diff(values))
+        for turn, unit in ((2.0 * np.pi, "360 deg"), (360.0, "360 rad")):
+            near = np.abs(jumps - turn) < 0.1 * turn
+            # what lies between is smooth
+            if near.sum() >= WRAPS and np.quantile(jumps[~near], 0.999) < 0.1 * turn:
+                finding = f"{name} wraps: it jumps by {unit} {int(near.sum())} times"
+                yield Contradiction(name, finding, "unwrap the angle before the diagnosis (numpy.unwrap)")
+
+
+def rescaled(log: Log, scale: float) -> Log:
+    """The log with its time from zero, times a factor."""
+    return replace(log, time=(log.time - log.time[0]) * scale)
+
+
+def clock(
+    log: Log, prepared: Callable[[Log], Record], machine: Machine, trusted: bool
+) -> list[Contradiction]:
+    """The clock in another unit than it claims: only then do the blocks move as they do.
+
+    Args:
+        log: the log as read, its time in s.
+        prepared: makes it ready.
+        machine: the model.
+        trusted: its nominal parameters are known.
+    """
+    if not trusted or machine.drive not in log:
+        return []
+    for said, scale in TIMES.items():
+        span = log.duration * scale
+        # as labelled it is no log of such a machine, and in the other unit it is
+        if not (5.0 <= span <= 3600.0 and 1e-4 <= log.step * scale <= 0.1) or 1e-4 <= log.step <= 0.1:
+            continue
+        try:
+            record = prepared(rescaled(log, scale))
+        except CosimError:
+            continue
+        each = shapes(record, record.signals, merged(machine.groups, record.signals))
+        if each and plausible(each, CLOCK):
+            true = said.partition(" ")[0]
+            return [
+                Contradiction(
+                    "time", f"time looks like {said}", f"label the column time [{true}]", 1.0 / scale
+                )
+            ]
+    return []
