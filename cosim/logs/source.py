@@ -30,16 +30,18 @@ class Label:
         name: the name without the unit; in files with folders or structs the whole path.
         unit: unit as written, None where there is none.
         alias: last part of the path, where the format has paths.
+        others: further names by which a mapping may call it.
     """
 
     text: str
     name: str
     unit: str | None
     alias: str | None = None
+    others: tuple[str, ...] = ()
 
     def called(self, name: str) -> bool:
-        """Whether `name` is this column's text, name or alias."""
-        return name in (self.text, self.name, self.alias)
+        """Whether `name` is this column's text, name, alias or one of its other names."""
+        return name in (self.text, self.name, self.alias, *self.others)
 
 
 def parse_label(text: str, unit: str | None = None, path: str = "") -> Label:

@@ -4,6 +4,7 @@ Rows are counted as an editor counts lines: the header is line 1.
 """
 
 import csv
+import dataclasses
 import io
 from array import array
 from collections.abc import Iterator, Sequence
@@ -14,8 +15,9 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from cosim.errors import DataError
+from cosim.logs import controldesk
 from cosim.logs.source import Array, Label, Source, parse_label
-from cosim.logs.window import Window, survey
+from cosim.logs.window import Window, head_text, survey
 
 _MISSING = [
     "",
@@ -49,6 +51,7 @@ class TextSource(Source):
         separator: column separator; by default the one in the header (``;`` before tab before ``,``).
         decimal: decimal sign; by default a point, or a comma where the cells show one.
         header: False for a file that starts with data; its columns are then named ``1``, ``2``, ...
+        encoding: of the header; by default UTF-8, or Windows-1252 where it is none.
 
     Raises:
         DataError: the file is empty, is no text, or has no data rows.
@@ -57,9 +60,14 @@ class TextSource(Source):
     row_word = "row"
 
     def __init__(
-        self, path: Path, separator: str | None = None, decimal: str | None = None, header: bool = True
+        self,
+        path: Path,
+        separator: str | None = None,
+        decimal: str | None = None,
+        header: bool = True,
+        encoding: str | None = None,
     ) -> None:
-        self._survey = survey(path)
+        self._survey = survey(path, encoding)
         first = self._survey.first_line
         self._separator = separator or next((sign for sign in (";", "\t") if sign in first), ",")
         self._decimal = decimal
@@ -69,14 +77,27 @@ class TextSource(Source):
             raise DataError(f"{path}: the header row cannot be read: {error}") from None
         self._width = len(cells)
         self._header = header
+        export = None
+        if header and cells[:1] == [controldesk.FIRST]:
+            export = controldesk.read_header(head_text(path, self._survey, encoding), self._separator)
+            if export is None:
+                raise DataError(
+                    f"{path}: row 1 is that of a ControlDesk export, but the lines 'trace_names' and 'trace_values' are"
+                    " not both there: export it again"
+                )
         if header and cells and all(_is_number(cell, ".") or _is_number(cell, ",") for cell in cells):
             raise DataError(
                 f"{path}: row 1 holds numbers, not names: a log starts with a header such as 'time [s],slew [deg]'"
             )
-        super().__init__(
-            path,
-            [parse_label(cell) if header else Label(str(k), str(k), None) for k, cell in enumerate(cells, 1)],
-        )
+        labels = [
+            parse_label(cell) if header else Label(str(k), str(k), None) for k, cell in enumerate(cells, 1)
+        ]
+        super().__init__(path, labels if export is None else export.labels)
+        self._announced = None
+        if export is not None:
+            before = self._survey.header_lines - 1
+            self._survey = dataclasses.replace(self._survey, header_lines=before + export.lines)
+            self._width, self._announced = len(export.labels), export.size
         self._end = self._survey.end
         self._rows: int | None = None
         self._check_end()
@@ -85,13 +106,14 @@ class TextSource(Source):
 
     def read(self, indices: Sequence[int]) -> list[Array]:
         """See `Source.read`."""
-        decimal = self._decimal or "."
         try:
-            return self._read_as(indices, decimal)
+            columns = self._read_as(indices, self._decimal or ".")
         except _DecimalCommaError:
             columns = self._read_as(indices, ",")
             self.warnings.append("numbers were read with a decimal comma")
-            return columns
+        if self._announced not in (None, self._rows):
+            self.warnings.append(f"{self._rows} rows were read, the header announces {self._announced}")
+        return columns
 
     def row(self, index: int) -> int:
         """See `Source.row`; blank lines are counted."""
