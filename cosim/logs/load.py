@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cosim.errors import DataError
 from cosim.logs.channels import MdfSource, TdmsSource
 from cosim.logs.choose import Pick, choose, choose_mapped
+from cosim.logs.jumps import describe, jumps
 from cosim.logs.log import Gap, Log, Tracker
 from cosim.logs.mapping import Mapping, load_mapping
 from cosim.logs.mat import MatSource
@@ -270,6 +271,7 @@ def _mend(
             valid[name] = mask
             notes.append(note)
         notes += _range_note(name, values, place, picks[name])
+        notes += _jump_note(time, values, place, picks[name])
     return valid, notes
 
 
@@ -288,3 +290,10 @@ def _range_note(name: str, values: Array, place: Callable[[int], str], pick: Pic
         f"{name}: values from {shown[0]} to {shown[1]} {pick.unit}, plausible are {shown[2]} to {shown[3]}: check unit"
         f" and scaling (first: {place(first)})"
     ]
+
+
+def _jump_note(time: Array, values: Array, place: Callable[[int], str], pick: Pick) -> list[str]:
+    starts, size = jumps(time, values, pick.held)
+    if not starts.size:
+        return []
+    return [describe(pick.name, pick.unit, starts, size / conversion(pick.unit, pick.si), place)]

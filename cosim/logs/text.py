@@ -39,6 +39,10 @@ _MISSING = [
 _BLOCK = 1 << 22
 
 
+class _RowsError(Exception):
+    """As many rows were parsed as no count of lines explains: the file is to be read cell by cell."""
+
+
 class _DecimalCommaError(Exception):
     """A cell looks like 1,5: the file is to be read again with a decimal comma."""
 
@@ -131,7 +135,7 @@ class TextSource(Source):
     def _read_as(self, indices: Sequence[int], decimal: str) -> list[Array]:
         try:
             return self._read_fast(indices, decimal)
-        except (pa.ArrowException, UnicodeError):
+        except (pa.ArrowException, UnicodeError, _RowsError):
             return self._read_carefully(indices, decimal)
 
     def _read_fast(self, indices: Sequence[int], decimal: str) -> list[Array]:
@@ -161,8 +165,43 @@ class TextSource(Source):
                     columns[name][filled : filled + len(values)] = values.to_numpy(zero_copy_only=False)
                 filled += len(batch)
         self._rows = filled
+        self._check_rows(filled)
         # only pages that were written are in memory, so the unused end costs nothing
         return [columns[names[k]][:filled] for k in indices]
+
+    def _check_rows(self, filled: int) -> None:
+        """Holds the rows parsed against the lines counted: a stray quote makes one cell of many lines.
+
+        Raises:
+            _RowsError: they differ by more than blank lines.
+        """
+        before = self._survey.header_lines if self._header else 0
+        if filled == self._survey.lines - before:
+            return
+        with self._window() as file:
+            lines = sum(
+                1 for number, line in enumerate(_text(file), 1) if number > before and line.strip("\r\n")
+            )
+        if filled != lines:
+            raise _RowsError
+
+    def _check_span(self, line: int, end: int, cells: list[str]) -> None:
+        """Refuses a row over several lines of which one looks like a row of its own.
+
+        Args:
+            line: number of its first line.
+            end: number of its last.
+            cells: of the row.
+        """
+        if end == line:
+            return
+        k, cell = next((k, cell) for k, cell in enumerate(cells) if "\n" in cell or "\r" in cell)
+        inner = cell.splitlines()[1:]
+        if any(part.count(self._separator) >= self._width - 2 for part in inner):
+            raise DataError(
+                f"{self.path}: row {line}, column '{self.labels[min(k, self._width - 1)].text}': a quotation mark opens a"
+                f" cell that ends in row {end} only and swallows the rows between: delete it, or close it"
+            )
 
     def _read_carefully(self, indices: Sequence[int], decimal: str) -> list[Array]:
         """Cell by cell: either names the bad one, or reads what pyarrow is too strict for (``+1.5``)."""
@@ -170,7 +209,10 @@ class TextSource(Source):
         self._rows = 0
         with self._window() as file:
             reader = csv.reader(_text(file), delimiter=self._separator)
+            begin = 1
             for line, cells in self._rows_of(reader):
+                self._check_span(max(begin, line - sum(map(_breaks, cells))), line, cells)
+                begin = line + 1
                 if len(cells) != self._width:
                     raise DataError(self._width_message(line, cells))
                 for k, values in columns.items():
@@ -239,6 +281,11 @@ class TextSource(Source):
 
 def _text(file: Window) -> io.TextIOWrapper:
     return io.TextIOWrapper(io.BufferedReader(file, _BLOCK), encoding="utf-8", errors="replace", newline="")
+
+
+def _breaks(cell: str) -> int:
+    """Line breaks in a cell."""
+    return len((cell + "|").splitlines()) - 1
 
 
 def _is_number(text: str, decimal: str) -> bool:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from cosim.errors import DataError, UsageError
+from cosim.logs import checksums
 from cosim.logs.log import Log, Tracker
 from cosim.logs.source import Array
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
@@ -49,7 +50,9 @@ def write_log(log: Log | Tracker, path: Path | str) -> Path:
             if suffix == ".csv":
                 _write_csv(table, path)
             else:
-                pq.write_table(table, path, row_group_size=_ROW_GROUP)
+                pq.write_table(
+                    checksums.added(table), path, row_group_size=_ROW_GROUP, write_page_checksum=True
+                )
     except OSError as error:
         raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
