@@ -339,3 +339,21 @@ def test_a_damaged_mf4_leaves_nothing_on_stderr(write, capfd):
     with pytest.raises(DataError, match="cannot be read as a MDF file"):
         load_log(write(b"MDF     4.10    " + bytes(200), "log.mf4"))
     assert capfd.readouterr().err == ""
+
+
+def test_an_endless_loop_in_hdf5_is_refused(tmp_path):
+    path = tmp_path / "log.mat"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        matio.save_to_mat(str(path), struct(*names_and_units()), version="v7.3")
+    content = bytearray(path.read_bytes())
+    heap = content.index(b"GCOL")
+    place = heap + 16
+    while int.from_bytes(content[place : place + 2], "little"):  # to the free space at its end
+        place += 16 + -(-int.from_bytes(content[place + 8 : place + 16], "little") // 8) * 8
+    content[place + 8 : place + 16] = bytes(8)
+    path.write_bytes(content)
+    with pytest.raises(
+        DataError, match=rf"log\.mat: cannot be read as a MAT file: the heap at byte {heap} is damaged"
+    ):
+        load_log(path)
