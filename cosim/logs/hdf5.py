@@ -1,4 +1,4 @@
-"""What the HDF5 library does not check in a damaged file: an entry of a global heap without length is an endless loop there."""
+"""What the HDF5 library does not check in a damaged file: a heap entry without length is an endless loop there."""
 
 import mmap
 from pathlib import Path

@@ -145,15 +145,18 @@ def _zeros(values: Array, step: Array, span: float) -> Index:
 
 
 def _blips(values: Array, step: Array) -> Index:
-    """In a command made of long constant stretches, single samples that differ, and short pauses at exactly zero."""
+    """In a command made of long constant stretches, single samples that differ, and short pauses at a zero not used else."""
     edges = np.flatnonzero(step)
     if len(edges) < 2:
         return np.empty(0, dtype=np.int64)
     bounds = np.concatenate(([0], edges + 1, [len(values)]))
     lengths, level = np.diff(bounds), values[bounds[:-1]]
-    same = level[:-2] == level[2:]
-    inner = lengths[1:-1]
-    odd = same & ((inner == 1) | ((inner <= LONGEST) & (level[1:-1] == 0.0)))
-    odd &= np.where(inner == 1, 4, inner) <= np.minimum(lengths[:-2], lengths[2:])
-    first = bounds[1:-2][odd]
+    odd = np.zeros(len(lengths), dtype=bool)
+    calm = np.minimum(lengths[:-2], lengths[2:]) >= 4
+    odd[1:-1] = (level[:-2] == level[2:]) & (lengths[1:-1] == 1) & calm
+    zero = (level == 0.0) & (lengths > 1)
+    usual = np.median(lengths[lengths > 2]) if (lengths > 2).any() else 0.0
+    if zero.any() and not zero[0] and not zero[-1] and lengths[zero].max() <= min(LONGEST, 0.5 * usual):
+        odd |= zero
+    first = bounds[:-1][odd]
     return first if first.size <= FEW else np.empty(0, dtype=np.int64)

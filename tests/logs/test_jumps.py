@@ -71,6 +71,8 @@ def test_a_command_may_jump_but_not_for_one_sample():
     assert not jumps(time, u, held=True)[0].size
     assert jumps(time, changed(u, 500, 0.4), held=True)[0].tolist() == [500]
     assert jumps(time, changed(u, slice(150, 214), 0.0), held=True)[0].tolist() == [150]
+    pulses = np.repeat([0.0, 0.6, 0.0, 0.6, 0.0], [400, 200, 100, 200, 1100])  # begins and rests at zero
+    assert not jumps(time, pulses, held=True)[0].size
 
 
 def test_uneven_sampling_is_no_jump():
