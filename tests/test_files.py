@@ -1,6 +1,5 @@
 """Every file is whole or absent, whatever fails while it is written."""
 
-import contextlib
 import os
 import signal
 import subprocess
@@ -9,13 +8,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from fault_injection import failing_call, full_after
 
-from cosim.batch.job import Outcome
-from cosim.batch.store import Coordinates, Store
-from cosim.errors import CosimError, UsageError
+from cosim.errors import CosimError
 from cosim.files import is_left_over, whole, write_bytes, write_text
 from cosim.identify.picture import save
 from cosim.logs import Log, write_log
@@ -150,42 +146,6 @@ def test_ctrl_c_leaves_the_old_file(tmp_path):
         interrupted()
     assert path.read_bytes() == OLD
     assert names(tmp_path) == ["file.txt"]
-
-
-def outcome(number):
-    return Outcome(number=number, status="done", seconds=0.1, worker="w", scores={"rmse": 1.0})
-
-
-def coordinates():
-    return Coordinates({"run": ([0, 1, 2], "")}, 0.001, 0.0, "time")
-
-
-def test_a_batch_whose_beginning_fails_begins_again(tmp_path):
-    for at in range(1, 200):
-        folder = tmp_path / str(at)
-        with failing_call(at) as faults, contextlib.suppress(UsageError):  # nothing else
-            Store(folder).begin({"identity": "x"}, coordinates(), fresh=False)
-        assert Store(folder).begin({"identity": "x"}, coordinates(), fresh=False) == 0
-        if faults.seen < at:
-            return
-    pytest.fail("no end of calls")
-
-
-def test_half_a_line_never_stays_in_the_journal(tmp_path):
-    store = Store(tmp_path)
-    store.begin({"identity": "x"}, coordinates(), fresh=False)
-    store.add([outcome(0)])
-    store.flush()
-    size = store.path("journal").stat().st_size
-    store.add([outcome(1)])
-    with full_after(size + 20), pytest.raises(OSError, match=r"space|large"):
-        store.flush()
-    assert store.path("journal").stat().st_size == size
-    store.flush()
-    assert Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False) == 2
-    with failing_call(1), pytest.raises(OSError, match="No space"):
-        write_text(store.path("runs"), "half")
-    assert isinstance(store.finish({"run": [0, 1, 2]}), pd.DataFrame)
 
 
 FOREVER = """

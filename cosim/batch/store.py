@@ -21,6 +21,7 @@ import pandas as pd
 import zarr
 from numpy.typing import NDArray
 
+from cosim.batch.coordinates import Coordinates
 from cosim.batch.job import Outcome, Signal
 from cosim.console import to_jsonable
 from cosim.errors import DataError, UsageError
@@ -62,7 +63,7 @@ class Store:
 
     # Beginning, or going on
 
-    def begin(self, about: Mapping[str, Any], coordinates: "Coordinates", fresh: bool) -> int:
+    def begin(self, about: Mapping[str, Any], coordinates: Coordinates, fresh: bool) -> int:
         """Make the folder, or take up the batch that lies in it.
 
         Args:
@@ -275,36 +276,3 @@ class Store:
         )
         time[:] = first + np.arange(size) * step
         zarr.consolidate_metadata(self.path("signals"), zarr_format=2)
-
-
-class Coordinates:
-    """What the cube says of its axes before there is any signal.
-
-    Args:
-        columns: name -> (value of each run, unit): parameters, models, logs.
-        output_step: s.
-        first_time: s, of the first point.
-        time_is: what time means.
-    """
-
-    def __init__(
-        self,
-        columns: Mapping[str, tuple[Sequence[object], str]],
-        output_step: float,
-        first_time: float,
-        time_is: str,
-    ) -> None:
-        self.columns = columns
-        self.attributes = {"output_step": output_step, "first_time": first_time, "time_is": time_is}
-
-    def write(self, path: Path) -> None:
-        """Write a dataset of coordinates alone."""
-        import xarray as xr
-
-        found = {}
-        for name, (values, unit) in self.columns.items():
-            array = np.asarray(values)
-            array = array.astype("U") if array.dtype.kind not in "biuf" else array
-            found[name] = xr.Variable(("run",), array, {"units": unit} if unit else {})
-        dataset = xr.Dataset(coords=found, attrs={"label": "simulated", **self.attributes})
-        dataset.to_zarr(path, mode="w", zarr_format=2, consolidated=False)
