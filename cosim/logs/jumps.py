@@ -31,7 +31,7 @@ CHANGES = 0.1
 """A command that changes at fewer of its samples is made of constant stretches."""
 
 _ENOUGH = 20
-_SAMPLED = 1 << 20
+_SAMPLED = 1 << 16
 
 
 def jumps(time: Array, values: Array, held: bool) -> tuple[Index, float]:
@@ -90,22 +90,26 @@ def _around(sizes: Array, k: int, near: int, far: int) -> float:
 
 def _spikes(time: Array, values: Array) -> Index:
     """Single samples, by how far each is off the line between its neighbours."""
-    part = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    off = values[1:-1] - (values[:-2] + part * (values[2:] - values[:-2]))
+    off = time[1:-1] - time[:-2]  # in place: logs are long
+    off /= time[2:] - time[:-2]
+    off *= values[:-2] - values[2:]
+    off += values[1:-1]
+    off -= values[:-2]
     size = np.abs(off)
     inner = np.flatnonzero(size > np.maximum(TIMES * _usual(size), PART * _span(values)))
     inner = inner[[size[k] > CALM * _around(size, k, 2, AROUND) for k in inner.tolist()]]
     # the neighbours of a spike miss by half as much to the other side; those of an edge do not
-    padded = np.concatenate(([0.0, 0.0], off, [0.0, 0.0]))
-    before, after = padded[inner + 1], padded[inner + 3]
+    last = len(off) - 1
+    before = np.where(inner > 0, off[np.maximum(inner - 1, 0)], 0.0)
+    after = np.where(inner < last, off[np.minimum(inner + 1, last)], 0.0)
     shape = (off[inner] * before <= 0) & (off[inner] * after <= 0)
     shape &= np.maximum(np.abs(before), np.abs(after)) > 0.25 * size[inner]
     shape &= np.minimum(np.abs(before), np.abs(after)) > np.where(
-        (inner == 0) | (inner == len(off) - 1), -1.0, 0.25 * size[inner]
+        (inner == 0) | (inner == last), -1.0, 0.25 * size[inner]
     )
     ends = [
         sample
-        for sample, k, near in ((0, 0, 1), (len(values) - 1, len(off) - 1, len(off) - 2))
+        for sample, k, near in ((0, 0, 1), (len(values) - 1, last, last - 1))
         if k in inner and size[near] < 0.25 * size[k]
     ]
     return np.union1d(inner[shape] + 1, np.array(ends, dtype=np.int64))
@@ -132,6 +136,8 @@ def _stretches(step: Array, span: float) -> Index:
 
 def _zeros(values: Array, step: Array, span: float) -> Index:
     """Stretches of exact zeros amid values far from it; the sample on either side may be half lost."""
+    if np.count_nonzero(values) == len(values):
+        return np.empty(0, dtype=np.int64)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], values == 0.0, [False]))))
     begin, end = edges[::2], edges[1::2]  # [begin, end)
     limit = max(TIMES * _usual(np.abs(step)), 4 * PART * span)
