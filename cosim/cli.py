@@ -11,6 +11,7 @@ import pkgutil
 import sys
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -18,7 +19,7 @@ from typer.core import TyperGroup
 
 import cosim.commands
 from cosim import console
-from cosim.errors import CosimError
+from cosim.errors import CosimError, UsageError
 
 INTERNAL_ERROR = 4
 INTERRUPTED = 130
@@ -105,6 +106,10 @@ def _run(words: list[str], as_json: bool) -> int:
         return _failed("interrupted", INTERRUPTED, as_json)
     except CosimError as error:
         return _failed(str(error), error.exit_code, as_json, traceback.format_exc() if debug else None)
+    except OSError as error:
+        return _failed(
+            _system_message(error), UsageError.exit_code, as_json, traceback.format_exc() if debug else None
+        )
     except Exception as error:
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # typer's own usage errors
             return _usage_failed(error, as_json)
@@ -113,6 +118,16 @@ def _run(words: list[str], as_json: bool) -> int:
         if not debug:
             text += " (COSIM_DEBUG=1 shows where)"
         return _failed(text, INTERNAL_ERROR, as_json, trace)
+
+
+def _system_message(error: OSError) -> str:
+    """What the system refused, and where."""
+    try:
+        Path.cwd()
+    except OSError:
+        return "the current folder does not exist any more: change to another one"
+    text = error.strerror or str(error)
+    return f"{error.filename}: {text}" if error.filename else f"the system refused a file: {text}"
 
 
 def _usage_failed(error: Any, as_json: bool) -> int:

@@ -6,11 +6,15 @@ alone: the same numbers bit for bit, three to five times as fast. Compiled code 
 """
 
 import ast
+import atexit
+import contextlib
 import importlib.util
 import inspect
 import os
 import re
+import shutil
 import sys
+import tempfile
 from collections.abc import Mapping
 from functools import cache, cached_property
 from pathlib import Path
@@ -21,6 +25,7 @@ from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 from cosim.errors import ModelError
+from cosim.files import write_bytes
 from cosim.interrupts import uninterrupted
 from fmus import registry
 from fmus.compose import Composed, compose
@@ -100,19 +105,69 @@ def cache_folder() -> Path:
     return Path(os.environ.get("COSIM_CACHE") or user_cache_path("slew-cosim"))
 
 
+@cache
+def _passing_folder() -> Path:
+    """A folder for this process alone, where the cache cannot be used."""
+    folder = tempfile.mkdtemp(prefix="cosim_cache_")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+def _module_file(name: str, content: bytes) -> Path:
+    """The file of a generated module, in the cache folder or, where that cannot be used, in one for this process.
+
+    Raises:
+        ModelError: there is no place to write it to.
+    """
+    problem: OSError | None = None
+    for folder in (cache_folder, _passing_folder):
+        try:
+            file = folder() / f"{name}.py"
+            if not file.is_file() or file.read_bytes() != content:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                write_bytes(file, content)
+            if os.access(file.parent, os.W_OK):  # numba keeps the compiled code beside it
+                return file
+        except OSError as error:
+            problem = error
+    raise ModelError(
+        f"the compiled model cannot be written ({problem.strerror if problem else 'write-protected'}): name a folder for"
+        " it with COSIM_CACHE"
+    )
+
+
+class _Forgiving:
+    """numba's cache of one function, for which a file that is damaged or cannot be written is no error: it compiles anew."""
+
+    def __init__(self, inner: Any) -> None:
+        self._inner = inner
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def load_overload(self, *arguments: Any) -> Any:
+        try:
+            return self._inner.load_overload(*arguments)
+        except Exception:  # unpickling damaged bytes raises anything
+            with contextlib.suppress(OSError):
+                self._inner.flush()
+            return None
+
+    def save_overload(self, *arguments: Any) -> None:
+        with contextlib.suppress(OSError):
+            self._inner.save_overload(*arguments)
+
+
 def load_compiled(composed: Composed) -> Any:
-    """The compiled module of a composed block; written to the cache folder and imported from there."""
+    """The compiled module of a composed block; written to the cache folder and imported from there.
+
+    Raises:
+        ModelError: there is no place to write it to.
+    """
     name = f"compiled_{composed.block.name}_{composed.digest}"
     if name in sys.modules:
         return sys.modules[name]
-    folder = cache_folder()
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"{name}.py"
-    text = compiled_text(composed)
-    if not file.exists() or file.read_text(encoding="utf-8") != text:
-        part = file.with_suffix(f".{os.getpid()}.part")
-        part.write_text(text, encoding="utf-8")
-        part.replace(file)  # at once, so that no other process reads half a file
+    file = _module_file(name, compiled_text(composed).encode())
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise ModelError(f"the compiled module {file} cannot be loaded")
@@ -123,6 +178,9 @@ def load_compiled(composed: Composed) -> Any:
     except BaseException:  # Ctrl-C, too: what is half loaded must not be found the next time
         del sys.modules[name]
         raise
+    for function in vars(module).values():
+        if hasattr(function, "enable_caching"):
+            function._cache = _Forgiving(function._cache)
     return module
 
 

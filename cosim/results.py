@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import UsageError
+from cosim.files import whole
 from cosim.ssp.hints import did_you_mean
 
 if TYPE_CHECKING:
@@ -125,9 +126,10 @@ class Result:
         check_suffix(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            {".csv": _write_csv, ".parquet": _write_parquet, ".mat": _write_mat}[path.suffix.lower()](
-                self, path, display
-            )
+            with whole(path) as part:
+                {".csv": _write_csv, ".parquet": _write_parquet, ".mat": _write_mat}[path.suffix.lower()](
+                    self, part, display
+                )
         except OSError as error:
             raise UsageError(f"{path} cannot be written: {error.strerror or error}") from None
         return path
@@ -176,7 +178,7 @@ def _write_parquet(result: Result, path: Path, display: bool) -> None:
         "notes": result.notes,
     }
     table = pa.table(result.columns(display)).replace_schema_metadata({"cosim": json.dumps(about)})
-    pyarrow.parquet.write_table(table, path)
+    pyarrow.parquet.write_table(table, path, write_page_checksum=True)
 
 
 def _write_mat(result: Result, path: Path, display: bool) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
+from cosim.files import whole
 from fmus import registry
 from fmus.compose import Composed, compose
 from fmus.contract import Buffer
@@ -167,15 +168,13 @@ def repack(archive: Path, destination: Path, picture: Path) -> None:
         }
     if picture.exists():
         entries["model.png"] = picture.read_bytes()
-    temporary = destination.with_suffix(".part")
-    with zipfile.ZipFile(temporary, "w") as new:
+    with whole(destination) as part, zipfile.ZipFile(part, "w") as new:
         for name in sorted(entries):
             info = zipfile.ZipInfo(name, ARCHIVE_DATE)
             info.compress_type = zipfile.ZIP_DEFLATED
             info.external_attr = 0o644 << 16
             info.create_system = 3  # the same on every platform
             new.writestr(info, entries[name], compresslevel=6)
-    temporary.replace(destination)
 
 
 def composed_block(name: str, component: str | None = None) -> Composed:

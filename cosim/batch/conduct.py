@@ -167,7 +167,7 @@ def _columns(batch: Any) -> dict[str, list[Any]]:
 
 
 def _coordinates(batch: Any) -> Any:
-    from cosim.batch.store import Coordinates
+    from cosim.batch.coordinates import Coordinates
 
     job, runs = batch.job, batch.runs
     columns: dict[str, tuple[list[Any], str]] = {

@@ -12,6 +12,7 @@ from cosim.batch.overview import diagnoses_figure, new_figure, scores_figure
 from cosim.batch.parameters import Varied
 from cosim.batch.summary import heading, score_columns, sensitivity
 from cosim.compare.picture import STYLE
+from cosim.files import whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,7 +66,8 @@ def write_picture(
         if figure is None:
             return None
         FigureCanvasAgg(figure)
-        figure.savefig(path, dpi=110)
+        with whole(path) as part:
+            figure.savefig(part, dpi=110)
     return path
 
 

@@ -7,7 +7,9 @@ runs.parquet    one row a run, written at the end
 summary.png     the picture
 """
 
+import errno
 import json
+import os
 import shutil
 import time as clock
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,9 +21,11 @@ import pandas as pd
 import zarr
 from numpy.typing import NDArray
 
+from cosim.batch.coordinates import Coordinates
 from cosim.batch.job import Outcome, Signal
 from cosim.console import to_jsonable
 from cosim.errors import DataError, UsageError
+from cosim.files import is_left_over, whole, write_bytes, write_text
 
 Array = NDArray[np.float64]
 
@@ -59,7 +63,7 @@ class Store:
 
     # Beginning, or going on
 
-    def begin(self, about: Mapping[str, Any], coordinates: "Coordinates", fresh: bool) -> int:
+    def begin(self, about: Mapping[str, Any], coordinates: Coordinates, fresh: bool) -> int:
         """Make the folder, or take up the batch that lies in it.
 
         Args:
@@ -81,21 +85,25 @@ class Store:
                 return len(self.rows)
             if known:
                 self._clear()
-            elif self.folder.is_dir() and any(self.folder.iterdir()):
+            elif self.folder.is_dir() and not self._abandoned():
                 raise UsageError(
                     f"'{self.folder}' is not empty and holds no batch: name another folder with --out"
                 )
+            else:
+                self._clear()
             self.folder.mkdir(parents=True, exist_ok=True)
             coordinates.write(self.path("signals"))
             # last: from here on there is a batch to take up
-            part = self.path("plan").with_suffix(".part")
-            part.write_text(json.dumps(to_jsonable(about), indent=2, ensure_ascii=False), encoding="utf-8")
-            part.replace(self.path("plan"))
+            write_text(self.path("plan"), json.dumps(to_jsonable(about), indent=2, ensure_ascii=False))
         except OSError as error:
             raise UsageError(
                 f"cannot write into '{self.folder}' ({error.strerror or error}); name another folder with --out"
             ) from None
         return 0
+
+    def _abandoned(self) -> bool:
+        """Whether the folder holds nothing but what a batch leaves that was killed before it had begun."""
+        return all(item.name == FILES["signals"] or is_left_over(item) for item in self.folder.iterdir())
 
     def _clear(self) -> None:
         for name in FILES.values():
@@ -119,15 +127,15 @@ class Store:
         if not journal.is_file():
             return
         text = journal.read_bytes()
-        whole = text[: text.rfind(b"\n") + 1]  # a line that a kill cut short is not done
-        for number, line in enumerate(whole.splitlines(), 1):
+        complete = text[: text.rfind(b"\n") + 1]  # a line that a kill cut short is not done
+        for number, line in enumerate(complete.splitlines(), 1):
             try:
                 row = json.loads(line)
                 self.rows[int(row["run"])] = row
             except (ValueError, KeyError, TypeError):
                 raise DataError(f"{journal}, line {number} is damaged: begin anew with --fresh") from None
-        if len(whole) < len(text):
-            journal.write_bytes(whole)
+        if len(complete) < len(text):
+            write_bytes(journal, complete)
 
     def forget_failed(self) -> int:
         """Take failed runs for not done; returns how many."""
@@ -169,9 +177,20 @@ class Store:
                 }
                 lines.append(json.dumps(to_jsonable(row), ensure_ascii=False) + "\n")
                 self.rows[outcome.number] = json.loads(lines[-1])
-            with self.path("journal").open("a", encoding="utf-8", newline="\n") as stream:
-                stream.write("".join(lines))
+            self._append("".join(lines).encode())
         self._waiting, self._bytes, self._flushed = [], 0, clock.monotonic()
+
+    def _append(self, lines: bytes) -> None:
+        """Lines of the journal, all of them or none: half a line would spoil the next one."""
+        with self.path("journal").open("ab", buffering=0) as stream:
+            before = stream.tell()
+            try:
+                if stream.write(lines) != len(lines):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path("journal")))
+                os.fsync(stream.fileno())
+            except OSError:
+                stream.truncate(before)
+                raise
 
     def _write_signals(self, outcomes: Sequence[Outcome]) -> None:
         """One write a signal and length: runs that lie in one chunk cost one file."""
@@ -237,9 +256,8 @@ class Store:
         scores = pd.DataFrame([row["scores"] if row else {} for row in known], index=frame.index)
         frame = pd.concat([frame, scores], axis=1)
         table = pa.Table.from_pandas(frame, preserve_index=False)
-        part = self.path("runs").with_suffix(".part")
-        pyarrow.parquet.write_table(table, part)
-        part.replace(self.path("runs"))
+        with whole(self.path("runs")) as part:
+            pyarrow.parquet.write_table(table, part, write_page_checksum=True)
         self._complete_cube()
         return frame
 
@@ -258,36 +276,3 @@ class Store:
         )
         time[:] = first + np.arange(size) * step
         zarr.consolidate_metadata(self.path("signals"), zarr_format=2)
-
-
-class Coordinates:
-    """What the cube says of its axes before there is any signal.
-
-    Args:
-        columns: name -> (value of each run, unit): parameters, models, logs.
-        output_step: s.
-        first_time: s, of the first point.
-        time_is: what time means.
-    """
-
-    def __init__(
-        self,
-        columns: Mapping[str, tuple[Sequence[object], str]],
-        output_step: float,
-        first_time: float,
-        time_is: str,
-    ) -> None:
-        self.columns = columns
-        self.attributes = {"output_step": output_step, "first_time": first_time, "time_is": time_is}
-
-    def write(self, path: Path) -> None:
-        """Write a dataset of coordinates alone."""
-        import xarray as xr
-
-        found = {}
-        for name, (values, unit) in self.columns.items():
-            array = np.asarray(values)
-            array = array.astype("U") if array.dtype.kind not in "biuf" else array
-            found[name] = xr.Variable(("run",), array, {"units": unit} if unit else {})
-        dataset = xr.Dataset(coords=found, attrs={"label": "simulated", **self.attributes})
-        dataset.to_zarr(path, mode="w", zarr_format=2, consolidated=False)

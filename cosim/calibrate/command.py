@@ -13,6 +13,7 @@ from cosim.calibrate.story import HELD_OUT, STARTS, Options, calibrate
 from cosim.compare import Comparator, CompareTable
 from cosim.compare.outcome import Comparison
 from cosim.errors import UsageError
+from cosim.files import write_text
 from cosim.logs import Mapping as LogMapping
 from cosim.logs import load_log
 from cosim.ssp.system import Value
@@ -115,7 +116,7 @@ def write_files(
         written = {"calibrated": write_ssv(comparator.system, values, folder / "calibrated.ssv", remarks)}
         data = console.to_jsonable(as_data(found, comparison))
         written["calibration"] = folder / "calibration.json"
-        written["calibration"].write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+        write_text(written["calibration"], json.dumps(data, indent=2) + "\n")
         written["calibration_picture"] = write_picture(found, comparison, folder / "calibration.png")
     except OSError as error:
         raise UsageError(

@@ -8,6 +8,7 @@ import numpy as np
 from cosim.calibrate.outcome import Calibration, Series
 from cosim.compare.outcome import Comparison
 from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
+from cosim.files import whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +26,8 @@ def write_picture(found: Calibration, comparison: Comparison, path: Path) -> Pat
     with mpl.rc_context(STYLE):
         figure = calibration_figure(found, comparison)
         FigureCanvasAgg(figure)
-        figure.savefig(path, dpi=110)
+        with whole(path) as part:
+            figure.savefig(part, dpi=110)
     return path
 
 

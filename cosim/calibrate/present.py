@@ -9,6 +9,7 @@ from lxml import etree
 from cosim.calibrate.outcome import Calibration, Parameter, SignalFit
 from cosim.compare import Score
 from cosim.compare.outcome import Comparison
+from cosim.files import write_bytes
 from cosim.ssp.quantities import BASE_UNITS, UnitDefinition
 from cosim.ssp.read import resolve
 from cosim.ssp.system import System, Value
@@ -207,8 +208,7 @@ def write_ssv(system: System, values: Mapping[str, Value], path: Path, remarks: 
                 units[variable.unit] = known[variable.unit]
     if units:
         _write_units(etree.SubElement(root, f"{{{SSV}}}Units"), units)
-    path.write_bytes(xml_bytes(root))
-    return path
+    return write_bytes(path, xml_bytes(root))
 
 
 def _write_units(parent: etree._Element, units: Mapping[str, UnitDefinition]) -> None:

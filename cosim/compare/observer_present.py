@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.compare.observer import ANGLE, RATE, REFERENCE, SETTLING, WINDOW, ObserverRun
 from cosim.compare.picture import ERROR, MEASURED, SIMULATED, STYLE
+from cosim.files import whole
 from cosim.signals import SIGNALS
 from cosim.units import factor
 
@@ -85,7 +86,8 @@ def write_picture(run: ObserverRun, path: Path) -> Path:
     with mpl.rc_context(STYLE):
         figure = observer_figure(run)
         FigureCanvasAgg(figure)
-        figure.savefig(path, dpi=110)
+        with whole(path) as part:
+            figure.savefig(part, dpi=110)
     return path
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
+from cosim.files import whole
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -49,7 +50,8 @@ def write_pictures(comparison: Comparison, folder: Path) -> dict[str, Path]:
                 figure = draw(comparison)
                 FigureCanvasAgg(figure)
                 written[name] = folder / f"{name}.png"
-                figure.savefig(written[name], dpi=110)
+                with whole(written[name]) as part:
+                    figure.savefig(part, dpi=110)
     return written
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cosim.compare.metrics import WINDOW
 from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
 from cosim.compare.recording import WHOLE
+from cosim.files import whole
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -164,8 +165,6 @@ def series(comparison: Comparison, part: slice = WHOLE) -> dict[str, NDArray[np.
 def write_series(comparison: Comparison, path: Path) -> Path:
     """Write `series` as Parquet or CSV by the suffix; the Parquet file carries model, log and parameters as metadata."""
     import pyarrow as pa
-    import pyarrow.csv
-    import pyarrow.parquet
 
     from cosim.console import to_jsonable
 
@@ -173,11 +172,17 @@ def write_series(comparison: Comparison, path: Path) -> Path:
     schema = pa.table(series(comparison, slice(0, 0))).schema
     if path.suffix == ".parquet":
         schema = schema.with_metadata({"cosim": json.dumps(to_jsonable(about))})
-        writer: Any = pyarrow.parquet.ParquetWriter(path, schema)
-    else:
-        writer = pyarrow.csv.CSVWriter(path, schema)
-    with writer:
+    with whole(path) as part, _table_writer(part, schema) as writer:
         for first in range(0, len(comparison.time), ROWS):
-            part = series(comparison, slice(first, first + ROWS))
-            writer.write_table(pa.table(part).cast(schema))
+            rows = series(comparison, slice(first, first + ROWS))
+            writer.write_table(pa.table(rows).cast(schema))
     return path
+
+
+def _table_writer(path: Path, schema: Any) -> Any:
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    if path.suffix == ".parquet":
+        return pyarrow.parquet.ParquetWriter(path, schema, write_page_checksum=True)
+    return pyarrow.csv.CSVWriter(path, schema)

@@ -12,6 +12,7 @@ from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.tracker_model import NOMINAL, SEAM, SEAM_ANGLE
+from cosim.files import whole
 from cosim.logs import Log, load_tracker
 
 if TYPE_CHECKING:
@@ -162,7 +163,8 @@ def write_picture(run: TrackerRun, path: Path) -> Path:
     with mpl.rc_context(STYLE):
         figure = tracker_figure(run)
         FigureCanvasAgg(figure)
-        figure.savefig(path, dpi=110)
+        with whole(path) as part:
+            figure.savefig(part, dpi=110)
     return path
 
 

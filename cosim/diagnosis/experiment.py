@@ -19,6 +19,7 @@ from cosim.diagnosis.groups import Group
 from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.verdict import Cause
+from cosim.files import write_text
 
 Array = NDArray[np.float64]
 
@@ -250,5 +251,5 @@ def write_command(proposal: Proposal, folder: Path, h: float = 1e-3) -> Proposal
     """Write the command as a CSV that the rig plays (``cosim rig --excitation file``)."""
     file = folder / "next_experiment.csv"
     rows = "".join(f"{k * h:.3f},{u:.6f}\n" for k, u in enumerate(proposal.command.tolist()))
-    file.write_text(f"time [s],u [1]\n{rows}", encoding="utf-8")
+    write_text(file, f"time [s],u [1]\n{rows}")
     return replace(proposal, file=file)

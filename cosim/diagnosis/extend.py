@@ -14,6 +14,7 @@ from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import coarse_steps
 from cosim.diagnosis.trials import anchored, unknowns
+from cosim.files import write_bytes
 from cosim.ssp.write import (
     NAMESPACES,
     STIMULUS,
@@ -144,8 +145,7 @@ def write_values(grouped: Mapping[str, Mapping[str, float]], file: Path) -> Path
         declared |= {f"{component}.{name}": known[name] for name in own}
         values |= {f"{component}.{name}": value for name, value in own.items()}
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(values_xml(declared, values))
-    return file
+    return write_bytes(file, values_xml(declared, values))
 
 
 def write_extended(

@@ -19,6 +19,7 @@ from cosim.diagnosis.story import diagnose
 from cosim.diagnosis.stretch import by_twin
 from cosim.diagnosis.watch import Watch
 from cosim.errors import UsageError
+from cosim.files import write_text
 from cosim.logs import Log, Tracker
 from cosim.report.page import save_and_report
 
@@ -136,7 +137,7 @@ def full_command(found: Diagnosis) -> float:
 def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:
     """Write answer, series and report."""
     result = answer(found, log, proposal)
-    (folder / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
+    write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
     if save_and_report(found, result, folder, proposal) is None:
         warn(
             "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"

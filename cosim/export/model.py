@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 import fmpy
 
 from cosim.errors import ModelError, UsageError
+from cosim.files import write_bytes
 from cosim.master.order import acts_directly, step_order
 from cosim.ssp.archive import open_archive, read_entry
 from cosim.ssp.read import resolve
@@ -242,7 +243,7 @@ def write_files(folder: Path, files: Mapping[str, bytes], overwrite: bool) -> li
         for name, data in files.items():
             target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(data)
+            write_bytes(target, data)
             written.append(target)
     except OSError as error:
         raise UsageError(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cosim import console
 from cosim.diagnosis.lexicon import current
 from cosim.errors import UsageError
+from cosim.files import write_bytes, write_text
 from cosim.identify.estimate import Quantity
 from cosim.identify.nominal import declared
 from cosim.ssp.write import values_xml
@@ -86,8 +87,8 @@ def write_ssv(parameters: Mapping[str, Quantity], path: Path) -> Path:
                 f"{name} came out as {quantity.value:.6g} {variable.unit}, outside {variable.low:g} .. {variable.high:g}:"
                 " the model cannot take it, and the log probably does not fit the structure"
             )
-    path.write_bytes(
-        values_xml({n: declared(n) for n in parameters}, {n: q.value for n, q in parameters.items()})
+    write_bytes(
+        path, values_xml({n: declared(n) for n in parameters}, {n: q.value for n, q in parameters.items()})
     )
     return path
 
@@ -110,12 +111,12 @@ def write_files(answer: Answer, folder: Path) -> dict[str, Path]:
             written["png"] = save(answer.draw, folder / f"{stem}.png", answer.synthetic)
         for name, text in answer.texts.items():
             written[name] = folder / name
-            written[name].write_text(text, encoding="utf-8")
+            write_text(written[name], text)
         written["json"] = folder / f"{stem}.json"
         content = json.dumps(
             console.to_jsonable(answer.as_data(written)), indent=2, ensure_ascii=False, allow_nan=False
         )
-        written["json"].write_text(content + "\n", encoding="utf-8")
+        write_text(written["json"], content + "\n")
     except OSError as error:
         raise UsageError(
             f"cannot write into '{folder}' ({error.strerror or error}); name another folder"

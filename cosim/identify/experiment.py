@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
+from cosim.files import whole, write_text
 
 Array = NDArray[np.float64]
 
@@ -128,8 +129,9 @@ def write_experiment(experiment: Experiment, path: Path) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # nine digits: a command rounded to 1e-9 is what the rig's own logs hold
-        DataFrame(table).round({"u [1]": 9}).to_csv(path, index=False, lineterminator="\n")
-        plan.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        with whole(path) as part:
+            DataFrame(table).round({"u [1]": 9}).to_csv(part, index=False, lineterminator="\n")
+        write_text(plan, json.dumps(content, indent=2) + "\n")
     except OSError as error:
         raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
     return plan

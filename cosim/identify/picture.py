@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.compare.picture import ERROR, MEASURED, SIMULATED, STYLE
 from cosim.diagnosis.lexicon import Lexicon
+from cosim.files import whole
 from cosim.identify.candidates import Choice
 from cosim.identify.dead_zone import DeadZone
 from cosim.identify.frf import Frf
@@ -40,7 +41,8 @@ def save(draw: "Callable[[], Figure]", path: Path, synthetic: bool = False) -> P
         if synthetic:
             figure.supxlabel("synthetic log", x=0.995, ha="right", fontsize=8)
         FigureCanvasAgg(figure)
-        figure.savefig(path, dpi=110)
+        with whole(path) as part:
+            figure.savefig(part, dpi=110)
     return path
 
 

@@ -26,7 +26,8 @@ class MdfSource(Source):
             from asammdf import MDF
         except ImportError:
             raise MissingExtraError(f"reading {path.name}", "mf4") from None
-        with translated(path, "MDF"):
+        notes: list[str] = []
+        with translated(path, "MDF", notes):
             opened: Any = MDF(path)  # its groups' attributes are set at run time
             with opened as file:
                 self._places = [
@@ -39,6 +40,7 @@ class MdfSource(Source):
         if not heads:
             raise DataError(f"{path}: holds no channel")
         super().__init__(path, [parse_label(name, unit) for name, unit in heads])
+        self.warnings += notes
         self._clocks: dict[int, Array] = {}
 
     def read(self, indices: Sequence[int]) -> list[Array]:
@@ -46,7 +48,7 @@ class MdfSource(Source):
         from asammdf import MDF
 
         columns = []
-        with translated(self.path, "MDF"), MDF(self.path) as file:
+        with translated(self.path, "MDF", self.warnings), MDF(self.path) as file:
             for k in indices:
                 group, channel = self._places[k]
                 signal = file.get(group=group, index=channel)
@@ -80,7 +82,8 @@ class TdmsSource(Source):
             from nptdms import TdmsFile
         except ImportError:
             raise MissingExtraError(f"reading {path.name}", "tdms") from None
-        with translated(path, "TDMS"):
+        notes: list[str] = []
+        with translated(path, "TDMS", notes):
             self._channels = [
                 channel for group in TdmsFile.read(path).groups() for channel in group.channels()
             ]
@@ -93,6 +96,7 @@ class TdmsSource(Source):
             prefix = f"{channel.group_name}/" if len(groups) > 1 else ""
             labels.append(parse_label(channel.name, unit, prefix))
         super().__init__(path, labels)
+        self.warnings += notes
 
     def read(self, indices: Sequence[int]) -> list[Array]:
         """See `Source.read`."""

@@ -14,7 +14,7 @@ _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 @dataclass(frozen=True)
 class Pick:
-    """One column chosen: ``signal[si] = scale * reading + shift``.
+    """One column chosen: ``signal[si] = scale * (reading - minus) + shift``.
 
     Attributes:
         name: the signal.
@@ -24,6 +24,8 @@ class Pick:
         scale: factor from reading to SI.
         shift: added after it [si].
         held: constant between samples.
+        minus: index of the column that is taken off, None for none.
+        plausible: lowest and highest plausible value [si] of a signal that is not ours, or differs in this file.
     """
 
     name: str
@@ -33,6 +35,8 @@ class Pick:
     scale: float
     shift: float = 0.0
     held: bool = False
+    minus: int | None = None
+    plausible: tuple[float, float] | None = None
 
 
 def choose(
@@ -142,6 +146,7 @@ def choose_mapped(source: Source, mapping: Mapping, select: Sequence[str] | None
 
 def _pick_mapped(source: Source, name: str, column: SignalColumn) -> Pick:
     index = _find(source, column.column, name)
+    minus = None if column.minus is None else _find(source, column.minus, name)
     label = source.labels[index]
     unit = column.unit or label.unit
     if unit is None:
@@ -154,7 +159,12 @@ def _pick_mapped(source: Source, name: str, column: SignalColumn) -> Pick:
     gain = column.sign * _gain(source, name, column.gain)
     shift = (column.offset - gain * column.zero) * factor
     held = column.held if column.held is not None else bool(signal and signal.held)
-    return Pick(name, index, si, signal.unit if signal else unit, gain * factor, shift, held)
+    plausible = (
+        None if column.plausible is None else (column.plausible[0] * factor, column.plausible[1] * factor)
+    )
+    return Pick(
+        name, index, si, signal.unit if signal else unit, gain * factor, shift, held, minus, plausible
+    )
 
 
 def _si_name(source: Source, label: Label, unit: str) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cosim.errors import DataError
 from cosim.logs.channels import MdfSource, TdmsSource
 from cosim.logs.choose import Pick, choose, choose_mapped
+from cosim.logs.jumps import describe, jumps
 from cosim.logs.log import Gap, Log, Tracker
 from cosim.logs.mapping import Mapping, load_mapping
 from cosim.logs.mat import MatSource
@@ -149,8 +150,12 @@ def _load(path: Path, mapping: Mapping | None, known: Sequence[str], select: Seq
         picks, notes = choose(source, known, select)
     else:
         picks, notes = choose_mapped(source, mapping, select), []
-    columns = dict(zip((p.name for p in picks), source.read([p.index for p in picks]), strict=True))
+    second = [p for p in picks if p.minus is not None]
+    values = source.read([*(p.index for p in picks), *(p.minus for p in second if p.minus is not None)])
+    columns = dict(zip((p.name for p in picks), values, strict=False))
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is infinite, and mended as missing
+        for pick, off in zip(second, values[len(picks) :], strict=True):
+            _take_off(source, pick, columns, off)
         for pick in picks:
             _scale(columns[pick.name], pick)
     mark = columns.pop(SYNTHETIC_COLUMN, None)
@@ -172,6 +177,18 @@ def _load(path: Path, mapping: Mapping | None, known: Sequence[str], select: Seq
         raise DataError(f"{path}: no signal has any value")
     warnings = [*source.warnings, *notes, *aligned, *repair.warnings, *timing, *mended]
     return _Raw(path, picks, digest(path), time, unit, columns, valid, gaps, synthetic, warnings)
+
+
+def _take_off(source: Source, pick: Pick, columns: dict[str, Array], off: Array) -> None:
+    clocks = source.clock(pick.index), source.clock(pick.minus or 0)
+    same = all(clock is None for clock in clocks) or (
+        all(clock is not None for clock in clocks) and np.array_equal(*clocks)  # type: ignore[arg-type]
+    )
+    if not same or len(off) != len(columns[pick.name]):
+        raise DataError(
+            f"{source.path}: 'signals.{pick.name}.minus' takes one column off another with other time stamps"
+        )
+    columns[pick.name] -= off
 
 
 def _scale(values: Array, pick: Pick) -> None:
@@ -253,20 +270,30 @@ def _mend(
         if mask is not None:
             valid[name] = mask
             notes.append(note)
-        notes += _range_note(name, values, place)
+        notes += _range_note(name, values, place, picks[name])
+        notes += _jump_note(time, values, place, picks[name])
     return valid, notes
 
 
-def _range_note(name: str, values: Array, place: Callable[[int], str]) -> list[str]:
+def _range_note(name: str, values: Array, place: Callable[[int], str], pick: Pick) -> list[str]:
     signal = SIGNALS.get(name)
-    if signal is None:
+    plausible = pick.plausible or ((signal.low, signal.high) if signal else None)
+    if plausible is None:
         return []
     low, high = float(values.min()), float(values.max())
-    if signal.low <= low and high <= signal.high:
+    if plausible[0] <= low and high <= plausible[1]:
         return []
-    first = int(np.argmax((values < signal.low) | (values > signal.high)))
-    shown = [f"{value / signal.to_si:.6g}" for value in (low, high, signal.low, signal.high)]
+    first = int(np.argmax((values < plausible[0]) | (values > plausible[1])))
+    scale = conversion(pick.unit, pick.si)
+    shown = [f"{value / scale:.6g}" for value in (low, high, *plausible)]
     return [
-        f"{name}: values from {shown[0]} to {shown[1]} {signal.unit}, plausible are {shown[2]} to {shown[3]}: check unit"
+        f"{name}: values from {shown[0]} to {shown[1]} {pick.unit}, plausible are {shown[2]} to {shown[3]}: check unit"
         f" and scaling (first: {place(first)})"
     ]
+
+
+def _jump_note(time: Array, values: Array, place: Callable[[int], str], pick: Pick) -> list[str]:
+    starts, size = jumps(time, values, pick.held)
+    if not starts.size:
+        return []
+    return [describe(pick.name, pick.unit, starts, size / conversion(pick.unit, pick.si), place)]

@@ -10,7 +10,7 @@
     zero = 7.4695
     gain = 0.3952
 
-A value is ``sign * gain * (reading - zero) + offset`` in `unit`.
+A value is ``sign * gain * (reading - zero) + offset`` in `unit`; with `minus` the reading is the difference of two columns.
 """
 
 import tomllib
@@ -47,11 +47,27 @@ class FileFormat(_Strict):
         separator: column separator; by default found in the header.
         decimal: decimal sign; by default found in the cells.
         header: False where the file starts with data; its columns are then 1, 2, ...
+        encoding: of the header, such as ``cp949``; by default UTF-8, or Windows-1252 where it is none.
     """
 
     separator: Literal[",", ";", "\t", "|", " "] | None = None
     decimal: Literal[".", ","] | None = None
     header: bool = True
+    encoding: str | None = None
+
+    @field_validator("encoding")
+    @classmethod
+    def _ascii(cls, encoding: str | None) -> str | None:
+        if encoding is not None:
+            try:
+                same = "a,1".encode(encoding) == b"a,1"
+            except (LookupError, ValueError):
+                raise ValueError(
+                    f"'{encoding}' is not the name of an encoding, such as utf-8 or cp949"
+                ) from None
+            if not same:
+                raise ValueError(f"a file in '{encoding}' is not read: save it as UTF-8")
+        return encoding
 
     @model_validator(mode="after")
     def _distinct(self) -> "FileFormat":
@@ -89,22 +105,26 @@ class SignalColumn(_Strict):
 
     Attributes:
         column: heading, or position counted from 1.
+        minus: a second column, whose reading is taken off the first's: where each direction has a column of its own.
         unit: unit of the value after the scaling; by default the one in the heading.
         gain: factor on the reading, or the name of a single number stored in the file (MAT files).
         zero: reading that means zero.
         offset: added after the scaling, in `unit`.
         sign: -1 where the file counts the other way.
         held: whether the value is constant between samples; by default as for the canonical signal, else False.
+        plausible: lowest and highest plausible value in `unit`; by default those of the canonical signal.
         text: what it is.
     """
 
     column: Column
+    minus: Column | None = None
     unit: str | None = None
     gain: Finite | Annotated[str, Field(min_length=1)] = 1.0
     zero: Finite = 0.0
     offset: Finite = 0.0
     sign: Literal[1, -1] = 1
     held: bool | None = None
+    plausible: tuple[Finite, Finite] | None = None
     text: str = ""
 
     @field_validator("unit")
@@ -120,6 +140,13 @@ class SignalColumn(_Strict):
         if gain == 0:
             raise ValueError("a gain of 0 leaves nothing of the signal")
         return gain
+
+    @field_validator("plausible")
+    @classmethod
+    def _in_order(cls, plausible: tuple[float, float] | None) -> tuple[float, float] | None:
+        if plausible is not None and plausible[0] >= plausible[1]:
+            raise ValueError("give the lowest value first, then the highest")
+        return plausible
 
 
 class Mapping(_Strict):

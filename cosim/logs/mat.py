@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import DataError
+from cosim.logs.hdf5 import check_heaps
 from cosim.logs.source import Array, Label, Source, parse_label, translated
 
 _NAMES = ("names", "columns", "headers", "labels", "signals")
@@ -41,6 +42,7 @@ class MatSource(Source):
             warnings.simplefilter("ignore")  # mat-io 1.0 sets a pandas option that pandas 3 deprecates
             import matio
         notes: list[str] = []
+        check_heaps(path)
         with translated(path, "MAT", notes):
             content = matio.load_from_mat(str(path))
             constants: dict[str, float] = {}

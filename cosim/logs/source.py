@@ -1,8 +1,12 @@
 """What every file format offers to the loader: labelled columns of float64, read only when chosen."""
 
 import contextlib
+import gc
 import hashlib
+import logging
 import re
+import sys
+import traceback
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -19,6 +23,8 @@ Array = NDArray[np.float64]
 
 _HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<round>[^()]*)\))?\s*")
 _BLOCK = 1 << 22
+_LOGGERS = ("asammdf", "nptdms", "h5py")
+_INNER = tuple(f"{name}." for name in _LOGGERS)
 
 
 @dataclass(frozen=True)
@@ -30,16 +36,18 @@ class Label:
         name: the name without the unit; in files with folders or structs the whole path.
         unit: unit as written, None where there is none.
         alias: last part of the path, where the format has paths.
+        others: further names by which a mapping may call it.
     """
 
     text: str
     name: str
     unit: str | None
     alias: str | None = None
+    others: tuple[str, ...] = ()
 
     def called(self, name: str) -> bool:
-        """Whether `name` is this column's text, name or alias."""
-        return name in (self.text, self.name, self.alias)
+        """Whether `name` is this column's text, name, alias or one of its other names."""
+        return name in (self.text, self.name, self.alias, *self.others)
 
 
 def parse_label(text: str, unit: str | None = None, path: str = "") -> Label:
@@ -122,14 +130,63 @@ def translated(path: Path, kind: str, notes: list[str] | None = None) -> Iterato
     Raises:
         DataError: the library failed.
     """
-    with warnings.catch_warnings(record=True) as caught:
+    reason = ""
+    with warnings.catch_warnings(record=True) as caught, _logged() as logged:
         warnings.simplefilter("always")
         try:
             yield
         except CosimError:
             raise
         except Exception as error:  # a parser that meets damaged bytes fails in any way
-            reason = " ".join(str(error).split())[:200] or type(error).__name__
-            raise DataError(f"{path}: cannot be read as a {kind} file: {reason}") from None
+            reason = _line(error) or type(error).__name__
+            _dispose(error)
+    if (
+        reason
+    ):  # not from within the handler: the error's frames would keep the parser's half-made objects alive
+        raise DataError(f"{path}: cannot be read as a {kind} file: {reason}")
     if notes is not None:
-        notes += list(dict.fromkeys(" ".join(str(item.message).split())[:200] for item in caught))
+        notes += list(dict.fromkeys([*(_line(item.message) for item in caught), *logged]))
+
+
+def _line(message: object) -> str:
+    return " ".join(str(message).split())[:200]
+
+
+class _Collector(logging.Handler):
+    def __init__(self, texts: list[str]) -> None:
+        super().__init__(logging.WARNING)
+        self.texts = texts
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.texts.append(_line(record.getMessage()))
+
+
+@contextlib.contextmanager
+def _logged() -> Iterator[list[str]]:
+    """What the format libraries log at level warning and above, kept off stderr."""
+    texts: list[str] = []
+    handler = _Collector(texts)
+    named = [*_LOGGERS, *(name for name in logging.root.manager.loggerDict if name.startswith(_INNER))]
+    loggers = [logging.getLogger(name) for name in named]
+    before = [(logger, logger.handlers, logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers, logger.propagate = [handler], False
+    try:
+        yield texts
+    finally:
+        for logger, handlers, propagate in before:
+            logger.handlers, logger.propagate = handlers, propagate
+
+
+def _dispose(error: BaseException) -> None:
+    """Frees what a parser that failed half-way has made; where its destructor fails too, nobody needs to hear of it."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda event: None
+    try:
+        link: BaseException | None = error
+        while link is not None:
+            traceback.clear_frames(link.__traceback__)
+            link.__traceback__, link = None, link.__cause__ or link.__context__
+        gc.collect(1)  # they are young, and the old generations are large
+    finally:
+        sys.unraisablehook = hook

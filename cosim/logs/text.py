@@ -4,6 +4,7 @@ Rows are counted as an editor counts lines: the header is line 1.
 """
 
 import csv
+import dataclasses
 import io
 from array import array
 from collections.abc import Iterator, Sequence
@@ -14,8 +15,9 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from cosim.errors import DataError
+from cosim.logs import controldesk
 from cosim.logs.source import Array, Label, Source, parse_label
-from cosim.logs.window import Window, survey
+from cosim.logs.window import Window, head_text, survey
 
 _MISSING = [
     "",
@@ -37,6 +39,10 @@ _MISSING = [
 _BLOCK = 1 << 22
 
 
+class _RowsError(Exception):
+    """As many rows were parsed as no count of lines explains: the file is to be read cell by cell."""
+
+
 class _DecimalCommaError(Exception):
     """A cell looks like 1,5: the file is to be read again with a decimal comma."""
 
@@ -49,6 +55,7 @@ class TextSource(Source):
         separator: column separator; by default the one in the header (``;`` before tab before ``,``).
         decimal: decimal sign; by default a point, or a comma where the cells show one.
         header: False for a file that starts with data; its columns are then named ``1``, ``2``, ...
+        encoding: of the header; by default UTF-8, or Windows-1252 where it is none.
 
     Raises:
         DataError: the file is empty, is no text, or has no data rows.
@@ -57,9 +64,14 @@ class TextSource(Source):
     row_word = "row"
 
     def __init__(
-        self, path: Path, separator: str | None = None, decimal: str | None = None, header: bool = True
+        self,
+        path: Path,
+        separator: str | None = None,
+        decimal: str | None = None,
+        header: bool = True,
+        encoding: str | None = None,
     ) -> None:
-        self._survey = survey(path)
+        self._survey = survey(path, encoding)
         first = self._survey.first_line
         self._separator = separator or next((sign for sign in (";", "\t") if sign in first), ",")
         self._decimal = decimal
@@ -69,14 +81,27 @@ class TextSource(Source):
             raise DataError(f"{path}: the header row cannot be read: {error}") from None
         self._width = len(cells)
         self._header = header
+        export = None
+        if header and cells[:1] == [controldesk.FIRST]:
+            export = controldesk.read_header(head_text(path, self._survey, encoding), self._separator)
+            if export is None:
+                raise DataError(
+                    f"{path}: row 1 is that of a ControlDesk export, but the lines 'trace_names' and 'trace_values' are"
+                    " not both there: export it again"
+                )
         if header and cells and all(_is_number(cell, ".") or _is_number(cell, ",") for cell in cells):
             raise DataError(
                 f"{path}: row 1 holds numbers, not names: a log starts with a header such as 'time [s],slew [deg]'"
             )
-        super().__init__(
-            path,
-            [parse_label(cell) if header else Label(str(k), str(k), None) for k, cell in enumerate(cells, 1)],
-        )
+        labels = [
+            parse_label(cell) if header else Label(str(k), str(k), None) for k, cell in enumerate(cells, 1)
+        ]
+        super().__init__(path, labels if export is None else export.labels)
+        self._announced = None
+        if export is not None:
+            before = self._survey.header_lines - 1
+            self._survey = dataclasses.replace(self._survey, header_lines=before + export.lines)
+            self._width, self._announced = len(export.labels), export.size
         self._end = self._survey.end
         self._rows: int | None = None
         self._check_end()
@@ -85,13 +110,14 @@ class TextSource(Source):
 
     def read(self, indices: Sequence[int]) -> list[Array]:
         """See `Source.read`."""
-        decimal = self._decimal or "."
         try:
-            return self._read_as(indices, decimal)
+            columns = self._read_as(indices, self._decimal or ".")
         except _DecimalCommaError:
             columns = self._read_as(indices, ",")
             self.warnings.append("numbers were read with a decimal comma")
-            return columns
+        if self._announced not in (None, self._rows):
+            self.warnings.append(f"{self._rows} rows were read, the header announces {self._announced}")
+        return columns
 
     def row(self, index: int) -> int:
         """See `Source.row`; blank lines are counted."""
@@ -109,7 +135,7 @@ class TextSource(Source):
     def _read_as(self, indices: Sequence[int], decimal: str) -> list[Array]:
         try:
             return self._read_fast(indices, decimal)
-        except (pa.ArrowException, UnicodeError):
+        except (pa.ArrowException, UnicodeError, _RowsError):
             return self._read_carefully(indices, decimal)
 
     def _read_fast(self, indices: Sequence[int], decimal: str) -> list[Array]:
@@ -139,8 +165,43 @@ class TextSource(Source):
                     columns[name][filled : filled + len(values)] = values.to_numpy(zero_copy_only=False)
                 filled += len(batch)
         self._rows = filled
+        self._check_rows(filled)
         # only pages that were written are in memory, so the unused end costs nothing
         return [columns[names[k]][:filled] for k in indices]
+
+    def _check_rows(self, filled: int) -> None:
+        """Holds the rows parsed against the lines counted: a stray quote makes one cell of many lines.
+
+        Raises:
+            _RowsError: they differ by more than blank lines.
+        """
+        before = self._survey.header_lines if self._header else 0
+        if filled == self._survey.lines - before:
+            return
+        with self._window() as file:
+            lines = sum(
+                1 for number, line in enumerate(_text(file), 1) if number > before and line.strip("\r\n")
+            )
+        if filled != lines:
+            raise _RowsError
+
+    def _check_span(self, line: int, end: int, cells: list[str]) -> None:
+        """Refuses a row over several lines of which one looks like a row of its own.
+
+        Args:
+            line: number of its first line.
+            end: number of its last.
+            cells: of the row.
+        """
+        if end == line:
+            return
+        k, cell = next((k, cell) for k, cell in enumerate(cells) if "\n" in cell or "\r" in cell)
+        inner = cell.splitlines()[1:]
+        if any(part.count(self._separator) >= self._width - 2 for part in inner):
+            raise DataError(
+                f"{self.path}: row {line}, column '{self.labels[min(k, self._width - 1)].text}': a quotation mark opens a"
+                f" cell that ends in row {end} only and swallows the rows between: delete it, or close it"
+            )
 
     def _read_carefully(self, indices: Sequence[int], decimal: str) -> list[Array]:
         """Cell by cell: either names the bad one, or reads what pyarrow is too strict for (``+1.5``)."""
@@ -148,7 +209,10 @@ class TextSource(Source):
         self._rows = 0
         with self._window() as file:
             reader = csv.reader(_text(file), delimiter=self._separator)
+            begin = 1
             for line, cells in self._rows_of(reader):
+                self._check_span(max(begin, line - sum(map(_breaks, cells))), line, cells)
+                begin = line + 1
                 if len(cells) != self._width:
                     raise DataError(self._width_message(line, cells))
                 for k, values in columns.items():
@@ -217,6 +281,11 @@ class TextSource(Source):
 
 def _text(file: Window) -> io.TextIOWrapper:
     return io.TextIOWrapper(io.BufferedReader(file, _BLOCK), encoding="utf-8", errors="replace", newline="")
+
+
+def _breaks(cell: str) -> int:
+    """Line breaks in a cell."""
+    return len((cell + "|").splitlines()) - 1
 
 
 def _is_number(text: str, decimal: str) -> bool:

@@ -41,8 +41,12 @@ class Survey:
         return dataclasses.replace(self, end=self.last_start, lines=self.lines - 1, ends_cleanly=True)
 
 
-def survey(path: Path) -> Survey:
+def survey(path: Path, encoding: str | None = None) -> Survey:
     """Looks at a text file's size, first and last line, and counts its lines.
+
+    Args:
+        path: the file.
+        encoding: of its text; by default UTF-8, or Windows-1252 where it is none.
 
     Raises:
         DataError: the file is empty or is no text.
@@ -66,7 +70,7 @@ def survey(path: Path) -> Survey:
         file.seek(tail_start)
         tail = file.read()
     line_end = b"\n" if feeds else b"\r"
-    blank, first = _first_line(head[start:], line_end, path)
+    blank, first = _first_line(head[start:], line_end, path, encoding)
     clean = tail.endswith(line_end)
     body = tail.rstrip(b"\r\n") if not clean else tail[:-1]
     cut = body.rfind(line_end) + 1
@@ -76,13 +80,20 @@ def survey(path: Path) -> Survey:
         lines=(feeds or returns) + (not clean),
         header_lines=blank + 1,
         first_line=first,
-        last_line=_decoded(body[cut:]).rstrip("\r\n"),
+        last_line=_decoded(body[cut:], encoding).rstrip("\r\n"),
         last_start=tail_start + cut,
         ends_cleanly=clean,
     )
 
 
-def _first_line(head: bytes, line_end: bytes, path: Path) -> tuple[int, str]:
+def head_text(path: Path, found: Survey, encoding: str | None = None) -> str:
+    """The first megabyte of the file as text."""
+    with path.open("rb") as file:
+        file.seek(found.start)
+        return _decoded(file.read(_LONGEST_LINE), encoding)
+
+
+def _first_line(head: bytes, line_end: bytes, path: Path, encoding: str | None) -> tuple[int, str]:
     """Number of blank lines at the top, and the first line that is not blank."""
     rest, blank = head, 0
     while rest:
@@ -90,12 +101,14 @@ def _first_line(head: bytes, line_end: bytes, path: Path) -> tuple[int, str]:
         if not found and len(head) == _LONGEST_LINE:
             break
         if line.strip():
-            return blank, _decoded(line).rstrip("\r\n")
+            return blank, _decoded(line, encoding).rstrip("\r\n")
         blank += 1
     raise DataError(f"{path}: no line end in the first megabyte: this is no table")
 
 
-def _decoded(line: bytes) -> str:
+def _decoded(line: bytes, encoding: str | None) -> str:
+    if encoding is not None:
+        return line.decode(encoding, errors="replace")
     try:
         return line.decode("utf-8")
     except UnicodeDecodeError:

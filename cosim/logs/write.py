@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from cosim.errors import DataError, UsageError
+from cosim.files import whole
+from cosim.logs import checksums
 from cosim.logs.log import Log, Tracker
 from cosim.logs.source import Array
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
@@ -42,14 +44,17 @@ def write_log(log: Log | Tracker, path: Path | str) -> Path:
     columns = _columns(log)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if suffix == ".mat":
-            _write_mat(columns, path)
-        else:
-            table = pa.table({f"{name} [{unit}]": values for (name, unit), values in columns.items()})
-            if suffix == ".csv":
-                _write_csv(table, path)
+        with whole(path) as part:
+            if suffix == ".mat":
+                _write_mat(columns, part)
             else:
-                pq.write_table(table, path, row_group_size=_ROW_GROUP)
+                table = pa.table({f"{name} [{unit}]": values for (name, unit), values in columns.items()})
+                if suffix == ".csv":
+                    _write_csv(table, part)
+                else:
+                    pq.write_table(
+                        checksums.added(table), part, row_group_size=_ROW_GROUP, write_page_checksum=True
+                    )
     except OSError as error:
         raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path

@@ -15,6 +15,7 @@ from cosim.diagnosis.lexicon import Lexicon, Shown, speaking
 from cosim.diagnosis.remarks import shown
 from cosim.diagnosis.schema import Answer
 from cosim.errors import DataError, UsageError
+from cosim.files import whole
 from cosim.report.material import KINDS, MEASURED, Curve, Experiment, Material, Noise, Part
 
 Array = NDArray[np.float64]
@@ -33,7 +34,6 @@ def keep(material: Material, folder: Path) -> None:
         UsageError: the folder cannot be written to.
     """
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     facts = {
         "h": material.h,
@@ -44,22 +44,29 @@ def keep(material: Material, folder: Path) -> None:
     table = pa.table(_columns(material)).replace_schema_metadata({_KEY: json.dumps(facts).encode()})
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        pq.write_table(table, folder / SERIES, compression="zstd")
+        _write(table, folder / SERIES)
         if material.other is not None:
             other = {"h": material.other.h, "even": material.other.stamps is None}
             series = pa.table(_columns(material.other))
             series = series.replace_schema_metadata({_KEY: json.dumps(other).encode()})
-            pq.write_table(series, folder / HELD_OUT, compression="zstd")
+            _write(series, folder / HELD_OUT)
         else:
             (folder / HELD_OUT).unlink(missing_ok=True)
         if material.experiment is not None:
-            pq.write_table(_predicted(material.experiment), folder / PREDICTED, compression="zstd")
+            _write(_predicted(material.experiment), folder / PREDICTED)
         else:
             (folder / PREDICTED).unlink(missing_ok=True)  # of an earlier diagnosis
     except OSError as error:
         raise UsageError(
             f"cannot write into '{folder}' ({error.strerror or error}); name another folder"
         ) from None
+
+
+def _write(table: Any, path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    with whole(path) as part:
+        pq.write_table(table, part, compression="zstd", write_page_checksum=True)
 
 
 def _columns(material: Material) -> dict[str, Any]:

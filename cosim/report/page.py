@@ -13,6 +13,7 @@ from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.naming import CLOSE
 from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
+from cosim.files import write_text
 from cosim.packages import project_version
 from cosim.report import experiment, overview
 from cosim.report.evidence import free_form, pictures
@@ -89,7 +90,7 @@ def write_report(folder: Path) -> Path:
     with speaking(lexicon_of(material.answer)):
         text = page(material)
     try:
-        file.write_text(text, encoding="utf-8")
+        write_text(file, text)
     except OSError as error:
         raise UsageError(f"cannot write {file} ({error.strerror or error})") from None
     return file

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import UsageError
+from cosim.errors import DataError, UsageError
+from cosim.files import write_text
 from cosim.logs.log import Log, Tracker
 from cosim.logs.write import WRITABLE, write_log
 from cosim.rig.run import RigRun
@@ -107,5 +108,7 @@ def write_tracker(run: RigRun, path: Path) -> None:
 def write_truth(run: RigRun, log: Path) -> Path:
     """Write what was hidden in the log at `log` to ``<log>.truth.json`` beside it, and return that path."""
     path = log.with_name(log.name + ".truth.json")
-    path.write_text(json.dumps(run.truth, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-    return path
+    try:
+        return write_text(path, json.dumps(run.truth, indent=2, sort_keys=True) + "\n")
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None

@@ -6,6 +6,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from cosim.errors import UsageError
+from cosim.files import write_bytes
 from cosim.paths import ssp_folder
 from cosim.ssp.write import STIMULUS, fmu_bytes, write_ssp
 from fmus.registry import BLOCKS
@@ -27,15 +28,23 @@ def build_everything(out: Path, stimulus: bytes, report: Report = lambda file: N
 
     Raises:
         DataError: the stimulus is bad.
-        UsageError: the folder cannot be made.
+        UsageError: the folder cannot be made or written to.
         ModelError: the wiring is bad, or pythonfmu could not build an FMU.
     """
     files: dict[str, list[Path]] = {"fmus": [], "ssp": []}
     try:
         for name in files:
             (out / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"cannot build into '{out}' ({error.strerror}); name another folder") from None
+        _build(out, stimulus, report, files)
+    except OSError as error:  # of the folder, or of the temporary one in which FMUs are made
+        place = f": {error.filename}" if error.filename else ""
+        raise UsageError(
+            f"cannot build into '{out}' ({error.strerror or error}{place}); name another folder"
+        ) from None
+    return files
+
+
+def _build(out: Path, stimulus: bytes, report: Report, files: dict[str, list[Path]]) -> None:
     # each FMU is built by a process of its own, so threads are enough to keep all cores busy
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         fmus = {
@@ -52,11 +61,8 @@ def build_everything(out: Path, stimulus: bytes, report: Report = lambda file: N
             )
             files["ssp"].append(package)
             report(package)
-    return files
 
 
 def write_file(destination: Path, content: "Future[bytes]") -> Path:
     """Write a file all at once, when its content is there."""
-    temporary = destination.with_name(destination.name + ".part")
-    temporary.write_bytes(content.result())
-    return temporary.replace(destination)
+    return write_bytes(destination, content.result())

@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
+from cosim.files import write_bytes
 from cosim.ssp.stimulus import stop_time
 from cosim.units import base_exponents
 from fmus import registry
@@ -266,7 +267,4 @@ def write_archive(entries: Mapping[str, bytes], destination: Path) -> Path:
             info.create_system = 3  # the same on every platform
             archive.writestr(info, entries[name])
     destination.parent.mkdir(parents=True, exist_ok=True)
-    temporary = destination.with_name(destination.name + ".part")
-    temporary.write_bytes(buffer.getvalue())
-    temporary.replace(destination)
-    return destination
+    return write_bytes(destination, buffer.getvalue())

@@ -1,5 +1,6 @@
 """Build native FMUs: C sources from the composed equations, compiled for this platform, packed the same way each time."""
 
+import contextlib
 import hashlib
 import os
 import shlex
@@ -19,6 +20,7 @@ from lxml.builder import E
 
 from cosim.compiled import cache_folder
 from cosim.errors import CosimError, ModelError
+from cosim.files import whole, write_bytes
 from fmus.build import ARCHIVE_DATE, PICTURES, checked_starts
 from fmus.compose import Composed
 from fmus.describe import described
@@ -106,10 +108,9 @@ def compiled(content: Mapping[str, bytes], optimise: str | None = None) -> bytes
                 f"{command[0]} could not compile the FMU: {done.stderr[:2000] or done.stdout[:2000]}"
             )
         data = library.read_bytes()
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=kept.parent, suffix=".part", delete=False) as part:
-        part.write(data)
-    Path(part.name).replace(kept)  # at once, so that no other thread or process reads half a file
+    with contextlib.suppress(OSError):  # the next build compiles again
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(kept, data)
     return data
 
 
@@ -170,15 +171,14 @@ def write_fmu(
     """
     found = entries(model, resources or {}, optimise)
     destination.parent.mkdir(parents=True, exist_ok=True)
-    temporary = destination.with_suffix(".part")
-    with zipfile.ZipFile(temporary, "w") as archive:
+    with whole(destination) as part, zipfile.ZipFile(part, "w") as archive:
         for name in sorted(found):
             info = zipfile.ZipInfo(name, ARCHIVE_DATE)
             info.compress_type = zipfile.ZIP_DEFLATED
             info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             info.create_system = 3  # the same on every platform
             archive.writestr(info, found[name], compresslevel=6)
-    return temporary.replace(destination)
+    return destination
 
 
 def build_native(

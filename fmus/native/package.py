@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
+from cosim.files import write_bytes
 from cosim.ssp.archive import open_archive, read_entry
 from cosim.ssp.write import NAMESPACES, STIMULUS, Values, changed, values_xml, write_archive, write_ssp
 from cosim.ssp.xml import parse
@@ -75,7 +76,7 @@ def swapped(source: Path, destination: Path, values: Values | None = None) -> Pa
     """
     if source.suffix.lower() == ".fmu":
         destination.parent.mkdir(parents=True, exist_ok=True)
-        destination.write_bytes(twin(source.read_bytes(), source.stem, source.name, {}))
+        write_bytes(destination, twin(source.read_bytes(), source.stem, source.name, {}))
         return destination
     with open_archive(source, str(source)) as archive:
         entries = {

@@ -14,9 +14,10 @@ import xarray as xr  # noqa: E402
 
 from cosim.batch.cases import plan_batch  # noqa: E402
 from cosim.batch.conduct import conduct  # noqa: E402
+from cosim.batch.coordinates import Coordinates  # noqa: E402
 from cosim.batch.drive import carry_out  # noqa: E402
 from cosim.batch.plan import Plan  # noqa: E402
-from cosim.batch.store import Coordinates, Store  # noqa: E402
+from cosim.batch.store import Store  # noqa: E402
 from cosim.batch.workers import Processes  # noqa: E402
 from cosim.errors import UsageError  # noqa: E402
 from tests.batch.asked import cube, plan  # noqa: E402

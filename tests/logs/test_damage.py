@@ -204,3 +204,24 @@ def test_a_missing_file_and_a_folder(tmp_path, name):
 def test_an_unknown_file_type_lists_those_known(write):
     with pytest.raises(DataError, match=r"'.xlsx' is none of them"):
         load_log(write("x", "log.xlsx"))
+
+
+@pytest.mark.parametrize("last", ["", '0.700,0,350.0,"ok', '0.700,0,350.0,o"k'])
+def test_a_stray_quotation_mark_loses_no_row_in_silence(write, last):
+    lines = [f"{row},ok" for row in rows(900)]
+    lines[100] = '0.100,0,50.0,"ok'
+    lines[700] = last or lines[700]
+    end = "702" if last else "901"
+    with pytest.raises(
+        DataError,
+        match=rf"row 102, column 'remark': a quotation mark opens a cell that ends in row {end} only",
+    ):
+        load_log(write("time [s],u [1],slew [deg],remark\n" + "\n".join(lines) + "\n"))
+
+
+def test_a_remark_of_two_lines_is_read(load):
+    lines = [f"{row},ok" for row in rows(100)]
+    lines[50] = '0.050,0,25.0,"by hand,\nstopped"'
+    log = load([*lines[:80], "", *lines[80:]], "time [s],u [1],slew [deg],remark\n")
+    assert len(log) == 100
+    assert log.warnings == ("ignored columns: 'remark'",)

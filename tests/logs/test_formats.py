@@ -284,3 +284,76 @@ def test_tdms(reference, tmp_path, waveform):
         np.testing.assert_array_equal(log["slew"], reference["slew"])
     else:
         assert_same(log, reference)
+
+
+def flipped(path, at):
+    """The file with one bit changed."""
+    content = bytearray(path.read_bytes())
+    content[at] ^= 0x10
+    path.write_bytes(content)
+    return path
+
+
+def test_no_bit_of_our_parquet_changes_in_silence(reference, tmp_path):
+    path = write_log(reference, tmp_path / "log.parquet")
+    assert_same(load_log(path), reference)
+    size = path.stat().st_size
+    refused = 0
+    for at in np.linspace(4, size - 9, 60, dtype=int):
+        try:
+            assert_same(load_log(flipped(path, at)), reference)  # statistics, which nobody reads
+        except DataError:
+            refused += 1
+        flipped(path, at)
+    assert refused > 55
+
+
+def test_page_checksums_of_others_are_checked(tmp_path):
+    path = tmp_path / "log.parquet"
+    table = pa.table({"time [s]": np.arange(500) / 1000, "slew [deg]": np.sin(np.arange(500) / 50)})
+    pq.write_table(table, path, write_page_checksum=True, compression="none", use_dictionary=False)
+    assert load_log(path).warnings == ()
+    at = path.read_bytes().index(np.sin(0.2).tobytes())  # one number of the data
+    with pytest.raises(DataError, match=r"cannot be read as a Parquet file: .*CRC"):
+        load_log(flipped(path, at))
+
+
+def test_a_column_unlike_its_checksum_is_named(reference, tmp_path):
+    path = write_log(reference, tmp_path / "log.parquet")
+    table = pq.read_table(path)
+    k = table.column_names.index("slew [deg]")
+    changed = table.set_column(k, "slew [deg]", pa.array(table.column(k).to_numpy() + 1.0))
+    pq.write_table(changed, path)
+    with pytest.raises(
+        DataError, match=r"column 'slew \[deg\]' is not that of its checksum: the file is damaged"
+    ):
+        load_log(path)
+    renamed = table.rename_columns([name.replace("p_a", "p_c") for name in table.column_names])
+    pq.write_table(renamed.replace_schema_metadata(table.schema.metadata), path)
+    with pytest.raises(DataError, match="its columns are not those of its checksums"):
+        load_log(path)
+
+
+def test_a_damaged_mf4_leaves_nothing_on_stderr(write, capfd):
+    pytest.importorskip("asammdf", reason="extra mf4 is not installed")
+    with pytest.raises(DataError, match="cannot be read as a MDF file"):
+        load_log(write(b"MDF     4.10    " + bytes(200), "log.mf4"))
+    assert capfd.readouterr().err == ""
+
+
+def test_an_endless_loop_in_hdf5_is_refused(tmp_path):
+    path = tmp_path / "log.mat"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        matio.save_to_mat(str(path), struct(*names_and_units()), version="v7.3")
+    content = bytearray(path.read_bytes())
+    heap = content.index(b"GCOL")
+    place = heap + 16
+    while int.from_bytes(content[place : place + 2], "little"):  # to the free space at its end
+        place += 16 + -(-int.from_bytes(content[place + 8 : place + 16], "little") // 8) * 8
+    content[place + 8 : place + 16] = bytes(8)
+    path.write_bytes(content)
+    with pytest.raises(
+        DataError, match=rf"log\.mat: cannot be read as a MAT file: the heap at byte {heap} is damaged"
+    ):
+        load_log(path)

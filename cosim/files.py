@@ -1,0 +1,88 @@
+"""Files that are whole or absent: written beside, synced, renamed.
+
+A full disk, a kill or a power cut leaves what was there before, or the new file, never a part of it; two writers of one
+file leave one of the two whole.
+"""
+
+import contextlib
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+MARK = ".part"
+_STEM = 100  # of 255 characters that a name may have
+
+
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """A path to write to, of the same suffix in the same folder; at the end of the block it takes the place of `path`.
+
+    Where the block fails nothing is left, and `path` is what it was. A device or pipe is written to directly.
+
+    Raises:
+        OSError: it cannot be written, synced or renamed, or `path` is write-protected.
+    """
+    target = Path(os.path.realpath(path)) if path.is_symlink() else path
+    if target.exists() and not target.is_file():
+        yield target  # a folder is refused by whoever opens it
+        return
+    if target.exists() and not os.access(target, os.W_OK):
+        raise PermissionError(13, "it is write-protected", str(path))
+    part = target.with_name(
+        f".{target.stem[:_STEM]}.{os.getpid()}.{secrets.token_hex(4)}{MARK}{target.suffix}"
+    )
+    try:
+        yield part
+        if target.exists():
+            shutil.copymode(target, part)
+        _sync(part)
+        part.replace(target)
+    except BaseException:  # Ctrl-C, too
+        with contextlib.suppress(OSError):
+            part.unlink()
+        raise
+    _sync_folder(target.parent)
+
+
+def write_bytes(path: Path, content: bytes) -> Path:
+    """Writes a file whole.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    with whole(path) as part:
+        part.write_bytes(content)
+    return path
+
+
+def write_text(path: Path, text: str, newline: str | None = None) -> Path:
+    """Writes a text file whole, in UTF-8.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    with whole(path) as part:
+        part.write_text(text, encoding="utf-8", newline=newline)
+    return path
+
+
+def is_left_over(path: Path) -> bool:
+    """Whether a file is what a killed writer left beside the file that it meant."""
+    return path.name.startswith(".") and MARK in path.name
+
+
+def _sync(path: Path) -> None:
+    with path.open("rb+") as stream:
+        os.fsync(stream.fileno())
+
+
+def _sync_folder(folder: Path) -> None:
+    """Makes the new name last; where a system cannot sync folders, the file itself is safe all the same."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

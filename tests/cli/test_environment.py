@@ -1,0 +1,149 @@
+"""Commands on a machine that fails: full disk, write-protected or deleted folders, no home, a spoilt cache."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fault_injection import failing_call, full_after
+
+from cosim.compiled import CompiledBlock, cache_folder, load_compiled
+from fmus import registry
+from fmus.compose import compose
+
+TOP = Path(__file__).resolve().parents[2]
+OLD = b"what was there before"
+posix = pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
+
+
+def run_python(*words, folder, **environment):
+    kept = {name: value for name, value in os.environ.items() if environment.get(name, value) is not None}
+    known = kept | {name: str(value) for name, value in environment.items() if value is not None}
+    return subprocess.run(
+        [sys.executable, *map(str, words)], cwd=folder, env=known | {"PYTHONPATH": str(TOP)},
+        capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def simulate(command, packages):
+    """A short simulation into a file -> exit code and stderr."""
+
+    def run(path):
+        code, _, error = command("simulate", packages["simplified"], "--stop-time", "0.05 s", "--out", path)
+        return code, error
+
+    return run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+def test_simulate_leaves_old_or_new_whatever_fails(simulate, tmp_path, suffix):
+    path = tmp_path / f"out{suffix}"
+    assert simulate(path)[0] == 0
+    size = path.stat().st_size
+    for at in range(1, 400):
+        path.write_bytes(OLD)
+        with failing_call(at) as faults:
+            code, error = simulate(path)
+        assert "internal error" not in error
+        assert "Traceback" not in error
+        assert code in (0, 2, 3)
+        assert path.stat().st_size == size if code == 0 else path.read_bytes() == OLD
+        assert [item.name for item in tmp_path.iterdir()] == [path.name]
+        if faults.seen < at:
+            assert code == 0
+            return
+    pytest.fail("no end of calls")
+
+
+def test_build_says_that_the_disk_is_full(command, tmp_path, monkeypatch):
+    monkeypatch.setattr("cosim.ssp.build.fmu_bytes", lambda *_: bytes(3000))
+    for at in (1, 3, 5, 6, 8):  # a folder, what a file holds, its name
+        folder = tmp_path / str(at) / "build"
+        with failing_call(at):
+            code, _, error = command("build", "--out", folder)
+        assert code == 2
+        assert "cannot build into" in error
+        assert "No space left on device" in error
+        assert "name another folder" in error
+        assert not list(folder.rglob("*.part*"))
+
+
+@posix
+def test_build_keeps_what_is_good_when_the_disk_fills(command, tmp_path, monkeypatch):
+    folder = tmp_path / "build"
+    (folder / "fmus").mkdir(parents=True)
+    good = folder / "fmus" / "dead_zone.fmu"
+    good.write_bytes(OLD)
+    monkeypatch.setattr("cosim.ssp.build.fmu_bytes", lambda *_: bytes(3000))
+    with full_after(1000):
+        code, _, error = command("build", "--out", folder)
+    assert code == 2
+    assert "cannot build into" in error
+    assert "File too large" in error
+    assert [item.read_bytes() for item in folder.rglob("*.*")] == [OLD]
+
+
+def test_a_result_below_a_file_is_refused(command, tmp_path, built):
+    (tmp_path / "file").write_bytes(OLD)
+    code, _, error = command("build", "--out", tmp_path / "file" / "build")
+    assert code == 2
+    assert "Not a directory" in error or "exists" in error
+
+
+@posix
+def test_a_deleted_folder_is_named(tmp_path):
+    script = (
+        "import os, sys; os.rmdir(os.getcwd()); from cosim.cli import main; main(['build', '--out', 'here'])"
+    )
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    done = run_python("-c", script, folder=gone)
+    assert done.returncode == 2
+    assert done.stderr.strip().endswith("the current folder does not exist any more: change to another one")
+
+
+def sensor():
+    return compose(registry.block("sensor"))
+
+
+USE = """
+import numpy as np
+from cosim.compiled import CompiledBlock
+from fmus import registry
+from fmus.compose import compose
+block = CompiledBlock(compose(registry.block("sensor")))
+print(repr(float(block.run(np.ones((len(block.composed.block.inputs), 5)), 1e-3, {})[0, -1])))
+"""
+
+
+@pytest.fixture(scope="module")
+def answer():
+    block = CompiledBlock(sensor())
+    return repr(float(block.run(np.ones((len(block.composed.block.inputs), 5)), 1e-3, {})[0, -1]))
+
+
+@pytest.mark.parametrize("place", ["/dev/null/cache", "file"])
+def test_a_cache_that_cannot_be_made_is_done_without(tmp_path, answer, place):
+    (tmp_path / "file").write_bytes(OLD)
+    where = place if place.startswith("/") else tmp_path / place
+    done = run_python("-c", USE, folder=tmp_path, COSIM_CACHE=where, HOME=None)
+    assert (done.stdout.strip(), done.stderr) == (answer, "")
+
+
+def test_a_spoilt_cache_is_made_anew(tmp_path, answer):
+    for spoil in (None, b"garbage", b""):
+        for file in tmp_path.rglob("*") if spoil is not None else ():
+            if file.is_file():
+                file.write_bytes(spoil)
+        done = run_python("-c", USE, folder=TOP, COSIM_CACHE=tmp_path)
+        assert (done.stdout.strip(), done.stderr) == (answer, "")
+    assert list(tmp_path.rglob("*.nbi"))
+
+
+def test_the_folder_of_compiled_code_is_the_caches():
+    module = load_compiled(sensor())
+    assert Path(module.__file__).parent == cache_folder()

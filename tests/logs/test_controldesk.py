@@ -1,0 +1,103 @@
+"""CSV exports of dSPACE ControlDesk: the header block, traces told apart by path, two columns in one signal."""
+
+import numpy as np
+import pytest
+
+from cosim.errors import DataError
+from cosim.logs import load_log, load_mapping
+
+HEAD = """descriptions,General,User,kim
+,General,DateTime,2025-09-03 오후 12:24:46
+,General,Origin,"Software: a.sdf, a.rta\\nVersion: 7.2"
+,Measurement,Length,0.29
+
+trace_size,30
+trace_types,5,4,4,4,4,4
+trace_names,,In1,In1,up_duty,dn_duty,In1
+trace_units,,,,,,bar
+description,,,,,,
+path,,Root/Angles(22)/Boom,Root/Angles(22)/Arm,Root/Commands,Root/Commands,Root/Pressure(22)/Boom
+min,,-1.8e308,-1.8e308,0,0,0
+"""
+MAPPING = """
+[file]
+encoding = "cp949"
+[time]
+column = "time"
+[signals.u]
+column = "up_duty"
+minus = "dn_duty"
+unit = "%"
+[signals.slew]
+column = "Angles(22)/Boom"
+unit = "deg"
+plausible = [-60, 30]
+[signals.pressure]
+column = "Root/Pressure(22)/Boom/In1"
+"""
+
+
+def export(count=30):
+    rows = [f"{k / 100:.2f},{-k},{2 * k},{50 * (k > 9)},{20 * (k < 5)},{100 + k}" for k in range(count)]
+    return HEAD + "trace_values," + "\n,".join(rows) + "\n\n"
+
+
+@pytest.fixture
+def mapping(tmp_path):
+    path = tmp_path / "map.toml"
+    path.write_text(MAPPING)
+    return path
+
+
+def test_an_export_is_read_by_paths(write, mapping):
+    log = load_log(write(export(), encoding="cp949"), mapping)
+    assert log.warnings == ()
+    np.testing.assert_allclose(log.time, np.arange(30) / 100, atol=1e-15)
+    np.testing.assert_allclose(log["slew"], np.radians(-np.arange(30.0)), rtol=1e-15)
+    np.testing.assert_allclose(log["pressure"], 1e5 * (100 + np.arange(30.0)), rtol=1e-15)
+    assert log["u"].tolist() == [-0.2] * 5 + [0] * 5 + [0.5] * 20
+    assert log.held == {"u"}
+
+
+def test_traces_of_one_name_must_be_told_apart(write, mapping):
+    mapping.write_text(MAPPING.replace("Angles(22)/Boom", "In1"))
+    with pytest.raises(DataError, match=r"from column 'In1', which is not there.*Root/Angles\(22\)/Boom/In1"):
+        load_log(write(export(), encoding="cp949"), mapping)
+    mapping.write_text(MAPPING.replace("Angles(22)/Boom", "Boom"))  # an angle and a pressure
+    with pytest.raises(DataError, match="from column 'Boom', which is not there"):
+        load_log(write(export(), encoding="cp949"), mapping)
+
+
+def test_rows_are_held_against_the_number_announced(write, mapping):
+    log = load_log(write(export(27), encoding="cp949"), mapping)
+    assert len(log) == 27
+    assert log.warnings == ("27 rows were read, the header announces 30",)
+
+
+def test_places_are_counted_as_an_editor_does(write, mapping):
+    text = export().replace("\n,0.10,-10,", "\n,0.10,-99,")
+    warnings = load_log(write(text, encoding="cp949"), mapping).warnings
+    assert "plausible are -60 to 30: check unit and scaling (first: row 23)" in warnings[0]
+    assert text.split("\n")[22].startswith(",0.10")
+    with pytest.raises(DataError, match=r"row 23, column 'Root/Angles\(22\)/Boom/In1': 'x' is not a number"):
+        load_log(write(text.replace("-99", "x"), encoding="cp949"), mapping)
+
+
+@pytest.mark.parametrize("lost", ["trace_names", "trace_values"])
+def test_a_header_block_that_is_not_whole_is_refused(write, mapping, lost):
+    with pytest.raises(DataError, match=r"log\.csv: row 1 is that of a ControlDesk export, but"):
+        load_log(write(export().replace(lost, "x"), encoding="cp949"), mapping)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (('"cp949"', '"klingon"'), r"'file\.encoding': 'klingon' is not the name of an encoding"),
+        (('"cp949"', '"utf-16"'), r"'file\.encoding': a file in 'utf-16' is not read: save it as UTF-8"),
+        (("[-60, 30]", "[30, -60]"), r"'signals\.slew\.plausible': give the lowest value first"),
+    ],
+)
+def test_wrong_keys_are_named(mapping, change, message):
+    mapping.write_text(MAPPING.replace(*change))
+    with pytest.raises(DataError, match=message):
+        load_mapping(mapping)

@@ -1,0 +1,101 @@
+"""Values that jump off and back are told; what a machine does by itself is not."""
+
+import numpy as np
+import pytest
+from log_files import MEASURED, TOP
+
+from cosim.logs import load_log
+from cosim.logs.jumps import jumps
+
+
+def smooth(count=2000):
+    random = np.random.default_rng(5)
+    time = np.arange(count) / 1000
+    return time, 30 * np.sin(5 * time) + random.normal(0, 0.01, count)
+
+
+def changed(values, at, new):
+    values = values.copy()
+    values[at] = new
+    return values
+
+
+@pytest.mark.parametrize(
+    ("at", "new", "first"),
+    [
+        (700, 0.0, 700),  # one sample of a moving signal
+        (0, 20.0, 0),
+        (1999, 0.0, 1999),
+        (slice(700, 764), 0.0, 700),  # a sector of a disk
+        (slice(1950, 2000), 0.0, 1950),
+        (slice(0, 40), -9.0, 0),
+        (slice(700, 764), np.linspace(-9, -8, 64), 700),  # from elsewhere in the file
+        (slice(700, 764), np.r_[6.0, np.zeros(62), 7.0], 700),  # zeros that begin and end within a number
+    ],
+)
+def test_what_jumps_away_is_found(at, new, first):
+    time, values = smooth()
+    starts, size = jumps(time, changed(values, at, new), held=False)
+    assert starts.tolist() == [first]
+    assert size > 1
+
+
+def test_a_small_error_is_found_only_above_the_noise():
+    time, values = smooth()
+    assert jumps(time, changed(values, 700, values[700] + 0.3), held=False)[0].tolist() == [700]
+    assert not jumps(time, changed(values, 700, values[700] + 0.03), held=False)[0].size
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.repeat([0.0, 1.0, 0.0, 1.0], 500),  # one step, and back
+        np.repeat([0.0, 1.0], 1000),
+        np.zeros(2000),
+        np.arange(2000) % 2.0,
+        np.round(smooth()[1], 0),  # coarse resolution
+        np.exp(-np.maximum(0, np.arange(2000) - 900) / 20.0)
+        * (np.arange(2000) >= 900),  # a stroke that dies away
+        np.random.default_rng(2).normal(0, 1, 2000),
+        np.repeat(smooth()[1][::20], 20),  # stale samples
+    ],
+)
+def test_what_a_sound_signal_does_is_not_told(values):
+    time = np.arange(2000) / 1000
+    assert not jumps(time, values, held=False)[0].size
+
+
+def test_a_command_may_jump_but_not_for_one_sample():
+    time = np.arange(2000) / 1000
+    u = 0.6 * np.sign(np.sin(9 * time + 0.1))
+    assert not jumps(time, u, held=True)[0].size
+    assert jumps(time, changed(u, 500, 0.4), held=True)[0].tolist() == [500]
+    assert jumps(time, changed(u, slice(150, 214), 0.0), held=True)[0].tolist() == [150]
+    pulses = np.repeat([0.0, 0.6, 0.0, 0.6, 0.0], [400, 200, 100, 200, 1100])  # begins and rests at zero
+    assert not jumps(time, pulses, held=True)[0].size
+
+
+def test_uneven_sampling_is_no_jump():
+    random = np.random.default_rng(3)
+    time = np.cumsum(random.uniform(0.02, 0.09, 2000))
+    assert not jumps(time, np.sin(0.5 * time), held=False)[0].size
+
+
+def test_the_log_warns_with_place_and_size(load):
+    lines = [f"{k / 1000:.3f},{k // 500 % 2},{10 + k * 0.05:.2f}" for k in range(900)]
+    lines[400] = "0.400,0,0.00"
+    (warning,) = load(lines).warnings
+    assert warning == (
+        "slew: jumps away once, by up to 30.05 deg (first: row 402): the file or the signal may be damaged there"
+    )
+
+
+@pytest.mark.data
+@pytest.mark.skipif(not MEASURED.is_dir(), reason="no measured data: set COSIM_DATA to their folder")
+@pytest.mark.parametrize("file", ["emps/DATA_EMPS.mat", "emps/DATA_EMPS_PULSES.mat"])
+def test_sound_measured_logs_are_left_alone(file):
+    assert load_log(MEASURED / file, TOP / "examples" / "mappings" / "emps.toml").warnings == ()
+
+
+def test_the_synthetic_demonstration_is_left_alone():
+    assert not any("jumps" in text for text in load_log(TOP / "examples" / "synthetic_demo.csv").warnings)
