@@ -236,8 +236,10 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
         for out in chosen.effects:
             kept = tuple(e for e in chosen.effects if e != out)
             fewer = tried(task, kept, tolerance, chosen.fit)
-            others = promising(task, fewer, (e for e in candidates if e not in chosen.effects), tolerance)
-            sets += [kept, *((*kept, e) for e in others)]
+            free = (e for e in candidates if e not in chosen.effects)
+            # in the place of the one left out another must make up for what that one explains
+            needed = chosen.fit.log_likelihood - fewer.fit.log_likelihood
+            sets += [kept, *((*kept, e) for e in promising(task, fewer, free, tolerance, needed))]
         best = tried_all(task, sets, tolerance, chosen.fit)[0]
         dropped = len(best.effects) < len(chosen.effects)
         if best.score > chosen.score + (-SURE if dropped else 1.0):
@@ -257,10 +259,9 @@ def rivals(
         sets = []
         if kept:
             fewer = tried(task, kept, tolerance, finding.chosen.fit)
-            others = promising(
-                task, fewer, (e for e in candidates if e not in finding.chosen.effects), tolerance
-            )
-            sets = [(*kept, e) for e in others]
+            free = (e for e in candidates if e not in finding.chosen.effects)
+            needed = finding.chosen.fit.log_likelihood - fewer.fit.log_likelihood
+            sets = [(*kept, e) for e in promising(task, fewer, free, tolerance, needed)]
         found[effect.name] = (
             tried_all(task, sets, tolerance, finding.chosen.fit)
             if kept

@@ -11,13 +11,23 @@ from cosim.diagnosis.trials import SURE, Trial, copied, unknowns
 from fmus.contract import Effect
 
 PROMISING = 4  # candidates that are always fitted beyond the first
+HOPELESS = 0.5  # of what a candidate must gain: one whose small dose promises less is not fitted
 
 
-def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: float) -> list[Effect]:
+def promising(
+    task: Task, base: Trial, candidates: Iterable[Effect], tolerance: float, needed: float = 0.0
+) -> list[Effect]:
     """The candidates that may add to a fitted set, by a score test: the most promising, and all near them.
 
     Each is put in at each of its starts; what that changes, less what the parameters already free can take up, points
     somewhere in the space of residuals, and the residual's part along it bounds what a small dose would gain.
+
+    Args:
+        task: data, model and noise.
+        base: the fitted set.
+        candidates: the effects.
+        tolerance: trust in the nominal parameters.
+        needed: log-likelihood that a candidate must gain to matter; those that promise less than half of it are left out.
     """
 
     def gain(effect: Effect) -> float:
@@ -34,6 +44,7 @@ def promising(task: Task, base: Trial, candidates: Iterable[Effect], tolerance: 
     with ThreadPoolExecutor(2) as pool:
         gains = dict(zip((e.name for e in listed), pool.map(gain, listed), strict=True))
     listed.sort(key=lambda e: -gains[e.name])
+    listed = [e for e in listed if gains[e.name] >= HOPELESS * needed]
     reach = 0.3 * gains[listed[0].name] if listed else 0.0
     return listed[:PROMISING] + [e for e in listed[PROMISING:] if gains[e.name] > max(reach, SURE)]
 
