@@ -73,6 +73,7 @@ class Rehearsal:
         stamps = np.arange(int(end / interval + 1e-6) + 1, dtype=np.float64) * interval
         self.grid = Grid(stamps, h)
         self.every_step = abs(interval - h) < 1e-6 * h
+        self.time = np.arange(command.size) * h
 
     def read(self, values: Mapping[str, float]) -> dict[str, Array]:
         """Signal -> (m,) what is read of it, SI."""
@@ -86,7 +87,8 @@ class Rehearsal:
         """(m,) what each reading adds, as (n,) what each step adds."""
         if self.every_step:
             return evidence
-        gathered = np.interp(self.grid.time, self.grid.stamps, np.cumsum(evidence))
+        # the last reading may come before the command ends
+        gathered = np.interp(self.time, self.grid.stamps, np.cumsum(evidence))
         return np.diff(gathered, prepend=0.0)
 
 

@@ -69,6 +69,8 @@ class Diagnosis:
         refused: causes that the fitting log asks for and the held-out one does not bear out.
         span: start and end of the stretch that was used, s of the log's own time.
         elsewhere: where in the rest of the log the extended model errs more.
+        failed: group -> why it could not be judged although its signals were measured.
+        notes: what else failed by itself and is missing.
         stage: the stage that runs, or in which it was interrupted; empty when all is done.
     """
 
@@ -99,6 +101,8 @@ class Diagnosis:
     references: dict[str, Reference] = field(default_factory=dict)
     span: tuple[float, float] = (0.0, 0.0)
     elsewhere: list[Elsewhere] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     stage: str = ""
 
     @property

@@ -13,6 +13,7 @@ from cosim.diagnosis.isolability import isolability
 from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.machine import Machine
 from cosim.diagnosis.model import machine_of
+from cosim.diagnosis.parts import part
 from cosim.diagnosis.progress import ShownProgress
 from cosim.diagnosis.schema import Answer
 from cosim.diagnosis.story import diagnose
@@ -20,6 +21,7 @@ from cosim.diagnosis.stretch import by_twin
 from cosim.diagnosis.watch import Watch
 from cosim.errors import UsageError
 from cosim.files import write_text
+from cosim.interrupts import terminated_as_interrupted
 from cosim.logs import Log, Tracker
 from cosim.report.page import save_and_report
 
@@ -46,7 +48,7 @@ def diagnose_into(
 ) -> Answer:
     """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
 
-    Ctrl-C leaves in the folder what had been found until then, and goes on as a KeyboardInterrupt.
+    Ctrl-C or SIGTERM leaves in the folder what had been found until then, and goes on as a KeyboardInterrupt.
 
     Args:
         folder: where it goes.
@@ -64,7 +66,12 @@ def diagnose_into(
     machine = machine_of(asked, log, mapping)
     announce(log, tracker, machine)
     make_folder(folder)
-    with threadpool_limits(1), speaking(machine.lexicon), ShownProgress() as watch:
+    with (
+        threadpool_limits(1),
+        speaking(machine.lexicon),
+        terminated_as_interrupted(),
+        ShownProgress() as watch,
+    ):
         try:
             found = diagnose(
                 log,
@@ -106,20 +113,22 @@ def delivered(found: Diagnosis, log: Log, folder: Path, watch: Watch | None = No
     watch = watch or Watch()
     try:
         found.stage = "next experiment"
+        said(found, log, folder, None)  # the answer first: what follows may fail, or be ended from outside
         watch.stage("next", found.stage)
         proposal = None
-        if log.time_unit == "s":  # what is proposed is a command over time
-            proposal = proposal_for(
-                found.machine.groups,
-                found.findings,
-                found.causes,
-                found.start,
-                found.values,
-                size=full_command(found),
-                interval=found.record.h,
-            )
-        if proposal is not None:
-            proposal = write_command(proposal, folder)
+        if log.time_unit == "s" and not found.data:  # what is proposed is a command over time
+            with part(found.notes, "the next experiment"):
+                proposal = proposal_for(
+                    found.machine.groups,
+                    found.findings,
+                    found.causes,
+                    found.start,
+                    found.values,
+                    size=full_command(found),
+                    interval=found.record.h,
+                )
+                if proposal is not None:
+                    proposal = write_command(proposal, folder)
         found.stage = ""
         watch.stage("report", "report")
         return written(found, log, folder, proposal)
@@ -134,22 +143,33 @@ def full_command(found: Diagnosis) -> float:
     return 1.0 if drive == "u" else float(np.max(np.abs(found.record.signals[drive])))
 
 
-def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:
-    """Write answer, series and report."""
+def said(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:
+    """Write the answer."""
+    if not found.before:  # the FMUs were not run: errors of the nominal model by the twin
+        with part(found.notes, "the nominal model's run"):
+            found.before = by_twin(found, found.record, found.machine.base)
     result = answer(found, log, proposal)
     write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
-    if save_and_report(found, result, folder, proposal) is None:
-        warn(
-            "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"
-        )
     return result
+
+
+def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:
+    """Write answer, series and report; a report that fails leaves the answer, which says so."""
+    result = said(found, log, folder, proposal)
+    known = len(found.notes)
+    with part(found.notes, "the report"):
+        if save_and_report(found, result, folder, proposal) is None:
+            warn(
+                "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"
+            )
+    for note in found.notes:
+        warn(note)
+    return said(found, log, folder, proposal) if len(found.notes) > known else result
 
 
 def leave(found: Diagnosis, log: Log, folder: Path) -> None:
     """Write what an interrupted diagnosis has found; the comparison, if it was not reached, by the compiled twin."""
     warn(f"interrupted ({found.stage}): writing what was found until then; once more Ctrl-C leaves without")
-    if not found.before:
-        found.before = by_twin(found, found.record, found.machine.base)
     written(found, log, folder, None)
     judged = ", ".join(found.findings) or "no block"
     warn(f"{folder} holds what was found: {judged} judged; run it again for the rest")

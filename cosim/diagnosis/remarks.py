@@ -110,7 +110,9 @@ def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
     """Group -> why nothing is said of it."""
     found = {g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()}
     for group in diagnosis.groups:
-        if group.name not in found and group.name not in diagnosis.findings:
+        if group.name in diagnosis.failed:
+            found[group.name] = diagnosis.failed[group.name]
+        elif group.name not in found and group.name not in diagnosis.findings:
             found[group.name] = (
                 "the data contradict their labels"
                 if diagnosis.data
@@ -121,7 +123,7 @@ def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
 
 def limits(diagnosis: Diagnosis, log: Log) -> list[str]:
     """What limits the answer: an interruption, a stretch of a long log, a rest that differs from it."""
-    found = []
+    found = list(diagnosis.notes)
     if diagnosis.stage:
         text = f"interrupted ({diagnosis.stage}): only what was finished until then is here"
         if not diagnosis.gains:

@@ -24,6 +24,8 @@ from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, rivals, tried
 from cosim.diagnosis.origin import traced
+from cosim.diagnosis.parts import failure
+from cosim.diagnosis.parts import part as part_of
 from cosim.diagnosis.reading import clear_of_lag, known_of, take_over
 from cosim.diagnosis.reference import Reference, across, of_group, of_whole, over_logs
 from cosim.diagnosis.samples import SAMPLED
@@ -84,29 +86,58 @@ def judge(
         constants: ``component.parameter`` -> SI that is known already, such as a sensor's scale.
         watch: told about each group.
     """
-    record, held, most = found.record, found.held, found.machine.options.causes
     known: list[Known] = []
+    errors: list[Exception] = []
     for group in found.groups:
-        missing = [s for s in (group.drive, *group.observed[:1]) if s not in record.signals]
+        missing = [s for s in (group.drive, *group.observed[:1]) if s not in found.record.signals]
         if missing:
             found.unjudged[group.name] = missing
             known = []
             continue
-        enter(found, watch, group.name, f"{group.name}: {len(group.effects())} candidates")
-        # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
-        driving = known if group.integrates else []
-        finding = searched(found, group, trust, constants, driving, most, within=held is None)
-        if held is not None:
-            finding = borne_out(found, group, finding, held, driving, trust, constants, watch)
-        beaten_by_linear(finding, record, held)
-        if driving:
-            again = partial(searched, found, group, trust, constants, most=most)
-            known, finding = traced(found, finding, known, again, trust)
-        conclude(found, group.name, finding, trust)
-        if group.name == found.groups[-1].name:
-            break
-        upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
-        known = [*upstream, understood(finding, record, trust)] if adequate(finding) else []
+        try:
+            known = judged(found, group, known, trust, constants, watch)
+        except Exception as error:  # the other groups stand
+            errors.append(error)
+            found.failed[group.name] = failure(f"judging {group.name}", error)
+            known = []
+    if errors and not found.findings:
+        raise errors[0]
+
+
+def judged(
+    found: Diagnosis,
+    group: Group,
+    known: list[Known],
+    trust: float,
+    constants: Mapping[str, float] | None,
+    watch: Watch | None,
+) -> list[Known]:
+    """Judge one group; what is known afterwards of the blocks before the next one.
+
+    Args:
+        found: findings and conclusions are added.
+        group: the group.
+        known: the blocks before it that are understood, in order.
+        trust: relative standard deviation of the nominal parameters.
+        constants: ``component.parameter`` -> SI that is known already.
+        watch: told about it.
+    """
+    record, held, most = found.record, found.held, found.machine.options.causes
+    enter(found, watch, group.name, f"{group.name}: {len(group.effects())} candidates")
+    # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
+    driving = known if group.integrates else []
+    finding = searched(found, group, trust, constants, driving, most, within=held is None)
+    if held is not None:
+        finding = borne_out(found, group, finding, held, driving, trust, constants, watch)
+    beaten_by_linear(finding, record, held)
+    if driving:
+        again = partial(searched, found, group, trust, constants, most=most)
+        known, finding = traced(found, finding, known, again, trust)
+    conclude(found, group.name, finding, trust)
+    if group.name == found.groups[-1].name or not adequate(finding):
+        return []
+    upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
+    return [*upstream, understood(finding, record, trust)]
 
 
 def borne_out(
@@ -206,6 +237,8 @@ def concluded(found: Diagnosis) -> None:
     """Order of the causes, and the verdict."""
     found.causes.sort(key=lambda c: -c.gain)
     found.verdict = verdict_of(found.causes, found.rests)
+    if found.failed and found.verdict in ("adequate", "explained"):  # nobody knows what the rest is like
+        found.verdict = "partly_explained" if found.causes else "interrupted"
 
 
 def taken_back(found: Diagnosis, folder: Path, trust: float) -> None:
@@ -330,17 +363,21 @@ def stages(
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
     concluded(found)
     enter(found, watch, "extended", "extended model")
-    estimate(found, found.groups, trust, constants)
+    with part_of(found.notes, "the fit of all blocks together"):
+        estimate(found, found.groups, trust, constants)
     concluded(found)
     if part is not log:
-        pieces = ((p, prepare(p, found.machine)) for p in others(log, part))
-        found.elsewhere = elsewhere(found, pieces, constants | found.values)
+        with part_of(found.notes, "the look at the rest of the log"):
+            pieces = ((p, prepare(p, found.machine)) for p in others(log, part))
+            found.elsewhere = elsewhere(found, pieces, constants | found.values)
     if folder is not None:
         enter(found, watch, "gain", "gain on held-out data, by the FMUs")
-        gain_by_fmus(found, folder)
-        if worse(found):
-            taken_back(found, folder, trust)
-    found.references = beside_the_whole(found, constants)
+        with part_of(found.notes, "the gain by the FMUs"):
+            gain_by_fmus(found, folder)
+            if worse(found):
+                taken_back(found, folder, trust)
+    with part_of(found.notes, "the linear reference of the whole"):
+        found.references = beside_the_whole(found, constants)
     found.stage = ""
 
 
