@@ -11,6 +11,7 @@ from cosim.diagnosis.data import low_pass, to_angle
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.freeform import Basis, solved
 from cosim.diagnosis.trials import Trial
+from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -41,7 +42,8 @@ def with_free_function(task: Task, trial: Trial, along: str) -> float | None:
     size, angle = np.abs(driver), group.observed[0]
     steps = np.quantile(size[size > STILL * size.max()], np.linspace(0.0, 1.0, KNOTS))
     knots = np.unique(np.concatenate([-steps, [0.0], steps]))
-    basis = Basis(along, "torque", "N.m", knots, driver, to_angle(group, values), task.model.h)
+    linear, model = to_angle(group, values), task.model
+    basis = Basis(along, "torque", "N.m", knots, driver, linear, model.h, cuts=model.cuts)
     silent = {s: np.zeros_like(r) for s, r in trial.fit.residuals.items()}
     columns = np.stack([task.white(silent | {angle: column}) for column in basis.columns()], axis=1)
     target = task.white(trial.fit.residuals) if trial.fit.rows is None else trial.fit.rows
@@ -56,8 +58,8 @@ def signal_along(task: Task, trial: Trial, along: str) -> Array | None:
     """(n,) the signal as the fitted model has it, or as it was measured where it drives the group; None without it."""
     model = task.model
     if along == "omega":
-        return np.asarray(np.gradient(task.predicted(trial.fit)[model.group.observed[0]], model.h))
+        return slope(task.predicted(trial.fit)[model.group.observed[0]], model.h, model.cuts)
     if along == model.group.drive:
-        return low_pass(model.drive, model.h, SMOOTH)
+        return low_pass(model.drive, model.h, SMOOTH, model.cuts)
     inner = model.inside("continuity", along, trial.fit.values)
     return inner if inner is None or model.grid is None else model.grid.sampled(inner)

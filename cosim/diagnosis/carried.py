@@ -29,7 +29,7 @@ def carried(task: Task, rule: Whitener) -> dict[str, Array]:
     quiet = model.simulate({})
     sizes = dict.fromkeys(task.rules, 0.0)
     for _ in range(REPEATS):
-        drive = model.drive + drawn(rule, model.drive.size, rng)
+        drive = model.drive + drawn(rule, model.drive.size, rng) * sample_sizes(rule, model.drive.size)
         noisy = GroupModel(model.group, drive, model.h, model.fixed, model.grid).simulate({})
         for signal, own in task.rules.items():
             sizes[signal] += float(np.mean(centred(own, noisy[signal] - quiet[signal]) ** 2)) / REPEATS
@@ -42,6 +42,12 @@ def walk(rule: Whitener, window: int) -> Array:
     summed = np.cumsum(np.cumsum(noise, axis=0), axis=1)
     square = (np.trace(summed) - summed.sum() / window) / window
     return np.asarray(summed / max(float(square), 1e-300))
+
+
+def sample_sizes(rule: Whitener, count: int) -> Array:
+    """(count,) or () size of the noise of each sample over that of all: logs may differ."""
+    edges = np.diff([0, *rule.cuts, count])
+    return np.repeat(rule.scales, edges) if rule.scales else np.ones(())
 
 
 def drawn(rule: Whitener, count: int, rng: np.random.Generator) -> Array:

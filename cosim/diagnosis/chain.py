@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.data import Record
+from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import plain
-from cosim.diagnosis.samples import bridged, coarse_steps
+from cosim.diagnosis.samples import coarse_steps
 from cosim.diagnosis.trials import Trial, tried
 from fmus.contract import Effect
 
@@ -49,12 +49,6 @@ class Known:
     others: list[Trial] = field(default_factory=list)
     lacking: Array | None = None
     doubts: list[Array] = field(default_factory=list)
-
-
-def fixed_values(record: Record, group: Group) -> dict[str, float]:
-    """What the log itself fixes: the angle at which it starts."""
-    first = max(1, round(record.rest / record.h))
-    return {n: float(np.mean(record.signals[s][:first])) for n, s in group.starts if s in record.signals}
 
 
 def directions(fit: Fit) -> list[dict[str, float]]:
@@ -116,8 +110,16 @@ def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[st
     lost = record.lost(group.reading)
     if not lost.any():
         return measured, {}
-    fresh = bridged(measured[group.reading], lost, record.time)
+    fresh = record.fresh(group.reading)
     return measured | {group.reading: fresh}, {group.reading: lost}
+
+
+def window_of(lengths: list[int], bins: int, h: float) -> int:
+    """Bins in a window of about `WINDOW` s with which whole windows leave out least of logs of these many samples."""
+    choices = [
+        own // (bins * max(1, round(own * h / WINDOW))) for own in lengths
+    ]  # whole windows fill that log
+    return min(choices, key=lambda window: sum(own % (bins * window) for own in lengths))
 
 
 def task_for(group: Group, record: Record, known: list[Known]) -> Task:
@@ -127,11 +129,10 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     model = GroupModel(group, drive, record.h, fixed, record.grid)
     observed = [s for s in group.observed if s in record.signals]
     bins = max(1, round(BIN / record.h))
-    length = record.time.size - round(UNSETTLED / record.h)
-    count = max(1, round(length * record.h / WINDOW))
-    window = length // (bins * count)  # whole windows fill the log
+    skip = round(UNSETTLED / record.h)
+    window = window_of([piece.time.size - skip for piece in record.pieces], bins, record.h)
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
-    rules = {s: plain(bins, window, not group.absolute, round(UNSETTLED / record.h)) for s in observed}
+    rules = {s: plain(bins, window, not group.absolute, skip, record.cuts) for s in observed}
     measured, lost = observed_of(group, record)
     task = Task(model, measured, rules, steps=coarse_steps(measured), lost=lost)
     # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;

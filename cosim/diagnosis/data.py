@@ -1,6 +1,6 @@
 """A log made ready for the diagnosis, SI, and the free functions of each group."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,13 +8,17 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from cosim.diagnosis.freeform import Basis, changing, families
-from cosim.diagnosis.grid import Grid
+from cosim.diagnosis.grid import OF_PIECE, Grid, Pieces, cuts_of
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.memory import reversals
 from cosim.diagnosis.options import REST
 from cosim.diagnosis.samples import bridged, stale
+from cosim.errors import DataError
+from cosim.inference.pieces import by_piece, slope
 
 Array = NDArray[np.float64]
+
+SAME = 1.1  # sampling intervals of two logs within this ratio are one interval: 53 ms by one clock is 54 ms by the next
 
 
 @dataclass
@@ -24,13 +28,14 @@ class Record:
     Attributes:
         h: interval between samples, s; the usual one where it varies.
         signals: name -> (n,) SI, with ``p_load`` where both ports were measured.
-        grid: the stamps and the finer steps of a simulation; None where each sample is a step.
+        grid: the stamps and the finer steps of a simulation, or those of several logs one behind the other; None where each
+            sample is a step.
         rest: s at the start whose mean gives the start angle.
     """
 
     h: float
     signals: dict[str, Array] = field(repr=False)
-    grid: Grid | None = field(default=None, repr=False)
+    grid: Grid | Pieces | None = field(default=None, repr=False)
     rest: float = REST
 
     @property
@@ -41,9 +46,26 @@ class Record:
         n = len(next(iter(self.signals.values())))
         return np.asarray(np.arange(n) * self.h, dtype=np.float64)
 
+    @property
+    def cuts(self) -> tuple[int, ...]:
+        """First sample of each log but the first."""
+        return cuts_of(self.grid)
+
+    @property
+    def pieces(self) -> list["Record"]:
+        """The record of each log, by itself."""
+        grid = self.grid
+        if not isinstance(grid, Pieces):
+            return [self]
+        rows = {n: np.split(v, grid.cuts) for n, v in self.signals.items()}
+        return [
+            Record(h, {n: parts[i] for n, parts in rows.items()}, own, self.rest)
+            for i, (h, own) in enumerate(zip(grid.intervals, grid.grids, strict=True))
+        ]
+
     def until(self, count: int) -> "Record":
-        """The first samples alone."""
-        grid = None if self.grid is None else replace(self.grid, stamps=self.grid.stamps[:count])
+        """The first samples of one log alone."""
+        grid = replace(self.grid, stamps=self.grid.stamps[:count]) if isinstance(self.grid, Grid) else None
         return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid, self.rest)
 
     def has(self, *names: str) -> bool:
@@ -52,25 +74,58 @@ class Record:
 
     def lost(self, name: str) -> NDArray[np.bool_]:
         """(n,) True where a signal is stale because a packet was lost."""
-        return stale(self.signals[name], self.rate(name))
+        return by_piece(stale, self.cuts, self.signals[name], self.rate(name))
 
     def fresh(self, name: str) -> Array:
         """A signal with its stale samples on straight lines between fresh ones."""
-        return bridged(self.signals[name], self.lost(name), self.time)
+        return by_piece(bridged, self.cuts, self.signals[name], self.lost(name), self.time)
 
     def smooth(self, name: str, cutoff: float = 5.0) -> Array:
         """A signal without what lies above `cutoff` Hz, no phase shift."""
-        return low_pass(self.signals[name], self.h, cutoff)
+        return low_pass(self.signals[name], self.h, cutoff, self.cuts)
 
     def rate(self, name: str, cutoff: float = 5.0) -> Array:
         """Time derivative of a signal, smoothed."""
-        return np.asarray(np.gradient(self.smooth(name, cutoff), self.h), dtype=np.float64)
+        return slope(self.smooth(name, cutoff), self.h, self.cuts)
 
 
-def low_pass(values: Array, h: float, cutoff: float) -> Array:
-    """Values (n,) every h s without what lies above `cutoff` Hz, no phase shift."""
+def joined(records: Sequence[Record]) -> Record:
+    """One record of several logs of one machine, with the signals that all of them have; of one log, the log's own.
+
+    Raises:
+        DataError: their sampling intervals differ by more than `SAME`.
+    """
+    if len(records) == 1:
+        return records[0]
+    intervals = tuple(r.h for r in records)
+    if max(intervals) > SAME * min(intervals):
+        told = ", ".join(f"{1e3 * h:.4g} ms" for h in intervals)
+        raise DataError(
+            f"the logs were sampled every {told}: diagnosed together they must have one interval, within "
+            f"{SAME - 1.0:.0%}; bring the finer ones to the coarsest interval, or diagnose each by itself"
+        )
+    grids = [r.grid if isinstance(r.grid, Grid) else None for r in records]
+    common = [n for n in records[0].signals if all(r.has(n) for r in records)]
+    signals = {n: np.concatenate([r.signals[n] for r in records]) for n in common}
+    pieces = Pieces(tuple(r.time.size for r in records), intervals, tuple(grids))
+    return Record(float(np.median(intervals)), signals, pieces, records[0].rest)
+
+
+def fixed_values(record: Record, group: Group) -> dict[str, float]:
+    """What each log itself fixes: the angle at which it starts."""
+    found: dict[str, float] = {}
+    for i, piece in enumerate(record.pieces):
+        first, own = max(1, round(piece.rest / piece.h)), f"{OF_PIECE}{i}" if i else ""
+        found |= {
+            n + own: float(np.mean(piece.signals[s][:first])) for n, s in group.starts if s in piece.signals
+        }
+    return found
+
+
+def low_pass(values: Array, h: float, cutoff: float, cuts: tuple[int, ...] = ()) -> Array:
+    """Values (n,) every h s without what lies above `cutoff` Hz, no phase shift, piece by piece."""
     sections = butter(2, min(cutoff * 2.0 * h, 0.9), output="sos")
-    return np.asarray(sosfiltfilt(sections, values))
+    return by_piece(lambda row: np.asarray(sosfiltfilt(sections, row)), cuts, values)
 
 
 def free_bases(
@@ -88,10 +143,12 @@ def free_bases(
         predicted: observed signal -> (n,) what the fitted model predicts, SI.
     """
     if group.kind == "dcv":
-        return valve_bases(record, group, values, predicted[group.observed[0]])
-    if group.kind == "continuity":
-        return pressure_bases(record, group, values, predicted)
-    return angle_bases(record, group, values, predicted[group.observed[0]])
+        found = valve_bases(record, group, values, predicted[group.observed[0]])
+    elif group.kind == "continuity":
+        found = pressure_bases(record, group, values, predicted)
+    else:
+        found = angle_bases(record, group, values, predicted[group.observed[0]])
+    return {s: [replace(basis, cuts=record.cuts) for basis in bases] for s, bases in found.items()}
 
 
 def valve_bases(
@@ -101,7 +158,7 @@ def valve_bases(
     h, drive, seen = record.h, group.drive, group.observed[0]
     K, w0, zeta = (values[name] for name in group.linear)
     transfer = ([K * w0 * w0], [1.0, 2.0 * zeta * w0, w0 * w0])
-    drivers = {drive: record.signals[drive], seen: spool, f"{seen}_rate": np.gradient(spool, h)}
+    drivers = {drive: record.signals[drive], seen: spool, f"{seen}_rate": slope(spool, h, record.cuts)}
     found = families(drivers, transfer, h, "demand", "1")
     found += changing(drive, drivers[drive], "time", record.time, transfer, h, "demand", "1")
     for by in (drive, seen):
@@ -142,7 +199,7 @@ def angle_bases(
 ) -> dict[str, list[Basis]]:
     """A missing torque (demand, in the simplified model) through the linear mechanics (4.28), and a missing reading."""
     h, drive = record.h, group.drive
-    rate = np.gradient(angle, h)
+    rate = slope(angle, h, record.cuts)
     drivers = {"omega": rate, "theta": angle}
     if "p_load" in record.signals:
         drivers["p_load"] = record.smooth("p_load")
@@ -155,7 +212,7 @@ def angle_bases(
     factors = [
         ("omega", rate, "time", record.time),
         ("omega", rate, "theta", angle),
-        ("acceleration", np.gradient(rate, h), "theta", angle),
+        ("acceleration", slope(rate, h, record.cuts), "theta", angle),
     ]
     if "p_load" in drivers:
         direction = np.tanh(rate / max(0.02 * float(np.abs(rate).max()), 1e-300))

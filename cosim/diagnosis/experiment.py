@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import ChainModel
 from cosim.diagnosis.fit import Unknown, jacobian
-from cosim.diagnosis.grid import Grid
+from cosim.diagnosis.grid import Grid, of_piece
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.noise import Whitener
@@ -68,7 +68,7 @@ class Rehearsal:
     def __init__(
         self, groups: tuple[Group, ...], command: Array, fixed: dict[str, float], h: float, interval: float
     ) -> None:
-        self.chain = ChainModel(groups, Record(h, {groups[0].drive: command}), fixed)
+        self.chain = ChainModel(groups, Record(h, {groups[0].drive: command}), of_piece(fixed, 0))
         end = (command.size - 1) * h
         stamps = np.arange(int(end / interval + 1e-6) + 1, dtype=np.float64) * interval
         self.grid = Grid(stamps, h)
@@ -237,7 +237,7 @@ def proposal_for(
         ]
         if not twins:
             continue
-        rules = {s: r for f in findings.values() for s, r in f.task.rules.items()}
+        rules = {s: r.of_any_log() for f in findings.values() for s, r in f.task.rules.items()}
         own = set(finding.chosen.fit.values) | set(twins[0].fit.values)
         base = {n: v for n, v in values.items() if n not in own}
         first = base | finding.chosen.fit.values

@@ -1,6 +1,7 @@
 """The extended model: all blocks fitted together with the named causes, and written as packages other clients can run."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.chain import observed_of
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit
+from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import Whitener
@@ -40,6 +42,8 @@ class ChainModel(GroupModel):
         self.groups = groups
         drive = groups[0].drive
         self.models = [GroupModel(g, record.signals[drive], record.h, fixed, record.grid) for g in groups]
+        own = record.pieces if record.cuts else []
+        self.parts = [ChainModel(groups, piece, of_piece(fixed, i)) for i, piece in enumerate(own)]
         self.fixed = self.models[0].fixed
         self.h = record.h
         self.grid = record.grid
@@ -69,6 +73,9 @@ class ChainModel(GroupModel):
 
     def simulate(self, values: dict[str, float]) -> dict[str, Array]:
         """Predicted signals of all groups, each driven by the one before."""
+        if self.parts:
+            each = [part.simulate(of_piece(self.fixed | values, i)) for i, part in enumerate(self.parts)]
+            return {s: np.concatenate([found[s] for found in each]) for s in each[0]}
         signals: dict[str, Array] = {}
         drive = self.models[0].drive
         for model in self.models:
@@ -114,7 +121,7 @@ def fitted_chain(
         measured |= {s: v for s, v in own.items() if s in rules}
         lost |= stale
     # here the absolute angle counts: the command carries no noise that could drift
-    absolute = {s: Whitener(r.bins, r.window, False, r.sizes) for s, r in rules.items()}
+    absolute = {s: whole_run(r) for s, r in rules.items()}
     task = Task(model, measured, absolute, mask=mask, steps=coarse_steps(measured), lost=lost)
     wanted, _ = unknowns(model, effects, tolerance)
     placed = anchored(wanted, near)
@@ -124,6 +131,11 @@ def fitted_chain(
             Unknown(name, value, 1e-4 * size, value - 0.1 * size, value + 0.1 * size, (value, 5e-4 * size))
         )
     return fit(task, placed, rounds=15)
+
+
+def whole_run(rule: Whitener) -> Whitener:
+    """The rule for a run that the command alone drives: no offsets, and the start counts."""
+    return replace(rule, demean=False, skip=0, carried=None)
 
 
 def by_component(values: Mapping[str, float]) -> dict[str, dict[str, float]]:

@@ -5,14 +5,15 @@ from pathlib import Path
 import numpy as np
 
 from cosim.compare.metrics import rms
-from cosim.diagnosis.chain import fixed_values
 from cosim.diagnosis.crossval import held_windows
-from cosim.diagnosis.extend import closed, fitted_chain, write_extended
+from cosim.diagnosis.data import fixed_values
+from cosim.diagnosis.extend import closed, fitted_chain, whole_run, write_extended
 from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.freerun import refitted
 from cosim.diagnosis.gain import measure, run_package
+from cosim.diagnosis.grid import of_piece, plain_name
 from cosim.diagnosis.group_model import standing
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.heldout import Refused
@@ -42,7 +43,7 @@ def estimate(
     rules: dict[str, Whitener] = {}
     for finding in findings.values():
         fit = (finding.chosen if stands(finding) else finding.null).fit
-        start |= {n: v for n, v in finding.task.model.fixed.items() if n.endswith(".theta_0")}
+        start |= {n: v for n, v in finding.task.model.fixed.items() if plain_name(n).endswith(".theta_0")}
         near |= fit.values
         deviations |= fit.deviations
         diagnosis.correlations |= fit.correlations
@@ -66,7 +67,7 @@ def estimate(
         return
     if diagnosis.rests or diagnosis.unjudged or not findings:
         return
-    count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
+    count = min(whole_run(r).windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
     mask = ~held_windows(count) if diagnosis.held is None else None
 
     def fitted(effects: tuple[Effect, ...], begin: dict[str, float]) -> Fit:
@@ -105,17 +106,19 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     machine, record, held = diagnosis.machine, diagnosis.record, diagnosis.held
     folder.mkdir(parents=True, exist_ok=True)
     stimulus = None
-    if closed(machine.source) and record.grid is None:
-        stimulus = stimulus_csv(record.time, record.signals[machine.drive])
+    first = record.pieces[0]  # a package plays one command: of several logs the first one's
+    if closed(machine.source) and first.grid is None:
+        stimulus = stimulus_csv(first.time, first.signals[machine.drive])
     # the mapping's values first: it may set back to nominal what the model's own files say
     values = machine.values | diagnosis.values
-    values |= standing(diagnosis.start, values)
+    begin = standing(diagnosis.start, values)
+    values |= of_piece(begin, 0)
     plain = machine.values | diagnosis.calibrated
     nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
     diagnosis.packages = write_extended(machine.source, values, folder, stimulus)
     extended = diagnosis.packages["open"]
     diagnosis.before = run_package(nominal, record, machine, standing(diagnosis.start, plain))
-    diagnosis.after = run_package(extended, record, machine, {})
+    diagnosis.after = run_package(extended, record, machine, begin if record.cuts else {})
     if held is None:
         diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, diagnosis.window)
         return

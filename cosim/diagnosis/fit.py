@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.polar import Polar
 from cosim.diagnosis.rounded import beyond
 from cosim.diagnosis.samples import bridged
+from cosim.inference.pieces import by_piece, slope
 
 Array = NDArray[np.float64]
 
@@ -113,7 +115,7 @@ class Task:
     def retime(self, predicted: Mapping[str, Array], time: Array) -> None:
         """Take the doubt of the timing from what is predicted now, signal -> (n,) SI, at these times (n,), s."""
         if self.late > 0.0:
-            rows = {s: -self.late * np.gradient(y, time)[None] for s, y in predicted.items()}
+            rows = {s: -self.late * slope(y, time, self.model.cuts)[None] for s, y in predicted.items()}
             self.doubt = {s: np.concatenate([row, self.doubt[s][1:]]) for s, row in rows.items()}
 
     def set_rules(self, rules: dict[str, Whitener]) -> None:
@@ -151,7 +153,8 @@ class Task:
             # a trial far off may leave the numbers; it must only count as bad
             off = np.nan_to_num(measured - predicted[name], copy=False, nan=ABSURD).clip(-ABSURD, ABSURD)
             if name in self.lost:
-                off = bridged(off, self.lost[name], of=self.rules[name].bins)
+                over = partial(bridged, time=None, of=self.rules[name].bins)
+                off = by_piece(over, self.model.cuts, off, self.lost[name])
             found[name] = beyond(off, self.steps[name], self.rules[name]) if name in self.steps else off
         return found
 

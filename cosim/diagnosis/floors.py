@@ -17,8 +17,8 @@ def floor_of(finding: Finding, signal: str) -> float:
     rule = task.rules[signal]
     if not adequate(finding):
         return noise_floor(task.measured[signal], task.model.h)
-    rows = finding.chosen.fit.residuals[signal][rule.skip :]
-    rows = rows[: rows.size // rule.bins * rule.bins].reshape(-1, rule.bins)
+    parts = [own[rule.skip :] for own in np.split(finding.chosen.fit.residuals[signal], rule.cuts)]
+    rows = np.concatenate([own[: own.size // rule.bins * rule.bins].reshape(-1, rule.bins) for own in parts])
     between = np.mean((rows - rows.mean(axis=1, keepdims=True)) ** 2)
     step = max(rounding(finding, signal), task.steps.get(signal, 0.0))
     return float(np.sqrt(rule.rms**2 + between + step**2 / 12.0))

@@ -14,6 +14,7 @@ from scipy.signal import cont2discrete, lfilter
 from scipy.stats import f as f_distribution
 
 from cosim.diagnosis.noise import Whitener
+from cosim.inference.pieces import by_piece
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class Basis:
         transfer: numerator and denominator of the linear part behind it, or None for none.
         h: step, s.
         factor: (n,) what the hats are multiplied with, or None.
+        cuts: first sample of each log but the first: nothing passes from one to the next.
     """
 
     of: str
@@ -45,6 +47,7 @@ class Basis:
     transfer: tuple[list[float], list[float]] | None
     h: float
     factor: Array | None = field(default=None, repr=False)
+    cuts: tuple[int, ...] = ()
 
     def columns(self) -> Iterator[Array]:
         """(n,) response of each hat in the observed signal, one at a time: all of them at once would fill the memory."""
@@ -52,7 +55,11 @@ class Basis:
             hat = np.interp(self.driver, self.knots, unit)
             if self.factor is not None:
                 hat = hat * self.factor
-            yield hat if self.transfer is None else response(*self.transfer, self.h, hat)
+            yield hat if self.transfer is None else by_piece(self.behind, self.cuts, hat)
+
+    def behind(self, hat: Array) -> Array:
+        """(n,) a hat of one log behind the linear part."""
+        return hat if self.transfer is None else response(*self.transfer, self.h, hat)
 
 
 @dataclass(frozen=True)

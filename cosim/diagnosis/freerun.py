@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.chain import fixed_values
-from cosim.diagnosis.data import Record
+from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.fit import Fit, Task, fit, placed
+from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding, tried, unknowns
 from cosim.diagnosis.noise import Whitener
@@ -30,7 +30,7 @@ def whole(task: Task, size: Mapping[str, float], mask: NDArray[np.bool_] | None 
         mask: (windows,) windows that count, or None for all.
     """
     rules = {
-        s: Whitener(r.bins, r.window, False, (size[s] ** 2,) + (0.0,) * len(r.sizes[1:]), r.skip)
+        s: Whitener(r.bins, r.window, False, (size[s] ** 2,) + (0.0,) * len(r.sizes[1:]), r.skip, cuts=r.cuts)
         for s, r in task.rules.items()
     }
     return Task(task.model, task.measured, rules, lost=task.lost, mask=mask)
@@ -85,7 +85,9 @@ def errors(finding: Finding, fit: Fit, record: Record) -> dict[str, Array]:
     if model.group.drive not in record.signals:
         return {}
     starts = {n for n, _ in model.group.starts}
-    fixed = {n: v for n, v in model.fixed.items() if n not in starts} | fixed_values(record, model.group)
+    fixed = {n: v for n, v in of_piece(model.fixed, 0).items() if n not in starts} | fixed_values(
+        record, model.group
+    )
     own = GroupModel(model.group, record.signals[model.group.drive], record.h, fixed, record.grid)
     simulated = own.simulate({n: v for n, v in fit.values.items() if n not in starts})
     return {s: record.signals[s] - simulated[s] for s in finding.task.measured if s in record.signals}

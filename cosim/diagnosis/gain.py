@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from cosim.compare.metrics import fit_percent
 from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.data import Record
+from cosim.diagnosis.grid import Grid, of_piece
 from cosim.diagnosis.machine import Machine
+from cosim.diagnosis.noise import plain
 from cosim.master import Runner
 
 Array = NDArray[np.float64]
@@ -34,18 +36,25 @@ class Gain:
 
 
 def run_package(path: Path, record: Record, machine: Machine, start: Mapping[str, float]) -> dict[str, Array]:
-    """Simulate an open package on the log's command with its FMUs; the signals that it has, at the log's samples, SI.
+    """Simulate an open package on a log's command with its FMUs; the signals that it has, at the log's samples, SI.
 
     Args:
         path: the package.
-        record: the log.
+        record: the log, or several: one run for each.
         machine: the model.
-        start: ``component.parameter`` -> SI of the start.
+        start: ``component.parameter`` -> SI of the start, of each log its own.
     """
+    pieces = record.pieces
+    each = [run_alone(path, piece, machine, of_piece(start, i)) for i, piece in enumerate(pieces)]
+    return {s: np.concatenate([found[s] for found in each]) for s in each[0]}
+
+
+def run_alone(path: Path, record: Record, machine: Machine, start: Mapping[str, float]) -> dict[str, Array]:
+    """Simulate an open package on the command of one log."""
     grid, group = record.grid, machine.groups[0]
     drive = record.signals[machine.drive]
     time, step = record.time, record.h
-    if grid is not None:
+    if isinstance(grid, Grid):
         time, step, drive = grid.time, grid.step, grid.driven(drive, group.held)
     wanted = {s: item.parts for s, item in machine.signals.items() if s in record.signals and item.parts}
     judged = {s for g in machine.groups for s in g.observed}
@@ -63,7 +72,7 @@ def run_package(path: Path, record: Record, machine: Machine, start: Mapping[str
     found = {}
     for signal, parts in wanted.items():
         values = sum(factor * result.signals[str(port)] for port, factor in parts)
-        found[signal] = np.asarray(values) if grid is None else grid.sampled(np.asarray(values))
+        found[signal] = grid.sampled(np.asarray(values)) if isinstance(grid, Grid) else np.asarray(values)
     return found
 
 
@@ -97,18 +106,21 @@ def measure(
             continue
         y = record.signals[signal]
         start = first or 0
-        count = (y.size - start) // window
+        # whole windows of each log, as those of the fits
+        rule = plain(1, window, False, start, record.cuts)
+        inside = np.concatenate(rule.spans(y.size))
+        count = inside.size // window
         held = held_windows(count) if first is None else np.ones(count, dtype=bool)
         if not held.any():
             continue
         pick = np.zeros(y.size, dtype=bool)
-        pick[start : start + count * window] = np.repeat(held, window)
+        pick[inside] = np.repeat(held, window)
         if first is not None:
             pick[start:] = True  # the last, shorter window too
         squares, whole = [], []
         for simulated in (before[signal], after[signal]):
             error = y - simulated
-            rows = error[start : start + count * window].reshape(count, window)[held]
+            rows = rule.by_window(error)[held]
             squares.append(np.mean(rows**2, axis=1))
             whole.append(float(np.sqrt(squares[-1].mean() if first is None else np.mean(error[pick] ** 2))))
         rows = np.random.default_rng(seed).integers(0, held.sum(), (2000, int(held.sum())))

@@ -5,7 +5,9 @@ true stamps: nothing measured is ever moved or made up.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ Array = NDArray[np.float64]
 
 STEP = 1e-3  # s, the longest step of a simulation unless another is asked for
 EVEN = 1e-6  # of an interval: stamps closer than this to even ones are even
+OF_PIECE = "@"  # between a name and the number of the piece whose own it is; of the first piece the name stands alone
 
 
 @dataclass(frozen=True)
@@ -103,3 +106,83 @@ def grid_of(time: Array, step: float | None = None, lines: bool = False) -> tupl
         if interval <= longest * (1.0 + EVEN):
             return None, interval
     return Grid(stamps, interval / math.ceil(interval / longest - EVEN), lines), interval
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The samples of several logs of one machine, one behind the other: each is simulated by itself, from its own start.
+
+    Attributes:
+        counts: samples of each.
+        intervals: s between the samples of each, the usual one where it varies.
+        grids: the grid of each; None where each sample is a step.
+    """
+
+    counts: tuple[int, ...]
+    intervals: tuple[float, ...]
+    grids: tuple[Grid | None, ...]
+
+    @cached_property
+    def cuts(self) -> tuple[int, ...]:
+        """First sample of each piece but the first."""
+        return tuple(np.cumsum(self.counts[:-1]).tolist())
+
+    @cached_property
+    def stamps(self) -> Array:
+        """(n,) s from the start of the first; each piece begins one interval behind the end of the one before."""
+        found, begin = [], 0.0
+        for count, h, grid in zip(self.counts, self.intervals, self.grids, strict=True):
+            own = np.arange(count) * h if grid is None else grid.stamps
+            found.append(begin + own)
+            begin = float(found[-1][-1]) + h
+        return np.concatenate(found)
+
+    @property
+    def starts(self) -> list[float]:
+        """When each piece begins, s from the start of the first."""
+        return [float(self.stamps[k]) for k in (0, *self.cuts)]
+
+    @property
+    def step(self) -> float:
+        """Length of a simulation's step, s."""
+        steps = (h if g is None else g.step for h, g in zip(self.intervals, self.grids, strict=True))
+        return float(np.median(list(steps)))
+
+    @property
+    def lines(self) -> bool:
+        """As in `Grid`, of any piece."""
+        return any(grid is not None and grid.lines for grid in self.grids)
+
+    @property
+    def even(self) -> bool:
+        """As in `Grid`, of every piece."""
+        return all(grid is None or grid.even for grid in self.grids)
+
+    @cached_property
+    def step_cuts(self) -> tuple[int, ...]:
+        """First step of each piece but the first."""
+        steps = [c if g is None else g.time.size for c, g in zip(self.counts, self.grids, strict=True)]
+        return tuple(np.cumsum(steps[:-1]).tolist())
+
+    def sampled(self, rows: Array) -> Array:
+        """(..., m) values at the stamps of rows (..., n) at the steps' times."""
+        parts = np.split(rows, self.step_cuts, axis=-1)
+        found = [p if g is None else g.sampled(p) for p, g in zip(parts, self.grids, strict=True)]
+        return np.concatenate(found, axis=-1)
+
+
+def cuts_of(grid: Grid | Pieces | None) -> tuple[int, ...]:
+    """First sample of each piece but the first; none of one log."""
+    return grid.cuts if isinstance(grid, Pieces) else ()
+
+
+def plain_name(name: str) -> str:
+    """A name without the number of the piece whose own it is."""
+    return name.partition(OF_PIECE)[0]
+
+
+def of_piece(values: Mapping[str, float], piece: int) -> dict[str, float]:
+    """Values as one piece has them: what is its own, under the plain name, in the place of what the first has."""
+    own = f"{OF_PIECE}{piece}"
+    found = {name: value for name, value in values.items() if OF_PIECE not in name}
+    return found | {name.removesuffix(own): value for name, value in values.items() if name.endswith(own)}

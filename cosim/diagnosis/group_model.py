@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compiled import CompiledBlock, compiled_block
-from cosim.diagnosis.grid import Grid
+from cosim.diagnosis.grid import Grid, Pieces, cuts_of, of_piece
 from cosim.diagnosis.groups import COMPONENT_VALUES, Group
 from fmus.contract import Variable
 
@@ -35,7 +35,8 @@ class GroupModel:
         h: interval between samples, s.
         fixed: ``component.parameter`` -> SI of everything that differs from nominal and is not estimated; a start angle is
             what the sensor reads there.
-        grid: the stamps of the samples and the finer steps; None where each sample is a step.
+        grid: the stamps of the samples and the finer steps, or those of several logs, each of which is simulated by itself;
+            None where each sample is a step.
     """
 
     def __init__(
@@ -44,7 +45,7 @@ class GroupModel:
         drive: Array,
         h: float,
         fixed: dict[str, float] | None = None,
-        grid: Grid | None = None,
+        grid: Grid | Pieces | None = None,
     ) -> None:
         self.group = group
         self.grid = grid
@@ -53,6 +54,14 @@ class GroupModel:
         self.fixed = COMPONENT_VALUES | (fixed or {})
         self.stages = [(c, compiled_stage(c, b)) for c, b in group.stages]
         self.kept: dict[int, tuple[tuple[float, ...], Array]] = {}
+        self.parts: list[GroupModel] = []
+        if isinstance(grid, Pieces):
+            drives = np.split(self.drive, grid.cuts)
+            each = zip(drives, grid.intervals, grid.grids, strict=True)
+            self.parts = [
+                GroupModel(group, own, step, of_piece(self.fixed, i), finer)
+                for i, (own, step, finer) in enumerate(each)
+            ]
 
     def nominal(self, name: str) -> float:
         """Value of ``component.parameter`` before anything is estimated."""
@@ -91,11 +100,19 @@ class GroupModel:
 
     def simulate(self, values: dict[str, float]) -> dict[str, Array]:
         """Predicted signals, (n,) each, SI, with ``component.parameter`` -> value replaced."""
+        if self.parts:
+            settings = self.fixed | values
+            each = [part.simulate(of_piece(settings, i)) for i, part in enumerate(self.parts)]
+            return {s: np.concatenate([found[s] for found in each]) for s in each[0]}
+        return self.alone(values)
+
+    def alone(self, values: dict[str, float]) -> dict[str, Array]:
+        """Predicted signals of one log, (n,) each, SI."""
         settings = self.fixed | values
         settings |= standing({n: settings[n] for n, _ in self.group.starts if n in settings}, settings)
         signal = self.fed(settings)
         h = self.h
-        if self.grid is not None:
+        if isinstance(self.grid, Grid):
             signal, h = self.grid.driven(signal, self.group.held), self.grid.step
         changed = False
         outputs = np.empty((0, 0))
@@ -119,12 +136,29 @@ class GroupModel:
         return self.observed(outputs)
 
     @property
+    def cuts(self) -> tuple[int, ...]:
+        """First sample of each log but the first."""
+        return cuts_of(self.grid)
+
+    @property
+    def step_cuts(self) -> tuple[int, ...]:
+        """First step of the simulation of each log but the first."""
+        return self.grid.step_cuts if isinstance(self.grid, Pieces) else ()
+
+    @property
     def step(self) -> float:
         """Interval of the simulation, s."""
         return self.h if self.grid is None else self.grid.step
 
     def inside(self, component: str, signal: str, values: dict[str, float]) -> Array | None:
         """(n,) a signal between two stages, SI, step by step, with these values; None where there is none."""
+        if self.parts:
+            settings = self.fixed | values
+            rows = [
+                part.inside(component, signal, of_piece(settings, i)) for i, part in enumerate(self.parts)
+            ]
+            found = [row for row in rows if row is not None]
+            return np.concatenate(found) if found else None
         self.simulate(values)
         for i, (name, block) in enumerate(self.stages):
             outputs = list(block.composed.outputs)

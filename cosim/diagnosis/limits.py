@@ -41,6 +41,7 @@ def reached(
 
 def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] | None) -> Array | None:
     """(rows, samples) what a parameter limits: a signal or the size of its rate, SI; None where it limits nothing known."""
+    cuts: tuple[int, ...] = ()
     if free.limits in task.measured:
         rule = task.rules[free.limits]
         rows, interval = rule.windows(task.measured[free.limits]), rule.bins * task.model.h
@@ -48,10 +49,14 @@ def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] 
         inside = task.model.inside(effect.component, free.limits, unlimited(task, effect, values))
         if inside is None:
             return None
-        rows, interval = inside[None, :], task.model.step
+        rows, interval, cuts = inside[None, :], task.model.step, task.model.step_cuts
     else:
         return None
-    return np.abs(np.diff(rows, axis=1)) / interval if free.rate else rows
+    if not free.rate:
+        return rows
+    steps = np.abs(np.diff(rows, axis=1)) / interval
+    # from one log to the next nothing moves
+    return np.delete(steps, [k - 1 for k in cuts], axis=1) if cuts else steps
 
 
 def unlimited(task: Task, effect: Effect, values: Mapping[str, float]) -> dict[str, float]:

@@ -6,12 +6,14 @@ a gap, several in series, and one that closes slowly.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.freeform import Basis
+from cosim.inference.pieces import by_piece
 
 Array = NDArray[np.float64]
 
@@ -36,7 +38,9 @@ class Reversals(Basis):
     def columns(self) -> Iterator[Array]:
         """(n,) response of each hat in the observed signal."""
         widths = np.diff(self.knots, prepend=0.0)
-        stops = np.stack([stop(self.driver, 0.5 * knot) for knot in self.knots])
+        stops = np.stack(
+            [by_piece(partial(stop, half=0.5 * knot), self.cuts, self.driver) for knot in self.knots]
+        )
         for unit in np.eye(self.knots.size):
             # a hat over the path is a sum of ramps that end at the knots, and a stop is such a ramp
             slopes = np.diff(unit, prepend=0.0) / widths

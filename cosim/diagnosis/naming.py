@@ -9,8 +9,10 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, relearned
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.forms import forms, in_plain_form, in_same_form
+from cosim.diagnosis.grid import Pieces
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import PERIODS, Event, apart, burst, line
+from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
@@ -32,6 +34,7 @@ from cosim.diagnosis.trials import (
     unknowns,
 )
 from cosim.diagnosis.valleys import away_from_stops
+from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
 NEARLY = 0.05  # of the chosen set's gain behind it: such a rival is fitted until it settles
@@ -199,12 +202,32 @@ def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
     interval, begin = rule.bins * task.model.h, rule.skip * task.model.h
     event = burst(white, interval, begin)
     # what happened once may ring as well: a line is what all the rest has
-    tests = {"event": event, "line": line(apart(white, event, interval, begin), interval)}
+    tests = {
+        "event": placed_in_time(task, rule, event),
+        "line": line(apart(white, event, interval, begin), interval),
+    }
     if task.model.grid is None or task.model.grid.even:  # elsewhere bins differ in length
         own = found.residuals[signal], task.model.drive, task.predicted(found)[signal]
-        left, *motions = (rule.windows(values).ravel() for values in own)
-        tests["swing"] = swing(left, motions, interval, PERIODS / (rule.window * interval))
+        left, *motions = (rule.windows(values) for values in own)
+        log, highest = rule.log_of(task.model.drive.size), PERIODS / (rule.window * interval)
+        # an oscillation goes on within a log, and not from one to the next
+        each = [
+            swing(left[log == i].ravel(), [m[log == i].ravel() for m in motions], interval, highest)
+            for i in np.unique(log)
+        ]
+        best = min(each, key=lambda e: e.p_value)
+        tests["swing"] = replace(best, p_value=min(1.0, best.p_value * len(each)))
     return tests
+
+
+def placed_in_time(task: Task, rule: Whitener, event: Event) -> Event:
+    """An event with times of the logs one behind the other, in the place of those counted over the windows."""
+    if not isinstance(task.model.grid, Pieces):
+        return event
+    inside, stamps = np.concatenate(rule.spans(task.model.drive.size)), task.model.grid.stamps
+    bins = [round((t / task.model.h - rule.skip) / rule.bins) * rule.bins for t in (event.start, event.end)]
+    start, end = (float(stamps[inside[min(k, inside.size - 1)]]) for k in bins)
+    return replace(event, start=start, end=end)
 
 
 def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:
@@ -215,7 +238,7 @@ def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:
     allowed = {e.name for e in task.model.group.effects()}
     values, noise = record.signals[reading], task.rules[reading].rms
     last = values[2 * values.size // 3 :]
-    rate = np.gradient(task.predicted(found)[reading], task.model.h)[-last.size :]
+    rate = slope(task.predicted(found)[reading], task.model.h, task.model.cuts)[-last.size :]
     again = {m.effect: m.gain for m in marks(last, rate, noise)}
     seen = [m for m in marks(values, record.rate(reading), noise) if m.effect in allowed]
     return [replace(m, held_out=again.get(m.effect, 0.0)) for m in seen]

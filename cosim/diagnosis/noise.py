@@ -17,12 +17,16 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.optimize import minimize
 from scipy.signal.windows import hann
 
+from cosim.inference.pieces import Cuts
+
 Array = NDArray[np.float64]
 
 CORRELATION_TIMES = (1.0, 2.5, 6.0, 15.0, 40.0, 120.0, 400.0, 2000.0)  # in bins
 SLOW = 100.0  # bins: noise with longer correlation is taken up by a window's offset
 QUICK = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)  # kinds of noise that are not, the white one first
 REMAINING = 0.6  # share of a spectrum that must survive the projection for that frequency to count
+SIZES = 3  # rounds of spectrum and sizes in turn
+UNEQUAL = 1e3  # by which the noise of two logs may differ in one round
 FLOOR = 1e-7  # smallest share of each kind of noise: keeps the covariance well conditioned
 
 
@@ -38,6 +42,9 @@ class Whitener:
         skip: samples at the start that do not count: the state in which the log begins is not known.
         carried: (window, window) covariance of what the noise of a measured drive leaves in the bins of a window, None for
             nothing; in squares of the signal's unit.
+        cuts: first sample of each log but the first, where several are behind one another: no window reaches across, and
+            `skip` samples at the start of each do not count.
+        scales: size of the noise in each log over that of all, on average one; empty where all are alike.
     """
 
     bins: int
@@ -46,6 +53,8 @@ class Whitener:
     sizes: tuple[float, ...]
     skip: int = 0
     carried: Array | None = field(default=None, repr=False, compare=False)
+    cuts: Cuts = ()
+    scales: tuple[float, ...] = ()
     matrix: Array = field(init=False, repr=False, compare=False)
     offset: Array = field(init=False, repr=False, compare=False)
 
@@ -76,13 +85,55 @@ class Whitener:
 
     def windows(self, residual: Array) -> Array:
         """(n,) residual to (windows, bins a window)."""
+        if self.cuts:
+            whole = replace(self, cuts=(), scales=())
+            return np.concatenate([whole.windows(part) for part in np.split(residual, self.cuts)])
+        return self.by_window(residual).reshape(-1, self.window, self.bins).mean(axis=2)
+
+    def by_window(self, residual: Array) -> Array:
+        """(n,) residual to (windows, samples a window)."""
+        return residual[np.concatenate(self.spans(residual.size))].reshape(-1, self.bins * self.window)
+
+    def spans(self, count: int) -> list[NDArray[np.int64]]:
+        """Of `count` samples, those in windows, log by log."""
+        whole, edges = self.bins * self.window, [0, *self.cuts, count]
+        firsts = [a + self.skip for a in edges[:-1]]
+        inside = [max(b - a, 0) // whole * whole for a, b in zip(firsts, edges[1:], strict=True)]
+        return [np.arange(a, a + n) for a, n in zip(firsts, inside, strict=True)]
+
+    def numbers(self, count: int) -> NDArray[np.int64]:
+        """(count,) window of each sample, -1 for none."""
+        found = np.full(count, -1)
+        inside = np.concatenate(self.spans(count))
+        found[inside] = np.arange(inside.size) // (self.bins * self.window)
+        return found
+
+    def log_of(self, count: int) -> NDArray[np.int64]:
+        """(windows,) number of the log in which each window of `count` samples lies."""
         whole = self.bins * self.window
-        n = (residual.shape[-1] - self.skip) // whole * whole
-        return residual[self.skip : self.skip + n].reshape(-1, self.window, self.bins).mean(axis=2)
+        return np.concatenate([np.full(own.size // whole, i) for i, own in enumerate(self.spans(count))])
+
+    def sizes_of(self, count: int) -> Array:
+        """(windows, 1) size of the noise in each window of `count` samples, over that of all."""
+        return np.asarray(self.scales)[self.log_of(count), None]
+
+    def of_log(self, log: int) -> "Whitener":
+        """The rule for one of the logs by itself."""
+        if not self.cuts:
+            return self
+        by = self.scales[log] ** 2 if self.scales else 1.0
+        carried = None if self.carried is None else by * self.carried
+        return replace(self, cuts=(), scales=(), sizes=tuple(by * s for s in self.sizes), carried=carried)
+
+    def of_any_log(self) -> "Whitener":
+        """The rule for a log with the noise that these have on average."""
+        return replace(self, cuts=(), scales=())
 
     def __call__(self, residual: Array) -> Array:
         """(n,) residual to (windows, independent values of unit size)."""
         white = self.windows(residual) @ self.matrix
+        if self.scales:
+            white = white / self.sizes_of(residual.size)
         if self.demean:
             white = white - np.outer(white @ self.offset, self.offset)
         return np.asarray(white)
@@ -122,9 +173,9 @@ def periodogram(covariance: Array, demean: bool) -> Array:
     return np.asarray(((spectrum @ covariance) * spectrum.conj()).sum(axis=1).real)
 
 
-def plain(bins: int, window: int, demean: bool, skip: int = 0) -> Whitener:
+def plain(bins: int, window: int, demean: bool, skip: int = 0, cuts: Cuts = ()) -> Whitener:
     """The rule before anything is known of the noise: white, of unit size."""
-    return Whitener(bins, window, demean, (1.0,) + (0.0,) * len(CORRELATION_TIMES), skip)
+    return Whitener(bins, window, demean, (1.0,) + (0.0,) * len(CORRELATION_TIMES), skip, cuts=cuts)
 
 
 def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: float = 0.0) -> Whitener:
@@ -132,15 +183,56 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: f
 
     What the rows (n,) of `absorbed` explain of the residual is taken out first, and the spectra expected of each kind
     of noise are those that remain behind the same projection: slow noise has few degrees of freedom, and free functions
-    absorb many of them. What the drive's noise leaves is known beforehand and not sought.
+    absorb many of them. What the drive's noise leaves is known beforehand and not sought. Several logs have one spectrum,
+    each at a size of its own, sought in turns.
     """
-    rows = centred(rule, residual)
+    if not rule.cuts:
+        return learned_at(rule, residual, absorbed, least)[0]
+    columns = list(absorbed)
+    for _ in range(SIZES):
+        rule, rows, freedom = learned_at(rule, residual, columns, least)
+        rule = resized(rule, rows, freedom, rule.log_of(residual.size))
+    return rule
+
+
+def resized(rule: Whitener, rows: Array, freedom: Array, log: NDArray[np.int64]) -> Whitener:
+    """The rule with the size of each log's noise from what is left of its residual.
+
+    Args:
+        rule: spectrum, and sizes so far.
+        rows: (windows, bins) what is left, each log's over its size so far.
+        freedom: (windows,) share of each window's freedom that is left.
+        log: (windows,) log of each.
+    """
+    white = rows @ rule.matrix
+    if rule.demean:
+        white = white - np.outer(white @ rule.offset, rule.offset)
+    count = rule.window - (1 if rule.demean else 0)
+    squares = [
+        float(np.sum(white[log == i] ** 2)) / max(count * float(freedom[log == i].sum()), 1.0)
+        for i in range(len(rule.cuts) + 1)
+    ]
+    before = np.array(rule.scales or [1.0] * len(squares))
+    sizes = before * np.sqrt(np.maximum(squares, UNEQUAL**-2))
+    share = np.bincount(log, minlength=sizes.size) / log.size
+    mean = float(np.sqrt(share @ sizes**2))
+    found = replace(rule, scales=tuple((sizes / mean).tolist()))
+    return found.larger(mean**2)
+
+
+def learned_at(
+    rule: Whitener, residual: Array, absorbed: Iterable[Array], least: float
+) -> tuple[Whitener, Array, Array]:
+    """The rule with the noise of `residual`; what is left of it (windows, bins), and of each window's freedom (windows,)."""
+    over = rule.sizes_of(residual.size) if rule.scales else 1.0
+    rows: Array = centred(rule, residual) / over
+    freedom = np.ones(rows.shape[0])
     shapes = expected(rule.window, rule.demean)
     there = np.zeros((1, shapes.shape[1]))
     if rule.carried is not None:
         there = periodogram(rule.carried, rule.demean)[None]
     kept = np.ones(shapes.shape[1], dtype=bool)
-    listed = [centred(rule, column).ravel() for column in absorbed]
+    listed = [(centred(rule, column) / over).ravel() for column in absorbed]
     if listed:
         columns = np.stack(listed, axis=1)
         left, values, _ = np.linalg.svd(
@@ -150,6 +242,7 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: f
         flat = rows.ravel()
         rows = (flat - q @ (q.T @ flat)).reshape(rows.shape)
         q = q.reshape(*rows.shape, -1)
+        freedom = 1.0 - np.sum(q**2, axis=(1, 2)) / rule.window
         remaining = behind(q, rule.demean, kinds(rule.window), shapes)
         if rule.carried is not None:
             there = behind(q, rule.demean, rule.carried[None], there)
@@ -175,7 +268,7 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: f
     found = minimize(
         cost, start, jac=True, method="L-BFGS-B", bounds=[(np.log(FLOOR), np.log(1e3))] * len(shapes)
     )
-    return replace(rule, sizes=tuple((np.exp(found.x) * total).tolist()))
+    return replace(rule, sizes=tuple((np.exp(found.x) * total).tolist())), rows, freedom
 
 
 def multiplied(shapes: Array, power: Array, rounds: int = 400) -> Array:

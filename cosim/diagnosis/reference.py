@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from cosim.diagnosis.crossval import held_windows, left_out_steps
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
-from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.noise import Whitener, plain
 from cosim.inference.held_out import ratio_ci95
 from cosim.inference.linear import Data, LinearModel, reference
+from cosim.inference.pieces import Cuts, by_piece
 
 Array = NDArray[np.float64]
 
@@ -86,16 +87,24 @@ class Uniform:
     Attributes:
         u, y: (n,) SI, every `h` s.
         window: (n,) number of the window of each point, -1 for none.
+        cuts: first point of each log but the first.
     """
 
     u: Array
     y: Array
     h: float
     window: NDArray[np.int64]
+    cuts: Cuts = ()
 
 
 def evened(
-    u: Array, y: Array, time: Array, h: float, window: NDArray[np.int64], step: float | None = None
+    u: Array,
+    y: Array,
+    time: Array,
+    h: float,
+    window: NDArray[np.int64],
+    step: float | None = None,
+    cuts: Cuts = (),
 ) -> Uniform:
     """A drive held from stamp to stamp and a signal (m,) at stamps (m,) on even times, few enough to fit often.
 
@@ -106,10 +115,26 @@ def evened(
         h: usual interval, s.
         window: (m,) window of each sample, -1 for none.
         step: interval wanted, s; by default whole samples, so many that there are not too many points.
+        cuts: first sample of each log but the first.
     """
     length = float(time[-1] - time[0]) + h
     if step is None:
         step = h * max(1, int(np.ceil(length / h / min(MOST, max(POINTS, POINTS * length / 60.0)))))
+    if cuts:
+        each = [
+            evened(*part, step=step)
+            for part in zip(
+                np.split(u, cuts),
+                np.split(y, cuts),
+                np.split(time, cuts),
+                [h] * (len(cuts) + 1),
+                np.split(window, cuts),
+                strict=True,
+            )
+        ]
+        ends = np.cumsum([part.u.size for part in each])
+        u, y, window = (np.concatenate([getattr(p, n) for p in each]) for n in ("u", "y", "window"))
+        return Uniform(u, y, step, window, tuple(ends[:-1].tolist()))
     count = int(length / step + 1e-9)
     edges = time[0] + np.arange(count + 1) * step
     ends = np.append(time, time[-1] + h)
@@ -141,16 +166,12 @@ def data_of(pair: Uniform, demean: bool, keep: NDArray[np.bool_]) -> Data:
             found = found - np.repeat(means, counts, axis=1)
         return np.asarray(found)
 
-    return Data(pair.u, pair.y, pair.h, rows, number)
+    return Data(pair.u, pair.y, pair.h, rows, number, pair.cuts)
 
 
 def windows_of(rule: Whitener, count: int) -> NDArray[np.int64]:
     """(count,) window of each sample by a whitening rule, -1 for none."""
-    found = np.full(count, -1)
-    whole = rule.bins * rule.window
-    inside = (count - rule.skip) // whole * whole
-    found[rule.skip : rule.skip + inside] = np.arange(inside) // whole
-    return found
+    return rule.numbers(count)
 
 
 def mean_squares(values: Array, window: NDArray[np.int64], demean: bool) -> Array:
@@ -176,7 +197,8 @@ def of_group(task: Task, found: Fit, time: Array) -> Reference:
     rule = task.rules[signal]
     y = task.measured[signal]
     window = windows_of(rule, y.size)
-    pair = evened(task.model.drive, y, time, task.model.h, window)
+    cuts = task.model.cuts
+    pair = evened(task.model.drive, y, time, task.model.h, window, cuts=cuts)
     model = reference(data_of(pair, rule.demean, pair.window >= 0))
     left = np.zeros(pair.u.size)
     left[pair.window >= 0] = model.left_out
@@ -185,7 +207,7 @@ def of_group(task: Task, found: Fit, time: Array) -> Reference:
     )  # without its mean already, where each window has an offset
     # the same smoothing for both: what lies within a bin is noise
     ours = y - left_out_prediction(task, found, signal)
-    own = evened(task.model.drive, ours, time, task.model.h, window)
+    own = evened(task.model.drive, ours, time, task.model.h, window, cuts=cuts)
     return Reference(model, squares, mean_squares(own.y, own.window, rule.demean))
 
 
@@ -227,12 +249,17 @@ def free_run(
     """A linear model fitted to one record, and (parts,) mean squares of its error over another from sample `first` on."""
     count = record.time.size
     numbers = np.arange(count) * PARTS // count
-    pair = evened(record.signals[drive], record.signals[signal], record.time, record.h, numbers)
+    pair = evened(
+        record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
+    )
     model = reference(data_of(pair, False, pair.window >= 0))
     window = parted(held.time.size, first, parts)
     # simulated as finely as it was measured: the poles do not know the steps of the fit
-    other = evened(held.signals[drive], held.signals[signal], held.time, held.h, window, held.h)
-    return model, mean_squares(other.y - model.simulate(other.u, other.y, held.h), other.window, False)
+    other = evened(
+        held.signals[drive], held.signals[signal], held.time, held.h, window, held.h, cuts=held.cuts
+    )
+    simulated = by_piece(lambda u, y: model.simulate(u, y, held.h), other.cuts, other.u, other.y)
+    return model, mean_squares(other.y - simulated, other.window, False)
 
 
 def parted(count: int, first: int, parts: int) -> NDArray[np.int64]:
@@ -289,19 +316,19 @@ def of_whole(
         window: samples in a window.
     """
     found = {}
-    numbers = np.arange(record.time.size) // window
-    numbers[numbers >= record.time.size // window] = -1
+    numbers = plain(1, window, False, cuts=record.cuts).numbers(record.time.size)
     held = held_windows(int(numbers.max()) + 1)
     if not held.any():
         return {}
     for signal in signals:
         y = record.signals[signal]
-        pair = evened(record.signals[drive], y, record.time, record.h, numbers)
+        pair = evened(record.signals[drive], y, record.time, record.h, numbers, cuts=record.cuts)
         inside = pair.window >= 0
         judged = inside & held[np.maximum(pair.window, 0)]
         model = reference(data_of(pair, False, inside & ~judged))
-        fine = evened(record.signals[drive], y, record.time, record.h, numbers, record.h)
-        squares = mean_squares(fine.y - model.predicted(fine.u, record.h), fine.window, False)[held]
+        fine = evened(record.signals[drive], y, record.time, record.h, numbers, record.h, record.cuts)
+        predicted = model.predicted(fine.u, record.h, fine.cuts)
+        squares = mean_squares(fine.y - predicted, fine.window, False)[held]
         ours = mean_squares(y - after[signal], numbers, False)[held]
         found[signal] = Reference(model, squares, ours)
     return found

@@ -32,15 +32,20 @@ def placed(residual: Array, step: float, rule: Whitener) -> Array:
     """(n,) measured minus predicted (n,), each window less the offset that leaves least beyond the step."""
     if not rule.demean:
         return residual
-    whole = rule.bins * rule.window
-    count = (residual.size - rule.skip) // whole
-    rows = residual[rule.skip : rule.skip + count * whole].reshape(count, whole)
+    rows = rule.by_window(residual)
     offset = rows.mean(axis=1)
     for _ in range(ROUNDS):
         off, slope = outside(rows - offset[:, None], step)
         offset = offset + off.sum(axis=1) / np.maximum(slope.sum(axis=1), 1.0)
-    window = np.clip((np.arange(residual.size) - rule.skip) // whole, 0, count - 1)
-    return residual - offset[window]
+    # what lies outside of all windows goes with the nearest one of its own log
+    inside = [own[own >= 0] for own in np.split(rule.numbers(residual.size), rule.cuts)]
+    first = np.array([own[0] for own in inside])
+    parts = np.split(np.arange(residual.size), rule.cuts)
+    near = [
+        np.clip((own - own[0] - rule.skip) // (rule.bins * rule.window), 0, used[-1] - used[0]) + begin
+        for own, used, begin in zip(parts, inside, first, strict=True)
+    ]
+    return residual - offset[np.concatenate(near)]
 
 
 def concentration(residual: Array, step: float, rule: Whitener) -> float:

@@ -10,8 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.chain import fixed_values
-from cosim.diagnosis.data import Record
+from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.extend import ChainModel
 from cosim.diagnosis.found import Diagnosis, Elsewhere
 from cosim.logs import Log

@@ -13,11 +13,12 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from cosim.inference.held_out import gain_between, left_out
+from cosim.inference.pieces import Cuts
 
 Array = NDArray[np.float64]
 Rows = Callable[[Array], Array]  # (k, n) signals -> (k, values), residuals weighed as the data are
@@ -114,9 +115,9 @@ class LinearModel:
         """True if a pole is too slow for the data to tell it from an integrator."""
         return any(abs(p) * self.length < 1.0 for p in self.sections.poles)
 
-    def predicted(self, u: Array, h: float) -> Array:
-        """(n,) output on the input (n,) that it was fitted to, from the initial state found there, every `h` s."""
-        driven, free = columns(self.sections, u, h, self.length)
+    def predicted(self, u: Array, h: float, cuts: Cuts = ()) -> Array:
+        """(n,) output on the input (n,) that it was fitted to, from the initial states found there, every `h` s."""
+        driven, free = columns(self.sections, u, h, self.length, cuts)
         return np.asarray(self.gains @ np.concatenate([driven, free, np.ones((1, u.size))]))
 
     def simulate(self, u: Array, y: Array, h: float) -> Array:
@@ -134,8 +135,14 @@ class LinearModel:
         return np.asarray(y - rest + own @ free)
 
 
-def columns(sections: Sections, u: Array, h: float, length: float) -> tuple[Array, Array]:
-    """Responses (k, n) of each section's states to the input, held over a step, and (m, n) from each initial state."""
+def columns(sections: Sections, u: Array, h: float, length: float, cuts: Cuts = ()) -> tuple[Array, Array]:
+    """Responses (k, n) of each section's states to the input, held over a step, and (m, n) from each initial state.
+
+    Where several records are behind one another, each begins in a state of its own.
+    """
+    if cuts:
+        each = [columns(sections, part, h, length) for part in np.split(u, cuts)]
+        return np.concatenate([driven for driven, _ in each], axis=1), block_diag(*(free for _, free in each))
     n = u.size
     driven: list[Array] = []
     free: list[Array] = []
@@ -177,6 +184,7 @@ class Data:
         u, y: (n,) input and output, every `h` s.
         rows: weighs residuals: (k, n) -> (k, values).
         block: (values,) block of each value, left out together.
+        cuts: first sample of each record but the first, where several are behind one another.
     """
 
     u: Array
@@ -184,6 +192,7 @@ class Data:
     h: float
     rows: Rows
     block: NDArray[np.int64]
+    cuts: Cuts = ()
 
     @property
     def length(self) -> float:
@@ -197,7 +206,7 @@ class Data:
 
     def regressors(self, sections: Sections) -> Array:
         """(n-columns, n) everything that enters linearly."""
-        driven, free = columns(sections, self.u, self.h, self.length)
+        driven, free = columns(sections, self.u, self.h, self.length, self.cuts)
         return np.concatenate([driven, free, np.ones((1, self.u.size))])
 
     def solved(self, sections: Sections, target: Array) -> tuple[Array, Array, Array]:

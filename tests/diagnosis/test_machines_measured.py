@@ -10,7 +10,7 @@ import pytest
 
 from cosim.compare.metrics import rms, without_offsets
 from cosim.diagnosis.answer import answer
-from cosim.diagnosis.chain import fixed_values
+from cosim.diagnosis.data import fixed_values
 from cosim.diagnosis.gain import run_package
 from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.model import machine_of
