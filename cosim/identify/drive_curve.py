@@ -12,12 +12,13 @@ Beside the seven numbers the curve is fitted freely: straight lines between knot
 Intervals hold from log to log. Within a log they come from its own parts (a moving-block jackknife over parts that are
 long against anything the drive remembers); between logs from the scatter of the logs (DerSimonian and Laird, Controlled
 Clinical Trials 7(3), 1986), with Student's t for the number of logs. A log alone says nothing of the next one: then the
-scatter of other machines' logs, SCATTER, is added.
+scatter of other drives' logs, SCATTER, is added.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +38,13 @@ MOVING = 0.02  # of the largest speed, beyond which a stretch counts as one of m
 LEAST = 1e-3  # of the largest speed: no error is taken for smaller
 FAR = 2.0  # typical errors from which on an error counts linearly
 ROUNDS = 3  # of learning what the typical error is
-KNOTS = 9  # of the free curve on either side
+KNOTS = 7  # of the free curve on either side
 MOST_STEPS = 200_000  # of the simulation: longer logs are simulated more coarsely
+STEADY = 0.05  # of the largest command, within which it counts as held
 EDGE = 0.02  # of the largest command: a top speed counts as reached if the command goes this far beyond where it begins
-SCATTER = 0.05  # relative, of each number between logs of one machine where only one log is known
+# relative, of dead zone, slope and top speed between the logs of one machine, where only one log is known: root mean
+# square over boom, stick and bucket of a small excavator (five logs each, docs/identify.md), beyond what a log itself knows
+SCATTER = {"dead": 0.11, "slope": 0.28, "top": 0.016}
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ class DriveCurve:
 
 @dataclass(frozen=True)
 class _Fine:
-    """A log on an even grid, finer than its samples; `rows` are the samples at which stretches begin, `ahead` their length."""
+    """A log on an even grid, finer than its samples; `begins` are the samples at which stretches of `ahead` begin."""
 
     run: Run
     step: float
@@ -111,7 +115,8 @@ class _Fine:
     @cached_property
     def held(self) -> Array:
         """(m,) the command on the grid."""
-        index = np.searchsorted(self.run.time, self.grid, side="right") - 1
+        # at the middle of each step, where a change within it is early as often as late
+        index = np.searchsorted(self.run.time, self.grid + 0.5 * self.step, side="right") - 1
         return np.asarray(self.run.command[np.clip(index, 0, self.run.time.size - 1)])
 
     def ways(self, speed: Array, lag: float, delay: float) -> Array:
@@ -135,10 +140,11 @@ class _Fine:
         return np.asarray((sums[self.begins + self.ahead] - sums[self.begins]) / self.ahead)
 
     def steadiness(self) -> Array:
-        """(k,) range of the command over each stretch and a stretch before."""
-        rows = np.lib.stride_tricks.sliding_window_view(self.run.command, 2 * self.ahead + 1)
+        """(k,) range of the command over each stretch and a quarter of one before, in which the speed settles."""
+        before = self.ahead // 4
+        rows = np.lib.stride_tricks.sliding_window_view(self.run.command, self.ahead + before + 1)
         spread = rows.max(axis=1) - rows.min(axis=1)
-        return np.asarray(spread[np.clip(self.begins - self.ahead, 0, spread.size - 1)])
+        return np.asarray(spread[np.clip(self.begins - before, 0, spread.size - 1)])
 
 
 def fine(run: Run, lag: float = 0.0) -> _Fine:
@@ -151,7 +157,9 @@ def fine(run: Run, lag: float = 0.0) -> _Fine:
     span = float(run.time[-1] - run.time[0])
     ahead = max(4, round(max(STRETCH, 2.0 * lag) / usual))
     if run.time.size < 20 * ahead:
-        raise DataError(f"{run.name}: {span:.3g} s are too short for a static curve: it takes 20 stretches of {ahead * usual:.2g} s")
+        raise DataError(
+            f"{run.name}: {span:.3g} s are too short for a static curve: it takes 20 stretches of {ahead * usual:.2g} s"
+        )
     for what, values in (("command", run.command), ("position", run.position)):
         if np.ptp(values) == 0.0:
             raise DataError(f"{run.name}: the {what} never moves")
@@ -183,13 +191,13 @@ def drive_curve(runs: Sequence[Run]) -> DriveCurve:
     each = tuple(_of_one(run) for run in runs)
     if len(each) == 1:
         alone = each[0]
-        widened = {n: _between([e], None) for n, e in alone.values.items()}
+        widened = {n: next_log([e], SCATTER[n.partition("_")[0]]) for n, e in alone.values.items()}
         return replace(alone, values=widened, each=each)
     values = {}
     for name in NAMES:
         told = [c.values[name] for c in each if name in c.values]
         if told:
-            values[name] = _between(told, len(told))
+            values[name] = next_log(told, SCATTER[name.partition("_")[0]])
     knots, speeds, band = _common(each)
     points = tuple(np.concatenate([c.points[i] for c in each]) for i in (0, 1))
     return DriveCurve(
@@ -237,7 +245,7 @@ def _of_one(run: Run) -> DriveCurve:
         d = float(spread[i])
         values[name] = Estimate(float(x[i]), d, float(x[i] - reach * d), float(x[i] + reach * d))
     off = reach * _jackknife(np.array(curves))
-    steady = log.steadiness() <= EDGE * float(np.abs(run.command).max())
+    steady = log.steadiness() <= STEADY * float(np.abs(run.command).max())
     points = (log.mean_command()[steady], goal[steady])
     band = np.array([speeds - off, speeds + off])
     return DriveCurve(values, float(x[6]), float(x[7]), knots, speeds, band, typical, (), (run.name,), points)
@@ -260,13 +268,17 @@ def _begin(log: _Fine, goal: Array) -> Array:
     """Rough numbers: dead zone where the drive stands, slopes and top speeds of what moves."""
     command = log.run.command
     if float(np.corrcoef(log.mean_command(), goal)[0, 1]) < 0.0:
-        raise DataError(f"{log.run.name}: the position goes against the command: give one of them sign = -1 in the mapping")
+        raise DataError(
+            f"{log.run.name}: the position goes against the command: give one of them sign = -1 in the mapping"
+        )
     low, high = min(float(command.min()), 0.0), max(float(command.max()), 0.0)
     size = max(high, -low)
     low, high = min(low, -1e-3 * size), max(high, 1e-3 * size)
     fastest = float(np.quantile(np.abs(goal), 0.98))
     slope = 1.3 * fastest / size
-    return np.array([0.2 * low, 0.2 * high, slope, slope, -fastest, fastest, 2.0 * log.step, log.step * FINER])
+    return np.array(
+        [0.2 * low, 0.2 * high, slope, slope, -fastest, fastest, 2.0 * log.step, log.step * FINER]
+    )
 
 
 def _fitted(
@@ -276,8 +288,30 @@ def _fitted(
     command = log.run.command
     size, fastest = float(np.abs(command).max()), float(np.abs(goal).max())
     usual = log.step * FINER
-    low = np.array([-size, 0.0, 0.01 * fastest / size, 0.01 * fastest / size, -3.0 * fastest, 0.01 * fastest, 0.1 * log.step, 0.0])
-    high = np.array([0.0, size, 50.0 * fastest / size, 50.0 * fastest / size, -0.01 * fastest, 3.0 * fastest, max(2.0, 20 * usual), max(0.5, 4 * usual)])
+    low = np.array(
+        [
+            -size,
+            0.0,
+            0.01 * fastest / size,
+            0.01 * fastest / size,
+            -3.0 * fastest,
+            0.01 * fastest,
+            0.1 * log.step,
+            0.0,
+        ]
+    )
+    high = np.array(
+        [
+            0.0,
+            size,
+            50.0 * fastest / size,
+            50.0 * fastest / size,
+            -0.01 * fastest,
+            3.0 * fastest,
+            max(2.0, 20 * usual),
+            max(0.5, 4 * usual),
+        ]
+    )
     scale = np.array([0.1 * size, 0.1 * size, fastest / size, fastest / size, fastest, fastest, usual, usual])
     x = np.clip(begun, low + 1e-9 * scale, high - 1e-9 * scale)
 
@@ -291,7 +325,12 @@ def _fitted(
             typical = max(1.4826 * float(np.median(np.abs(off(x))[moving[kept]])), LEAST * fastest)
         width = float(typical or 1.0) * FAR
         found = least_squares(
-            lambda x, width=width: off(x) / width, x, bounds=(low, high), x_scale=scale, loss="soft_l1", diff_step=1e-3
+            lambda x, width=width: off(x) / width,
+            x,
+            bounds=(low, high),
+            x_scale=scale,
+            loss="soft_l1",
+            diff_step=1e-3,
         )
         x = found.x
     return np.asarray(x), float(typical or 0.0)
@@ -308,7 +347,7 @@ def _knots(command: Array, x: Array) -> Array:
 def _free(log: _Fine, goal: Array, x: Array, knots: Array, typical: float, kept: NDArray[np.bool_]) -> Array:
     """(m,) speeds at the knots of a curve of straight lines that only rises and is zero at no command."""
     ramps = []
-    for a, b in zip(knots[:-1], knots[1:], strict=True):
+    for a, b in pairwise(knots):
         rise = np.clip((log.held - a) / (b - a), 0.0, 1.0)
         ramps.append(log.ways(rise if a >= 0.0 else rise - 1.0, float(x[6]), float(x[7])))
     columns = np.stack(ramps, axis=1)[kept]
@@ -322,17 +361,19 @@ def _free(log: _Fine, goal: Array, x: Array, knots: Array, typical: float, kept:
     return np.asarray(rising - rising[int(np.argmin(np.abs(knots)))])
 
 
-def _between(told: Sequence[Estimate], logs: int | None) -> Estimate:
+def next_log(told: Sequence[Estimate], scatter: float = 0.0) -> Estimate:
     """One number of a machine from those of its logs, with the interval in which the next log's lies in 95 % of cases.
 
     Args:
         told: of each log.
-        logs: how many; None for one, of which the next log's scatter is not known.
+        scatter: relative standard deviation between logs, where one log alone is known.
     """
     values, own = np.array([e.value for e in told]), np.array([e.deviation for e in told]) ** 2
-    if logs is None or len(told) == 1:
+    if len(told) == 1:
         (one,) = told
-        reach = float(student.ppf(0.975, PARTS - 1)) * float(np.hypot(one.deviation, SCATTER * abs(one.value)))
+        reach = float(student.ppf(0.975, PARTS - 1)) * float(
+            np.hypot(one.deviation, scatter * abs(one.value))
+        )
         return Estimate(one.value, one.deviation, one.value - reach, one.value + reach)
     weights = 1.0 / np.maximum(own, 1e-12 * max(float(own.max()), 1e-300))
     mean = float(weights @ values / weights.sum())
@@ -352,9 +393,18 @@ def _common(each: Sequence[DriveCurve]) -> tuple[Array, Array, Array]:
     low, high = (sorted(c.knots[i] for c in each) for i in (0, -1))
     ends = low[min(1, len(low) - 1)], high[-min(2, len(high))]
     knots = np.unique(np.concatenate([np.linspace(ends[0], ends[1], 4 * KNOTS), [0.0]]))
-    rows = np.array([np.where((knots >= c.knots[0]) & (knots <= c.knots[-1]), np.interp(knots, c.knots, c.speeds), np.nan) for c in each])
+    rows = np.array(
+        [
+            np.where(
+                (knots >= c.knots[0]) & (knots <= c.knots[-1]), np.interp(knots, c.knots, c.speeds), np.nan
+            )
+            for c in each
+        ]
+    )
     mean, count = np.nanmean(rows, axis=0), np.sum(np.isfinite(rows), axis=0)
     own = np.array([np.interp(knots, c.knots, 0.25 * (c.band[1] - c.band[0])) for c in each])
-    spread = np.sqrt(np.nanvar(rows, axis=0, ddof=1) * (1.0 + 1.0 / count) + np.median(own, axis=0) ** 2 / count)
+    spread = np.sqrt(
+        np.nanvar(rows, axis=0, ddof=1) * (1.0 + 1.0 / count) + np.median(own, axis=0) ** 2 / count
+    )
     off = student.ppf(0.975, np.maximum(count - 1, 1)) * spread
     return knots, mean, np.array([mean - off, mean + off])
