@@ -20,12 +20,13 @@ from cosim.ssp.read import resolve, settable_names
 from cosim.units import factor, parse_quantity
 
 
-def model_path(model: str, with_input: bool = False) -> Path:
+def model_path(model: str, with_input: bool = False, log: Path | None = None) -> Path:
     """The file of a model.
 
     Args:
-        model: a file, or the name of one of our systems.
+        model: a file, or the name of one of our systems; of a mapping with a table [machine] the package is made.
         with_input: the system is to be driven from outside, so take the open package.
+        log: log of a machine, which tells what its file leaves open.
 
     Raises:
         UsageError: there is no such file or model.
@@ -35,7 +36,14 @@ def model_path(model: str, with_input: bool = False) -> Path:
     if model not in SYSTEMS:
         if path.suffix.lower() in (".ssp", ".fmu"):
             return path
-        raise UsageError(f"'{model}' is no model: give an .ssp or .fmu file, or one of {', '.join(SYSTEMS)}")
+        if path.suffix.lower() == ".toml":
+            from cosim.compare.model import open_model
+            from cosim.machines import made_for
+
+            return open_model(str(made_for(path, None if log is None else load_log(log, path)).ssd))
+        raise UsageError(
+            f"'{model}' is no model: give an .ssp, .fmu or .toml file, or one of {', '.join(SYSTEMS)}"
+        )
     built = build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
     if not built.is_file():
         raise ModelError(

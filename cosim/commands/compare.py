@@ -146,8 +146,15 @@ def compare_log(
     from cosim.logs import load_log
 
     names, table = load_mapping(mapping) if mapping is not None else (None, CompareTable())
-    source = open_model(*_reference(model, names, table))
-    with Comparator(load_log(file, names), source, table=table, step=_seconds(step_size)) as comparator:
+    loaded = load_log(file, names)
+    if mapping is not None and names is not None and names.machine and model is None:
+        from cosim.machines import made_for
+
+        made = made_for(mapping, loaded)
+        source, table = open_model(str(made.ssd)), made.table
+    else:
+        source = open_model(*_reference(model, names, table))
+    with Comparator(loaded, source, table=table, step=_seconds(step_size)) as comparator:
         limits = read_limits(thresholds or [], comparator)
         given = _parameters(comparator.system, table, parameter_sets, settings)
         extras = Extras(comparator, given)

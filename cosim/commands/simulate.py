@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 DEFAULT_STOP, DEFAULT_STEP = 10.0, 1e-3  # [s], where neither option nor model says
 
-Model = Annotated[str, typer.Argument(help="An .ssp or .fmu file, or simplified, full_order, physical.")]
+Model = Annotated[
+    str, typer.Argument(help="An .ssp or .fmu file, a machine (.toml), or simplified, full_order, physical.")
+]
 StopTime = Annotated[
     str | None, typer.Option(help="Such as '10 s' (default: end of the input, the model's own, or 10 s).")
 ]
@@ -83,8 +85,11 @@ def simulate(
         check_suffix(out)
     if mapping is not None and played is None:
         raise UsageError("--mapping says how to read a log, so it needs --input")
+    of_machine = Path(model) if model.lower().endswith(".toml") else None
+    log = played if mapping in (None, of_machine) else None
+    mapping = mapping or (of_machine if played is not None else None)
     with (
-        native_or_not(model_path(model, with_input=played is not None), native) as path,
+        native_or_not(model_path(model, played is not None, log), native) as path,
         Runner(path) as runner,
     ):
         system = runner.system

@@ -53,8 +53,18 @@ def build_wiring(wiring: Path) -> Path:
     components = document.findall(".//ssd:Component", NAMES)
     if any(component.get("name") == STIMULUS for component in components):
         return write_ssp(wiring, build_folder() / "ssp" / f"{wiring.stem}_open.ssp", open=True)
+    return package_of(wiring, build_folder() / "ssp" / f"{wiring.stem}.ssp")
+
+
+def package_of(wiring: Path, destination: Path) -> Path:
+    """Write the package of an .ssd of our blocks that has inputs of its own; returns `destination`.
+
+    Raises:
+        ModelError: the wiring or an .ssv file is bad.
+    """
+    document = read_xml(wiring)
     entries: dict[str, bytes] = {}
-    for component in components:
+    for component in document.findall(".//ssd:Component", NAMES):
         add_component(entries, component, wiring, {}, None, fmu_bytes)
     entries["SystemStructure.ssd"] = xml_bytes(document)
-    return write_archive(entries, build_folder() / "ssp" / f"{wiring.stem}.ssp")
+    return write_archive(entries, destination)

@@ -9,6 +9,7 @@ from cosim.diagnosis.options import Options, options_of
 from cosim.errors import ModelError, UsageError
 from cosim.logs import Log
 from cosim.logs.mapping import Mapping as LogMapping
+from cosim.machines import made_for
 from cosim.ssp.read import read_system
 from cosim.ssp.system import Component
 from fmus import registry
@@ -67,6 +68,9 @@ def machine_of(asked: str | None, log: Log, mapping: Path | None) -> Machine:
     """
     if mapping is not None:
         plain, table = load_mapping(mapping)
+        if plain.machine and asked is None:
+            made = made_for(mapping, log)
+            return machine_for(made.ssd, log, plain, made.table, options_of(made.diagnose, mapping))
         named = asked or log.model or DEFAULT
         if named in MODELS or named.lower().endswith(".ssd"):
             return machine_for(named, log, plain, table, options_of(plain.diagnose, mapping))

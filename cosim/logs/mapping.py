@@ -161,6 +161,7 @@ class Mapping(_Strict):
         signals: signal -> where it comes from; names may be our own (``slew``) or the mapping's (``force``).
         compare: how signals map to the variables of a model; `cosim.compare.mapping` reads and checks it.
         diagnose: what the diagnosis must know of the machine; `cosim.diagnosis.options` reads and checks it.
+        machine: the model as a chain of blocks, in place of `model`; `cosim.machines.table` reads and checks it.
         sha256: file name -> SHA-256 of the files that the mapping was made for; another content is refused.
         path: the mapping file, None for a mapping made in memory.
     """
@@ -173,6 +174,7 @@ class Mapping(_Strict):
     signals: Annotated[dict[str, SignalColumn], Field(min_length=1)]
     compare: dict[str, Any] = Field(default_factory=dict)
     diagnose: dict[str, Any] = Field(default_factory=dict)
+    machine: dict[str, Any] = Field(default_factory=dict)
     sha256: dict[str, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]] = Field(default_factory=dict)
     path: Path | None = Field(default=None, exclude=True)
 
@@ -185,6 +187,12 @@ class Mapping(_Strict):
             if name in SIGNALS and column.unit is not None:
                 _convertible(column.unit, SIGNALS[name].si, f"signal '{name}': ")
         return signals
+
+    @model_validator(mode="after")
+    def _one_model(self) -> "Mapping":
+        if self.machine and self.model is not None:
+            raise ValueError("give either a model or a table [machine], which makes one")
+        return self
 
     @property
     def model_reference(self) -> str | None:

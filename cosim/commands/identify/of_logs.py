@@ -217,6 +217,36 @@ def mechanics(
     )
 
 
+def drive(
+    logs: LogFiles,
+    mapping: MappingFile = None,
+    command: Annotated[
+        str | None, typer.Option(help="Signal that commands [default: the machine's input, or u].")
+    ] = None,
+    motion: Annotated[
+        str | None,
+        typer.Option(help="Angle or position that answers [default: the machine's output, or slew]."),
+    ] = None,
+    start: From = None,
+    stop: To = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Static curve of a drive, speed against command: dead zone, slope and top speed of either side.
+
+    From any log that moves; no experiment and no model is needed. With several logs of the machine the intervals come
+    from how much they differ, and hold for the next one.
+    """
+    from cosim.identify.answer import finish
+    from cosim.identify.run_drive import drive_answer
+    from cosim.identify.texts import load
+    from cosim.logs import load_mapping
+
+    plain = load_mapping(mapping) if mapping is not None else None
+    loaded = [load(log, mapping, start, stop) for log in logs]
+    finish(drive_answer(loaded, plain, command, motion), out, as_json)
+
+
 def observer(
     log: Annotated[
         Path | None, typer.Argument(help="Log to take the drive from [default: (4.15)].", metavar="LOG")

@@ -1,0 +1,196 @@
+"""``cosim identify drive``: from logs, and what their mapping says of the columns, to `Answer`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import DataError
+from cosim.identify.answer import Answer
+from cosim.identify.drive_curve import DriveCurve, Estimate, Run, drive_curve
+from cosim.logs import Log, Mapping
+from cosim.units import factor
+
+Array = NDArray[np.float64]
+
+COLUMNS = ["number", "value", "95 % from", "to", "unit", "as read"]
+WORDS = {
+    "dead_low": "dead zone, low",
+    "dead_high": "dead zone, high",
+    "slope_low": "slope, low",
+    "slope_high": "slope, high",
+    "top_low": "top speed, low",
+    "top_high": "top speed, high",
+}
+
+
+@dataclass(frozen=True)
+class Told:
+    """Units in which a curve is told.
+
+    Attributes:
+        command, motion: names of the signals.
+        command_unit, motion_unit: what people read.
+        command_scale, motion_scale: shown per SI.
+        column: heading of the command in the file, where its readings are another number than the command.
+        zero, gain: command [its unit] = gain (reading - zero).
+    """
+
+    command: str
+    motion: str
+    command_unit: str
+    motion_unit: str
+    command_scale: float = 1.0
+    motion_scale: float = 1.0
+    column: str = ""
+    zero: float = 0.0
+    gain: float = 1.0
+
+    def of(self, name: str) -> tuple[str, float]:
+        """Unit of a number of the curve, and shown per SI."""
+        speed = f"{self.motion_unit}/s"
+        if name.startswith("dead"):
+            return self.command_unit, self.command_scale
+        if name.startswith("top"):
+            return speed, self.motion_scale
+        unit = speed if self.command_unit == "1" else f"{speed}/({self.command_unit})"
+        return unit, self.motion_scale / self.command_scale
+
+    def reading(self, command: float) -> float:
+        """What stands in the file for a command [its unit]."""
+        return self.zero + command / self.gain
+
+
+def told_of(log: Log, mapping: Mapping | None, command: str, motion: str) -> Told:
+    """The units of a log's command and motion.
+
+    Raises:
+        DataError: the log does not hold one of them.
+    """
+    for name in (command, motion):
+        log.require(name, "the static curve of a drive")
+    shown = {n: log.display[n] for n in (command, motion)}
+    scales = {n: factor(log.units[n], unit) for n, unit in shown.items()}
+    found = Told(command, motion, shown[command], shown[motion], scales[command], scales[motion])
+    column = mapping.signals.get(command) if mapping is not None else None
+    if column is None or isinstance(column.gain, str):
+        return found
+    gain = column.sign * column.gain * factor(column.unit or shown[command], shown[command])
+    zero = column.zero - column.offset / (column.sign * column.gain)
+    if (gain, zero) == (1.0, 0.0):
+        return found
+    return Told(**{**vars(found), "column": str(column.column), "zero": zero, "gain": gain})
+
+
+def run_of(log: Log, told: Told) -> Run:
+    """A log as the curve is estimated from it.
+
+    Raises:
+        DataError: it counts samples and has no time.
+    """
+    if log.time_unit != "s":
+        raise DataError(f"{log.source}: it counts samples and has no time, so a speed cannot be told from it")
+    return Run(log.name, log.time, log[told.command], log[told.motion])
+
+
+def ends(mapping: Mapping | None) -> tuple[str, str]:
+    """Names of command and motion: those of the mapping's machine, else ours."""
+    machine = mapping.machine if mapping is not None else {}
+    return str(machine.get("input", "u")), str(machine.get("output", "slew"))
+
+
+def number(estimate: Estimate, unit: str, scale: float) -> dict[str, Any]:
+    """An estimate as JSON, in the unit people read."""
+    low, high = sorted((estimate.low * scale, estimate.high * scale))
+    return {"value": estimate.value * scale, "unit": unit, "ci95": [low, high]}
+
+
+def curve_data(curve: DriveCurve, told: Told) -> dict[str, Any]:
+    """The curve as JSON."""
+    sides: dict[str, dict[str, Any]] = {"dead_zone": {}, "slope": {}, "top_speed": {}}
+    kinds = {"dead": "dead_zone", "slope": "slope", "top": "top_speed"}
+    for name, estimate in curve.values.items():
+        kind, _, side = name.partition("_")
+        entry = number(estimate, *told.of(name))
+        if kind == "dead" and told.column:
+            read = sorted(told.reading(v) for v in entry["ci95"])
+            entry["reading"] = {"value": told.reading(entry["value"]), "ci95": read, "column": told.column}
+        sides[kinds[kind]][side] = entry
+    speed = told.motion_scale
+    points = [
+        [float(u * told.command_scale), float(v * speed), float(low * speed), float(high * speed)]
+        for u, v, low, high in zip(curve.knots, curve.speeds, *curve.band, strict=True)
+    ]
+    return {
+        "command": {"signal": told.command, "unit": told.command_unit},
+        "motion": {"signal": told.motion, "unit": f"{told.motion_unit}/s"},
+        **sides,
+        "lag": {"value": curve.lag + curve.delay, "unit": "s"},
+        "points": points,
+        "error": {"value": curve.typical * speed, "unit": f"{told.motion_unit}/s"},
+        "logs": list(curve.names),
+        "holds": "for the next log, from the scatter of these"
+        if len(curve.names) > 1
+        else "for the next log, with the scatter between logs of other drives",
+    }
+
+
+def drive_answer(
+    logs: Sequence[Log], mapping: Mapping | None, command: str | None, motion: str | None
+) -> Answer:
+    """The static curve of a drive.
+
+    Args:
+        logs: of one machine.
+        mapping: with which they were read.
+        command: name of the command; by default the input of the mapping's machine, or ``u``.
+        motion: name of the motion; by default its output, or ``slew``.
+
+    Raises:
+        DataError: a log does not hold them, is too short or stands still.
+    """
+    default = ends(mapping)
+    told = told_of(logs[0], mapping, command or default[0], motion or default[1])
+    curve = drive_curve([run_of(log, told) for log in logs])
+    data = curve_data(curve, told)
+    rows: list[list[object]] = []
+    for name, estimate in curve.values.items():
+        unit, scale = told.of(name)
+        shown = number(estimate, unit, scale)
+        low, high = shown["ci95"]
+        read = (
+            f"{told.column} {told.reading(shown['value']):.4g}"
+            if name.startswith("dead") and told.column
+            else ""
+        )
+        rows.append([WORDS[name], *(f"{v:.4g}" for v in (shown["value"], low, high)), unit, read])
+    missing = [WORDS[n] for n in WORDS if n not in curve.values]
+    lines = [
+        f"the speed follows the command after {curve.lag + curve.delay:.3g} s; over half a second the curve is off by "
+        f"{data['error']['value']:.3g} {data['error']['unit']}"
+    ]
+    notes = [f"not reached in the log{'s' if len(logs) > 1 else ''}: {', '.join(missing)}"] if missing else []
+    if len(logs) == 1:
+        notes.append(
+            "one log says nothing of the next: its intervals take the scatter between the logs of other drives"
+        )
+
+    def draw() -> Any:
+        from cosim.identify.drive_picture import drive_figure
+
+        return drive_figure(curve, told)
+
+    synthetic = any(log.synthetic for log in logs)
+    table = [
+        (f"Static curve of the drive, from {len(logs)} log{'s' if len(logs) > 1 else ''}", COLUMNS, rows)
+    ]
+    return Answer(
+        "drive",
+        {"synthetic": synthetic, "drive_curve": data},
+        tables=table,
+        lines=lines,
+        notes=notes,
+        draw=draw,
+    )

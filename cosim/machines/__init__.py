@@ -1,0 +1,9 @@
+"""A machine in one file: the table ``[machine]`` of a mapping, and the wiring and values that are made from it.
+
+This package knows files, blocks and logs; diagnosis, comparison and simulation are its clients.
+"""
+
+from cosim.machines.make import Made, made_for, write_machine
+from cosim.machines.table import MachineTable, machine_table
+
+__all__ = ["MachineTable", "Made", "machine_table", "made_for", "write_machine"]

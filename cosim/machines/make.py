@@ -1,0 +1,201 @@
+"""From a mapping with a table ``[machine]`` to a wiring that every command takes, and to what the diagnosis asks of it."""
+
+import hashlib
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cosim.compare.binding import DEFAULTS, START_PARAMETER, START_SIGNAL, gain_between
+from cosim.compare.mapping import CompareTable, Target, load_mapping
+from cosim.errors import DataError, UsageError
+from cosim.logs import Log, Mapping
+from cosim.machines.scale import Sizes, scales
+from cosim.machines.table import MachineTable, block_of, machine_table
+from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
+from cosim.machines.wiring import entry, files, outlet, wires, write_files
+from cosim.paths import build_folder
+from cosim.units import parse_quantity
+
+# effects that change one gain; between two signals only the last block's gain is asked for
+GAINS = {
+    "dcv": ("dcv.gain",),
+    "continuity": ("continuity.flow_gain", "continuity.leakage"),
+    "sensor": ("sensor.gain",),
+}
+
+
+@dataclass(frozen=True)
+class Made:
+    """A machine, made.
+
+    Attributes:
+        ssd: the wiring, with the values it binds beside it.
+        table: what its signals stand for, and where its motion starts.
+        diagnose: the mapping's table ``[diagnose]``, completed.
+        machine: the table it was made from.
+        numbers: its parameters.
+        sizes: what its signals reach.
+    """
+
+    ssd: Path
+    table: CompareTable
+    diagnose: dict[str, Any]
+    machine: MachineTable
+    numbers: Numbers
+    sizes: Sizes = field(default_factory=Sizes)
+
+
+def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) -> Made:
+    """The machine of a mapping file.
+
+    Args:
+        mapping: the file; it has a table ``[machine]``.
+        log: a log of the machine, which tells what the file leaves open and how large changes typically are.
+        folder: where the wiring goes; by default a folder named by its content in the build folder.
+
+    Raises:
+        DataError: the file is wrong, or the log does not tell what is unknown.
+        UsageError: something is unknown and there is no log, or a unit does not fit.
+    """
+    plain, given = load_mapping(mapping)
+    if not plain.machine:
+        raise DataError(f"{mapping}: there is no table [machine] from which a model could be made")
+    machine = machine_table(plain.machine, mapping)
+    wires(machine, mapping)  # a chain that does not fit together is said before anything is asked of a log
+    signals = targets(machine, plain, given)
+    variables = {name: target.variable for name, target in signals.items()}
+    inner = inner_signals(machine, {**known_signals(log), **variables})
+    gains = gains_of(machine, signals, log)
+    sample = second(plain, log)
+    told = numbers(machine, inner, gains, log, sample)
+    name = re.sub(r"\W+", "_", plain.name or mapping.stem).strip("_").lower() or "machine"
+    content = files(machine, told.values, name, plain.description or plain.name, mapping)
+    if folder is None:
+        digest = hashlib.sha256(b"".join(content.values())).hexdigest()[:12]
+        folder = build_folder() / "machines" / f"{name}-{digest}"
+    write_files(content, folder)
+    start = dict(given.start)
+    for component in machine.chain:
+        if START_PARAMETER in block_of(component).parameters and machine.output != START_SIGNAL:
+            start.setdefault(f"{component}.{START_PARAMETER}", machine.output)
+    table = given.model_copy(update={"signals": signals, "start": start})
+    sizes = Sizes.of(machine, told, inner, gains, log, sample)
+    diagnose = completed(plain.diagnose, machine, told, inner, sizes)
+    return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
+
+
+def known_signals(log: Log | None) -> dict[str, str]:
+    """Signals of our names that a log holds, with what they stand for."""
+    return {} if log is None else {n: v for n, v in DEFAULTS.items() if n in log}
+
+
+def targets(machine: MachineTable, plain: Mapping, given: CompareTable) -> dict[str, Target]:
+    """What each signal stands for: as the mapping says, else input and output of the chain.
+
+    Raises:
+        DataError: the mapping has no such signal.
+    """
+    found = dict(given.signals)
+    for name, (component, variable), way in (
+        (machine.input, entry(machine), "input"),
+        (machine.output, outlet(machine), "output"),
+    ):
+        if name not in plain.signals:
+            raise DataError(
+                f"{plain.path}: machine.{way} = '{name}' is no signal of [signals]: it has {', '.join(plain.signals)}"
+            )
+        block = block_of(component)
+        unit = (block.inputs | block.outputs)[variable].unit
+        found.setdefault(name, Target(variable=f"{component}.{variable}", factor=stands_for(machine, unit)))
+    return found
+
+
+def stands_for(machine: MachineTable, unit: str) -> str | None:
+    """The variable per signal, where the two differ in kind: a length for an angle, a force for a pressure."""
+    shown = machine.units.get(unit)
+    if unit == "Pa" and machine.forced:
+        return "1 Pa/N" if machine.motion == "travel" else "1 Pa/(N.m)"
+    return None if shown is None else f"1 {unit}/({shown})"
+
+
+def gains_of(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, float]:
+    """Signal of the log -> the variable per signal, SI."""
+    found = {}
+    for name, target in signals.items():
+        component, _, variable = target.variable.partition(".")
+        if log is not None and name in log.units and component in machine.chain:
+            block = block_of(component)
+            unit = (block.inputs | block.outputs)[variable].unit
+            found[name] = gain_between(name, log.units[name], unit, target.factor)
+    return found
+
+
+def second(plain: Mapping, log: Log | None) -> float:
+    """What one unit of a log's time counts as, s."""
+    text = plain.diagnose.get("sample")
+    if log is None or log.time_unit == "s" or not isinstance(text, str):
+        return 1.0
+    try:
+        return parse_quantity(text, "s")
+    except UsageError as error:
+        raise DataError(f"{plain.path}: 'diagnose.sample': {error}") from None
+
+
+def completed(
+    given: dict[str, Any], machine: MachineTable, told: Numbers, inner: dict[str, str], sizes: Sizes
+) -> dict[str, Any]:
+    """The table ``[diagnose]`` with what follows from the chain, where the file does not say it."""
+    found = dict(given)
+    stated = [n for n in (*machine.parameters, *told.from_log) if n in LINEAR]
+    if machine.speed is not None or machine.lag is not None:
+        pair = (
+            ("mechanical.J", "mechanical.b")
+            if "mechanical" in machine.chain
+            else ("simplified.k", "simplified.a")
+        )
+        stated += pair
+    found.setdefault("trusted", list(dict.fromkeys(stated)))
+    found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
+    found["units"] = {**machine.units, **given.get("units", {})}
+    found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
+    if machine.motion == "travel" and "mechanical" in machine.chain:
+        found["blocks"] = {"mechanical": "axis", **given.get("blocks", {})}
+    return found
+
+
+def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:
+    """Effects that no signal of this machine can show, or that are one number with another."""
+    found = (
+        ["continuity.supply_sag"]
+        if "continuity" in machine.chain and "p_supply" not in inner.values()
+        else []
+    )
+    for component, behind in zip(machine.chain, machine.chain[1:], strict=False):
+        carries = block_of(behind).name in ("continuity", "mechanical", "simplified")
+        if component not in inner and carries:
+            found += GAINS.get(component, ())
+    if machine.chain[-1] == "sensor" and not {"spool", "p_load"} & set(inner.values()):
+        found += GAINS["sensor"]
+    return found
+
+
+def write_machine(mapping: Path, folder: Path, log: Log | None = None) -> tuple[Made, list[Path]]:
+    """Write the wiring, the values and the package of a machine for other tools.
+
+    Returns:
+        The machine, and its files: .ssd, .ssv of each component, .ssp.
+
+    Raises:
+        DataError, UsageError, ModelError: as `made_for`, or the folder cannot be written to.
+    """
+    from cosim.compare.model import package_of
+
+    try:
+        made = made_for(mapping, log, folder)
+        package = package_of(made.ssd, folder / f"{made.ssd.stem}.ssp")
+    except OSError as error:
+        raise UsageError(
+            f"cannot write into '{folder}' ({error.strerror or error}); name another folder"
+        ) from None
+    return made, [made.ssd, *(folder / f"{c}.ssv" for c in made.machine.chain), package]

@@ -1,0 +1,104 @@
+"""Rough numbers of a machine from its own log: gain and lag of a first order, so that a search can begin."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+WINDOW = 5.0  # s: an integrated response drifts with all that a first order lacks
+LAGS = 20  # lags that are tried first, evenly spaced in their logarithm
+ONE_SIDED = 0.25  # a side that is reached less than this part of the other one is not used
+MOST = 20000  # samples that are used: a rough number needs no more
+
+
+@dataclass(frozen=True)
+class FirstOrder:
+    """A response that follows a drive as ``lag dy/dt + y = gain drive``, or whose rate of change does.
+
+    Attributes:
+        gain: response (or its rate) per drive.
+        lag: s.
+        share: of the response's variance that it explains.
+    """
+
+    gain: float
+    lag: float
+    share: float
+
+
+def first_order(time: Array, drive: Array, response: Array, *, integrates: bool) -> FirstOrder:
+    """Least squares over gain and offset for lags from one sample to a tenth of the log.
+
+    Args:
+        time: (n,) s.
+        drive: (n,) what drives.
+        response: (n,) what answers.
+        integrates: its rate of change follows the drive; it is then judged in windows of 5 s, each with its own offset.
+
+    Returns:
+        The best; its gain is 0 where the drive stands still.
+    """
+    count = min(time.size, MOST)
+    even = np.linspace(time[0], time[-1], count)
+    h = float(even[1] - even[0])
+    u = drive[np.clip(np.searchsorted(time, even, side="right") - 1, 0, time.size - 1)]
+    y = np.interp(even, time, response)
+    length = max(round(WINDOW / h), 8) if integrates else count
+    length = min(length, count)
+    rows = count // length
+
+    def inside(values: Array) -> Array:
+        part = values[: rows * length].reshape(rows, length)
+        return np.asarray((part - part.mean(axis=1, keepdims=True)).ravel())
+
+    goal = inside(y)
+    power = float(goal @ goal)
+
+    def at(log_lag: float) -> FirstOrder:
+        lag = float(np.exp(log_lag))
+        kept = float(np.exp(-h / lag))
+        lagged, _ = lfilter(
+            [0.0, 1.0 - kept], [1.0, -kept], u, zi=[u[0]]
+        )  # the drive is held from its stamp on
+        row = inside(cumulative_trapezoid(lagged, dx=h, initial=0.0) if integrates else lagged)
+        size = float(row @ row)
+        if size == 0.0 or power == 0.0:
+            return FirstOrder(0.0, lag, 0.0)
+        gain = float(row @ goal) / size
+        return FirstOrder(gain, lag, gain * gain * size / power)
+
+    shortest = max(h, float(np.median(np.diff(time))))
+    tried = np.linspace(np.log(shortest), np.log(max(0.1 * (even[-1] - even[0]), shortest)), LAGS)
+    first = int(np.argmax([at(x).share for x in tried]))
+    ends = (float(tried[max(first - 1, 0)]), float(tried[min(first + 1, LAGS - 1)]))
+    if ends[0] == ends[1]:
+        return at(ends[0])
+    found = minimize_scalar(lambda x: -at(x).share, bounds=ends, method="bounded")
+    return max(at(float(found.x)), at(float(tried[first])), key=lambda f: f.share)
+
+
+def reach(values: Array) -> float:
+    """Half the range of a signal without its hundredth at either end, in its unit."""
+    low, high = np.quantile(values, (0.01, 0.99))
+    return 0.5 * float(high - low)
+
+
+def swing(values: Array) -> float:
+    """What a signal about zero reaches on both sides, in its unit; half its range where it keeps to one side."""
+    low, high = np.quantile(values, (0.01, 0.99))
+    both = float(min(-low, high))
+    return both if both > ONE_SIDED * max(-low, high) else reach(values)
+
+
+def typical_speed(time: Array, position: Array, lag: float) -> float:
+    """Speed that the fastest hundredth of the log exceeds, over stretches of the lag but at least 3 samples."""
+    width = max(3, round(lag / float(np.median(np.diff(time)))))
+    if position.size <= width:
+        return 0.0
+    rates = (position[width:] - position[:-width]) / (time[width:] - time[:-width])
+    return float(np.quantile(np.abs(rates), 0.99))

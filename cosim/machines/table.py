@@ -1,0 +1,170 @@
+"""The table ``[machine]`` of a mapping file: a chain of our blocks, and what is known of it in the machine's own units.
+
+[machine]
+chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]
+speed = "0.8 rad/s"                # at full command; "?" or left out: from the log
+lag = "?"
+
+[machine.parameters]
+"dcv.w0" = "8 Hz"
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from cosim.errors import DataError, UsageError
+from cosim.units import parse_quantity
+from fmus import registry
+from fmus.contract import Variable
+
+TABLE = "machine"
+UNKNOWN = "?"
+MOVING = ("mechanical", "simplified")  # blocks that integrate to an angle or a position
+# a block 'mechanical' with r = 1 m moves along a line: its SI units and those people read, the numbers being the same
+TRAVEL = {
+    "kg.m2": "kg",
+    "N.m.s/rad": "N.s/m",
+    "N.m": "N",
+    "rad": "m",
+    "rad/s": "m/s",
+    "rad/s2": "m/s2",
+}
+HERTZ = 6.283185307179586  # rad/s
+Stated = dict[str, str | float]
+
+
+class MachineTable(BaseModel):
+    """What a mapping file says of a machine.
+
+    Attributes:
+        chain: our blocks in the order of the flow, from the command, or whatever is measured first, to the motion.
+        input: signal that drives the first block.
+        output: signal that the last block makes.
+        motion: "turn" (angles) or "travel" (a linear axis: kg, N, m).
+        speed: of the motion at a command of 1, such as ``0.8 rad/s``; ``?``: from the log.
+        lag: time constant of that speed, such as ``70 ms``; ``?``: from the log.
+        parameters: ``component.parameter`` -> quantity with its unit, a number in SI, or ``?``: from the log.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    chain: Annotated[tuple[str, ...], Field(min_length=1)]
+    input: str = "u"
+    output: str = "slew"
+    motion: Literal["turn", "travel"] = "turn"
+    speed: str | None = None
+    lag: str | None = None
+    parameters: Stated = {}
+
+    @field_validator("chain")
+    @classmethod
+    def _blocks(cls, chain: tuple[str, ...]) -> tuple[str, ...]:
+        known = [
+            b for b in (*registry.BLOCKS, *registry.FMU_OF_COMPONENT) if b not in ("stimulus", "observer")
+        ]
+        for name in chain:
+            if name not in known:
+                raise ValueError(f"no block '{name}'; {registry.suggestion(name, known)}")
+        if len(set(chain)) < len(chain):
+            raise ValueError("a block can stand in the chain once only")
+        return chain
+
+    @model_validator(mode="after")
+    def _known(self) -> "MachineTable":
+        for name, text in self.parameters.items():
+            component, _, parameter = name.partition(".")
+            variables = block_of(component).parameters if component in self.chain else {}
+            if parameter not in variables:
+                known = [f"{c}.{p}" for c in self.chain for p in block_of(c).parameters]
+                raise ValueError(f"the chain has no '{name}'; {registry.suggestion(name, known)}")
+            if text != UNKNOWN:
+                self.value(name)
+        self.motion_quantity("speed", "rad/s")
+        self.motion_quantity("lag", "s")
+        if (self.speed is not None or self.lag is not None) and not self.moves:
+            raise ValueError(
+                "speed and lag are those of a motion: the chain has neither mechanical nor simplified"
+            )
+        return self
+
+    @property
+    def moves(self) -> bool:
+        """True if the chain ends in an angle or a position."""
+        return any(block in MOVING for block in self.chain)
+
+    @property
+    def forced(self) -> bool:
+        """True if a measured force or torque drives the mechanics directly."""
+        return self.chain[0] == "mechanical" and not {"mechanical.A", "mechanical.r"} & set(self.parameters)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit -> the name people read for it on this machine."""
+        if self.motion == "travel":
+            return {**TRAVEL, **({"Pa": "N"} if self.forced else {})}
+        return {"Pa": "N.m"} if self.forced else {}
+
+    def variable(self, name: str) -> Variable:
+        """Declaration of ``component.parameter``."""
+        component, _, parameter = name.partition(".")
+        return block_of(component).parameters[parameter]
+
+    def value(self, name: str) -> float | None:
+        """A stated parameter, SI; None for one that the log must tell.
+
+        Raises:
+            ValueError: it is no quantity of the right dimension.
+        """
+        text = self.parameters[name]
+        if text == UNKNOWN:
+            return None
+        return self.quantity(name, str(text), self.variable(name).unit)
+
+    def motion_quantity(self, name: str, unit: str) -> float | None:
+        """Speed or lag, SI; None where the log must tell."""
+        text = getattr(self, name)
+        return None if text is None or text == UNKNOWN else self.quantity(name, text, unit)
+
+    def quantity(self, name: str, text: str, unit: str) -> float:
+        """A text in the machine's own unit as a number in SI.
+
+        Raises:
+            ValueError: it is no quantity of the right dimension.
+        """
+        shown = self.units.get(unit, unit)
+        try:
+            if unit == "rad/s" and text.strip().lower().endswith("hz"):
+                return HERTZ * parse_quantity(text, "Hz")
+            return parse_quantity(text, shown)
+        except UsageError as error:
+            raise ValueError(f"'{name}': {error}") from None
+
+
+def block_of(component: str) -> Any:
+    """The block that a component runs."""
+    return registry.block(registry.FMU_OF_COMPONENT.get(component, component))
+
+
+def machine_table(content: dict[str, Any], source: object) -> MachineTable:
+    """The table, checked.
+
+    Args:
+        content: the table as read.
+        source: the mapping file, for messages.
+
+    Raises:
+        DataError: a key or value is wrong; the message names it.
+    """
+    try:
+        return MachineTable.model_validate(content)
+    except ValidationError as error:
+        found = []
+        for item in error.errors():
+            key = ".".join([TABLE, *(str(part) for part in item["loc"])])
+            if item["type"] == "extra_forbidden":
+                hint = registry.suggestion(str(item["loc"][-1]), list(MachineTable.model_fields))
+                found.append(f"'{key}' is not a key of a machine; {hint}")
+            else:
+                found.append(f"'{key}': {str(item['msg']).removeprefix('Value error, ')}")
+        raise DataError(f"{source}: {'; '.join(found)}") from None

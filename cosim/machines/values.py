@@ -1,0 +1,231 @@
+"""The parameters of a machine's blocks: as stated, as its log tells, or such that an unknown block does nothing."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cosim.errors import DataError, UsageError
+from cosim.logs import Log
+from cosim.machines.rough import first_order
+from cosim.machines.table import MOVING, UNKNOWN, MachineTable, block_of
+
+# what blocks are set to of which nothing is said: no dead zone, a valve and an oil column faster than most logs show, and
+# full command = 1 mm of spool = 1 bar = 1 N m, because between two measured signals only the product of gains shows
+NEUTRAL: dict[str, dict[str, float]] = {
+    "dead_zone": {"form": 1.0, "m_r": 1.0, "b_r": 0.0, "m_l": 1.0, "b_l": 0.0, "limit": 10.0},
+    "compensator": {"form": 3.0, "d_plus": 0.0, "d_minus": 0.0, "limit": 10.0},
+    "dcv": {"K": 1e-3, "w0": 200.0, "zeta": 1.0, "x_min": -1e-2, "x_max": 1e-2},
+    "continuity": {"K_c": 1e8, "T": 5e-3},
+    "mechanical": {"A": 1e-4, "r": 0.1},
+    "sensor": {"gain": 1.0},
+}
+ZETA = 0.8  # damping taken for a valve whose natural frequency only the log tells
+SHOWN = {"dcv": "spool", "continuity": "p_load"}  # block -> its signal, where it is measured
+LINEAR = (
+    "dcv.K", "dcv.w0", "dcv.zeta", "continuity.K_c", "continuity.T", "mechanical.J", "mechanical.b", "simplified.k",
+    "simplified.a",
+)  # fmt: skip
+SLOWEST, FASTEST = 1e-4, 1e3  # s, bounds of a lag that a parameter can take
+
+
+@dataclass
+class Numbers:
+    """The parameters of a machine.
+
+    Attributes:
+        values: ``component.parameter`` -> SI.
+        from_log: those that the log told, or must tell.
+        speed: of the motion at a drive of 1, SI; 0 where nothing moves.
+        lag: of the whole chain, s.
+    """
+
+    values: dict[str, float]
+    from_log: list[str] = field(default_factory=list)
+    speed: float = 0.0
+    lag: float = 0.0
+
+
+def inner_signals(table: MachineTable, signals: Mapping[str, str]) -> dict[str, str]:
+    """Component of the chain -> the signal that measures its output, the machine's output among them.
+
+    Args:
+        table: the machine.
+        signals: signal -> ``component.variable``, for those that a mapping names.
+    """
+    found = {table.chain[-1]: table.output}
+    moving = [c for c in table.chain if c in MOVING]
+    if moving:
+        found[moving[-1]] = table.output
+    for component, name in SHOWN.items():
+        if component in table.chain and component != table.chain[-1]:
+            named = next((s for s, v in signals.items() if v == f"{component}.{name}"), None)
+            if named is not None:
+                found[component] = named
+    return found
+
+
+def unknown(table: MachineTable, inner: Mapping[str, str]) -> list[str]:
+    """``component.parameter`` that only a log can tell."""
+    listed = [n for n, v in table.parameters.items() if v == UNKNOWN]
+    for component, gain in (("dcv", "K"), ("continuity", "K_c")):
+        name = f"{component}.{gain}"
+        if component in inner and component in table.chain and name not in table.parameters:
+            own = [n for n in table.parameters if n.startswith(f"{component}.")]
+            # the gain of two blocks in one shows in one of them only
+            if not own or component == "dcv":
+                listed.append(name)
+    pair = (
+        ("mechanical.J", "mechanical.b") if "mechanical" in table.chain else ("simplified.k", "simplified.a")
+    )
+    if table.moves and not (table.motion_quantity("speed", "rad/s") and table.motion_quantity("lag", "s")):
+        listed += [n for n in pair if n not in table.parameters]
+    return list(dict.fromkeys(listed))
+
+
+def numbers(
+    table: MachineTable,
+    inner: Mapping[str, str],
+    gains: Mapping[str, float],
+    log: Log | None,
+    sample: float = 1.0,
+) -> Numbers:
+    """All parameters of the chain that are not as their blocks declare them.
+
+    Args:
+        table: the machine.
+        inner: component -> the signal that measures its output.
+        gains: signal -> the variable per signal, SI.
+        log: a log of the machine.
+        sample: what one unit of the log's time counts as, s.
+
+    Raises:
+        UsageError: something is unknown, and there is no log to tell it.
+        DataError: the log does not tell it.
+    """
+    stated = {n: v for n in table.parameters if (v := table.value(n)) is not None}
+    values: dict[str, float] = {}
+    for component in table.chain:
+        values |= {f"{component}.{n}": v for n, v in NEUTRAL.get(component, {}).items()}
+    if table.forced:
+        values |= {"mechanical.A": 1.0, "mechanical.r": 1.0}
+    values |= stated
+    asked = unknown(table, inner)
+    if asked and log is None:
+        raise UsageError(
+            f"{' and '.join(asked)} must be told by a log of the machine: give one (cosim machine --log LOG, "
+            "or --input LOG), or state them in [machine]"
+        )
+    found = Numbers(values, asked)
+    drive, before = table.input, []
+    for component in table.chain:
+        before.append(component)
+        if component in inner and log is not None and inner[component] in log.signals:
+            told(found, table, before, (drive, inner[component]), gains, log, sample)
+            drive, before = inner[component], []
+    if table.moves:
+        moved(found, table, stated)
+    missing = [n for n in asked if n not in values]
+    if missing and log is not None:
+        raise DataError(
+            f"{log.source}: it does not tell {' and '.join(missing)}: state them in [machine.parameters]"
+        )
+    return found
+
+
+def told(
+    found: Numbers,
+    table: MachineTable,
+    blocks: list[str],
+    ends: tuple[str, str],
+    gains: Mapping[str, float],
+    log: Log,
+    sample: float,
+) -> None:
+    """Gain and lag of the blocks between two signals, put where they are unknown.
+
+    Raises:
+        DataError: one of the two does not move.
+    """
+    drive, seen = ends
+    moving = any(b in MOVING for b in blocks)
+    asked = [n for n in found.from_log if n.partition(".")[0] in blocks]
+    if not asked and not (moving and found.speed == 0.0):
+        return
+    driven, answered = (log.require(n) * gains.get(n, 1.0) for n in ends)
+    rough = first_order(log.time * sample, driven, answered, integrates=moving)
+    if rough.gain == 0.0:
+        raise DataError(
+            f"{log.source}: '{drive}' or '{seen}' does not move, so {' and '.join(asked)} cannot be told from it"
+        )
+    if rough.gain < 0.0:
+        raise DataError(
+            f"{log.source}: '{seen}' goes against '{drive}' (gain {rough.gain:.3g}): give one of them sign = -1 in [signals]"
+        )
+    values, lag = found.values, float(np.clip(rough.lag, SLOWEST, FASTEST))
+    ahead = forward(values, blocks)
+    if "simplified" in blocks:
+        put(found, {"simplified.a": 1.0 / lag, "simplified.k": rough.gain / lag})
+    elif "mechanical" in blocks:
+        b = values.get("mechanical.b", ahead / rough.gain)
+        put(found, {"mechanical.b": b, "mechanical.J": b * lag})
+    elif "continuity" in blocks:
+        both = "dcv.w0" in asked
+        valve = values["dcv.K"] if "dcv" in blocks else 1.0
+        put(found, {"continuity.K_c": rough.gain / valve, "continuity.T": 0.5 * lag if both else lag})
+        put(found, {"dcv.w0": 4.0 * ZETA / lag, "dcv.zeta": ZETA, "dcv.K": values.get("dcv.K", 1e-3)})
+    elif "dcv" in blocks:
+        put(found, {"dcv.K": rough.gain, "dcv.w0": 2.0 * ZETA / lag, "dcv.zeta": ZETA})
+        values |= {
+            "dcv.x_min": -min(10.0 * values["dcv.K"], 1.0),
+            "dcv.x_max": min(10.0 * values["dcv.K"], 1.0),
+        }
+    found.lag += lag
+    if moving:
+        found.speed = rough.gain if not table.forced else 1.0 / values["mechanical.b"]
+
+
+def put(found: Numbers, told_now: Mapping[str, float]) -> None:
+    """Take over what the log tells of unknown parameters, within their bounds."""
+    for name, value in told_now.items():
+        if name in found.from_log:
+            component, _, parameter = name.partition(".")
+            variable = block_of(component).parameters[parameter]
+            found.values[name] = float(f"{np.clip(value, variable.low, variable.high):.4g}")
+
+
+def forward(values: Mapping[str, float], blocks: list[str]) -> float:
+    """Torque, N m, per unit of what drives these blocks."""
+    found = 1.0
+    for name in ("dcv.K", "continuity.K_c", "mechanical.A", "mechanical.r"):
+        if name.partition(".")[0] in blocks:
+            found *= values.get(name, 1.0)
+    return found
+
+
+def moved(found: Numbers, table: MachineTable, stated: Mapping[str, float]) -> None:
+    """Put a stated speed and lag where the chain has them."""
+    speed, lag = table.motion_quantity("speed", "rad/s"), table.motion_quantity("lag", "s")
+    values = found.values
+    if speed is not None:
+        if "simplified" in table.chain and "simplified.k" not in stated:
+            pole = values.get("simplified.a", 1.0 / (lag or 1.0))
+            values["simplified.a"] = 1.0 / lag if lag else pole
+            values["simplified.k"] = speed * values["simplified.a"]
+        elif "mechanical.b" not in stated and "mechanical" in table.chain:
+            old = values.get("mechanical.b")
+            values["mechanical.b"] = forward(values, list(table.chain)) / speed
+            if old is not None and "mechanical.J" in values and "mechanical.J" not in stated:
+                values["mechanical.J"] *= values["mechanical.b"] / old
+        found.speed = speed
+    if lag is not None:
+        if "mechanical.b" in values and "mechanical.J" not in stated:
+            values["mechanical.J"] = lag * values["mechanical.b"]
+        elif "simplified" in table.chain and "simplified.a" not in stated:
+            values["simplified.k"] = values["simplified.k"] / values["simplified.a"] / lag
+            values["simplified.a"] = 1.0 / lag
+        found.lag = lag
+    if found.speed == 0.0 and values.get("mechanical.b"):
+        found.speed = forward(values, list(table.chain)) / values["mechanical.b"]
+    if found.speed == 0.0 and values.get("simplified.a"):
+        found.speed = values["simplified.k"] / values["simplified.a"]

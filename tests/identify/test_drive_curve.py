@@ -1,0 +1,144 @@
+"""The static curve of a drive from its logs: what is put in comes out, and intervals hold from log to log."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from cosim.errors import DataError
+from cosim.identify.drive_curve import NAMES, Estimate, Run, drive_curve, next_log, static
+from cosim.identify.run_drive import drive_answer
+from cosim.logs import load_log, load_mapping
+
+# dead zone, slopes, top speeds
+TRUTH = np.array([-0.2, 0.25, 1.4, 1.8, -0.75, 0.8])
+LAG, STEP, FINE = 0.1, 0.05, 10
+
+
+def made(seed, truth=TRUTH, *, seconds=100.0, noise=1e-3, shared=0.0):
+    """A log of a drive whose operator moves a lever; `shared`: part of the time in which others take half of its flow."""
+    rng = np.random.default_rng(seed)
+    h = STEP / FINE
+    count = int(seconds / STEP)
+    held = np.repeat(rng.uniform(-1.0, 1.0, count // 30 + 1), 30)[:count]
+    still = np.repeat(rng.random(count // 30 + 1) < 0.3, 30)[:count]
+    command = np.where(still, 0.0, held)
+    asked = static(np.repeat(command, FINE), truth)
+    taken = np.repeat(rng.random(count // 60 + 1) < shared, 60 * FINE)[: asked.size]
+    kept = np.exp(-h / LAG)
+    speed = lfilter([0.0, 1.0 - kept], [1.0, -kept], np.where(taken, 0.5, 1.0) * asked)
+    position = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * h)])[::FINE]
+    return Run(f"log {seed}", STEP * np.arange(count), command, position + noise * rng.standard_normal(count))
+
+
+def test_the_numbers_come_out():
+    found = drive_curve([made(1)])
+    for name, truth in zip(NAMES, TRUTH, strict=True):
+        one = found.values[name]
+        assert one.value == pytest.approx(truth, rel=0.02)
+        assert one.low < truth < one.high
+    assert found.lag + found.delay == pytest.approx(LAG, rel=0.05)
+    # the free curve knows nothing of the seven numbers
+    assert np.interp([-0.6, 0.0, 0.55, 0.9], found.knots, found.speeds) == pytest.approx(
+        static(np.array([-0.6, 0.0, 0.55, 0.9]), TRUTH), abs=0.02
+    )
+
+
+def test_stretches_that_are_none_of_the_curve_do_not_bend_it():
+    found = drive_curve([made(2, shared=0.15)])
+    for name in ("top_low", "top_high"):
+        assert found.values[name].value == pytest.approx(TRUTH[NAMES.index(name)], rel=0.03)
+    for name in ("dead_low", "dead_high"):
+        assert found.values[name].value == pytest.approx(TRUTH[NAMES.index(name)], abs=0.03)
+
+
+@pytest.mark.slow
+def test_intervals_hold_for_the_next_log():
+    """Four machines whose dead zones and slopes differ from day to day, five logs each known."""
+    rng = np.random.default_rng(8)
+    spread = np.array([0.02, 0.02, 0.1, 0.1, 0.01, 0.01])
+    inside = []
+    for machine in range(4):
+        logs = [
+            made(10 * machine + k + 100, TRUTH + spread * rng.standard_normal(6), seconds=60.0)
+            for k in range(5)
+        ]
+        each = [drive_curve([log]).each[0] for log in logs]
+        for left, one in enumerate(each):
+            for name in NAMES:
+                others = [e.values[name] for k, e in enumerate(each) if k != left and name in e.values]
+                if name in one.values and len(others) > 2:
+                    told = next_log(others)
+                    inside.append(told.low <= one.values[name].value <= told.high)
+    assert len(inside) > 100
+    # at 95 % fewer than 88 % of some 110 are as rare as one in four hundred, were they independent
+    assert np.mean(inside) > 0.88
+
+
+def test_several_logs_scatter_and_one_does_not_hide_it():
+    same = [Estimate(1.0, 0.01, 0.0, 0.0)] * 4
+    apart = [Estimate(v, 0.01, 0.0, 0.0) for v in (0.8, 0.9, 1.1, 1.2)]
+    assert next_log(apart).high - next_log(apart).low > 10.0 * (next_log(same).high - next_log(same).low)
+    alone = next_log(same[:1], 0.1)
+    assert alone.high - 1.0 == pytest.approx(
+        2.262 * np.hypot(0.01, 0.1), rel=1e-3
+    )  # Student's t, nine degrees
+
+
+def test_a_top_speed_that_is_not_reached_is_not_told():
+    run = made(3, np.array([-0.2, 0.25, 0.5, 0.5, -0.75, 0.8]))  # 0.5 (1 - 0.25) is below 0.8
+    assert set(drive_curve([run]).values) == {"dead_low", "dead_high", "slope_low", "slope_high"}
+
+
+def test_a_side_that_is_not_driven_is_not_told():
+    run = made(4)
+    one = Run(run.name, run.time, np.maximum(run.command, 0.0), run.position)
+    moved = np.concatenate([[0.0], np.cumsum(static(one.command, TRUTH) * STEP)[:-1]])
+    found = drive_curve([Run(run.name, run.time, one.command, moved)])
+    assert set(found.values) == {"dead_high", "slope_high", "top_high"}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda r: Run(r.name, r.time, -r.command, r.position), "against the command"),
+        (lambda r: Run(r.name, r.time, 0.0 * r.command, r.position), "the command never moves"),
+        (lambda r: Run(r.name, r.time[:50], r.command[:50], r.position[:50]), "too short"),
+    ],
+)
+def test_logs_that_tell_nothing_are_refused(change, words):
+    with pytest.raises(DataError, match=words):
+        drive_curve([change(made(5))])
+
+
+MAPPING = """
+time = { column = "t", unit = "s" }
+[signals]
+u = { column = "duty", unit = "1", zero = 7.5, gain = 0.4 }
+slew = { column = "angle", unit = "rad" }
+"""
+
+
+def test_the_dead_zone_is_told_as_it_stands_in_the_log(tmp_path: Path):
+    run = made(6)
+    (tmp_path / "m.toml").write_text(MAPPING)
+    table = np.column_stack([run.time, 7.5 + run.command / 0.4, run.position])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,duty,angle", comments="", fmt="%.9g")
+    mapping = load_mapping(tmp_path / "m.toml")
+    log = load_log(tmp_path / "log.csv", mapping)
+    answer = drive_answer([log], mapping, None, None)
+    found = json.loads(json.dumps(answer.data["drive_curve"]))
+    high = found["dead_zone"]["high"]
+    assert high["value"] == pytest.approx(0.25, abs=0.01)
+    assert high["reading"]["column"] == "duty"
+    assert high["reading"]["value"] == pytest.approx(7.5 + 0.25 / 0.4, abs=0.03)
+    low, top = high["reading"]["ci95"]
+    assert low < high["reading"]["value"] < top
+    unit = found["top_speed"]["low"]["unit"]
+    assert found["top_speed"]["low"]["value"] == pytest.approx(
+        {"deg/s": np.degrees(-0.75), "rad/s": -0.75}[unit], rel=0.02
+    )
+    assert answer.draw is not None
+    assert len(answer.draw().axes) == 1

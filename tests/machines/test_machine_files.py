@@ -1,0 +1,224 @@
+"""A machine in one file: its wiring, its values, and what the log tells of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from cosim.compare import Comparator, load_mapping, open_model
+from cosim.diagnosis.model import machine_of
+from cosim.errors import DataError, UsageError
+from cosim.logs import load_log
+from cosim.machines import made_for, write_machine
+from cosim.machines.rough import first_order
+from cosim.request import model_path
+from cosim.ssp.read import read_system
+
+STEP, GAIN, LAG, MASS, DRAG = 0.02, 0.8, 0.15, 40.0, 90.0
+DRIVE = """
+name = "small drive"
+time = { column = "t", unit = "s" }
+[signals]
+u = { column = "duty", unit = "1", zero = 50.0, gain = 0.02 }
+slew = { column = "angle", unit = "rad" }
+[machine]
+chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]
+"""
+AXIS = """
+name = "axis"
+time = { column = "t", unit = "s" }
+[signals]
+force = { column = "force", unit = "N", held = true }
+position = { column = "position", unit = "mm" }
+[machine]
+chain = ["mechanical"]
+input = "force"
+output = "position"
+motion = "travel"
+"""
+
+
+def moved(drive, gain, lag):
+    """Position of a drive whose speed follows with a first-order lag, its command held."""
+    kept = np.exp(-STEP / lag)
+    speed = lfilter([0.0, 1.0 - kept], [1.0, -kept], gain * drive)
+    # of a speed that goes from one value to the next along an exponential
+    steps = gain * drive[:-1] * STEP + (speed[:-1] - gain * drive[:-1]) * lag * (1.0 - kept)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def written(folder: Path, text: str, columns: dict[str, np.ndarray]) -> tuple[Path, Path]:
+    mapping, log = folder / "machine.toml", folder / "log.csv"
+    mapping.write_text(text, encoding="utf-8")
+    np.savetxt(
+        log, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="",
+        fmt="%.9g",
+    )  # fmt: skip
+    return mapping, log
+
+
+@pytest.fixture
+def excitation():
+    rng = np.random.default_rng(5)
+    return np.repeat(rng.uniform(-1.0, 1.0, 60), 50)  # a minute, held for a second each
+
+
+@pytest.fixture
+def drive(tmp_path, excitation):
+    time = STEP * np.arange(excitation.size)
+    angle = moved(excitation, GAIN, LAG)
+    return written(tmp_path, DRIVE, {"t": time, "duty": 50.0 + 50.0 * excitation, "angle": angle})
+
+
+@pytest.fixture
+def axis(tmp_path, excitation):
+    time, force = STEP * np.arange(excitation.size), 100.0 * excitation
+    position = 1e3 * moved(force, 1.0 / DRAG, MASS / DRAG)
+    return written(tmp_path, AXIS, {"t": time, "force": force, "position": position})
+
+
+def test_gain_and_lag_come_from_the_log(drive):
+    mapping, log = drive
+    numbers = made_for(mapping, load_log(log, mapping)).numbers
+    assert numbers.speed == pytest.approx(GAIN, rel=0.02)
+    assert numbers.lag == pytest.approx(LAG, rel=0.1)
+    assert numbers.from_log == ["mechanical.J", "mechanical.b"]
+    # full command is 1 N m: b is its torque over the speed
+    assert numbers.values["mechanical.b"] == pytest.approx(1.0 / GAIN, rel=0.02)
+
+
+def test_a_stated_speed_and_lag_need_no_log(tmp_path):
+    mapping, _ = written(tmp_path, DRIVE + 'speed = "48 deg/s"\nlag = "150 ms"\n', {"t": np.arange(3.0)})
+    values = made_for(mapping).numbers.values
+    assert values["mechanical.b"] == pytest.approx(1.0 / np.radians(48.0))
+    assert values["mechanical.J"] == pytest.approx(0.15 / np.radians(48.0))
+
+
+def test_an_axis_is_told_in_kilograms_and_newtons(axis):
+    mapping, log = axis
+    loaded = load_log(log, mapping)
+    numbers = made_for(mapping, loaded).numbers
+    assert numbers.values["mechanical.b"] == pytest.approx(DRAG, rel=0.02)
+    assert numbers.values["mechanical.J"] == pytest.approx(MASS, rel=0.1)
+    found = machine_of(None, loaded, mapping)
+    assert found.lexicon.units["kg.m2"] == "kg"
+    (group,) = found.groups
+    assert group.trusted == ("mechanical.J", "mechanical.b")
+    assert group.starts == (("mechanical.theta_0", "position"),)
+
+
+def test_stated_quantities_are_converted(tmp_path):
+    text = AXIS + '[machine.parameters]\n"mechanical.J" = "95000 g"\n"mechanical.b" = "0.2 kN.s/m"\n'
+    mapping, _ = written(tmp_path, text, {"t": np.arange(3.0)})
+    values = made_for(mapping).numbers.values
+    assert (values["mechanical.J"], values["mechanical.b"]) == (pytest.approx(95.0), pytest.approx(200.0))
+
+
+def test_the_package_follows_the_log(drive):
+    mapping, log = drive
+    loaded = load_log(log, mapping)
+    made = made_for(mapping, loaded)
+    with Comparator(loaded, open_model(str(made.ssd)), table=made.table) as bench:
+        error = loaded["slew"] - bench.simulate()["slew"]
+    assert np.std(error) < 0.02 * np.std(loaded["slew"])
+
+
+def test_searches_begin_at_the_size_of_the_machine(drive):
+    mapping, log = drive
+    loaded = load_log(log, mapping)
+    tenth = loaded["slew"] * 0.1
+    scale = made_for(mapping, loaded).diagnose["scale"]
+    slow = made_for(mapping, load_log(with_angle(log, tenth), mapping)).diagnose["scale"]
+    # a tenth of the way: gap and speeds a tenth, torques as before, for full command is 1 N m on either
+    assert slow["mechanical.gap"] == pytest.approx(0.1 * scale["mechanical.gap"], rel=0.01)
+    assert slow["mechanical.omega_s"] == pytest.approx(0.1 * scale["mechanical.omega_s"], rel=0.02)
+    assert slow["mechanical.tau_c"] == pytest.approx(scale["mechanical.tau_c"], rel=0.1)
+    assert "mechanical.phi_r" not in scale
+
+
+def with_angle(log: Path, angle: np.ndarray) -> Path:
+    table = np.loadtxt(log, delimiter=",", skiprows=1)
+    table[:, 2] = angle
+    target = log.with_name("other.csv")
+    np.savetxt(target, table, delimiter=",", header="t,duty,angle", comments="", fmt="%.9g")
+    return target
+
+
+def test_given_scales_and_exclusions_stand(drive):
+    mapping, log = drive
+    mapping.write_text(
+        mapping.read_text()
+        + '[diagnose]\nexclude = ["mechanical.gear_ripple"]\n[diagnose.scale]\n"rad" = 7.0\n'
+    )
+    found = made_for(mapping, load_log(log, mapping)).diagnose
+    assert found["scale"]["rad"] == 7.0
+    assert "mechanical.gap" not in found["scale"]  # in rad: the given factor is the one
+    # neither spool nor pressure was measured: these gains are one number with J and b
+    assert {"mechanical.gear_ripple", "dcv.gain", "continuity.flow_gain", "sensor.gain"} <= set(
+        found["exclude"]
+    )
+
+
+def test_files_for_other_tools(drive, tmp_path):
+    mapping, log = drive
+    made, files = write_machine(mapping, tmp_path / "out", load_log(log, mapping))
+    assert [f.suffix for f in files] == [".ssd", *[".ssv"] * 5, ".ssp"]
+    with read_system(files[-1]) as system:
+        assert list(system.components) == list(made.machine.chain)
+        assert (list(system.inputs), list(system.outputs)) == (["u"], ["slew"])
+        assert system.components["mechanical"].starts["b"] == made.numbers.values["mechanical.b"]
+
+
+def test_simulate_takes_the_file_itself(drive):
+    mapping, log = drive
+    assert model_path(str(mapping), with_input=True, log=log).suffix == ".ssp"
+
+
+def test_what_only_a_log_can_tell_is_asked_for(tmp_path):
+    mapping, _ = written(tmp_path, DRIVE, {"t": np.arange(3.0)})
+    with pytest.raises(UsageError, match=r"mechanical\.J and mechanical\.b must be told by a log"):
+        made_for(mapping)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"dcv", ', '"dvc", ', "no block 'dvc'"),
+        ('"dead_zone", "dcv"', '"dcv", "dead_zone"', "'dead_zone' takes command"),
+        ("[machine]", '[machine]\nspeed = "3 kg"', "'speed': unit 'kg' has the wrong dimension"),
+        ("[machine]", '[machine]\nsped = "3 rad/s"', "'machine.sped' is not a key of a machine; did you mean speed"),
+        ("[machine]", '[machine]\nparameters = { "dcv.W0" = "?" }', "the chain has no 'dcv.W0'; did you mean dcv.w0"),
+        ("[machine]", '[machine]\noutput = "angle"', "machine.output = 'angle' is no signal"),
+        ('name = "small drive"', 'name = "x"\nmodel = "full_order"', "either a model or a table"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named(tmp_path, old, new, words):
+    mapping, _ = written(tmp_path, DRIVE.replace(old, new), {"t": np.arange(3.0)})
+    with pytest.raises((DataError, UsageError)) as caught:
+        made_for(mapping)
+    assert words in str(caught.value)
+
+
+def test_a_log_against_the_command_is_refused(drive):
+    mapping, log = drive
+    mapping.write_text(mapping.read_text().replace('unit = "rad"', 'unit = "rad", sign = -1'))
+    with pytest.raises(DataError, match="goes against 'u'"):
+        made_for(mapping, load_log(log, mapping))
+
+
+def test_a_mapping_without_a_machine_is_refused(tmp_path):
+    mapping, _ = written(tmp_path, DRIVE[: DRIVE.index("[machine]")], {"t": np.arange(3.0)})
+    with pytest.raises(DataError, match=r"no table \[machine\]"):
+        made_for(mapping)
+    assert not load_mapping(mapping)[0].machine
+
+
+def test_a_response_that_does_not_integrate(excitation):
+    time = STEP * np.arange(excitation.size)
+    kept = np.exp(-STEP / 0.3)
+    response = 2.0 + 5.0 * lfilter([0.0, 1.0 - kept], [1.0, -kept], excitation)
+    found = first_order(time, excitation, response, integrates=False)
+    assert found.gain == pytest.approx(5.0, rel=0.03)
+    assert found.lag == pytest.approx(0.3, rel=0.15)
+    assert found.share > 0.99
