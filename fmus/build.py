@@ -60,6 +60,9 @@ def script(composed: Composed, starts: Mapping[str, float]) -> str:
     lines.append(f"    with_effects = {quoted(flat_text(composed)) if composed.effects else 'plain'}")
     # pythonfmu wants the class to have a method of its own, or the second instance crashes
     lines += ["", "    def __init__(self, **kwargs):", "        super().__init__(**kwargs)"]
+    # pythonfmu runs this text again for each instance and never lets go of a class that it then finds: it finds the first
+    lines += ["", "", "if locals() is not globals():", "    locals().clear()"]
+    lines.append(f'    {composed.block.name} = globals()["{composed.block.name}"]')
     return f"{composed.source}\n\n{slave_text()}\n\n" + "\n".join(lines) + "\n"
 
 

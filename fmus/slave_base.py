@@ -124,21 +124,22 @@ class BaseSlave(Fmi2Slave):
             path = os.path.join(folder, name)
             library = ctypes.CDLL(path)
             if hasattr(library, "finalizePythonInterpreter"):
-                atexit.register(self.settle, library.finalizePythonInterpreter, os.stat(path).st_ino)
+                # its address alone: a library object is kilobytes, and this is kept until the process ends
+                address = ctypes.cast(library.finalizePythonInterpreter, ctypes.c_void_p).value or 0
+                atexit.register(self.settle, address, os.stat(path).st_ino)
             if sys.orig_argv:
                 _ctypes.dlclose(library._handle)  # the host alone decides how long it stays
             # else the host is not Python, which then ends within the library's own end: it must stay until the process ends
 
     @staticmethod
-    def settle(release: Any, inode: int) -> None:
+    def settle(address: int, inode: int) -> None:
         """Call a function of a library if the library is loaded still; its file and its path may be gone."""
-        address = ctypes.cast(release, ctypes.c_void_p).value or 0
         try:
             with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
                 for span, _, _, _, number, *_ in map(str.split, maps):
                     first, last = (int(end, 16) for end in span.split("-"))
                     if int(number) == inode and first <= address < last:
-                        release()
+                        ctypes.CFUNCTYPE(None)(address)()
                         return
         except OSError:
             pass  # no /proc: then it is as it was

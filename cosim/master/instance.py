@@ -10,7 +10,7 @@ import hashlib
 import importlib.util
 import itertools
 import sys
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,6 +52,10 @@ class Message(NamedTuple):
 # hands back the number of the instance as its environment
 _listeners: dict[int, deque[Message]] = {}
 _numbers = itertools.count(1)
+
+
+# how many open instances each FMU's folder has
+_folders: Counter[Path] = Counter()
 
 
 # pythonfmu 0.7.0 releases the same memory twice when the process ends, which now and then aborts it; its own release
@@ -136,6 +140,7 @@ class Instance:
         _listeners[self._number] = self.messages
         self._callbacks = _callbacks(self._number)  # must outlive the instance
         _remember(self._number, self._slave.dll)
+        _folders[fmu.folder] += 1
         self._instantiate()
 
     def _address(self, name: str) -> int:
@@ -223,7 +228,9 @@ class Instance:
 
     def close(self) -> None:
         """Free the instance and its library; one that broke is abandoned, since freeing it could crash."""
-        _listeners.pop(self._number, None)
+        if _listeners.pop(self._number, None) is None:
+            return
+        _forget(self.component.fmu.folder)
         settle = _unsettled.pop(self._number, None)
         if self.alive:
             self.alive = False
@@ -274,6 +281,16 @@ def _keep_module(fmu: Fmu) -> None:
     module = sys.modules.get(fmu.module[0]) if fmu.module is not None else None
     if module is not None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(module.__dict__))
+
+
+def _forget(folder: Path) -> None:
+    """Take an FMU's folder off Python's search path with its last instance; pythonfmu 0.7.0 adds it for each."""
+    _folders[folder] -= 1
+    if _folders[folder] <= 0:
+        del _folders[folder]
+        added = str(folder / "resources")
+        sys.path[:] = [entry for entry in sys.path if entry != added]
+        sys.path_importer_cache.pop(added, None)
 
 
 def _origin(name: str) -> Path | None:
