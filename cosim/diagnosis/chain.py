@@ -25,6 +25,7 @@ BIN = 0.01  # s averaged into one value: the drive has no news above some 10 Hz
 WINDOW = 5.0  # s of a window with an initial offset of its own
 SKEW = 0.25  # of a sampling interval: standard deviation of the timing between two signals of a log ...
 FINE = 1e-3  # s: ... of at most this interval, for slower logs are no worse in step
+FEWEST = 3  # windows of a log
 UNSETTLED = 0.5  # s at the start that do not count: the state in which a log begins is not known
 
 
@@ -116,9 +117,10 @@ def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[st
 
 def window_of(lengths: list[int], bins: int, h: float) -> int:
     """Bins in a window of about `WINDOW` s with which whole windows leave out least of logs of these many samples."""
-    choices = [
-        own // (bins * max(1, round(own * h / WINDOW))) for own in lengths
-    ]  # whole windows fill that log
+    # of one short log the windows are shorter: some must be left out to tell chance from more
+    least = FEWEST if len(lengths) == 1 else 1
+    # whole windows fill that log
+    choices = [max(1, own // (bins * max(least, round(own * h / WINDOW)))) for own in lengths]
     return min(choices, key=lambda window: sum(own % (bins * window) for own in lengths))
 
 

@@ -12,8 +12,8 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.chain import WINDOW, fixed_values
-from cosim.diagnosis.data import Record
+from cosim.diagnosis.chain import WINDOW
+from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.machine import Machine

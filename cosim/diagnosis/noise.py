@@ -27,6 +27,8 @@ QUICK = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)  # kinds of noise that 
 REMAINING = 0.6  # share of a spectrum that must survive the projection for that frequency to count
 SIZES = 3  # rounds of spectrum and sizes in turn
 UNEQUAL = 1e3  # by which the noise of two logs may differ in one round
+FEW = 4  # frequencies of which something must be learned
+NOTHING = 1e-12  # SI: smaller noise than any signal's last digit, where nothing at all is left
 FLOOR = 1e-7  # smallest share of each kind of noise: keeps the covariance well conditioned
 
 
@@ -248,11 +250,14 @@ def learned_at(
             there = behind(q, rule.demean, rule.carried[None], there)
         # where the projection leaves little, little can be learned, and what is left there is far from independent
         kept = np.asarray((remaining > REMAINING * shapes).all(axis=0))
+        if kept.sum() < FEW:  # windows too short for anything better
+            kept[:] = True
         shapes = remaining
     taper = hann(rule.window, sym=False)
     power = np.mean(np.abs(np.fft.rfft(rows * taper, axis=1)[:, 1:]) ** 2, axis=0)[kept]
     shapes, known = shapes[:, kept], there[0, kept]
     total = max(float(np.mean(rows**2)), 1e-300)
+    least = max(least, NOTHING)
     if total < least**2:
         power = power + (least**2 - total) * shapes[0]
         total = least**2

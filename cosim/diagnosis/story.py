@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 0.01
 UNKNOWN = 30.0  # the same for a machine whose parameters are rough guesses
-SHORTEST = 15.0  # s: three windows, one of them held out
+FEWEST_SAMPLES = 60  # three windows of twenty: of fewer nothing is learned of the noise
 SEARCHES = 3  # made again without what held-out data refused
 FAST = 1e-3  # s: at this interval and below the drive has no news between samples
 
@@ -59,9 +59,10 @@ def prepare(log: Log, machine: Machine) -> Record:
             f"{log.source}: the log counts samples and has no time: say in the mapping what one sample counts as, such as "
             '[diagnose] sample = "10 ms"'
         )
-    if log.duration * second < SHORTEST:
+    if len(log) < FEWEST_SAMPLES:
         raise DataError(
-            f"{log.source}: the log lasts {log.duration * second:.1f} s; a diagnosis needs at least {SHORTEST:.0f} s"
+            f"{log.source}: the log has {len(log)} samples; a diagnosis needs at least {FEWEST_SAMPLES}, and windows of its "
+            "own to hold out: record longer, or faster"
         )
     if (
         not log.uniform and log.step <= FAST
@@ -398,7 +399,7 @@ def parted(record: Record, machine: Machine) -> tuple[Record, Held | None]:
     if start is None:
         return record, None
     first = int(np.searchsorted(record.time, start * (machine.options.sample or 1.0) * (1.0 - 1e-12)))
-    if first * record.h < SHORTEST or first > record.time.size - 2:
+    if first < FEWEST_SAMPLES or first > record.time.size - 2:
         raise DataError(
             f"diagnose.held_out_from = {start:g} leaves too little of the log to fit or to hold out"
         )

@@ -175,9 +175,9 @@ def _experiment(table: Any) -> Experiment:
 def _series(table: Any) -> dict[str, dict[str, Array]]:
     series: dict[str, dict[str, Array]] = {kind: {} for kind in KINDS}
     for column in table.column_names:
-        kind, _, rest = column.rpartition("/") if not column.startswith("time") else ("", "", "")
+        # a unit may hold a slash as well
+        kind, _, signal = column.partition(" [")[0].rpartition("/")
         if kind:
-            signal = rest.partition(" [")[0]
             values = np.asarray(table[column].to_numpy(), dtype=np.float64) / shown(signal)[1]
             series.setdefault(kind, {})[signal] = values
     if not series[MEASURED]:

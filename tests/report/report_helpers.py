@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.diagnosis.data import fixed_values
-from cosim.diagnosis.data import Record
+from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import MODELS
 from cosim.diagnosis.naming import declared
