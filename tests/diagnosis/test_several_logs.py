@@ -1,4 +1,4 @@
-"""Several logs of one machine: each keeps its start and its noise, nothing passes from one to the next, and each counts once."""
+"""Several logs of one machine: each keeps its start and its noise, and nothing passes from one to the next."""
 
 from dataclasses import replace
 
@@ -9,10 +9,11 @@ from cosim.diagnosis.answer import answer
 from cosim.diagnosis.between import combined
 from cosim.diagnosis.chain import task_for
 from cosim.diagnosis.data import Record, fixed_values, joined
+from cosim.diagnosis.finding import lacking, learn_noise
 from cosim.diagnosis.gain import measure
 from cosim.diagnosis.grid import Grid, Pieces, grid_of
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.groups import MODELS, Group
 from cosim.diagnosis.heldout import leave_one_log_out
 from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.naming import find
@@ -143,8 +144,17 @@ def test_noise_has_one_spectrum_and_a_size_in_each_log() -> None:
 
 
 @pytest.mark.parametrize("group", [VALVE, MECHANICS])
-def test_a_clean_pair_is_adequate(group, clean: list[Record]) -> None:  # type: ignore[no-untyped-def]
-    """A jump of the command, of the angle or of the noise at the seam is no effect."""
+def test_a_seam_leaves_nothing(group: Group, clean: list[Record]) -> None:
+    """A jump of the command, of the angle or of the noise from log to log is nothing systematic."""
+    whole = joined(clean)
+    task = task_for(group, whole, [])
+    learn_noise(task, whole, tried(task, (), 0.01).fit)
+    assert not lacking(task, whole, tried(task, (), 0.01).fit)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", [VALVE, MECHANICS])
+def test_a_clean_pair_is_adequate(group: Group, clean: list[Record]) -> None:
     whole = joined(clean)
     finding = find(task_for(group, whole, []), whole)
     assert finding.chosen.effects == ()
@@ -156,20 +166,15 @@ def test_two_logs_know_a_hidden_effect_better_than_one(pair: list[Record]) -> No
     known = []
     for r in (*pair, joined(pair)):
         task = task_for(MECHANICS, r, [])
-        null = tried(task, (), 0.01)
-        rules = {s: learned(rule, null.fit.residuals[s], []) for s, rule in task.rules.items()}
-        task.set_rules(rules)
-        rules = {
-            s: learned(rule, tried(task, (effect,), 0.01).fit.residuals[s], []) for s, rule in rules.items()
-        }
-        task.set_rules(rules)
-        found = tried(task, (effect,), 0.01).fit
+        begin = tried(task, (effect,), 0.01).fit
+        task.set_rules({s: learned(rule, begin.residuals[s], []) for s, rule in task.rules.items()})
+        found = tried(task, (effect,), 0.01, begin).fit
         known.append((found.values["mechanical.tau_c"], found.deviations["mechanical.tau_c"]))
     first, second, both = known
     assert both[1] < first[1] < second[1]
     assert abs(both[0] - 25.0) < 3.0 * both[1]
-    # each log at its own noise: what both know is the sum of what each does
-    assert both[1] ** -2 == pytest.approx(first[1] ** -2 + second[1] ** -2, rel=0.15)
+    # each log at its own noise: both know what the one and the other know, and share the inertia; 5 % for the noise learned
+    assert both[1] ** -2 > 0.95 * (first[1] ** -2 + second[1] ** -2)
 
 
 def test_each_log_is_held_out_in_turn(pair: list[Record]) -> None:
@@ -188,7 +193,8 @@ def test_held_out_windows_of_the_gain_are_those_of_the_fits(pair: list[Record]) 
     inside = (own % 3 == 2) & (own >= 0)
     exact = {"slew": np.where(inside, y, y + 1.0)}
     gain = measure(whole, {"slew": y + 1.0}, exact, window)["slew"]
-    assert (gain.before, gain.after) == (pytest.approx(1.0), 0.0)
+    assert gain.before == pytest.approx(1.0)
+    assert gain.after == 0.0
 
 
 def test_a_linear_reference_begins_anew_in_each_log() -> None:
