@@ -12,7 +12,12 @@ def register(app: typer.Typer) -> None:
 
 
 def diagnose(
-    log: Annotated[Path, typer.Argument(help="Measured data: CSV, .mat or Parquet.")],
+    log: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Measured data: CSV, .mat or Parquet; several logs of one machine are diagnosed together."
+        ),
+    ],
     external: Annotated[
         Path | None, typer.Option(help="Record of the external tracker, on its own clock.")
     ] = None,
@@ -24,9 +29,9 @@ def diagnose(
     ] = None,
     mapping: Annotated[Path | None, typer.Option(help="TOML that names the columns.")] = None,
     held_out: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            help="Another log of the same machine: gains are measured on it [default: a part of LOG]."
+            help="Another log of the same machine, once for each: gains are measured on it [default: a part of LOG]."
         ),
     ] = None,
     tolerance: Annotated[
@@ -46,14 +51,13 @@ def diagnose(
     from cosim.diagnosis.present import diagnose_into, show
     from cosim.logs import load_log, load_tracker
 
-    loaded = load_log(log, mapping)
+    loaded = [load_log(file, mapping) for file in log]
     tracker = load_tracker(external) if external is not None else None
-    for warning in loaded.warnings:
-        warn(warning)
-    other = load_log(held_out, mapping) if held_out is not None else None
-    for warning in other.warnings if other is not None else ():
-        warn(f"{held_out}: {warning}")
-    result = diagnose_into(out, loaded, tracker, model, tolerance, calibrate, mapping, other)
+    others = [load_log(file, mapping) for file in held_out or ()]
+    for file, read in zip([*log, *(held_out or ())], [*loaded, *others], strict=True):
+        for warning in read.warnings:
+            warn(f"{file}: {warning}" if file is not log[0] or len(log) > 1 else warning)
+    result = diagnose_into(out, loaded, tracker, model, tolerance, calibrate, mapping, others or None)
     if as_json:
         emit_json(result.model_dump())
     else:

@@ -1,6 +1,7 @@
 """The diagnosis as JSON (CONTRACT section 4), in the units people read."""
 
 import platform
+from collections.abc import Sequence
 from importlib.metadata import version
 
 import numpy as np
@@ -14,6 +15,7 @@ from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.naming import CLOSE, declared
 from cosim.diagnosis.reference import Reference
 from cosim.diagnosis.remarks import (
+    files,
     held_file,
     held_from,
     held_out,
@@ -32,6 +34,7 @@ from cosim.diagnosis.schema import (
     Location,
     NamedCause,
     NextExperiment,
+    OfLog,
     Packages,
     Parameter,
     Rival,
@@ -44,20 +47,26 @@ from cosim.diagnosis.schema import (
 )
 from cosim.diagnosis.verdict import Cause, local, names_of, size_of
 from cosim.inference.held_out import ratio_ci95
-from cosim.logs import Log
+from cosim.logs import Log, listed
 from cosim.packages import project_version
 from fmus import registry
+from fmus.contract import Variable
 
 INDEPENDENT = 0.01  # correlation below which two estimates are called independent
 
 
-def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file: str = "") -> Answer:
-    """The diagnosis in the contract's form."""
+def answer(
+    diagnosis: Diagnosis, log: Log | Sequence[Log], proposal: Proposal | None, model_file: str = ""
+) -> Answer:
+    """The diagnosis of a log, or of several, in the contract's form."""
+    logs = listed(log)
+    said = [f"{one.name}: {w}" if len(logs) > 1 else w for one in logs for w in one.warnings]
+    whole = len(logs) > 1 or not diagnosis.spans or not is_part(diagnosis.spans[0], logs[0])
     measured = {*diagnosis.record.signals} | ({"slew_external"} if diagnosis.tracker else set())
     apart = isolability(diagnosis.machine.groups, measured)
     return Answer(
         verdict=diagnosis.verdict,  # type: ignore[arg-type]
-        synthetic=log.synthetic,
+        synthetic=all(one.synthetic for one in logs),
         model=diagnosis.model,
         signals=signals(diagnosis),
         localisation=localisation(diagnosis),
@@ -71,7 +80,7 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         isolability=[Separable(residual=list(where), effects=list(names)) for where, names in apart.classes],
         helpful_signals=apart.advice,
         nominal=nominal(diagnosis),
-        warnings=[*log.warnings, *notes(diagnosis, log), *limits(diagnosis, log)],
+        warnings=[*said, *notes(diagnosis, logs), *limits(diagnosis, logs)],
         held_out=held_out(diagnosis),
         held_out_from=held_from(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],
@@ -84,13 +93,12 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         words=words(diagnosis),
         correlations=correlated(diagnosis),
         interrupted=diagnosis.stage or None,
-        span=diagnosis.span if is_part(diagnosis, log) else None,
+        span=None if whole else diagnosis.spans[0],
         made={
             "cosim": project_version(),
             "python": platform.python_version(),
             **{name: version(name) for name in ("numpy", "scipy", "numba", "fmpy", "pythonfmu")},
-            "log": log.name,
-            "log_sha256": log.sha256,
+            **files(logs),
             **held_file(diagnosis),
         },
     )
@@ -161,12 +169,10 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         value, deviation = cause.parameters[parameter]
         value = diagnosis.values.get(name, value)
         deviation = max(deviation, diagnosis.deviations.get(name, 0.0))
-        unit, scale = current().parameter(variable)
-        bounds = (
-            max(variable.low, value - 1.96 * deviation) * scale,
-            min(variable.high, value + 1.96 * deviation) * scale,
-        )
-        parameters[parameter] = Parameter(value=value * scale, unit=unit, ci95=bounds)
+        told = parameter_of(diagnosis, name, variable, value, deviation)
+        _, scale = current().parameter(variable)
+        bounds = max(variable.low * scale, told.ci95[0]), min(variable.high * scale, told.ci95[1])
+        parameters[parameter] = told.model_copy(update={"ci95": bounds})
     rivals = [
         Rival(effect=e.name, why_not=reason(behind, e.name in cause.alike)) for e, behind in cause.rivals[:8]
     ]
@@ -198,6 +204,29 @@ def unmoved(diagnosis: Diagnosis, cause: Cause) -> set[str]:
         if cause.parameters[p][1] == 0.0 and cause.parameters[p][0] == finding.task.model.nominal(n)
     }
     return still if len(still) < len(cause.parameters) else set()
+
+
+def parameter_of(
+    diagnosis: Diagnosis, name: str, variable: Variable, value: float, deviation: float
+) -> Parameter:
+    """An estimate in display units; of several logs with what each says by itself."""
+    unit, scale = current().parameter(variable)
+    reach, item = 1.96 * deviation, diagnosis.between.get(name)
+    if item is None:
+        return Parameter(
+            value=value * scale, unit=unit, ci95=((value - reach) * scale, (value + reach) * scale)
+        )
+    each = []
+    for own, spread in zip(item.values, 1.96 * item.deviations, strict=True):
+        ends = (float(own - spread) * scale, float(own + spread) * scale) if np.isfinite(spread) else None
+        each.append(OfLog(value=float(own) * scale, ci95=ends))
+    return Parameter(
+        value=value * scale,
+        unit=unit,
+        ci95=(item.ci95[0] * scale, item.ci95[1] * scale),
+        per_log=each,
+        next_log_ci95=(item.next_ci95[0] * scale, item.next_ci95[1] * scale),
+    )
 
 
 def reason(behind: float, alike: bool) -> str:
@@ -287,11 +316,7 @@ def nominal(diagnosis: Diagnosis) -> dict[str, Parameter]:
         if name in freed or name not in diagnosis.deviations:
             continue
         variable = registry.block(registry.FMU_OF_COMPONENT.get(component, component)).parameters[parameter]
-        unit, scale = current().parameter(variable)
-        spread = 1.96 * diagnosis.deviations.get(name, 0.0)
-        found[name] = Parameter(
-            value=value * scale, unit=unit, ci95=((value - spread) * scale, (value + spread) * scale)
-        )
+        found[name] = parameter_of(diagnosis, name, variable, value, diagnosis.deviations.get(name, 0.0))
     return found
 
 

@@ -1,12 +1,15 @@
 """The extended model of a diagnosis: its values from all blocks together, its packages, and its gain by the FMUs."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.compare.metrics import rms
+from cosim.diagnosis.between import estimates, fit_of, over_logs, task_of
 from cosim.diagnosis.crossval import held_windows
-from cosim.diagnosis.data import fixed_values
+from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.extend import closed, fitted_chain, whole_run, write_extended
 from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit
@@ -21,7 +24,7 @@ from cosim.diagnosis.naming import worth_naming
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.together import weighed
-from cosim.diagnosis.trials import FREE, Trial, without
+from cosim.diagnosis.trials import FREE, Trial, tried, without
 from cosim.diagnosis.verdict import rests, stands
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
@@ -49,6 +52,7 @@ def estimate(
         diagnosis.correlations |= fit.correlations
         rules |= finding.task.rules
     diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
+    record, cuts = diagnosis.record, diagnosis.record.cuts
     if (diagnosis.held is not None or tolerance >= FREE) and len(findings) == len(groups) == 1:
         (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
         count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
@@ -64,8 +68,26 @@ def estimate(
         diagnosis.correlations = best.correlations
         if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
             diagnosis.calibrated = refitted(finding, (), tolerance, finding.null.fit, mask).values
+
+        def run_of(log: int) -> dict[str, tuple[float, float]]:
+            own = replace(finding, task=task_of(finding.task, log))
+            windows = part_of(mask, next(iter(rules.values())), record, log)
+            return estimates(refitted(own, effects, tolerance, fit_of(best, cuts, log), windows))
+
+        diagnosis.between = over_logs(record, best.values, best.deviations, run_of)
         return
     if diagnosis.rests or diagnosis.unjudged or not findings:
+
+        def blocks_of(log: int) -> dict[str, tuple[float, float]]:
+            found: dict[str, tuple[float, float]] = {}
+            for finding in findings.values():
+                chosen = finding.chosen if stands(finding) else finding.null
+                own, begin = task_of(finding.task, log), fit_of(chosen.fit, cuts, log)
+                named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
+                found |= estimates(tried(own, named, tolerance, begin).fit)
+            return found
+
+        diagnosis.between = over_logs(record, diagnosis.values, deviations, blocks_of)
         return
     count = min(whole_run(r).windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
     mask = ~held_windows(count) if diagnosis.held is None else None
@@ -79,6 +101,27 @@ def estimate(
     diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
     diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
     diagnosis.start = {n: chain.values[n] for n in start}
+    named = tuple(c.effect for c in diagnosis.causes if c.group in findings)  # another may have been better
+
+    def chain_of(log: int) -> dict[str, tuple[float, float]]:
+        own = {s: r.of_log(log) for s, r in rules.items()}
+        begin = of_piece(diagnosis.start, log)
+        near, windows = (
+            diagnosis.values | begin,
+            part_of(mask, whole_run(next(iter(rules.values()))), record, log),
+        )
+        return estimates(
+            fitted_chain(groups, record.pieces[log], own, named, near, begin, tolerance, windows, constants)
+        )
+
+    diagnosis.between = over_logs(record, diagnosis.values, diagnosis.deviations, chain_of)
+
+
+def part_of(
+    mask: NDArray[np.bool_] | None, rule: Whitener, record: Record, log: int
+) -> NDArray[np.bool_] | None:
+    """(windows,) the windows of one log, of a mask of those of all."""
+    return None if mask is None else mask[rule.log_of(record.time.size)[: mask.size] == log]
 
 
 def vanished(finding: Finding, effects: tuple[Effect, ...], found: Fit, tolerance: float) -> Effect | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.between import Between
 from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.floors import floor_of
@@ -29,6 +30,7 @@ class Elsewhere:
     Attributes:
         signal: the signal.
         start, end: s of the log's own time.
+        log: its name.
         ratio: its error over that in the stretch.
     """
 
@@ -36,6 +38,7 @@ class Elsewhere:
     start: float
     end: float
     ratio: float
+    log: str = ""
 
 
 @dataclass
@@ -67,7 +70,8 @@ class Diagnosis:
         references: signal -> the linear reference from the command to it, beside the extended model.
         calibrated: trusted parameters fitted without any cause, where they were freed: what the extension is held against.
         refused: causes that the fitting log asks for and the held-out one does not bear out.
-        span: start and end of the stretch that was used, s of the log's own time.
+        spans: start and end of the stretch of each log that was used, s of the log's own time.
+        between: ``component.parameter`` -> what several logs say of it one by one; empty for one log.
         elsewhere: where in the rest of the log the extended model errs more.
         failed: group -> why it could not be judged although its signals were measured.
         notes: what else failed by itself and is missing.
@@ -99,7 +103,8 @@ class Diagnosis:
     refused: list[Refused] = field(default_factory=list)
     calibrated: dict[str, float] = field(default_factory=dict)
     references: dict[str, Reference] = field(default_factory=dict)
-    span: tuple[float, float] = (0.0, 0.0)
+    spans: tuple[tuple[float, float], ...] = ()
+    between: dict[str, Between] = field(default_factory=dict)
     elsewhere: list[Elsewhere] = field(default_factory=list)
     failed: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)

@@ -4,19 +4,20 @@ A cause that the fitting log asks for but that does not make the prediction of t
 has described that one log and not the machine.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.data import Record
+from cosim.diagnosis.data import Record, joined
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.trials import candidates_of, tried_all, without
 from cosim.inference.held_out import ratio_ci95
+from cosim.logs import Log
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -37,6 +38,22 @@ class Held:
     first: int
     name: str = ""
     sha256: str = ""
+
+
+def held_logs(records: Sequence[Record], logs: Sequence[Log]) -> Held:
+    """One or more whole logs held out."""
+    return Held(
+        joined(records), 0, ", ".join(log.name for log in logs), ", ".join(log.sha256 for log in logs)
+    )
+
+
+def leave_one_log_out(record: Record) -> list[tuple[Record, Held]]:
+    """Each log of a record held out in turn: what is fitted then, and what is held out; nothing of one log."""
+    pieces = record.pieces if record.cuts else []
+    return [
+        (joined([*pieces[:i], *pieces[i + 1 :]]), Held(own, 0, f"log {i + 1}"))
+        for i, own in enumerate(pieces)
+    ]
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,8 @@ CORRELATION_TIMES = (1.0, 2.5, 6.0, 15.0, 40.0, 120.0, 400.0, 2000.0)  # in bins
 SLOW = 100.0  # bins: noise with longer correlation is taken up by a window's offset
 QUICK = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)  # kinds of noise that are not, the white one first
 REMAINING = 0.6  # share of a spectrum that must survive the projection for that frequency to count
-SIZES = 3  # rounds of spectrum and sizes in turn
+SIZES = 3  # rounds of spectrum and sizes in turn at most, until the sizes change by less than ALIKE
+ALIKE = 0.03
 UNEQUAL = 1e3  # by which the noise of two logs may differ in one round
 FEW = 4  # frequencies of which something must be learned
 NOTHING = 1e-12  # SI: smaller noise than any signal's last digit, where nothing at all is left
@@ -191,10 +192,22 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: f
     if not rule.cuts:
         return learned_at(rule, residual, absorbed, least)[0]
     columns = list(absorbed)
+    rule = rule if rule.scales else roughly_sized(rule, residual)
     for _ in range(SIZES):
+        before = rule.scales
         rule, rows, freedom = learned_at(rule, residual, columns, least)
         rule = resized(rule, rows, freedom, rule.log_of(residual.size))
+        if np.allclose(rule.scales, before, rtol=ALIKE, atol=0.0):
+            break
     return rule
+
+
+def roughly_sized(rule: Whitener, residual: Array) -> Whitener:
+    """The rule with the size of each log's noise from what changes between neighbouring bins: little of that is motion."""
+    steps, log = np.diff(rule.windows(residual), 2, axis=1), rule.log_of(residual.size)
+    sizes = np.array([np.sqrt(np.mean(steps[log == i] ** 2)) for i in range(len(rule.cuts) + 1)])
+    sizes = np.maximum(sizes, max(float(sizes.max()), 1e-300) / UNEQUAL)
+    return replace(rule, scales=tuple((sizes / np.sqrt(np.mean(sizes**2))).tolist()))
 
 
 def resized(rule: Whitener, rows: Array, freedom: Array, log: NDArray[np.int64]) -> Whitener:

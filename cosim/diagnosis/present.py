@@ -1,5 +1,6 @@
 """The diagnosis handed to people and programs: what is said up front, files written, and the answer in the terminal."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +23,15 @@ from cosim.diagnosis.watch import Watch
 from cosim.errors import UsageError
 from cosim.files import write_text
 from cosim.interrupts import terminated_as_interrupted
-from cosim.logs import Log, Tracker
+from cosim.logs import Log, Tracker, listed
 from cosim.report.page import save_and_report
 
 
-def announce(log: Log, tracker: Tracker | None, machine: Machine) -> None:
+def announce(logs: Sequence[Log], tracker: Tracker | None, machine: Machine) -> None:
     """Say on stderr, before anything is computed, what these signals can tell apart and which others would help."""
-    measured = {*log.signals} | ({"p_load"} if "p_load" in log else set())
+    measured = set.intersection(
+        *({*log.signals} | ({"p_load"} if "p_load" in log else set()) for log in logs)
+    )
     apart = isolability(machine.groups, measured | ({"slew_external"} if tracker else set()))
     for where, names in apart.classes:
         stderr_console().print(f"residual of {' and '.join(where)} shows: {', '.join(names)}", markup=False)
@@ -38,13 +41,13 @@ def announce(log: Log, tracker: Tracker | None, machine: Machine) -> None:
 
 def diagnose_into(
     folder: Path,
-    log: Log,
+    log: Log | Sequence[Log],
     tracker: Tracker | None,
     asked: str | None,
     tolerance: float,
     calibrate: bool,
     mapping: Path | None = None,
-    held_out: Log | None = None,
+    held_out: Log | Sequence[Log] | None = None,
 ) -> Answer:
     """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
 
@@ -52,19 +55,20 @@ def diagnose_into(
 
     Args:
         folder: where it goes.
-        log: the log.
+        log: the log, or several of one machine.
         tracker: the external tracker's record.
         asked: the model as the user gave it; by default the mapping's.
         tolerance: trust in the nominal parameters.
         calibrate: fit them freely.
         mapping: the mapping file with which the log was read.
-        held_out: another log of the machine, on which gains are measured.
+        held_out: another log of the machine, or several, on which gains are measured.
 
     Raises:
         CosimError: as `cosim.diagnosis.story.diagnose`.
     """
-    machine = machine_of(asked, log, mapping)
-    announce(log, tracker, machine)
+    logs = listed(log)
+    machine = machine_of(asked, logs[0], mapping)
+    announce(logs, tracker, machine)
     make_folder(folder)
     with (
         threadpool_limits(1),
@@ -74,7 +78,7 @@ def diagnose_into(
     ):
         try:
             found = diagnose(
-                log,
+                logs,
                 tracker=tracker,
                 model=machine,
                 held_out=held_out,
@@ -83,10 +87,10 @@ def diagnose_into(
                 folder=folder,
                 watch=watch,
             )
-            return delivered(found, log, folder, watch)
+            return delivered(found, logs, folder, watch)
         except Interrupted as stop:
             watch.close()
-            leave(stop.found, log, folder)
+            leave(stop.found, logs, folder)
             raise
 
 
@@ -104,7 +108,7 @@ def make_folder(folder: Path) -> None:
         ) from None
 
 
-def delivered(found: Diagnosis, log: Log, folder: Path, watch: Watch | None = None) -> Answer:
+def delivered(found: Diagnosis, log: Log | Sequence[Log], folder: Path, watch: Watch | None = None) -> Answer:
     """Write what was found into a folder, and give it in the contract's form.
 
     Raises:
@@ -116,7 +120,7 @@ def delivered(found: Diagnosis, log: Log, folder: Path, watch: Watch | None = No
         said(found, log, folder, None)  # the answer first: what follows may fail, or be ended from outside
         watch.stage("next", found.stage)
         proposal = None
-        if log.time_unit == "s" and not found.data:  # what is proposed is a command over time
+        if listed(log)[0].time_unit == "s" and not found.data:  # what is proposed is a command over time
             with part(found.notes, "the next experiment"):
                 proposal = proposal_for(
                     found.machine.groups,
@@ -143,7 +147,7 @@ def full_command(found: Diagnosis) -> float:
     return 1.0 if drive == "u" else float(np.max(np.abs(found.record.signals[drive])))
 
 
-def said(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:
+def said(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: Proposal | None) -> Answer:
     """Write the answer."""
     if not found.before:  # the FMUs were not run: errors of the nominal model by the twin
         with part(found.notes, "the nominal model's run"):
@@ -153,7 +157,7 @@ def said(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) ->
     return result
 
 
-def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:
+def written(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: Proposal | None) -> Answer:
     """Write answer, series and report; a report that fails leaves the answer, which says so."""
     result = said(found, log, folder, proposal)
     known = len(found.notes)
@@ -167,7 +171,7 @@ def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None)
     return said(found, log, folder, proposal) if len(found.notes) > known else result
 
 
-def leave(found: Diagnosis, log: Log, folder: Path) -> None:
+def leave(found: Diagnosis, log: Log | Sequence[Log], folder: Path) -> None:
     """Write what an interrupted diagnosis has found; the comparison, if it was not reached, by the compiled twin."""
     warn(f"interrupted ({found.stage}): writing what was found until then; once more Ctrl-C leaves without")
     written(found, log, folder, None)

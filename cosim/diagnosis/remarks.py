@@ -1,8 +1,11 @@
 """What the answer says besides its figures: warnings, what was held out or refused, and what was not judged."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.grid import Grid, Pieces
 from cosim.diagnosis.heldout import Refused
 from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.schema import (
@@ -17,9 +20,10 @@ def shown(signal: str) -> tuple[str, float]:
     return current().signal(signal)
 
 
-def notes(diagnosis: Diagnosis, log: Log) -> list[str]:
-    """What the user should know of how the log was taken."""
-    found = []
+def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
+    """What the user should know of how the logs were taken, and laid one behind the other."""
+    log, grid = logs[0], diagnosis.record.grid
+    found = behind_one_another(diagnosis, logs, grid) if isinstance(grid, Pieces) else []
     if log.time_unit != "s":
         found.append(
             f"the log counts samples and its sampling time is not known: one sample counts as {diagnosis.record.h:g} s, "
@@ -30,9 +34,9 @@ def notes(diagnosis: Diagnosis, log: Log) -> list[str]:
             f"the slew sensor's steps are rounded {diagnosis.tracker.rounds}: against the tracker its readings are off by "
             "half a step on average, which is no fault of its own"
         )
-    grid = diagnosis.record.grid
-    if grid is not None:
-        spread = np.diff(grid.stamps)
+    grids = [own for piece in diagnosis.record.pieces if isinstance(own := piece.grid, Grid)]
+    if grid is not None and grids:
+        spread = np.concatenate([np.diff(own.stamps) for own in grids])
         low, high = (f"{1e3 * v:.4g}" for v in (spread.min(), spread.max()))
         drive = diagnosis.machine.drive
         way = (
@@ -48,6 +52,21 @@ def notes(diagnosis: Diagnosis, log: Log) -> list[str]:
     return found
 
 
+def behind_one_another(diagnosis: Diagnosis, logs: Sequence[Log], grid: Pieces) -> list[str]:
+    """Where each log begins, and the size of its noise."""
+    begins = ", ".join(f"{log.name} from {start:.6g} s" for log, start in zip(logs, grid.starts, strict=True))
+    found = [
+        f"{len(logs)} logs, one behind the other: {begins}; times and pictures count from the start of the first, each log "
+        "has a start and a noise of its own, and the packages play the command of the first"
+    ]
+    for finding in diagnosis.findings.values():
+        for signal, rule in finding.task.rules.items():
+            if rule.scales:
+                sizes = ", ".join(f"{scale:.2g}" for scale in rule.scales)
+                found.append(f"noise of {signal} in each log, over that of all: {sizes}")
+    return found
+
+
 def held_out(diagnosis: Diagnosis) -> str:
     """What the gains are measured on, in words."""
     held = diagnosis.held
@@ -55,7 +74,8 @@ def held_out(diagnosis: Diagnosis) -> str:
         return "every third window of the log"
     if held.first:
         return f"the log from {held.record.time[held.first]:.4g} s on, which took no part in the fits"
-    return f"another log, {held.name}, which took no part in the fits"
+    what = "other logs" if held.record.cuts else "another log"
+    return f"{what}, {held.name}, which took no part in the fits"
 
 
 def held_from(diagnosis: Diagnosis) -> float | None:
@@ -79,6 +99,15 @@ def held_file(diagnosis: Diagnosis) -> dict[str, str]:
     )
 
 
+def files(logs: Sequence[Log]) -> dict[str, str]:
+    """Name and checksum of each log."""
+    found: dict[str, str] = {}
+    for number, log in enumerate(logs, 1):
+        key = "log" if number == 1 else f"log_{number}"
+        found |= {key: log.name, f"{key}_sha256": log.sha256}
+    return found
+
+
 def turned_down(item: Refused) -> RefusedCause:
     """A refused cause in display units."""
     unit, scale = shown(item.signal)
@@ -100,9 +129,9 @@ def turned_down(item: Refused) -> RefusedCause:
     return RefusedCause(effect=item.effect.name, block=item.group, why=why)
 
 
-def is_part(diagnosis: Diagnosis, log: Log) -> bool:
+def is_part(span: tuple[float, float], log: Log) -> bool:
     """True if the fits used a stretch of the log only."""
-    start, end = diagnosis.span
+    start, end = span
     return end - start < log.duration - log.step
 
 
@@ -121,7 +150,7 @@ def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
     return found
 
 
-def limits(diagnosis: Diagnosis, log: Log) -> list[str]:
+def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     """What limits the answer: an interruption, a stretch of a long log, a rest that differs from it."""
     found = list(diagnosis.notes)
     if diagnosis.stage:
@@ -129,10 +158,13 @@ def limits(diagnosis: Diagnosis, log: Log) -> list[str]:
         if not diagnosis.gains:
             text += "; the errors of the nominal model are those of the compiled twin, no gain was measured"
         found.append(text)
-    if is_part(diagnosis, log):
-        start, end = diagnosis.span
+    for log, span in zip(logs, diagnosis.spans, strict=False):
+        if not is_part(span, log):
+            continue
+        start, end = span
+        which = f"the log {log.name}" if len(logs) > 1 else "the log"
         found.append(
-            f"the log lasts {log.duration:.0f} s; the diagnosis used the {end - start:.0f} s from {start:.6g} s on, "
+            f"{which} lasts {log.duration:.0f} s; the diagnosis used the {end - start:.0f} s from {start:.6g} s on, "
             "whose command visits most, and times in it count from there"
         )
     for signal, linear in diagnosis.references.items():
@@ -145,7 +177,8 @@ def limits(diagnosis: Diagnosis, log: Log) -> list[str]:
                 f"{linear.error * scale:.4g} against {linear.ours_error * scale:.4g} {unit}"
             )
     return found + [
-        f"from {item.start:.0f} to {item.end:.0f} s the extended model's error in {item.signal} is "
+        f"{item.log + ': ' if len(logs) > 1 else ''}from {item.start:.0f} to {item.end:.0f} s the extended model's error "
+        f"in {item.signal} is "
         f"{item.ratio:.3g} times that in the stretch used: something else happens there"
         for item in diagnosis.elsewhere
     ]

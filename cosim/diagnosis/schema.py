@@ -31,12 +31,21 @@ class Location(Model):
     unit: str
 
 
+class OfLog(Model):
+    """An estimate from one of several logs alone; no interval where it says nothing."""
+
+    value: float
+    ci95: tuple[float, float] | None
+
+
 class Parameter(Model):
-    """An estimate with its 95 % interval."""
+    """An estimate with its 95 % interval; of several logs each one's own, and what another log would give."""
 
     value: float
     unit: str
     ci95: tuple[float, float]
+    per_log: list[OfLog] = []
+    next_log_ci95: tuple[float, float] | None = None
 
 
 class Correlated(Model):

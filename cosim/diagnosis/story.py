@@ -1,6 +1,6 @@
 """The diagnosis from log to answer, on one page: prepare, localise and name block by block, extend, measure the gain."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,15 +11,15 @@ from threadpoolctl import threadpool_limits
 
 from cosim.diagnosis.carried import carried
 from cosim.diagnosis.chain import Known, task_for
-from cosim.diagnosis.data import Record
+from cosim.diagnosis.data import Record, joined
 from cosim.diagnosis.exercised import never_exercised
 from cosim.diagnosis.extension import estimate, gain_by_fmus, worse
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.heldout import Held, Refused, reconsider, refuse
-from cosim.diagnosis.labels import clock, contradictions, rescaled
+from cosim.diagnosis.heldout import Held, Refused, held_logs, reconsider, refuse
+from cosim.diagnosis.labels import Contradiction, clock, contradictions, rescaled
 from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, rivals, tried
@@ -34,8 +34,8 @@ from cosim.diagnosis.tracker import compare_tracker
 from cosim.diagnosis.trials import FREE, Trial, candidates_of, freed
 from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, negligible, rests
 from cosim.diagnosis.watch import Watch, watched_by
-from cosim.errors import DataError
-from cosim.logs import Log, Tracker
+from cosim.errors import DataError, UsageError
+from cosim.logs import Log, Tracker, listed
 
 Array = NDArray[np.float64]
 
@@ -279,12 +279,12 @@ def verdict_of(named: list[Cause], left: list[Rest]) -> str:
 
 
 def diagnose(
-    log: Log,
+    log: Log | Sequence[Log],
     *,
     tracker: Tracker | None = None,
     model: str | Machine = "full_order",
     base: Mapping[str, float] | None = None,
-    held_out: Log | None = None,
+    held_out: Log | Sequence[Log] | None = None,
     tolerance: float = TOLERANCE,
     calibrate: bool = False,
     folder: Path | None = None,
@@ -295,36 +295,47 @@ def diagnose(
     Of a long log the fits use the five minutes whose command visits most (`stretch`); the rest is then simulated.
 
     Args:
-        log: the log.
-        tracker: the external tracker's record, on its own clock.
+        log: the log, or several of one machine: each with a start and a noise of its own, and the unit of repetition.
+        tracker: the external tracker's record of one log, on its own clock.
         model: the model, or the name of one of ours.
         base: ``component.parameter`` -> SI in which the model at hand differs from the nominal one.
-        held_out: another log of the machine: gains are measured on it, and a cause that does not help there is refused.
+        held_out: another log of the machine, or several: gains are measured on it, and a cause that does
+            not help there is refused.
         tolerance: standard deviation of the trust in each nominal parameter, relative.
         calibrate: fit the nominal parameters freely, so that only missing structure is a cause.
         folder: where the extended packages go; without one they are not written and the FMUs are not run.
         watch: told about each stage.
 
     Raises:
-        UsageError: an unknown model.
+        UsageError: an unknown model, or what only one log can have together with several.
         DataError: the log lacks the command or is too short, or the tracker does not fit to it.
         Interrupted: Ctrl-C, once the log is prepared.
     """
     machine = our_machine(model, base) if isinstance(model, str) else model
     free = FREE if isinstance(model, str) or not machine.options.trusted else UNKNOWN
     trust = free if calibrate else tolerance
-    part = log
-    if log.time_unit == "s" and machine.options.held_out_from is None:
-        part = chosen_stretch(log, machine.drive, from_start=tracker is not None)
-    told = clock(part, lambda log: prepare(log, machine), machine, trust < FREE)
-    if told:
-        part = rescaled(part, 1.0 / (told[0].factor or 1.0))
-    record, held = parted(prepare(part, machine), machine)
+    logs = listed(log)
+    if len(logs) > 1 and (tracker is not None or machine.options.held_out_from is not None):
+        what = (
+            "an external tracker goes" if tracker is not None else "diagnose.held_out_from in a mapping goes"
+        )
+        raise UsageError(f"{what} with one log; give one log, or hold out whole logs (--held-out)")
+    parts = [used_part(one, machine, tracker is not None) for one in logs]
+    data: list[Contradiction] = []
+    for at, one in enumerate(parts):
+        told = clock(one, lambda log: prepare(log, machine), machine, trust < FREE)
+        parts[at] = rescaled(one, 1.0 / (told[0].factor or 1.0)) if told else one
+        data += told
+    records = [prepare(part, machine) for part in parts]
+    for one, record in zip(parts, records, strict=True):
+        data += contradictions(one, record, machine, trust < FREE)
+    record, held = parted(joined(records), machine)
     if held_out is not None:
-        held = Held(prepare(held_out, machine), 0, held_out.name, held_out.sha256)
+        held = held_logs([prepare(one, machine) for one in listed(held_out)], listed(held_out))
     found = Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals))
-    found.span, found.held = (float(part.time[0]), float(part.time[-1])), held
-    found.data = told or contradictions(part, record, machine, trust < FREE)
+    found.spans = tuple((float(part.time[0]), float(part.time[-1])) for part in parts)
+    found.held = held
+    found.data = list(dict.fromkeys(data))
     if found.data:
         found.verdict = "implausible_data"
         found.before = by_twin(found, record, machine.base)
@@ -333,16 +344,23 @@ def diagnose(
     try:
         # small matrices: more threads only wait for one another
         with threadpool_limits(1), watched_by(watch):
-            stages(found, log, part, tracker, trust, folder, watch)
+            stages(found, logs, parts, tracker, trust, folder, watch)
     except KeyboardInterrupt:
         raise Interrupted(found) from None
     return found
 
 
+def used_part(log: Log, machine: Machine, from_start: bool) -> Log:
+    """The part of a log that is fitted."""
+    if log.time_unit != "s" or machine.options.held_out_from is not None:
+        return log
+    return chosen_stretch(log, machine.drive, from_start=from_start)
+
+
 def stages(
     found: Diagnosis,
-    log: Log,
-    part: Log,
+    logs: Sequence[Log],
+    parts: Sequence[Log],
     tracker: Tracker | None,
     trust: float,
     folder: Path | None,
@@ -360,16 +378,17 @@ def stages(
         judge(found, trust, constants, watch)
     if not found.findings and tracker is None:
         missing = sorted({s for names in found.unjudged.values() for s in names})
-        raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")
+        raise DataError(f"{logs[0].source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
     concluded(found)
     enter(found, watch, "extended", "extended model")
     with part_of(found.notes, "the fit of all blocks together"):
         estimate(found, found.groups, trust, constants)
     concluded(found)
-    if part is not log:
+    rest = [p for log, part in zip(logs, parts, strict=True) if part is not log for p in others(log, part)]
+    if rest:
         with part_of(found.notes, "the look at the rest of the log"):
-            pieces = ((p, prepare(p, found.machine)) for p in others(log, part))
+            pieces = ((p, prepare(p, found.machine)) for p in rest)
             found.elsewhere = elsewhere(found, pieces, constants | found.values)
     if folder is not None:
         enter(found, watch, "gain", "gain on held-out data, by the FMUs")

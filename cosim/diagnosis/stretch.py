@@ -106,7 +106,7 @@ def elsewhere(
     for piece, record in pieces:
         low, high = float(piece.time[0]), float(piece.time[-1])
         ratios = {s: e / here[s] for s, e in errors(record).items() if here[s] > 0.0}
-        listed += [Elsewhere(s, low, high, ratio) for s, ratio in ratios.items() if ratio > WORSE]
+        listed += [Elsewhere(s, low, high, ratio, piece.name) for s, ratio in ratios.items() if ratio > WORSE]
     return listed
 
 

@@ -5,8 +5,18 @@ column; what they had to repair is in `Log.warnings` and `Log.valid`. docs/logs.
 """
 
 from cosim.logs.load import load_log, load_tracker
-from cosim.logs.log import Gap, Log, Tracker
+from cosim.logs.log import Gap, Log, Tracker, listed
 from cosim.logs.mapping import Mapping, load_mapping
 from cosim.logs.write import write_log
 
-__all__ = ["Gap", "Log", "Mapping", "Tracker", "load_log", "load_mapping", "load_tracker", "write_log"]
+__all__ = [
+    "Gap",
+    "Log",
+    "Mapping",
+    "Tracker",
+    "listed",
+    "load_log",
+    "load_mapping",
+    "load_tracker",
+    "write_log",
+]

@@ -1,6 +1,7 @@
 """What a loaded log is: SI signals on a strictly increasing time, and what was done to get there."""
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -238,3 +239,8 @@ class Tracker(_Record):
     slew_external: Array
     valid: Mask
     gaps: tuple[Gap, ...] = ()
+
+
+def listed(logs: Log | Sequence[Log]) -> tuple[Log, ...]:
+    """One log or several as a tuple."""
+    return (logs,) if isinstance(logs, Log) else tuple(logs)

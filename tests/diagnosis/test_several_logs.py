@@ -1,0 +1,261 @@
+"""Several logs of one machine: each keeps its start and its noise, and nothing passes from one to the next."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.answer import answer
+from cosim.diagnosis.between import combined
+from cosim.diagnosis.chain import task_for
+from cosim.diagnosis.data import Record, fixed_values, joined
+from cosim.diagnosis.finding import lacking, learn_noise
+from cosim.diagnosis.gain import measure
+from cosim.diagnosis.grid import Grid, Pieces, grid_of
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.groups import MODELS, Group
+from cosim.diagnosis.heldout import leave_one_log_out
+from cosim.diagnosis.machine import our_machine
+from cosim.diagnosis.naming import find
+from cosim.diagnosis.noise import learned, plain
+from cosim.diagnosis.story import diagnose, prepare
+from cosim.diagnosis.trials import tried
+from cosim.diagnosis.verdict import adequate
+from cosim.errors import DataError, UsageError
+from cosim.inference.linear import Sections, columns
+from cosim.logs import Log, Tracker
+from cosim.rig import Noise, make_log
+from cosim.rig.write import as_log
+from fmus import registry
+
+VALVE, _, MECHANICS = MODELS["full_order"]
+FRICTION = "mechanical.coulomb_friction"
+H = 1e-3
+
+
+def log(seed: int, *hidden: str, noise: float = 1.0, start: float = 15.0, seconds: float = 20.0) -> Log:
+    """A log of steps with noise of `noise` times the usual size, from a start angle in degrees."""
+    made = make_log(
+        "steps", seconds, hidden, seed=seed, noise=Noise(scale=noise), start=float(np.deg2rad(start))
+    )
+    return as_log(made)
+
+
+def record(seed: int, *hidden: str, **options: float) -> Record:
+    """The same, prepared."""
+    return prepare(log(seed, *hidden, **options), our_machine("full_order"))
+
+
+@pytest.fixture(scope="module")
+def pair() -> list[Record]:
+    """Two logs that hide friction of 25 N m, the second with three times the noise and from another angle."""
+    return [
+        record(1, f"{FRICTION}:tau_c=25", noise=0.7, start=5.0),
+        record(2, f"{FRICTION}:tau_c=25", noise=2.1, start=40.0),
+    ]
+
+
+@pytest.fixture(scope="module")
+def clean() -> list[Record]:
+    """Two logs that hide nothing, with noise of different sizes, from different angles."""
+    return [record(3, noise=0.5, start=5.0), record(4, noise=2.0, start=40.0)]
+
+
+def test_one_log_is_itself(clean: list[Record]) -> None:
+    """Bit for bit, also where it is written as the only piece of several."""
+    assert joined(clean[:1]) is clean[0]
+    alone = clean[0]
+    piece = replace(alone, grid=Pieces((alone.time.size,), (alone.h,), (None,)))
+    tasks = [task_for(MECHANICS, r, []) for r in (alone, piece)]
+    one, other = (tried(task, (), 0.01).fit for task in tasks)
+    assert one.values == other.values
+    assert one.log_likelihood == other.log_likelihood
+    np.testing.assert_array_equal(one.rows, other.rows)
+
+
+def test_each_log_is_simulated_from_its_own_start(pair: list[Record]) -> None:
+    whole = joined(pair)
+    assert whole.cuts == (pair[0].time.size,)
+    fixed = fixed_values(whole, MECHANICS)
+    assert fixed["mechanical.theta_0"] == pytest.approx(np.deg2rad(5.0), abs=1e-3)
+    assert fixed["mechanical.theta_0@1"] == pytest.approx(np.deg2rad(40.0), abs=1e-3)
+    found = GroupModel(MECHANICS, whole.signals["p_load"], whole.h, fixed, whole.grid).simulate({})
+    alone = [
+        GroupModel(MECHANICS, r.signals["p_load"], r.h, fixed_values(r, MECHANICS)).simulate({}) for r in pair
+    ]
+    np.testing.assert_array_equal(found["slew"], np.concatenate([a["slew"] for a in alone]))
+
+
+def test_filters_and_rates_do_not_see_across_a_seam(pair: list[Record]) -> None:
+    whole = joined(pair)
+    for of in ("smooth", "rate", "lost", "fresh"):
+        apart = np.concatenate([getattr(r, of)("slew") for r in pair])
+        np.testing.assert_array_equal(getattr(whole, of)("slew"), apart)
+    for own, back in zip(pair, whole.pieces, strict=True):
+        np.testing.assert_array_equal(own.signals["slew"], back.signals["slew"])
+        np.testing.assert_array_equal(own.time, back.time)
+
+
+def test_irregular_logs_keep_their_own_stamps() -> None:
+    rng = np.random.default_rng(1)
+    records = []
+    for count in (400, 300):
+        time = np.cumsum(rng.uniform(0.045, 0.062, count))
+        grid, h = grid_of(time, 0.01)
+        records.append(Record(h, {"u": rng.normal(size=count), "slew": np.zeros(count)}, grid))
+    whole = joined(records)
+    assert isinstance(whole.grid, Pieces)
+    assert np.all(np.diff(whole.time) > 0.0)
+    np.testing.assert_allclose(np.diff(whole.time[400:]), np.diff(records[1].time))
+    rows = [np.sin(r.grid.time) for r in records if isinstance(r.grid, Grid)]
+    expected = [r.grid.sampled(row) for r, row in zip(records, rows, strict=True) if r.grid is not None]
+    np.testing.assert_array_equal(whole.grid.sampled(np.concatenate(rows)), np.concatenate(expected))
+
+
+def test_logs_of_different_intervals_are_refused() -> None:
+    records = [Record(h, {"u": np.zeros(100)}) for h in (1e-3, 2e-3)]
+    with pytest.raises(DataError, match="every 1 ms, 2 ms: diagnosed together they must have one interval"):
+        joined(records)
+
+
+def test_windows_lie_within_one_log_and_skip_the_start_of_each() -> None:
+    rule = plain(2, 5, False, skip=3, cuts=(27,))
+    numbers = rule.numbers(60)
+    assert np.all(numbers[[0, 1, 2, 27, 28, 29]] == -1)
+    assert np.all(numbers[3:23] == np.repeat([0, 1], 10))
+    assert np.all(numbers[23:27] == -1)
+    assert np.all(numbers[30:60] == np.repeat([2, 3, 4], 10))
+    assert rule.log_of(60).tolist() == [0, 0, 1, 1, 1]
+    np.testing.assert_allclose(rule.windows(numbers.astype(float)).mean(axis=1), np.arange(5))
+
+
+def test_noise_has_one_spectrum_and_a_size_in_each_log() -> None:
+    count, sizes = 30_000, (1e-4, 4e-4)
+    noise = np.concatenate(
+        [s * Noise(kind="ar1", correlation_time=0.05).draw("slew", count, i) for i, s in enumerate(sizes)]
+    )
+    drift = np.linspace(0.0, 1.0, 2 * count)
+    rule = learned(plain(10, 495, True, cuts=(count,)), noise, [drift, np.sin(20.0 * drift)])
+    # 2970 values in each log: sizes are known to 1.3 %, and the spectrum's part they share
+    assert rule.scales[1] / rule.scales[0] == pytest.approx(4.0, rel=0.06)
+    white, log_of = rule(noise), rule.log_of(noise.size)
+    for i in range(2):
+        assert np.mean(white[log_of == i] ** 2) == pytest.approx(1.0, abs=0.12)
+
+
+@pytest.mark.parametrize("group", [VALVE, MECHANICS])
+def test_a_seam_leaves_nothing(group: Group, clean: list[Record]) -> None:
+    """A jump of the command, of the angle or of the noise from log to log is nothing systematic."""
+    whole = joined(clean)
+    task = task_for(group, whole, [])
+    learn_noise(task, whole, tried(task, (), 0.01).fit)
+    assert not lacking(task, whole, tried(task, (), 0.01).fit)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", [VALVE, MECHANICS])
+def test_a_clean_pair_is_adequate(group: Group, clean: list[Record]) -> None:
+    whole = joined(clean)
+    finding = find(task_for(group, whole, []), whole)
+    assert finding.chosen.effects == ()
+    assert adequate(finding)
+
+
+def test_two_logs_know_a_hidden_effect_better_than_one(pair: list[Record]) -> None:
+    effect = registry.effects()[FRICTION]
+    known = []
+    for r in (*pair, joined(pair)):
+        task = task_for(MECHANICS, r, [])
+        begin = tried(task, (effect,), 0.01).fit
+        task.set_rules({s: learned(rule, begin.residuals[s], []) for s, rule in task.rules.items()})
+        found = tried(task, (effect,), 0.01, begin).fit
+        known.append((found.values["mechanical.tau_c"], found.deviations["mechanical.tau_c"]))
+    first, second, both = known
+    assert both[1] < first[1] < second[1]
+    assert abs(both[0] - 25.0) < 3.0 * both[1]
+    # each log at its own noise: both know what the one and the other know, and share the inertia; 5 % for the noise learned
+    assert both[1] ** -2 > 0.95 * (first[1] ** -2 + second[1] ** -2)
+
+
+def test_each_log_is_held_out_in_turn(pair: list[Record]) -> None:
+    (fitted, held), (other, first) = leave_one_log_out(joined(pair))
+    np.testing.assert_array_equal(fitted.signals["slew"], pair[1].signals["slew"])
+    np.testing.assert_array_equal(held.record.signals["slew"], pair[0].signals["slew"])
+    np.testing.assert_array_equal(other.signals["slew"], pair[0].signals["slew"])
+    np.testing.assert_array_equal(first.record.signals["slew"], pair[1].signals["slew"])
+    assert leave_one_log_out(pair[0]) == []
+
+
+def test_held_out_windows_of_the_gain_are_those_of_the_fits(pair: list[Record]) -> None:
+    whole, window = joined(pair), 4990
+    own = plain(1, window, False, cuts=whole.cuts).numbers(whole.time.size)
+    y = whole.signals["slew"]
+    inside = (own % 3 == 2) & (own >= 0)
+    exact = {"slew": np.where(inside, y, y + 1.0)}
+    gain = measure(whole, {"slew": y + 1.0}, exact, window)["slew"]
+    assert gain.before == pytest.approx(1.0)
+    assert gain.after == 0.0
+
+
+def test_a_linear_reference_begins_anew_in_each_log() -> None:
+    u = np.random.default_rng(1).normal(size=500)
+    sections = Sections((2.0,), ((5.0, 0.3),), 0.02)
+    driven, free = columns(sections, u, 0.01, 5.0, (200,))
+    alone = [columns(sections, part, 0.01, 5.0) for part in (u[:200], u[200:])]
+    np.testing.assert_array_equal(driven, np.concatenate([d for d, _ in alone], axis=1))
+    assert free.shape == (6, 500)
+    assert not free[:3, 200:].any()
+    assert not free[3:, :200].any()
+
+
+@pytest.mark.parametrize("scatter", [0.0, 1.0, 3.0, 10.0])
+@pytest.mark.parametrize("logs", [3, 5])
+def test_intervals_between_logs_hold(logs: int, scatter: float) -> None:
+    """Of the machine's value and of the next log's, where logs differ by `scatter` times what one log tells."""
+    rng, repeats = np.random.default_rng(7), 500
+    deviations = np.geomspace(1.0, 2.0, logs)
+    weights = deviations**-2 / np.sum(deviations**-2)
+    inside = np.zeros(2)
+    for _ in range(repeats):
+        values = rng.normal(size=logs) * deviations + scatter * rng.normal(size=logs)
+        found = combined(float(weights @ values), float(np.sum(deviations**-2) ** -0.5), values, deviations)
+        following = rng.normal() * float(np.median(deviations)) + scatter * rng.normal()
+        pairs = ((found.ci95, 0.0), (found.next_ci95, following))
+        inside += [low < value < high for (low, high), value in pairs]
+    # 90 % wanted; 500 repeats know it to 1.3 %
+    assert np.all(inside / repeats > 0.88)
+
+
+def test_logs_that_agree_are_better_than_one_and_logs_that_say_nothing_do_not_count() -> None:
+    agreeing = combined(5.0, 0.07, np.array([5.05, 4.95]), np.array([0.1, 0.1]))
+    assert agreeing.scatter == 0.0
+    assert agreeing.ci95 == pytest.approx((5.0 - 1.96 * 0.07, 5.0 + 1.96 * 0.07), abs=1e-4)
+    unlike = combined(5.0, 0.07, np.array([4.0, 6.0, 99.0]), np.array([0.1, 0.1, 0.0]))
+    # two logs that differ: Student's quantile with one degree of freedom
+    assert unlike.ci95[0] < 5.0 - 10.0
+    assert np.isinf(unlike.deviations[2])
+
+
+def test_a_tracker_goes_with_one_log() -> None:
+    own = log(1)
+    readings = own["slew"][::100]
+    tracker = Tracker(own.time[::100], own.source, (), True, "", readings, np.ones(readings.size, dtype=bool))
+    with pytest.raises(UsageError, match="an external tracker goes with one log"):
+        diagnose([own, own], tracker=tracker)
+
+
+@pytest.mark.slow
+def test_two_logs_find_one_effect_with_a_tighter_interval_than_one() -> None:
+    hidden = f"{FRICTION}:tau_c=25"
+    logs = [log(1, hidden, noise=0.7, start=5.0), log(2, hidden, noise=2.1, start=40.0)]
+    found = diagnose(logs)
+    said = answer(found, logs, None)
+    assert (said.verdict, [c.effect for c in said.causes]) == ("explained", [FRICTION])
+    told = said.causes[0].parameters["tau_c"]
+    assert told.ci95[0] < 25.0 < told.ci95[1]
+    assert told.next_log_ci95 is not None
+    assert told.next_log_ci95[0] < told.ci95[0]
+    for own in told.per_log:
+        assert own.ci95 is not None
+        assert told.ci95[1] - told.ci95[0] < own.ci95[1] - own.ci95[0]
+    assert any("20.001 s" in warning for warning in said.warnings)
