@@ -1,5 +1,6 @@
 """``cosim diagnose``: names what the simulation gets wrong in a log, extends the model and measures the gain."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -38,14 +39,23 @@ def diagnose(
             "--calibrate", help="Fit the nominal parameters freely: only missing structure is a cause."
         ),
     ] = False,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            help="Time it may take, such as 60s: searches end with the best so far, and what was not tried is said "
+            "[default: as long as it takes]."
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
     from cosim.console import emit_json, warn
+    from cosim.diagnosis.budget import parse_budget
     from cosim.diagnosis.present import diagnose_into, show
     from cosim.logs import load_log, load_tracker
 
+    seconds = parse_budget(budget) if budget is not None else math.inf
     loaded = load_log(log, mapping)
     tracker = load_tracker(external) if external is not None else None
     for warning in loaded.warnings:
@@ -53,7 +63,7 @@ def diagnose(
     other = load_log(held_out, mapping) if held_out is not None else None
     for warning in other.warnings if other is not None else ():
         warn(f"{held_out}: {warning}")
-    result = diagnose_into(out, loaded, tracker, model, tolerance, calibrate, mapping, other)
+    result = diagnose_into(out, loaded, tracker, model, tolerance, calibrate, mapping, other, seconds)
     if as_json:
         emit_json(result.model_dump())
     else:

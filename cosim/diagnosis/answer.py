@@ -70,7 +70,7 @@ def answer(diagnosis: Diagnosis, log: Log, proposal: Proposal | None, model_file
         isolability=[Separable(residual=list(where), effects=list(names)) for where, names in apart.classes],
         helpful_signals=apart.advice,
         nominal=nominal(diagnosis),
-        warnings=[*log.warnings, *notes(diagnosis, log), *limits(diagnosis, log)],
+        warnings=[*log.warnings, *notes(diagnosis, log), *limits(diagnosis, log), *diagnosis.budget.warnings],
         held_out=held_out(diagnosis),
         held_out_from=held_from(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],

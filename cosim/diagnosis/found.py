@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.floors import floor_of
@@ -67,6 +68,7 @@ class Diagnosis:
         span: start and end of the stretch that was used, s of the log's own time.
         elsewhere: where in the rest of the log the extended model errs more.
         stage: the stage that runs, or in which it was interrupted; empty when all is done.
+        budget: the time allowed, and what was not tried because it was over.
     """
 
     verdict: str
@@ -96,6 +98,7 @@ class Diagnosis:
     span: tuple[float, float] = (0.0, 0.0)
     elsewhere: list[Elsewhere] = field(default_factory=list)
     stage: str = ""
+    budget: Budget = field(default_factory=Budget)
 
     @property
     def model(self) -> str:

@@ -81,7 +81,8 @@ class GroupModel:
     @property
     def stamps(self) -> Array:
         """(n,) times of the samples, s, from zero."""
-        return np.arange(self.drive.size) * self.h if self.grid is None else self.grid.stamps
+        even: Array = np.arange(self.drive.size, dtype=np.float64) * self.h
+        return even if self.grid is None else self.grid.stamps
 
     def declared(self, name: str) -> Variable:
         """Declaration of ``component.parameter``."""

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from cosim.diagnosis.budget import NAMED, SEARCHED, Budget, current
+from cosim.diagnosis.budget import within as within_budget
 from cosim.diagnosis.carried import carried
 from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record
@@ -85,7 +87,9 @@ def judge(
     """
     record, held, most = found.record, found.held, found.machine.options.causes
     known: list[Known] = []
-    for group in found.groups:
+    for k, group in enumerate(found.groups):
+        shares = [SEARCHED * (k + part) / len(found.groups) for part in (NAMED if held else 1.0, 1.0)]
+        current().allow(shares[0])
         missing = [s for s in (group.drive, *group.observed[:1]) if s not in record.signals]
         if missing:
             found.unjudged[group.name] = missing
@@ -95,6 +99,7 @@ def judge(
         # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
         driving = known if group.integrates else []
         finding = searched(found, group, trust, constants, driving, most, within=held is None)
+        current().allow(shares[1])
         if held is not None:
             finding = borne_out(found, group, finding, held, driving, trust, constants, watch)
         beaten_by_linear(finding, record, held)
@@ -121,6 +126,9 @@ def borne_out(
     """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
     most = found.machine.options.causes
     for left in reversed(range(SEARCHES)):
+        if current().over and finding.chosen.effects:
+            current().leave_out(group.name, "its causes on the held-out data")
+            return finding
         count = len(finding.chosen.effects)
         enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
         turned_down, kept = refuse(finding, held, trust)
@@ -129,6 +137,9 @@ def borne_out(
             break
         group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
         begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
+        if left and current().over:
+            current().leave_out(group.name, "another search without what held-out data refused")
+            left = 0
         if not left:  # no more is looked for: what is kept stands
             finding.accept(begin or finding.null, found.record)
             finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), trust)
@@ -254,6 +265,7 @@ def diagnose(
     calibrate: bool = False,
     folder: Path | None = None,
     watch: Watch | None = None,
+    budget: Budget | None = None,
 ) -> Diagnosis:
     """Compare a log with a model, name what the model gets wrong, extend it and measure the gain.
 
@@ -269,6 +281,7 @@ def diagnose(
         calibrate: fit the nominal parameters freely, so that only missing structure is a cause.
         folder: where the extended packages go; without one they are not written and the FMUs are not run.
         watch: told about each stage.
+        budget: the time it may take; searches then end with the best so far. Unlimited by default.
 
     Raises:
         UsageError: an unknown model.
@@ -286,10 +299,10 @@ def diagnose(
         held = Held(prepare(held_out, machine), 0, held_out.name, held_out.sha256)
     found = Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals))
     found.span, found.held = (float(part.time[0]), float(part.time[-1])), held
-    watch = watch or Watch()
+    watch, found.budget = watch or Watch(), budget or Budget()
     try:
         # small matrices: more threads only wait for one another
-        with threadpool_limits(1), watched_by(watch):
+        with threadpool_limits(1), watched_by(watch), within_budget(found.budget):
             stages(found, log, part, tracker, trust, folder, watch)
     except KeyboardInterrupt:
         raise Interrupted(found) from None
@@ -320,6 +333,7 @@ def stages(
         raise DataError(f"{log.source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
     concluded(found)
+    current().allow(1.0)
     enter(found, watch, "extended", "extended model")
     estimate(found, found.groups, trust, constants)
     concluded(found)
