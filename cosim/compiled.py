@@ -190,12 +190,16 @@ class CompiledBlock:
     Attributes:
         composed: what it was made from.
         nominal: start value of every parameter, SI.
+        outputs: names of the outputs.
     """
 
     def __init__(self, composed: Composed) -> None:
         self.composed = composed
         self.module = load_compiled(composed)
         self.nominal = {name: v.start for name, v in composed.parameters.items()}
+        # declarations are read once: looking at type hints takes longer than a short run
+        self.outputs = tuple(composed.outputs)
+        self._lengths = [b.length for b in composed.memory.values() if isinstance(b, Buffer)]
 
     def parameters(self, values: Mapping[str, float]) -> Any:
         """Parameters of the block: nominal ones, those in `values` (SI) replaced.
@@ -211,7 +215,7 @@ class CompiledBlock:
 
     def buffers(self) -> list[Array]:
         """Fresh arrays for what block and effects remember."""
-        return [np.zeros(b.length) for b in self.composed.memory.values() if isinstance(b, Buffer)]
+        return [np.zeros(length) for length in self._lengths]
 
     @cached_property
     def alone(self) -> "CompiledBlock":
@@ -252,7 +256,7 @@ class CompiledBlock:
         c = module.coefficients.py_func(p, h)
         c = type(c)(*(float(v) for v in c))
         m = module.begin.py_func(x, u, p, self.buffers())
-        outputs = np.empty((len(self.composed.block.outputs), inputs.shape[1] + 1))
+        outputs = np.empty((len(self.outputs), inputs.shape[1] + 1))
         outputs[:, 0] = module.output.py_func(x, u, m, p)
         with uninterrupted():
             module.run(x, m, p, c, inputs, outputs)

@@ -1,5 +1,6 @@
 """``cosim diagnose``: names what the simulation gets wrong in a log, extends the model and measures the gain."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -43,21 +44,32 @@ def diagnose(
             "--calibrate", help="Fit the nominal parameters freely: only missing structure is a cause."
         ),
     ] = False,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            help="Time it may take, such as 60s: searches end with the best so far, and what was not tried is said "
+            "[default: as long as it takes]."
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
     from cosim.console import emit_json, warn
+    from cosim.diagnosis.budget import parse_budget
     from cosim.diagnosis.present import diagnose_into, show
     from cosim.logs import load_log, load_tracker
 
+    seconds = parse_budget(budget) if budget is not None else math.inf
     loaded = [load_log(file, mapping) for file in log]
     tracker = load_tracker(external) if external is not None else None
     others = [load_log(file, mapping) for file in held_out or ()]
     for file, read in zip([*log, *(held_out or ())], [*loaded, *others], strict=True):
         for warning in read.warnings:
             warn(f"{file}: {warning}" if file is not log[0] or len(log) > 1 else warning)
-    result = diagnose_into(out, loaded, tracker, model, tolerance, calibrate, mapping, others or None)
+    result = diagnose_into(
+        out, loaded, tracker, model, tolerance, calibrate, mapping, others or None, seconds
+    )
     if as_json:
         emit_json(result.model_dump())
     else:

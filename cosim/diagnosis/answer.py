@@ -80,7 +80,7 @@ def answer(
         isolability=[Separable(residual=list(where), effects=list(names)) for where, names in apart.classes],
         helpful_signals=apart.advice,
         nominal=nominal(diagnosis),
-        warnings=[*said, *notes(diagnosis, logs), *limits(diagnosis, logs)],
+        warnings=[*said, *notes(diagnosis, logs), *limits(diagnosis, logs), *diagnosis.budget.warnings],
         held_out=held_out(diagnosis),
         held_out_from=held_from(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],

@@ -19,6 +19,7 @@ from cosim.inference.pieces import by_piece, slope
 Array = NDArray[np.float64]
 
 ABSURD = 1e9  # SI; stands for a residual that is no number
+STEP = 2e-3  # of a scale, over which slopes are differenced
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,11 @@ class Task:
 
 
 def fit(
-    task: Task, unknowns: list[Unknown], fixed: Mapping[str, float] | None = None, rounds: int = 12
+    task: Task,
+    unknowns: list[Unknown],
+    fixed: Mapping[str, float] | None = None,
+    rounds: int = 12,
+    quick: bool = False,
 ) -> Fit:
     """Maximum a posteriori estimate from the unknowns' starts, with intervals from the curvature.
 
@@ -196,6 +201,8 @@ def fit(
         unknowns: what to estimate.
         fixed: other parameters that differ from nominal, SI.
         rounds: iterations at most.
+        quick: the slopes are differenced once and then follow from what each iteration shows (Broyden 1965): enough to see
+            whether a set is worth a fit. Such a fit never counts as settled.
     """
     base = dict(fixed or {})
     names = [u.name for u in unknowns]
@@ -214,6 +221,9 @@ def fit(
     def slopes(z: Array) -> Array:
         return jacobian(cost, z, low, high)
 
+    if quick:
+        follower = Follower(cost, low, high)
+        cost, slopes = follower.cost, follower.slopes
     z0 = polar.sought(start)
     if not unknowns:
         residuals, stepped = task.kept(base)
@@ -221,7 +231,43 @@ def fit(
         reached = -0.5 * float(white @ white)
         return Fit({}, {}, reached, white.size, residuals, np.empty((0, 0)), predicted=stepped)
     found = searched(cost, slopes, z0, (low, high), rounds)
-    return summarised(task, names, base, polar, found, (low, high), len(priors))
+    fitted = summarised(task, names, base, polar, found, (low, high), len(priors))
+    return replace(fitted, settled=False) if quick else fitted
+
+
+class Follower:
+    """A cost whose slopes are differenced once, on one side, and then corrected by what each iteration shows.
+
+    Broyden, A class of methods for solving nonlinear simultaneous equations, Math. Comp. 19 (1965).
+    """
+
+    def __init__(self, cost: Callable[[Array], Array], low: Array, high: Array) -> None:
+        self._cost, self._low, self._high = cost, low, high
+        self._known: dict[bytes, Array] = {}
+        self._last: tuple[Array, Array, Array] | None = None  # where, cost there, slopes
+
+    def cost(self, z: Array) -> Array:
+        """(rows,) the cost, remembered."""
+        found = self._cost(z)
+        self._known[z.tobytes()] = found
+        return found
+
+    def slopes(self, z: Array) -> Array:
+        """(rows, unknowns) slopes at a point."""
+        here = self._known.get(z.tobytes())
+        if here is None:  # moved by rounding onto a bound
+            here = self._cost(z)
+        if self._last is None:
+            found = one_sided(self._cost, z, here, self._low, self._high)
+        else:
+            before, there, found = self._last
+            moved = z - before
+            if length := float(moved @ moved):
+                found = found + np.outer(here - there - found @ moved, moved / length)
+        self._known.clear()
+        self._known[z.tobytes()] = here
+        self._last = (z.copy(), here, found)
+        return found
 
 
 def searched(
@@ -289,7 +335,17 @@ def summarised(
     )
 
 
-def jacobian(cost: Callable[[Array], Array], z: Array, low: Array, high: Array, step: float = 2e-3) -> Array:
+def one_sided(cost: Callable[[Array], Array], z: Array, here: Array, low: Array, high: Array) -> Array:
+    """Differences to one side, that with more room, in units of each unknown's scale; `here` is the cost at `z`."""
+    columns = []
+    for i in range(z.size):
+        other = z.copy()
+        other[i] = min(z[i] + STEP, high[i]) if high[i] - z[i] >= z[i] - low[i] else max(z[i] - STEP, low[i])
+        columns.append((cost(other) - here) / (other[i] - z[i]))
+    return np.stack(columns, axis=1)
+
+
+def jacobian(cost: Callable[[Array], Array], z: Array, low: Array, high: Array, step: float = STEP) -> Array:
     """Central differences in units of each unknown's scale, one-sided at a bound.
 
     The step is a fraction of a typical change, not of rounding: friction and play make the cost jagged at small scale.

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.between import Between
+from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.floors import floor_of
@@ -76,6 +77,7 @@ class Diagnosis:
         failed: group -> why it could not be judged although its signals were measured.
         notes: what else failed by itself and is missing.
         stage: the stage that runs, or in which it was interrupted; empty when all is done.
+        budget: the time allowed, and what was not tried because it was over.
     """
 
     verdict: str
@@ -109,6 +111,7 @@ class Diagnosis:
     failed: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     stage: str = ""
+    budget: Budget = field(default_factory=Budget)
 
     @property
     def model(self) -> str:

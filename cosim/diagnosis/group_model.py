@@ -54,6 +54,7 @@ class GroupModel:
         self.fixed = COMPONENT_VALUES | (fixed or {})
         self.stages = [(c, compiled_stage(c, b)) for c, b in group.stages]
         self.kept: dict[int, tuple[tuple[float, ...], Array]] = {}
+        self.driving: Array | None = None  # the drive at the steps
         self.parts: list[GroupModel] = []
         if isinstance(grid, Pieces):
             drives = np.split(self.drive, grid.cuts)
@@ -78,7 +79,19 @@ class GroupModel:
 
     def copy(self) -> "GroupModel":
         """The same with runs of its own to remember, for another thread."""
-        return GroupModel(self.group, self.drive, self.h, self.fixed, self.grid)
+        made = GroupModel(self.group, self.drive, self.h, self.fixed, self.grid)
+        made.driving = self.driving
+        return made
+
+    def in_steps(self, grid: Grid) -> "GroupModel":
+        """The same, simulated in other steps."""
+        return GroupModel(self.group, self.drive, self.h, self.fixed, grid)
+
+    @property
+    def stamps(self) -> Array:
+        """(n,) times of the samples, s, from zero."""
+        even: Array = np.arange(self.drive.size, dtype=np.float64) * self.h
+        return even if self.grid is None else self.grid.stamps
 
     def declared(self, name: str) -> Variable:
         """Declaration of ``component.parameter``."""
@@ -113,7 +126,7 @@ class GroupModel:
         signal = self.fed(settings)
         h = self.h
         if isinstance(self.grid, Grid):
-            signal, h = self.grid.driven(signal, self.group.held), self.grid.step
+            signal, h = self.stepped(signal), self.grid.step
         changed = False
         outputs = np.empty((0, 0))
         for i, (component, block) in enumerate(self.stages):
@@ -134,6 +147,16 @@ class GroupModel:
                     self.kept[i] = (key, outputs)
             signal = outputs[0]
         return self.observed(outputs)
+
+    def stepped(self, signal: Array) -> Array:
+        """The drive at the steps of the grid; the measured one is the same in every run."""
+        if not isinstance(self.grid, Grid):
+            return signal
+        if signal is not self.drive:
+            return self.grid.driven(signal, self.group.held)
+        if self.driving is None:
+            self.driving = self.grid.driven(signal, self.group.held)
+        return self.driving
 
     @property
     def cuts(self) -> tuple[int, ...]:
@@ -161,7 +184,7 @@ class GroupModel:
             return np.concatenate(found) if found else None
         self.simulate(values)
         for i, (name, block) in enumerate(self.stages):
-            outputs = list(block.composed.outputs)
+            outputs = block.outputs
             if name == component and signal in outputs and i in self.kept:
                 return np.asarray(self.kept[i][1][outputs.index(signal)])
         return None
@@ -183,7 +206,7 @@ class GroupModel:
 
     def observed(self, outputs: Array) -> dict[str, Array]:
         """Measured signals from the outputs of the last stage."""
-        names = list(self.stages[-1][1].composed.outputs)
+        names = self.stages[-1][1].outputs
         row = dict(zip(names, outputs, strict=True))
         parts = dict(self.group.parts)
         found = {}

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.diagnosis.bounds import impossible
+from cosim.diagnosis.budget import current
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, lacking, learn_noise, leftovers, relearned
 from cosim.diagnosis.fit import Fit, Task
@@ -13,6 +14,7 @@ from cosim.diagnosis.grid import Pieces
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import PERIODS, Event, apart, burst, line
 from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.pace import in_own_steps, paced
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
@@ -83,15 +85,17 @@ def find(
     unless other data will judge them (`within` is False). A search may begin with a set of effects that is known to hold.
     """
     candidates = candidates_of(task)
-    null = nominal(task, record, tolerance)
+    null, exact = nominal(task, record, tolerance), task.model
+    paced(task, exact, null.fit, candidates, tolerance)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
     chosen = best_single(task, null, single, tolerance) if most else null
     if begin is not None:
         chosen = tried(task, begin.effects, tolerance, begin.fit)
     for _ in range(2 * most):
-        if not chosen.effects:
+        if not chosen.effects or current().over:
             break
         if relearned(task, record, chosen.fit):
+            paced(task, exact, chosen.fit, candidates, tolerance)
             null = tried(task, (), tolerance, null.fit)
             single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit, single)
             chosen = fitted_again(task, null, chosen, single, candidates, tolerance)
@@ -100,6 +104,7 @@ def find(
         if more is None:
             break
         chosen = more
+    null, chosen, single = in_own_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
     single = in_same_form(task, chosen, single, tolerance)
     chosen = confirmed(task, chosen, null, tolerance)
@@ -254,7 +259,7 @@ def with_marks(trial: Trial, seen: list[Mark]) -> Trial:
 
 def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial:
     """Exchange or drop single effects of a set of two or more while that pays."""
-    while len(chosen.effects) > 1:
+    while len(chosen.effects) > 1 and not current().over:
         sets: list[tuple[Effect, ...]] = []
         for out in chosen.effects:
             kept = tuple(e for e in chosen.effects if e != out)
@@ -263,7 +268,7 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
             # in the place of the one left out another must make up for what that one explains
             needed = chosen.fit.log_likelihood - fewer.fit.log_likelihood
             sets += [kept, *((*kept, e) for e in promising(task, fewer, free, tolerance, needed))]
-        best = tried_all(task, sets, tolerance, chosen.fit)[0]
+        best = next(iter(tried_all(task, sets, tolerance, chosen.fit)), chosen)
         dropped = len(best.effects) < len(chosen.effects)
         if best.score > chosen.score + (-SURE if dropped else 1.0):
             chosen = best

@@ -1,5 +1,6 @@
 """The diagnosis handed to people and programs: what is said up front, files written, and the answer in the terminal."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from cosim.console import stderr_console, stdout_console, table, warn
 from cosim.diagnosis.answer import answer
+from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.experiment import Proposal, proposal_for, write_command
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.isolability import isolability
@@ -48,6 +50,7 @@ def diagnose_into(
     calibrate: bool,
     mapping: Path | None = None,
     held_out: Log | Sequence[Log] | None = None,
+    budget: float = math.inf,
 ) -> Answer:
     """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
 
@@ -62,10 +65,12 @@ def diagnose_into(
         calibrate: fit them freely.
         mapping: the mapping file with which the log was read.
         held_out: another log of the machine, or several, on which gains are measured.
+        budget: time it may take, s; what was not tried is said on stderr and among the warnings.
 
     Raises:
         CosimError: as `cosim.diagnosis.story.diagnose`.
     """
+    allowed = Budget(budget)
     logs = listed(log)
     machine = machine_of(asked, logs[0], mapping)
     announce(logs, tracker, machine)
@@ -86,7 +91,10 @@ def diagnose_into(
                 calibrate=calibrate,
                 folder=folder,
                 watch=watch,
+                budget=allowed,
             )
+            for warning in allowed.warnings:
+                warn(warning)
             return delivered(found, logs, folder, watch)
         except Interrupted as stop:
             watch.close()

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from cosim.diagnosis.budget import current
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.trials import SURE, Trial, copied, unknowns
 from fmus.contract import Effect
@@ -41,6 +42,9 @@ def promising(
         return pointed(copied(task), base, {u.name: starts[u.name] for u in wanted if u.name in starts})
 
     listed = list(candidates)
+    if listed and current().over:
+        current().leave_out(task.model.group.name, "a further cause")
+        return []
     with ThreadPoolExecutor(2) as pool:
         gains = dict(zip((e.name for e in listed), pool.map(gain, listed), strict=True))
     listed.sort(key=lambda e: -gains[e.name])

@@ -41,6 +41,7 @@ def fit_from_starts(
     rounds: int = 12,
     size: Size | None = None,
     slopes: Array | None = None,
+    quick: bool = False,
 ) -> Fit:
     """Best of the fits that begin at the `keep` most promising combinations of the starts.
 
@@ -55,6 +56,7 @@ def fit_from_starts(
         rounds: iterations at most of each fit.
         size: what is sought begins, too, with the size that explains most.
         slopes: (rows, k) of the fit without the effect: what its own parameters can take up is not the effect's.
+        quick: as `fit` takes it.
     """
     bent = {u.name: u.prior[0] for u in unknowns if u.prior and abs(u.start - u.prior[0]) > BENT * u.prior[1]}
     hidden = None if size is None or slopes is None else np.linalg.qr(slopes)[0]
@@ -79,7 +81,7 @@ def fit_from_starts(
     # the best of either kind: what bends a parameter is worth nothing at its prior until its size is right to the last digit
     best = (sorted(trials, key=lambda trial: trial[:2])[: max(1, keep // len(kinds))] for trials in kinds)
     begun = [placed(unknowns, values) for *_, values in itertools.chain.from_iterable(best)]
-    found = [fit(task, one, rounds=rounds) for one in begun]
+    found = [fit(task, one, rounds=rounds, quick=quick) for one in begun]
     return max(found, key=lambda one: one.log_likelihood)
 
 

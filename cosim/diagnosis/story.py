@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from cosim.diagnosis.budget import NAMED, SEARCHED, Budget, current
+from cosim.diagnosis.budget import within as within_budget
 from cosim.diagnosis.carried import carried
 from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record, joined
@@ -89,14 +91,16 @@ def judge(
     """
     known: list[Known] = []
     errors: list[Exception] = []
-    for group in found.groups:
+    for k, group in enumerate(found.groups):
+        shares = [SEARCHED * (k + part) / len(found.groups) for part in (NAMED if found.held else 1.0, 1.0)]
+        current().allow(shares[0])
         missing = [s for s in (group.drive, *group.observed[:1]) if s not in found.record.signals]
         if missing:
             found.unjudged[group.name] = missing
             known = []
             continue
         try:
-            known = judged(found, group, known, trust, constants, watch)
+            known = judged(found, group, known, trust, constants, watch, shares[1])
         except Exception as error:  # the other groups stand
             errors.append(error)
             found.failed[group.name] = failure(f"judging {group.name}", error)
@@ -112,6 +116,7 @@ def judged(
     trust: float,
     constants: Mapping[str, float] | None,
     watch: Watch | None,
+    share: float = 1.0,
 ) -> list[Known]:
     """Judge one group; what is known afterwards of the blocks before the next one.
 
@@ -122,12 +127,14 @@ def judged(
         trust: relative standard deviation of the nominal parameters.
         constants: ``component.parameter`` -> SI that is known already.
         watch: told about it.
+        share: of the budget, until which what was named may be tried on held-out data.
     """
     record, held, most = found.record, found.held, found.machine.options.causes
     enter(found, watch, group.name, f"{group.name}: {len(group.effects())} candidates")
     # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
     driving = known if group.integrates else []
     finding = searched(found, group, trust, constants, driving, most, within=held is None)
+    current().allow(share)
     if held is not None:
         finding = borne_out(found, group, finding, held, driving, trust, constants, watch)
     beaten_by_linear(finding, record, held)
@@ -154,6 +161,9 @@ def borne_out(
     """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
     most = found.machine.options.causes
     for left in reversed(range(SEARCHES)):
+        if current().over and finding.chosen.effects:
+            current().leave_out(group.name, "its causes on the held-out data")
+            return finding
         count = len(finding.chosen.effects)
         enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
         turned_down, kept = refuse(finding, held, trust)
@@ -162,6 +172,9 @@ def borne_out(
             break
         group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
         begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
+        if left and current().over:
+            current().leave_out(group.name, "another search without what held-out data refused")
+            left = 0
         if not left:  # no more is looked for: what is kept stands
             finding.accept(begin or finding.null, found.record)
             finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), trust)
@@ -289,6 +302,7 @@ def diagnose(
     calibrate: bool = False,
     folder: Path | None = None,
     watch: Watch | None = None,
+    budget: Budget | None = None,
 ) -> Diagnosis:
     """Compare a log with a model, name what the model gets wrong, extend it and measure the gain.
 
@@ -305,6 +319,7 @@ def diagnose(
         calibrate: fit the nominal parameters freely, so that only missing structure is a cause.
         folder: where the extended packages go; without one they are not written and the FMUs are not run.
         watch: told about each stage.
+        budget: the time it may take; searches then end with the best so far. Unlimited by default.
 
     Raises:
         UsageError: an unknown model, or what only one log can have together with several.
@@ -340,10 +355,10 @@ def diagnose(
         found.verdict = "implausible_data"
         found.before = by_twin(found, record, machine.base)
         return found
-    watch = watch or Watch()
+    watch, found.budget = watch or Watch(), budget or Budget()
     try:
         # small matrices: more threads only wait for one another
-        with threadpool_limits(1), watched_by(watch):
+        with threadpool_limits(1), watched_by(watch), within_budget(found.budget):
             stages(found, logs, parts, tracker, trust, folder, watch)
     except KeyboardInterrupt:
         raise Interrupted(found) from None
@@ -381,6 +396,7 @@ def stages(
         raise DataError(f"{logs[0].source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
     concluded(found)
+    current().allow(1.0)
     enter(found, watch, "extended", "extended model")
     with part_of(found.notes, "the fit of all blocks together"):
         estimate(found, found.groups, trust, constants)

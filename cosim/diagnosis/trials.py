@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cosim.diagnosis.budget import current
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.limits import out_of_reach, reached
@@ -16,7 +17,7 @@ from fmus import registry
 from fmus.contract import Effect, Variable
 
 SMALL = 0.05  # of an effect's typical size: the smallest start
-FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
+FIRST_ROUNDS = 6  # of a quick fit, before those that lag far behind are given up
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
@@ -129,9 +130,14 @@ def anchored(wanted: list[Unknown], values: Mapping[str, float]) -> list[Unknown
 
 
 def tried(
-    task: Task, effects: tuple[Effect, ...], tolerance: float, near: Fit | None = None, rounds: int = 12
+    task: Task,
+    effects: tuple[Effect, ...],
+    tolerance: float,
+    near: Fit | None = None,
+    rounds: int = 12,
+    quick: bool = False,
 ) -> Trial:
-    """Fit a set of effects; parameters that `near` has already estimated begin there."""
+    """Fit a set of effects, quickly if so wanted (see `fit`); parameters that `near` has already estimated begin there."""
     wanted, starts = unknowns(task.model, effects, tolerance)
     rough = tolerance > 1.0  # what such a model predicts between its blocks says nothing
     for name, extremes in reached(task, effects, None if rough else near.values if near else {}).items():
@@ -143,10 +149,10 @@ def tried(
         wanted = placed(wanted, near.values)
     price = price_of(task, wanted, tolerance)
     if not starts:
-        return Trial(effects, fit(task, wanted, rounds=rounds), price)
+        return Trial(effects, fit(task, wanted, rounds=rounds, quick=quick), price)
     slopes = None if near is None else near.slopes
     size = sought(task.model, effects, starts)
-    found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes)
+    found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick)
     return Trial(effects, out_of_reach(task, effects, found, not rough), price)
 
 
@@ -199,7 +205,8 @@ def tried_all(
 ) -> list[Trial]:
     """Fit many sets, on both cores: the compiled simulation lets go of the interpreter. Best first.
 
-    All get a few rounds; only those that may still win are fitted to the end.
+    All get a few quick rounds; only those that may still win are fitted to the end. When the time is over, what has not
+    begun is left out.
 
     Args:
         task: data, model and noise.
@@ -209,23 +216,29 @@ def tried_all(
         begun: earlier trials of the same sets, under other noise: their estimates are where these begin.
     """
     started = {t.names: t.fit for t in begun}
+    budget, group = current(), task.model.group.name  # threads of a pool do not see the budget
 
-    def first(effects: tuple[Effect, ...]) -> Trial:
-        return tried(copied(task), effects, tolerance, started.get(sorted_names(effects), near), FIRST_ROUNDS)
+    def first(effects: tuple[Effect, ...]) -> Trial | None:
+        if budget.over:
+            budget.leave_out(group, effects[0].name if len(effects) == 1 else "a set of causes")
+            return None
+        begin = started.get(sorted_names(effects), near)
+        return tried(copied(task), effects, tolerance, begin, FIRST_ROUNDS, quick=True)
 
     def further(trial: Trial) -> Trial:
         reach = max(best - max(LAGGING, 0.5 * (best - base)), base - 3.0)
-        if trial.fit.settled or trial.fit.log_likelihood <= reach:
+        if trial.fit.settled or trial.fit.log_likelihood <= reach or budget.over:
             return trial
         return tried(copied(task), trial.effects, tolerance, trial.fit)
 
     def led(trial: Trial) -> Trial:
-        other = led_on(trial, trials)
+        other = None if budget.over else led_on(trial, trials)
         redone = other and tried(copied(task), trial.effects, tolerance, other.fit)
         return max(trial, redone or trial, key=lambda t: t.score)
 
     with ThreadPoolExecutor(2) as pool:
-        trials = list(counted(pool.map(first, sets), len(sets)))
+        begun_now = counted(pool.map(first, sets), len(sets))
+        trials = [trial for trial in begun_now if trial is not None]
         if not trials:
             return []
         base = near.log_likelihood if near is not None else min(t.fit.log_likelihood for t in trials)
@@ -263,7 +276,7 @@ def led_on(trial: Trial, others: list[Trial]) -> Trial | None:
 def polished(task: Task, trial: Trial, tolerance: float) -> Trial:
     """The trial fitted on until it settles or gains no more."""
     for _ in range(4):
-        if trial.fit.settled:
+        if trial.fit.settled or current().over:
             break
         further = tried(task, trial.effects, tolerance, trial.fit)
         if further.score < trial.score + 0.1:

@@ -1,0 +1,81 @@
+"""The time a diagnosis may take: searches end in time with the best so far; what was not tried is kept for the answer."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+from cosim.errors import UsageError
+from cosim.units import parse_quantity
+
+SEARCHED = 0.7  # of the time: what naming causes may take, the rest is for the extended model, its gain and the report
+NAMED = 0.7  # of a group's time: what naming may take of it, the rest is for other data that judge the names
+
+
+class Budget:
+    """A span of time, and what was left out because it was over. Not limited unless a span is given.
+
+    Args:
+        seconds: the span, s.
+        clock: tells the time, s.
+    """
+
+    def __init__(self, seconds: float = math.inf, clock: Callable[[], float] = time.monotonic) -> None:
+        self.seconds = seconds
+        self._clock, self._begin = clock, clock()
+        self._until = math.inf
+        self._left_out: dict[str, dict[str, int]] = {}
+
+    def allow(self, share: float) -> None:
+        """What follows may take until this share of the whole span is gone."""
+        self._until = self._begin + share * self.seconds
+
+    @property
+    def over(self) -> bool:
+        """True if the stage that runs must end."""
+        return self._clock() >= self._until
+
+    def leave_out(self, group: str, what: str) -> None:
+        """Something is not tried in a group."""
+        kept = self._left_out.setdefault(group, {})
+        kept[what] = kept.get(what, 0) + 1
+
+    @property
+    def warnings(self) -> list[str]:
+        """What was not tried, a sentence a group."""
+        return [
+            f"{group}: the time allowed ({self.seconds:g} s) was over; not tried: "
+            + ", ".join(what if count == 1 else f"{what} ({count} of them)" for what, count in kept.items())
+            for group, kept in self._left_out.items()
+        ]
+
+
+def parse_budget(text: str) -> float:
+    """Seconds of a span of time with its unit, such as "60 s".
+
+    Raises:
+        UsageError: no time, or none that is positive.
+    """
+    seconds = parse_quantity(text, "s")
+    if not seconds > 0.0:
+        raise UsageError(f"--budget {text}: a budget must be a positive time, such as 60s")
+    return seconds
+
+
+_BUDGET: ContextVar[Budget | None] = ContextVar("budget", default=None)
+
+
+def current() -> Budget:
+    """The budget of the diagnosis that runs. Threads of a pool do not see it: ask before they start."""
+    return _BUDGET.get() or Budget()
+
+
+@contextmanager
+def within(budget: Budget) -> Iterator[None]:
+    """Within this context `current` is this budget."""
+    token = _BUDGET.set(budget)
+    try:
+        yield
+    finally:
+        _BUDGET.reset(token)
