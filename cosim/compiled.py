@@ -13,15 +13,14 @@ import re
 import sys
 from collections.abc import Mapping
 from functools import cache, cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from platformdirs import user_cache_path
 
 from cosim.errors import ModelError
 from cosim.interrupts import uninterrupted
+from cosim.paths import cache_folder
 from fmus import registry
 from fmus.compose import Composed, compose
 from fmus.contract import Buffer, Effect
@@ -93,11 +92,6 @@ def short_functions(composed: Composed) -> set[str]:
     reached: list[ast.FunctionDef] = []
     collect(functions["advance"], functions, reached)
     return set(functions) - looped if looped & {f.name for f in reached} else set()
-
-
-def cache_folder() -> Path:
-    """Folder of generated modules and their compiled code: COSIM_CACHE, or the user's cache folder."""
-    return Path(os.environ.get("COSIM_CACHE") or user_cache_path("slew-cosim"))
 
 
 def load_compiled(composed: Composed) -> Any:

@@ -11,7 +11,8 @@ from cosim import console
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cosim.master import Runner
+    from cosim.errors import SimulationError
+    from cosim.master import Limits, Runner
     from cosim.results import Result
 
 DEFAULT_STOP, DEFAULT_STEP = 10.0, 1e-3  # [s], where neither option nor model says
@@ -49,6 +50,18 @@ PartialStep = Annotated[
 Native = Annotated[
     bool, typer.Option("--native", help="Run C twins of our FMUs, many times as fast; needs a C compiler.")
 ]
+Stall = Annotated[
+    str | None,
+    typer.Option(
+        help="Longest time for one call of an FMU that is not ours, such as '5 min' (default: COSIM_STALL or 60 s)."
+    ),
+]
+Memory = Annotated[
+    str | None,
+    typer.Option(
+        help="Memory for FMUs that are not ours, such as '8 GiB' (default: COSIM_MEMORY in MiB, or 4 GiB)."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
@@ -71,10 +84,12 @@ def simulate(
     si: Si = False,
     partial_step: PartialStep = False,
     native: Native = False,
+    stall: Stall = None,
+    memory: Memory = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a system of FMUs: components in wiring order, each step with the values its sources just computed."""
-    from cosim.errors import UsageError
+    from cosim.errors import SimulationError, UsageError
     from cosim.master import Runner
     from cosim.request import model_path, parameters, read_inputs, seconds
     from cosim.results import check_suffix
@@ -85,7 +100,7 @@ def simulate(
         raise UsageError("--mapping says how to read a log, so it needs --input")
     with (
         native_or_not(model_path(model, with_input=played is not None), native) as path,
-        Runner(path) as runner,
+        Runner(path, limits=_limits(stall, memory)) as runner,
     ):
         system = runner.system
         step = seconds(step_size, "--step-size") if step_size else system.step_size or DEFAULT_STEP
@@ -99,12 +114,58 @@ def simulate(
         if played is not None:
             options["inputs"], options["start_time"], stop = read_inputs(played, mapping, system, step)
         stop = seconds(stop_time, "--stop-time") if stop_time else stop
-        result = _run(runner, stop, step, estimate_error, options)
+        try:
+            result = _run(runner, stop, step, estimate_error, options)
+        except SimulationError as error:
+            if error.partial is not None:
+                _leave(error.partial, error, out, si, as_json)
+            raise
     for note in [*result.notes, *result.messages]:
         console.warn(note)
     if out is not None:
         result.write(out, display=not si)
     _show(result, out, si, as_json)
+
+
+def _limits(stall: str | None, memory: str | None) -> "Limits":
+    """Limits of FMUs that are not ours.
+
+    Raises:
+        UsageError: one is no time or no size, or makes no sense.
+    """
+    import re
+    from dataclasses import replace
+
+    from cosim.errors import UsageError
+    from cosim.master import Limits
+    from cosim.request import seconds
+
+    limits = Limits.usual()
+    if stall is not None:
+        limits = replace(limits, stall=seconds(stall, "--stall"))
+    if memory is not None:
+        found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([MG])i?B\s*", memory)
+        if found is None:
+            raise UsageError(f"--memory '{memory}' is no size: write it like '500 MiB' or '8 GiB'")
+        limits = replace(limits, memory=float(found[1]) * (1024.0 if found[2] == "G" else 1.0))
+    return limits
+
+
+def _leave(partial: "Result", error: "SimulationError", out: Path | None, si: bool, as_json: bool) -> None:
+    """Write what a failed simulation reached, under a name that no complete result has."""
+    written = None
+    if out is not None:
+        written = partial.write(out.with_name(f"{out.stem}.partial{out.suffix}"), display=not si)
+        console.warn(f"incomplete, up to t = {partial.time[-1]:.9g} s, written: {written}")
+    if as_json:
+        facts = {
+            "complete": False,
+            "start_time": partial.time[0],
+            "stop_time": partial.time[-1],
+            "steps": len(partial.time) - 1,
+            "path": written,
+        }
+        console.emit_json({"error": str(error), "exit_code": error.exit_code, "partial": facts})
 
 
 @contextmanager
