@@ -11,7 +11,6 @@ from cosim import console
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cosim.errors import SimulationError
     from cosim.master import Limits, Runner
     from cosim.results import Result
 
@@ -89,7 +88,7 @@ def simulate(
     as_json: AsJson = False,
 ) -> None:
     """Simulate a system of FMUs: components in wiring order, each step with the values its sources just computed."""
-    from cosim.errors import SimulationError, UsageError
+    from cosim.errors import UsageError
     from cosim.master import Runner
     from cosim.request import model_path, parameters, read_inputs, seconds
     from cosim.results import check_suffix
@@ -114,12 +113,8 @@ def simulate(
         if played is not None:
             options["inputs"], options["start_time"], stop = read_inputs(played, mapping, system, step)
         stop = seconds(stop_time, "--stop-time") if stop_time else stop
-        try:
+        with _leaving(out, si, as_json):
             result = _run(runner, stop, step, estimate_error, options)
-        except SimulationError as error:
-            if error.partial is not None:
-                _leave(error.partial, error, out, si, as_json)
-            raise
     for note in [*result.notes, *result.messages]:
         console.warn(note)
     if out is not None:
@@ -151,21 +146,30 @@ def _limits(stall: str | None, memory: str | None) -> "Limits":
     return limits
 
 
-def _leave(partial: "Result", error: "SimulationError", out: Path | None, si: bool, as_json: bool) -> None:
-    """Write what a failed simulation reached, under a name that no complete result has."""
-    written = None
-    if out is not None:
-        written = partial.write(out.with_name(f"{out.stem}.partial{out.suffix}"), display=not si)
-        console.warn(f"incomplete, up to t = {partial.time[-1]:.9g} s, written: {written}")
-    if as_json:
-        facts = {
-            "complete": False,
-            "start_time": partial.time[0],
-            "stop_time": partial.time[-1],
-            "steps": len(partial.time) - 1,
-            "path": written,
-        }
-        console.emit_json({"error": str(error), "exit_code": error.exit_code, "partial": facts})
+@contextmanager
+def _leaving(out: Path | None, si: bool, as_json: bool) -> "Iterator[None]":
+    """Write what a simulation reached that fails, under a name that no complete result has."""
+    from cosim.errors import SimulationError
+
+    try:
+        yield
+    except SimulationError as error:
+        partial, written = error.partial, None
+        if partial is None:
+            raise
+        if out is not None:
+            written = partial.write(out.with_name(f"{out.stem}.partial{out.suffix}"), display=not si)
+            console.warn(f"incomplete, up to t = {partial.time[-1]:.9g} s, written: {written}")
+        if as_json:
+            facts = {
+                "complete": False,
+                "start_time": partial.time[0],
+                "stop_time": partial.time[-1],
+                "steps": len(partial.time) - 1,
+                "path": written,
+            }
+            console.emit_json({"error": str(error), "exit_code": error.exit_code, "partial": facts})
+        raise
 
 
 @contextmanager

@@ -34,6 +34,7 @@ from cosim.master import marks
 from cosim.master.child import MARKS, ROWS, send
 from cosim.master.engine import pieces
 from cosim.master.host import Progress, Task
+from cosim.master.instance import search_path
 from cosim.master.limits import Limits
 from cosim.ssp.system import System
 
@@ -41,6 +42,7 @@ Array = NDArray[np.float64]
 POLL = 0.05  # s between looks at a child
 OWN_TIME = 300.0  # s that the child's own code may take: imports and compiling, on a machine with other work
 END = 5.0  # s for FMUs to be freed
+ROOM = 1 << 30  # bytes; a piece of a thousand signals has 0.8 GB
 LONGEST = 1 << 22  # bytes of an answer
 START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -76,7 +78,9 @@ class Apart:
         self._order: tuple[str, ...] = ()
         self._first = 0
         self._base = 0
-        self._folder = tempfile.TemporaryDirectory(prefix="cosim_run_", ignore_cleanup_errors=True)
+        self._folder = tempfile.TemporaryDirectory(
+            prefix="cosim_run_", dir=_shared_memory(), ignore_cleanup_errors=True
+        )
         try:
             self._start()
         except BaseException:
@@ -149,7 +153,7 @@ class Apart:
             sys.executable,
             "-c",
             START,
-            json.dumps(sys.path),
+            json.dumps(search_path()),
             str(os.getpid()),
             str(self.limits.memory),
         ]
@@ -279,11 +283,12 @@ class Apart:
         longest = max(stop - start + 1 for start, stop in pieces(task.whole, len(task.grid)))
         size = 8 * longest * len(task.plan.places())
         file = Path(self._folder.name, ROWS)
-        with file.open("wb") as stream:
+        if not file.exists() or file.stat().st_size != size:
             free = shutil.disk_usage(self._folder.name).free
             if size > free:
                 raise SimulationError(f"{self._folder.name} has no room for {size / 1e6:.3g} MB of results")
-            stream.truncate(size)
+            with file.open("wb") as stream:
+                stream.truncate(size)
         series = task.plan.n_series * longest * 8
         self._allow(1 + 2 * size + 4 * (series + task.grid.nbytes))
         return file
@@ -302,6 +307,14 @@ class Apart:
             rows = np.array(np.memmap(file, dtype=np.float64, mode="r", shape=shape)[:, :count]).T
         points = task.sampler.points(start, start + count - 1)
         return start + new, points[new:], rows[new:]
+
+
+def _shared_memory() -> str | None:
+    """A folder in memory with room enough for what is recorded, or None for the usual one."""
+    folder = Path("/dev/shm")
+    if os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > ROOM:
+        return str(folder)
+    return None
 
 
 class _DeathError(Exception):

@@ -313,6 +313,12 @@ def _keep_module(fmu: Fmu) -> None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(module.__dict__))
 
 
+def search_path() -> list[str]:
+    """Python's search path without what FMUs of this process added to it."""
+    added = {str(folder / "resources") for folder in _folders}
+    return [entry for entry in sys.path if entry not in added]
+
+
 def _forget(folder: Path) -> None:
     """Take an FMU's folder off Python's search path with its last instance; pythonfmu 0.7.0 adds it for each."""
     _folders[folder] -= 1

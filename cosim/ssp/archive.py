@@ -15,6 +15,11 @@ LARGEST = 4 << 30  # bytes, unpacked: far above any FMU met in practice
 SUSPICIOUS_SIZE = 64 << 20  # below this size any ratio is harmless
 LARGEST_RATIO = 200  # deflate reaches about 10 on code and tables, 1000 on a bomb
 MOST_ENTRIES = 100_000
+DOCUMENTS = (".xml", ".ssd", ".ssv", ".ssm", ".ssb")
+LARGEST_DOCUMENT = (
+    64 << 20
+)  # a description of 100 000 variables has half of it; reading takes some 200 ns a byte
+SUSPICIOUS_DOCUMENT = 4 << 20  # from here on the ratio counts: no real description packs a hundredfold
 
 
 class Budget:
@@ -89,6 +94,13 @@ def _check_entries(archive: zipfile.ZipFile, what: str) -> None:
         if entry.filename in seen:
             raise ModelError(f"{what} has two entries named '{entry.filename}': pack it again")
         seen.add(entry.filename)
+        if entry.filename.lower().endswith(DOCUMENTS):
+            bomb = entry.file_size > max(SUSPICIOUS_DOCUMENT, LARGEST_RATIO * entry.compress_size)
+            if bomb or entry.file_size > LARGEST_DOCUMENT:
+                raise ModelError(
+                    f"{what}: '{entry.filename}' has {entry.file_size / 1e6:.3g} MB, packed "
+                    f"{entry.compress_size / 1e6:.3g} MB, which is refused: no description needs that"
+                )
 
 
 def check_name(name: str, what: str) -> None:

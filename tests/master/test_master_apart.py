@@ -126,8 +126,10 @@ def test_a_stranger_s_numbers_are_those_of_the_same_fmu_in_this_process(system: 
             assert list(one) == list(two)
             for y in one:
                 assert one[y].tobytes() == two[y].tobytes()
-    with Runner(toys.fmu("wave")) as runner:
-        assert not runner.apart  # built and written down here
+    # an FMU in this process puts its folder on the search path, which is no business of the child's
+    with Runner(toys.fmu("wave")) as here, Runner(toys.fmu("wave"), apart=True) as there:
+        assert (here.apart, there.apart) == (False, True)
+        assert here.run(1.0, 0.1)["wave.y"].tobytes() == there.run(1.0, 0.1)["wave.y"].tobytes()
 
 
 @needs_compiler
