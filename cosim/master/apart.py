@@ -22,7 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 import numpy as np
 import psutil
@@ -54,6 +54,10 @@ START = (
 def _starter() -> ThreadPoolExecutor:
     """The thread that starts children: Linux ends them with the thread that did, so it must last as long as we do."""
     return ThreadPoolExecutor(1, "cosim-children")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_starter.cache_clear)  # a fork has no such thread
 
 
 class Apart:
@@ -113,7 +117,7 @@ class Apart:
                     raise SimulationError(str(death)) from None
                 if "piece" not in answer:
                     raise _refused(answer)
-                count = min(max(int(answer["count"]) + new, 1), stop - start + 1)
+                count = min(max(_whole(answer.get("count")) + new, 1), stop - start + 1)
                 yield self._piece(task, rows, columns, start, stop, new, count)
                 self._send("next")
             try:
@@ -123,8 +127,9 @@ class Apart:
             if "done" not in answer:
                 raise _refused(answer)
             ended = True
-            self.wall_time = float(answer["wall_time"])
-            self.messages = [str(m) for m in answer["messages"]]
+            seconds, said = answer.get("wall_time"), answer.get("messages")
+            self.wall_time = seconds if isinstance(seconds, float) else 0.0
+            self.messages = [str(m) for m in said] if isinstance(said, list) else []
         except SimulationError:
             ended = True
             raise
@@ -216,8 +221,10 @@ class Apart:
                 answer = json.loads(line or b"")
             except ValueError:
                 self._die("overwrote what its process says")
+            if not isinstance(answer, dict):
+                self._die("overwrote what its process says")
             if "said" not in answer:
-                return dict(answer)
+                return answer
             self._said.append(str(answer["said"]))
 
     def _watch(self, still: float) -> None:
@@ -232,7 +239,7 @@ class Apart:
             if psutil.Process(self._process.pid).memory_info().rss > self._allowed:
                 self._die(f"took more than {self.limits.memory:g} MiB of memory (--memory, COSIM_MEMORY)")
 
-    def _die(self, why: str | None) -> None:
+    def _die(self, why: str | None) -> NoReturn:
         """End the child and say which component did what and where.
 
         Raises:
@@ -334,6 +341,11 @@ def _read(stream: IO[bytes], lines: "queue.Queue[bytes | None]") -> None:
         while (line := stream.readline(LONGEST)).endswith(b"\n"):
             lines.put(line)
     lines.put(None)
+
+
+def _whole(number: object) -> int:
+    """A whole number that a child sent; it may be anything."""
+    return number if isinstance(number, int) else 0
 
 
 def _way(code: int) -> str:
