@@ -45,7 +45,10 @@ def _emptied_fmu(content: bytes) -> bytes:
     with ZipFile(io.BytesIO(content)) as source, ZipFile(packed, "w", ZIP_DEFLATED) as copy:
         main = source.read("resources/slavemodule.txt").decode().strip()
         for name in source.namelist():
-            # the script ends within its slave's class
-            more = EMPTY.encode() if name == f"resources/{main}.py" else b""
-            copy.writestr(name, source.read(name) + more)
+            entry = source.read(name)
+            if name == f"resources/{main}.py":
+                # behind its slave's class the script only says what a second run of it finds
+                script, end, rest = entry.partition(b"\n\n\nif locals() is not globals():")
+                entry = script + EMPTY.encode() + end + rest
+            copy.writestr(name, entry)
     return packed.getvalue()

@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from platformdirs import user_cache_path
 
 from cosim.errors import ModelError
 from cosim.files import write_bytes
 from cosim.interrupts import uninterrupted
+from cosim.paths import cache_folder
 from fmus import registry
 from fmus.compose import Composed, compose
 from fmus.contract import Buffer, Effect
@@ -98,11 +98,6 @@ def short_functions(composed: Composed) -> set[str]:
     reached: list[ast.FunctionDef] = []
     collect(functions["advance"], functions, reached)
     return set(functions) - looped if looped & {f.name for f in reached} else set()
-
-
-def cache_folder() -> Path:
-    """Folder of generated modules and their compiled code: COSIM_CACHE, or the user's cache folder."""
-    return Path(os.environ.get("COSIM_CACHE") or user_cache_path("slew-cosim"))
 
 
 @cache

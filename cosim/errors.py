@@ -4,6 +4,11 @@ A message names the thing that is wrong and, where there is one, the remedy. Eve
 derives from `CosimError`; anything else that escapes is a defect of ours.
 """
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cosim.results import Result
+
 
 class CosimError(Exception):
     """Base of all errors raised on purpose."""
@@ -30,9 +35,14 @@ class ModelError(CosimError):
 
 
 class SimulationError(CosimError):
-    """A simulation failed while it ran (exit code 4)."""
+    """A simulation failed while it ran (exit code 4).
+
+    Attributes:
+        partial: the result up to there, or None if there is none.
+    """
 
     exit_code = 4
+    partial: "Result | None" = None
 
 
 class MissingExtraError(CosimError):

@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
 from cosim.errors import ModelError
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -51,6 +53,11 @@ def build_folder() -> Path:
     if named:
         return Path(named)
     return (checkout() or Path.cwd()) / "build"
+
+
+def cache_folder() -> Path:
+    """Folder of what can be made again: COSIM_CACHE, or the user's cache folder. It need not exist yet."""
+    return Path(os.environ.get("COSIM_CACHE") or user_cache_path("slew-cosim"))
 
 
 def unsafe_characters(path: Path) -> str:

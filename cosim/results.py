@@ -61,6 +61,7 @@ class Result:
         errors: estimates by `cosim.master.Runner.coupling_error`, if made.
         label: where the numbers come from: always "simulated", never to be taken for a measurement.
         wall_time: duration of the loop [s].
+        complete: False for what a simulation left that failed on its way.
     """
 
     model: str
@@ -76,6 +77,7 @@ class Result:
     errors: dict[str, ErrorEstimate] | None = None
     label: str = "simulated"
     wall_time: float = 0.0
+    complete: bool = True
 
     def __getitem__(self, name: str) -> Array:
         """A signal by its name or that of a system output.
@@ -113,7 +115,11 @@ class Result:
 
         frame = pd.DataFrame(self.columns(display))
         frame.attrs.update(
-            model=self.model, label=self.label, step_size=self.step_size, notes=list(self.notes)
+            model=self.model,
+            label=self.label,
+            step_size=self.step_size,
+            notes=list(self.notes),
+            complete=self.complete,
         )
         return frame
 
@@ -176,6 +182,7 @@ def _write_parquet(result: Result, path: Path, display: bool) -> None:
         "label": result.label,
         "step_size": result.step_size,
         "notes": result.notes,
+        "complete": result.complete,
     }
     table = pa.table(result.columns(display)).replace_schema_metadata({"cosim": json.dumps(about)})
     pyarrow.parquet.write_table(table, path, write_page_checksum=True)
@@ -194,5 +201,6 @@ def _write_mat(result: Result, path: Path, display: bool) -> None:
         "units": np.array(units, dtype=object),
         "label": result.label,
         "model": result.model,
+        "complete": result.complete,
     }
     savemat(path, content)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from lxml import etree
 
+from cosim import trust
 from cosim.errors import ModelError, UsageError
 from cosim.files import whole
 from fmus import registry
@@ -138,6 +139,7 @@ def build_fmu(
         )
         destination.parent.mkdir(parents=True, exist_ok=True)
         repack(built, destination, PICTURES / f"{composed.block.name}.png")
+    trust.remember(destination)
     return destination
 
 

@@ -1,6 +1,6 @@
 """``cosim info``: what a file holds: a log, a tracker's record, an FMU or a system."""
 
-import zipfile
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +11,8 @@ from cosim.errors import DataError, ModelError
 
 if TYPE_CHECKING:
     from cosim.logs import Log, Tracker
+
+MOST_ROWS = 2000  # of a table for a person; laying out more takes seconds
 
 
 def register(app: typer.Typer) -> None:
@@ -46,7 +48,10 @@ def info(
         if not isinstance(value, (list, dict)):
             output.print(f"{key}: {value}", soft_wrap=True, markup=False)
     if rows:
-        output.print(console.table("", list(rows[0]), [list(row.values()) for row in rows]))
+        shown = [list(row.values()) for row in rows[:MOST_ROWS]]
+        output.print(console.table("", list(rows[0]), shown))
+        if len(rows) > MOST_ROWS:
+            output.print(f"and {len(rows) - MOST_ROWS} more: see them all with --json", markup=False)
     for warning in facts.get("warnings", ()):
         console.warn(warning)
 
@@ -121,10 +126,14 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
     """
     import fmpy
 
-    try:
-        model = fmpy.read_model_description(str(path), validate=False)
-    except Exception as error:  # fmpy raises what its XML, zip and own parts raise
-        raise ModelError(f"{path}: cannot be read as an FMU: {' '.join(str(error).split())[:300]}") from None
+    from cosim.ssp.archive import open_archive, read_entry
+    from cosim.ssp.fmu import described, description_of
+
+    with open_archive(path, str(path)) as archive, tempfile.TemporaryDirectory() as folder:
+        description_of(archive, str(path))  # refuses what harms
+        text = read_entry(archive, "modelDescription.xml", str(path))
+        Path(folder, "modelDescription.xml").write_bytes(text)
+        model = described(Path(folder), str(path))
     simulation = model.coSimulation
     return {
         "file": path,
@@ -159,11 +168,10 @@ def _ssp_facts(path: Path) -> dict[str, Any]:
     Raises:
         ModelError: it is no package.
     """
-    try:
-        with zipfile.ZipFile(path) as package:
-            files = [{"file": item.filename, "bytes": item.file_size} for item in package.infolist()]
-    except (zipfile.BadZipFile, OSError) as error:
-        raise ModelError(f"{path}: cannot be read as an SSP package: {error}") from None
+    from cosim.ssp.archive import open_archive
+
+    with open_archive(path, str(path)) as package:
+        files = [{"file": item.filename, "bytes": item.file_size} for item in package.infolist()]
     if not any(item["file"] == "SystemStructure.ssd" for item in files):
         raise ModelError(f"{path}: holds no SystemStructure.ssd, so it is no SSP package")
     return {"file": path, "kind": "ssp", "files": files}

@@ -11,7 +11,7 @@ from cosim import console
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cosim.master import Runner
+    from cosim.master import Limits, Runner
     from cosim.results import Result
 
 DEFAULT_STOP, DEFAULT_STEP = 10.0, 1e-3  # [s], where neither option nor model says
@@ -51,6 +51,18 @@ PartialStep = Annotated[
 Native = Annotated[
     bool, typer.Option("--native", help="Run C twins of our FMUs, many times as fast; needs a C compiler.")
 ]
+Stall = Annotated[
+    str | None,
+    typer.Option(
+        help="Longest time for one call of an FMU that is not ours, such as '5 min' (default: COSIM_STALL or 60 s)."
+    ),
+]
+Memory = Annotated[
+    str | None,
+    typer.Option(
+        help="Memory for FMUs that are not ours, such as '8 GiB' (default: COSIM_MEMORY in MiB, or 4 GiB)."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
@@ -73,6 +85,8 @@ def simulate(
     si: Si = False,
     partial_step: PartialStep = False,
     native: Native = False,
+    stall: Stall = None,
+    memory: Memory = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a system of FMUs: components in wiring order, each step with the values its sources just computed."""
@@ -90,7 +104,7 @@ def simulate(
     mapping = mapping or (of_machine if played is not None else None)
     with (
         native_or_not(model_path(model, played is not None, log), native) as path,
-        Runner(path) as runner,
+        Runner(path, limits=_limits(stall, memory)) as runner,
     ):
         system = runner.system
         step = seconds(step_size, "--step-size") if step_size else system.step_size or DEFAULT_STEP
@@ -104,12 +118,63 @@ def simulate(
         if played is not None:
             options["inputs"], options["start_time"], stop = read_inputs(played, mapping, system, step)
         stop = seconds(stop_time, "--stop-time") if stop_time else stop
-        result = _run(runner, stop, step, estimate_error, options)
+        with _leaving(out, si, as_json):
+            result = _run(runner, stop, step, estimate_error, options)
     for note in [*result.notes, *result.messages]:
         console.warn(note)
     if out is not None:
         result.write(out, display=not si)
     _show(result, out, si, as_json)
+
+
+def _limits(stall: str | None, memory: str | None) -> "Limits":
+    """Limits of FMUs that are not ours.
+
+    Raises:
+        UsageError: one is no time or no size, or makes no sense.
+    """
+    import re
+    from dataclasses import replace
+
+    from cosim.errors import UsageError
+    from cosim.master import Limits
+    from cosim.request import seconds
+
+    limits = Limits.usual()
+    if stall is not None:
+        limits = replace(limits, stall=seconds(stall, "--stall"))
+    if memory is not None:
+        found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([MG])i?B\s*", memory)
+        if found is None:
+            raise UsageError(f"--memory '{memory}' is no size: write it like '500 MiB' or '8 GiB'")
+        limits = replace(limits, memory=float(found[1]) * (1024.0 if found[2] == "G" else 1.0))
+    return limits
+
+
+@contextmanager
+def _leaving(out: Path | None, si: bool, as_json: bool) -> "Iterator[None]":
+    """Write what a simulation reached that fails, under a name that no complete result has."""
+    from cosim.errors import SimulationError
+
+    try:
+        yield
+    except SimulationError as error:
+        partial, written = error.partial, None
+        if partial is None:
+            raise
+        if out is not None:
+            written = partial.write(out.with_name(f"{out.stem}.partial{out.suffix}"), display=not si)
+            console.warn(f"incomplete, up to t = {partial.time[-1]:.9g} s, written: {written}")
+        if as_json:
+            facts = {
+                "complete": False,
+                "start_time": partial.time[0],
+                "stop_time": partial.time[-1],
+                "steps": len(partial.time) - 1,
+                "path": written,
+            }
+            console.emit_json({"error": str(error), "exit_code": error.exit_code, "partial": facts})
+        raise
 
 
 @contextmanager

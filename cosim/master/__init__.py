@@ -2,7 +2,8 @@
 
 from cosim.master.convergence import estimate
 from cosim.master.inputs import time_grid
+from cosim.master.limits import Limits
 from cosim.master.order import Order, step_order
 from cosim.master.runner import Runner
 
-__all__ = ["Order", "Runner", "estimate", "step_order", "time_grid"]
+__all__ = ["Limits", "Order", "Runner", "estimate", "step_order", "time_grid"]

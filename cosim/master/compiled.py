@@ -7,6 +7,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from cosim.master.marks import STEP, STEPPED
 from cosim.master.plan import Array, Index
 
 _SET_GET = types.int32(types.int64, types.int64, types.int64, types.int64, types.int64)
@@ -55,6 +56,7 @@ class Tables(NamedTuple):
         components, setters, getters, steppers: address of each FMU's component and of its C functions, shape (c,).
         in_references, out_references, in_pointer, out_pointer: addresses of the arrays of value references, of
             `in_values` and of `values`; the arrays must outlive the call.
+        marks: see `cosim.master.marks`.
     """
 
     time: Array
@@ -79,6 +81,7 @@ class Tables(NamedTuple):
     out_references: int
     in_pointer: int
     out_pointer: int
+    marks: Index
 
 
 @numba.njit(cache=True)
@@ -93,11 +96,13 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
     for k in range(first, last):
         if t.stop[0]:
             return k, -1, 0, 0
+        t.marks[STEP] = k
         for j in range(n_series):
             t.values[t.n_outputs + j] = t.table[k, j]
         for d in range(len(t.snapshots)):
             t.values[t.n_outputs + n_series + d] = t.values[t.snapshots[d]]
         for c in range(len(t.components)):
+            t.marks[STEPPED] = c
             a, b = t.in_start[c], t.in_start[c + 1]
             new = False
             for i in range(a, b):
@@ -108,17 +113,17 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
                 status = call_real(
                     t.setters[c], t.components[c], t.in_references + 4 * a, b - a, t.in_pointer + 8 * a
                 )
-                if status > 1:
+                if status > 1 or status < 0:
                     return k, c, 0, status
             status = call_step(t.steppers[c], t.components[c], t.time[k], h)
-            if status > 1:
+            if status > 1 or status < 0:
                 return k, c, 1, status
             a, b = t.out_start[c], t.out_start[c + 1]
             if b > a:
                 status = call_real(
                     t.getters[c], t.components[c], t.out_references + 4 * a, b - a, t.out_pointer + 8 * a
                 )
-                if status > 1:
+                if status > 1 or status < 0:
                     return k, c, 2, status
         for r in range(len(t.recorded)):
             t.rows[k + 1, r] = t.values[t.recorded[r]]

@@ -14,17 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import SimulationError
+from cosim.master import marks
 from cosim.master.inputs import Sampler
-from cosim.master.instance import STATUS, Instance
+from cosim.master.instance import Instance, status_name
 from cosim.master.interpreted import operations
 from cosim.master.plan import Plan
 
 Array = NDArray[np.float64]
+Room = Callable[[tuple[int, int]], Array]
+"""Makes an array of a shape, in memory that somebody else may read."""
 EngineName = Literal["compiled", "python"]
 CALLS = ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal")
 CHUNK = 1000  # steps between looks at the progress bar: about a tenth of a second
 PIECE = 100_000  # steps whose inputs and recorded values are in memory at a time
 MOST_SWEEPS = 200
+
+
+def pieces(whole: int, points: int) -> list[tuple[int, int]]:
+    """First and last point of each piece of `whole` steps, and of the shorter last one where there are more points."""
+    edges = [*range(0, whole, PIECE), whole, points - 1]
+    return [(start, stop) for start, stop in pairwise(edges) if stop > start]
 
 
 class Engine:
@@ -39,10 +48,18 @@ class Engine:
         table: what the system's inputs hand over in each step, shape (n, n_series).
         rows: recorded values, row k at time k, shape (n + 1, n_recorded).
         recorded: their places in `values`, shape (n_recorded,), increasing.
+        reached: steps of the piece that were made.
         wall_time: duration of the loop so far [s].
     """
 
-    def __init__(self, plan: Plan, instances: Sequence[Instance], grid: Array, sampler: Sampler) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        instances: Sequence[Instance],
+        grid: Array,
+        sampler: Sampler,
+        room: Room = np.empty,
+    ) -> None:
         """Allocate what the loop needs throughout.
 
         Args:
@@ -50,11 +67,13 @@ class Engine:
             instances: in stepping order.
             grid: all communication points [s].
             sampler: the system's inputs at these points.
+            room: gives the memory of `rows`.
         """
         self.plan, self.instances, self.grid, self.sampler = plan, instances, grid, sampler
+        self.room, self.reached = room, 0
         self.values = np.zeros(plan.n_values)
         self.in_values = np.zeros(len(plan.in_source))
-        self.recorded = np.array(sorted({r.index for r in plan.recorded if r.index >= 0}), dtype=np.int64)
+        self.recorded = plan.places()
         self.stop = np.zeros(1, dtype=np.int64)
         self.wall_time = 0.0
         self._scale = np.zeros(plan.n_values)  # largest value met of each number, while loops are iterated
@@ -62,10 +81,11 @@ class Engine:
     def _open(self, first: int, last: int) -> Array:
         """Make room for the steps `first` to `last`; returns the inputs at their points (n + 1, n_series)."""
         points = self.sampler.points(first, last)
+        marks.table[marks.STEP] = 0
         self.time = self.grid[first : last + 1]
         self.table = np.ascontiguousarray(self.sampler.steps(points))
         # a signal is one piece of memory: the result needs no transposed copy
-        self.rows = np.empty((len(self.recorded), last - first + 1)).T
+        self.rows = self.room((len(self.recorded), last - first + 1)).T
         self.rows[0] = self.values[self.recorded]
         return points
 
@@ -144,20 +164,22 @@ class Engine:
 
         Yields:
             (index of the first point, the inputs (m, n_series), recorded values (m, n_recorded)); the pieces follow each
-            other without gap or overlap, and belong to the caller.
+            other without gap or overlap, and belong to the caller. Before an error comes what was reached of its piece.
 
         Raises:
             SimulationError: a component answered with Discard, Error or Fatal.
             KeyboardInterrupt: Ctrl-C, after the step in progress.
         """
-        edges = [*range(0, whole, PIECE), whole, len(self.grid) - 1]
-        for start, stop in pairwise(edges):
-            if stop == start:
-                continue
+        for start, stop in pieces(whole, len(self.grid)):
             points = self._open(start, stop)
             size = h if stop <= whole else float(self.grid[-1] - self.grid[-2])
-            self._advance(stop - start, size, engine, progress)
             new = 1 if start else 0  # a piece's first point is the last of the one before
+            try:
+                self._advance(stop - start, size, engine, progress)
+            except SimulationError:
+                end = self.reached + 1
+                yield start + new, points[new:end], self.rows[new:end]
+                raise
             yield start + new, points[new:], self.rows[new:]
 
     def _advance(
@@ -167,10 +189,11 @@ class Engine:
         step = self._compiled(h) if engine == "compiled" else self._interpreted(h)
         step(0, 0)  # loads the compiled code, which shall not count as time of the loop
         begun = clock.perf_counter()
-        with self._interruptible():
+        with self._interruptible(), self._marked():
             k = 0
             while k < count:
                 k, c, call, status = step(k, min(k + CHUNK, count))
+                self.reached = k
                 if c >= 0:
                     self._fail(k, c, call, status)
                 if self.stop[0]:
@@ -182,7 +205,7 @@ class Engine:
     def _fail(self, k: int, c: int, call: int, status: int) -> None:
         instance = self.instances[c]
         instance.failed(status)
-        label = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+        label = status_name(status)
         raise SimulationError(
             instance.report(f"failed in {CALLS[call]} at t = {self.time[k]:.9g} s (status {label})")
         )
@@ -202,6 +225,14 @@ class Engine:
             yield
         finally:
             signal.signal(signal.SIGINT, previous if previous is not None else signal.default_int_handler)
+
+    @contextmanager
+    def _marked(self) -> Iterator[None]:
+        marks.enter(marks.LOOP, 0)
+        try:
+            yield
+        finally:
+            marks.enter(marks.OURS, 0)
 
     def _compiled(self, h: float) -> Callable[[int, int], tuple[int, int, int, int]]:
         from cosim.master.compiled import Tables, advance
@@ -234,6 +265,7 @@ class Engine:
             out_references=int(p.out_reference.ctypes.data),
             in_pointer=int(self.in_values.ctypes.data),
             out_pointer=int(self.values.ctypes.data),
+            marks=marks.table,
         )
 
         def step(first: int, last: int) -> tuple[int, int, int, int]:
@@ -253,13 +285,15 @@ class Engine:
             for k in range(first, last):
                 if self.stop[0]:
                     return k, -1, 0, 0
+                marks.table[marks.STEP] = k
                 values[base : base + n_series] = self.table[k]
                 for d, source in copies:
                     values[base + n_series + d] = values[source]
                 time = float(self.time[k])
                 for c, operate in enumerate(pick):
+                    marks.table[marks.STEPPED] = c
                     call, status = operate(time)
-                    if status > 1:
+                    if status > 1 or status < 0:
                         return k, c, call, status
                 self.rows[k + 1] = values[self.recorded]
             return last, -1, 0, 0

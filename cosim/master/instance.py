@@ -4,14 +4,14 @@ Calls go to the C functions of the FMU's library by address; fmpy loads the libr
 """
 
 import atexit
-import contextlib
 import ctypes
 import hashlib
 import importlib.util
 import itertools
 import sys
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 from cosim.errors import ModelError, SimulationError
+from cosim.master import marks
 from cosim.ssp.system import Component, Fmu, Value, Variable
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
@@ -38,6 +39,11 @@ DoStep = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes
 
 # Python shares modules by name: which content each pythonfmu module of this process has
 _modules: dict[str, str] = {}
+
+
+def status_name(status: int) -> str:
+    """Name of a status; only 0 to 5 have one."""
+    return STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which FMI does not know"
 
 
 class Message(NamedTuple):
@@ -78,6 +84,10 @@ def _settle() -> None:
     _unsettled.clear()
 
 
+hear: Callable[[bytes, Message], None] | None = None
+"""Told of each message as it comes, where the process may not live to hand it on later."""
+
+
 def _listen(environment: int | None, name: bytes, status: int, category: bytes, text: bytes) -> None:
     messages = _listeners.get(environment or 0)
     if messages is None:
@@ -86,6 +96,8 @@ def _listen(environment: int | None, name: bytes, status: int, category: bytes, 
         return
     decoded = [(part or b"").decode("utf-8", "replace") for part in (category, text)]
     messages.append(Message(status, *decoded))
+    if hear is not None:
+        hear(name, Message(status, *decoded))
 
 
 _logger = fmi2CallbackLoggerTYPE(_listen)
@@ -111,26 +123,31 @@ class Instance:
         set_real, get_real, do_step: addresses of its C functions.
     """
 
-    def __init__(self, component: Component) -> None:
+    def __init__(self, component: Component, number: int = 0) -> None:
         """Load the library and instantiate.
+
+        Args:
+            component: what to instantiate.
+            number: of the component in its system, for `cosim.master.marks`.
 
         Raises:
             ModelError: the library cannot be loaded, or another module of the process would run in its place.
             SimulationError: the FMU refuses to be instantiated.
         """
-        self.name, self.component = component.name, component
+        self.name, self.component, self.place = component.name, component, number
         self.messages: deque[Message] = deque(maxlen=MOST_MESSAGES)
         self.alive = False
         self._used = False
         fmu = component.fmu
         _claim_module(fmu)
         try:
-            self._slave = FMU2Slave(
-                guid=fmu.guid,
-                unzipDirectory=str(fmu.folder),
-                modelIdentifier=fmu.identifier,
-                instanceName=component.name,
-            )
+            with self._marked(marks.LOAD):
+                self._slave = FMU2Slave(
+                    guid=fmu.guid,
+                    unzipDirectory=str(fmu.folder),
+                    modelIdentifier=fmu.identifier,
+                    instanceName=component.name,
+                )
         except Exception as error:  # fmpy raises bare exceptions
             raise ModelError(f"{fmu.source}: the library cannot be loaded: {error}") from None
         self.set_real = self._address("fmi2SetReal")
@@ -148,7 +165,8 @@ class Instance:
 
     def _instantiate(self) -> None:
         try:
-            self._slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+            with self._marked(marks.function("fmi2Instantiate")):
+                self._slave.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception:  # fmpy raises a bare Exception for a null pointer
             raise SimulationError(self.report("could not be instantiated")) from None
         self.alive, self._used = True, False
@@ -174,17 +192,30 @@ class Instance:
         Raises:
             SimulationError: it answers with anything worse than a warning; the message holds what the FMU logged.
         """
+        status = self._status(function, *arguments)
+        if not 0 <= status <= WARNING:
+            self.failed(status)
+            raise SimulationError(self.report(f"failed in {function} (status {status_name(status)})"))
+
+    def _status(self, function: str, *arguments: Any) -> int:
+        """What a function of FMI answers; fmpy takes every number below 2 for success."""
+        with self._marked(marks.function(function)):
+            try:
+                return int(getattr(self._slave, function)(self._slave.component, *arguments))
+            except FMICallException as error:
+                return error.status
+
+    @contextmanager
+    def _marked(self, phase: int) -> Iterator[None]:
+        marks.enter(phase, self.place)
         try:
-            getattr(self._slave, function)(self._slave.component, *arguments)
-        except FMICallException as error:
-            self.failed(error.status)
-            raise SimulationError(
-                self.report(f"failed in {function} (status {STATUS[error.status]})")
-            ) from None
+            yield
+        finally:
+            marks.enter(marks.OURS, self.place)
 
     def failed(self, status: int) -> None:
         """Remember a bad status: after Fatal no function of the instance may be called again (FMI 2.0, 2.1.3)."""
-        if status >= FATAL:
+        if status >= FATAL or status < 0:
             self.alive = False
 
     def report(self, what: str) -> str:
@@ -207,11 +238,10 @@ class Instance:
         reference = (ctypes.c_uint * 1)(variable.reference)
         function, array = _encoded(variable.kind, value)
         what = f"refuses {variable.name} = {value!r} {variable.unit}".rstrip()
-        try:
-            getattr(self._slave, function)(self._slave.component, reference, 1, array)
-        except FMICallException as error:
-            self.failed(error.status)
-            raise SimulationError(self.report(what)) from None
+        status = self._status(function, reference, 1, array)
+        if not 0 <= status <= WARNING:
+            self.failed(status)
+            raise SimulationError(self.report(what))
         if len(self.refusals()) > known:
             raise SimulationError(self.report(what))
         if variable.kind != "String" and not variable.low <= float(value) <= variable.high:
@@ -223,8 +253,7 @@ class Instance:
     def terminate(self) -> None:
         """End a run; a failure here changes no result and is ignored."""
         if self.alive:
-            with contextlib.suppress(FMICallException):
-                self._slave.terminate()
+            self._status("fmi2Terminate")
 
     def close(self) -> None:
         """Free the instance and its library; one that broke is abandoned, since freeing it could crash."""
@@ -234,7 +263,8 @@ class Instance:
         settle = _unsettled.pop(self._number, None)
         if self.alive:
             self.alive = False
-            self._slave.fmi2FreeInstance(self._slave.component)
+            with self._marked(marks.function("fmi2FreeInstance")):
+                self._slave.fmi2FreeInstance(self._slave.component)
             if settle is not None:
                 settle()
             self._slave.freeLibrary()
@@ -281,6 +311,12 @@ def _keep_module(fmu: Fmu) -> None:
     module = sys.modules.get(fmu.module[0]) if fmu.module is not None else None
     if module is not None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(module.__dict__))
+
+
+def search_path() -> list[str]:
+    """Python's search path without what FMUs of this process added to it."""
+    added = {str(folder / "resources") for folder in _folders}
+    return [entry for entry in sys.path if entry not in added]
 
 
 def _forget(folder: Path) -> None:

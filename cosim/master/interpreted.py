@@ -53,14 +53,14 @@ def _operation(
             target[i] = value
         if new:  # an input keeps its value until it is set again
             status = set_real(component, in_refs, b - a, in_pointer)
-            if status > 1:
+            if status > 1 or status < 0:
                 return 0, status
         status = do_step(component, time, h, 1)
-        if status > 1:
+        if status > 1 or status < 0:
             return 1, status
         if n > m:
             status = get_real(component, out_refs, n - m, out_pointer)
-            if status > 1:
+            if status > 1 or status < 0:
                 return 2, status
         return 1, 0
 

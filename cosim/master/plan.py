@@ -73,6 +73,10 @@ class Plan:
         """Length of ``values``."""
         return self.n_outputs + self.n_series + len(self.snapshots)
 
+    def places(self) -> Index:
+        """Which of ``values`` are recorded, shape (n_recorded,), increasing."""
+        return np.array(sorted({r.index for r in self.recorded if r.index >= 0}), dtype=np.int64)
+
 
 def make_plan(
     system: System, inputs: Sequence[str], hold: Sequence[str], record: Sequence[str] | None

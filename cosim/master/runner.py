@@ -1,6 +1,7 @@
 """The master: loads a system once and simulates it as often as asked."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -10,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import SimulationError, UsageError
+from cosim.master.apart import Apart
 from cosim.master.convergence import estimate
-from cosim.master.engine import Engine, EngineName
+from cosim.master.engine import EngineName
+from cosim.master.host import Host, Task
 from cosim.master.inputs import Sampler, Series, checked_value, time_grid
-from cosim.master.instance import WARNING, Instance
+from cosim.master.limits import Limits
 from cosim.master.plan import Plan, make_plan
 from cosim.results import DisplayUnit, Result
 from cosim.ssp.hints import did_you_mean
@@ -36,39 +39,54 @@ class Runner:
     connection hands over the value at the END of the step; one from an output of variability ``discrete`` that at its
     START. Loops are broken as `cosim.master.order` says; Result.notes names the connection.
 
+    FMUs that this installation built run in this process. A system with any other runs in a child process, which an FMU
+    may end, hang or fill without harm to this one (`cosim.master.apart`); the numbers are the same.
+
     Attributes:
         system: what is simulated.
+        apart: it runs in a child process.
     """
 
-    def __init__(self, source: Path | str | System, *, parameter_set: str | None = None) -> None:
+    def __init__(
+        self,
+        source: Path | str | System,
+        *,
+        parameter_set: str | None = None,
+        apart: bool | None = None,
+        limits: Limits | None = None,
+    ) -> None:
         """Read the system, if a path is given, and instantiate its FMUs.
 
         Args:
             source: an .ssp or .fmu file, or a System (which the caller closes).
             parameter_set: name of the only ParameterSet to apply.
+            apart: whether to run in a child process; by default where an FMU is not ours (`cosim.trust`).
+            limits: of the child; by default `Limits.usual`.
 
         Raises:
             ModelError: the file is bad.
             SimulationError: an FMU cannot be instantiated.
+            UsageError: COSIM_STALL or COSIM_MEMORY is no limit.
         """
+        limits = limits or Limits.usual()
         self._owns = not isinstance(source, System)
         self.system = source if isinstance(source, System) else read_system(Path(source), parameter_set)
-        self._instances: dict[str, Instance] = {}
         self._plans: dict[Any, Plan] = {}
-        self._closed = False
+        self._host: Host | Apart | None = None
+        if apart is None:
+            apart = not all(component.fmu.ours for component in self.system.components.values())
+        self.apart = apart
         try:
-            for name, component in self.system.components.items():
-                self._instances[name] = Instance(component)
+            self._host = Apart(self.system, limits) if apart else Host(self.system)
         except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
         """Free the FMUs, and delete what was unpacked for this Runner; safe to call twice."""
-        self._closed = True
-        for instance in self._instances.values():
-            instance.close()
-        self._instances.clear()
+        host, self._host = self._host, None
+        if host is not None:
+            host.close()
         if self._owns:
             self.system.close()
 
@@ -112,25 +130,29 @@ class Runner:
 
         Raises:
             UsageError: an unknown name, or an impossible time, step or series.
-            SimulationError: an FMU refused a value or failed; the message holds its own words.
+            SimulationError: an FMU refused a value or failed; the message holds its own words, `partial` what was reached.
         """
-        if self._closed:
+        if self._host is None:
             raise UsageError("this Runner is closed: make a new one")
         grid, whole, notes = time_grid(start_time, stop_time, step_size, partial_step)
         settings = self._settings(parameters or {})
         plan = self._plan(tuple(inputs or {}), tuple(sorted(hold)), None if record is None else tuple(record))
         sampler = Sampler(dict(inputs or {}), grid, plan.held)
-        instances = [self._instances[name] for name in plan.order.names]
-        loop = Engine(plan, instances, grid, sampler)
+        task = Task(plan, grid, sampler, settings, whole, step_size, engine)
         kept = {} if sink is not None else {item.name: np.empty(len(grid)) for item in plan.recorded}
+        reached = 0
         try:
-            self._initialise(loop, settings, sampler.points(0, 0)[0])
-            for first, points, rows in loop.run(whole, step_size, engine, progress):
-                (sink or partial(_keep, kept))(first, _named(loop, first, points, rows))
-        finally:
-            for instance in instances:
-                instance.terminate()
-        return self._result(loop, kept, step_size, notes, {str(p): v for p, v in settings.items()})
+            with closing(self._host.run(task, progress)) as found:
+                for first, points, rows in found:
+                    (sink or partial(_keep, kept))(first, _named(task, first, points, rows))
+                    reached = first + len(rows)
+        except SimulationError as error:
+            if reached and sink is None:
+                error.partial = self._result(task, {n: v[:reached] for n, v in kept.items()}, notes, reached)
+                error.partial.complete = False
+                error.partial.notes.append(f"incomplete, up to t = {grid[reached - 1]:.9g} s: {error}")
+            raise
+        return self._result(task, kept, notes, len(grid))
 
     def coupling_error(self, stop_time: float, step_size: float, **options: Any) -> Result:
         """Simulate with step_size, half and a quarter of it, and estimate the error that the step size causes.
@@ -190,27 +212,9 @@ class Runner:
                 settings[port] = checked_value(name, value, variable)
         return settings
 
-    def _initialise(self, loop: Engine, settings: Mapping[Port, Value], first_inputs: Array) -> None:
-        for instance in loop.instances:
-            instance.fresh()
-            variables = instance.component.fmu.variables
-            own = {p.variable: v for p, v in settings.items() if p.component == instance.name}
-            for name, value in {**instance.component.starts, **own}.items():
-                instance.set_value(variables[name], value)
-        for instance in loop.instances:
-            instance.call("fmi2SetupExperiment", 0, 0.0, float(loop.grid[0]), 1, float(loop.grid[-1]))
-            instance.call("fmi2EnterInitializationMode")
-        loop.initialise(first_inputs)
-
-    def _result(
-        self,
-        loop: Engine,
-        signals: dict[str, Array],
-        step_size: float,
-        notes: list[str],
-        parameters: dict[str, Value],
-    ) -> Result:
-        plan = loop.plan
+    def _result(self, task: Task, signals: dict[str, Array], notes: list[str], points: int) -> Result:
+        plan, host = task.plan, self._host
+        assert host is not None
         units, display = {}, {}
         for item in plan.recorded:
             if item.unit_of.component:
@@ -220,21 +224,18 @@ class Runner:
                     display[item.name] = DisplayUnit(
                         variable.display_unit, variable.display_factor, variable.display_offset
                     )
-        messages = [
-            f"{i.name}: {m.text.strip()}" for i in loop.instances for m in i.messages if m.status >= WARNING
-        ]
         return Result(
             model=self.system.name,
-            time=loop.grid,
+            time=task.grid[:points],
             signals=signals,
             units=units,
             display=display,
             aliases={name: str(port) for name, port in self.system.outputs.items()},
             notes=[*self.system.notes, *plan.notes, *notes],
-            messages=messages,
-            step_size=step_size,
-            parameters=parameters,
-            wall_time=loop.wall_time,
+            messages=list(host.messages),
+            step_size=task.step_size,
+            parameters={str(port): value for port, value in task.settings.items()},
+            wall_time=host.wall_time,
         )
 
 
@@ -243,18 +244,19 @@ def _keep(kept: dict[str, Array], first: int, piece: Mapping[str, Array]) -> Non
         kept[name][first : first + len(values)] = values
 
 
-def _named(loop: Engine, first: int, points: Array, rows: Array) -> dict[str, Array]:
+def _named(task: Task, first: int, points: Array, rows: Array) -> dict[str, Array]:
     """The recorded signals of a piece (m,), from the inputs (m, n_series) and values (m, n_recorded).
 
     Raises:
         SimulationError: one is NaN or infinite: NaN passes through every FMU without a word; here it ends.
     """
     signals, bad = {}, {}
-    for item in loop.plan.recorded:
+    places = task.plan.places()
+    for item in task.plan.recorded:
         if item.index < 0:
             source = points[:, item.series]
         else:
-            source = rows[:, int(np.searchsorted(loop.recorded, item.index))]
+            source = rows[:, int(np.searchsorted(places, item.index))]
             if not np.isfinite(source).all():
                 bad[item.name] = int(np.flatnonzero(~np.isfinite(source))[0])
         plain = (item.factor, item.offset) == (1.0, 0.0)
@@ -262,6 +264,6 @@ def _named(loop: Engine, first: int, points: Array, rows: Array) -> dict[str, Ar
     if bad:
         name = min(bad, key=lambda n: bad[n])
         raise SimulationError(
-            f"'{name}' is not a finite number from t = {loop.grid[first + bad[name]]:.9g} s on"
+            f"'{name}' is not a finite number from t = {task.grid[first + bad[name]]:.9g} s on"
         )
     return signals

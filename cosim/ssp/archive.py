@@ -15,14 +15,48 @@ LARGEST = 4 << 30  # bytes, unpacked: far above any FMU met in practice
 SUSPICIOUS_SIZE = 64 << 20  # below this size any ratio is harmless
 LARGEST_RATIO = 200  # deflate reaches about 10 on code and tables, 1000 on a bomb
 MOST_ENTRIES = 100_000
+DOCUMENTS = (".xml", ".ssd", ".ssv", ".ssm", ".ssb")
+LARGEST_DOCUMENT = (
+    64 << 20
+)  # a description of 100 000 variables has half of it; reading takes some 200 ns a byte
+SUSPICIOUS_DOCUMENT = 4 << 20  # from here on the ratio counts: no real description packs a hundredfold
 
 
-def open_archive(source: Path | bytes, what: str) -> zipfile.ZipFile:
+class Budget:
+    """What an archive and all archives within it may unpack to, together."""
+
+    def __init__(self) -> None:
+        self.entries = 0
+        self.full = 0
+        self.packed: int | None = None
+
+    def take(self, entries: int, full: int, packed: int, what: str) -> None:
+        """Count an archive's entries and their bytes, unpacked and packed.
+
+        Raises:
+            ModelError: together they are too many.
+        """
+        self.entries += entries
+        self.full += full
+        self.packed = packed if self.packed is None else self.packed  # the outermost holds all others
+        if self.entries > MOST_ENTRIES:
+            raise ModelError(f"{what} has {self.entries} entries; more than {MOST_ENTRIES} are refused")
+        if self.full > LARGEST or (
+            self.full > SUSPICIOUS_SIZE and self.full > LARGEST_RATIO * max(self.packed, 1)
+        ):
+            raise ModelError(
+                f"{what} would unpack from {self.packed / 1e6:.3g} MB to {self.full / 1e6:.3g} MB with all archives "
+                "within it, which is refused as a zip bomb"
+            )
+
+
+def open_archive(source: Path | bytes, what: str, budget: Budget | None = None) -> zipfile.ZipFile:
     """An archive whose entries are all safe to unpack.
 
     Args:
         source: the file, or its bytes.
         what: its name, for messages.
+        budget: of the archive that holds it, if there is one.
 
     Raises:
         ModelError: it is missing, no archive, damaged, or an entry is unsafe.
@@ -35,6 +69,11 @@ def open_archive(source: Path | bytes, what: str) -> zipfile.ZipFile:
         raise ModelError(f"{what} is not a readable zip archive ({error}): build or copy it again") from None
     try:
         _check_entries(archive, what)
+        size = len(source) if isinstance(source, bytes) else source.stat().st_size
+        entries = archive.infolist()
+        # entries that overlap claim more packed bytes than the file has
+        packed = min(size, sum(e.compress_size for e in entries))
+        (budget or Budget()).take(len(entries), sum(e.file_size for e in entries), packed, what)
     except ModelError:
         archive.close()
         raise
@@ -43,8 +82,6 @@ def open_archive(source: Path | bytes, what: str) -> zipfile.ZipFile:
 
 def _check_entries(archive: zipfile.ZipFile, what: str) -> None:
     entries = archive.infolist()
-    if len(entries) > MOST_ENTRIES:
-        raise ModelError(f"{what} has {len(entries)} entries; more than {MOST_ENTRIES} are refused")
     seen: set[str] = set()
     for entry in entries:
         check_name(entry.orig_filename, what)
@@ -57,11 +94,13 @@ def _check_entries(archive: zipfile.ZipFile, what: str) -> None:
         if entry.filename in seen:
             raise ModelError(f"{what} has two entries named '{entry.filename}': pack it again")
         seen.add(entry.filename)
-    full, packed = sum(e.file_size for e in entries), sum(e.compress_size for e in entries)
-    if full > LARGEST or (full > SUSPICIOUS_SIZE and full > LARGEST_RATIO * max(packed, 1)):
-        raise ModelError(
-            f"{what} would unpack from {packed / 1e6:.3g} MB to {full / 1e6:.3g} MB, which is refused as a zip bomb"
-        )
+        if entry.filename.lower().endswith(DOCUMENTS):
+            bomb = entry.file_size > max(SUSPICIOUS_DOCUMENT, LARGEST_RATIO * entry.compress_size)
+            if bomb or entry.file_size > LARGEST_DOCUMENT:
+                raise ModelError(
+                    f"{what}: '{entry.filename}' has {entry.file_size / 1e6:.3g} MB, packed "
+                    f"{entry.compress_size / 1e6:.3g} MB, which is refused: no description needs that"
+                )
 
 
 def check_name(name: str, what: str) -> None:

@@ -12,11 +12,12 @@ from lxml import etree
 
 from cosim.errors import ModelError
 from cosim.paths import unsafe_characters
+from cosim.ssp import binary
 from cosim.ssp.archive import open_archive, read_entry
 from cosim.ssp.parameters import local_source, read_ssv, units_of
 from cosim.ssp.read import DESCRIPTION, read_fmu, read_ssp
-from cosim.ssp.system import System
-from cosim.ssp.xml import SSD, parse, schema_problems
+from cosim.ssp.system import Fmu, System
+from cosim.ssp.xml import SSD, parse, safe_parser, schema_problems
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def check_ssv(path: Path) -> list[Problem]:
     try:
         values = read_ssv(path)
         root = parse(path.read_bytes(), path.name)
-        known = units_of(root)
+        known = units_of(root, path.name)
     except ModelError as error:
         return [Problem("error", path.name, str(error))]
     found = [Problem("error", path.name, text) for text in schema_problems(root)]
@@ -120,12 +121,25 @@ def _sources(root: etree._Element) -> Iterator[str]:
 
 
 def _detached(node: etree._Element) -> etree._Element:
-    return etree.fromstring(etree.tostring(node, with_tail=False))
+    return etree.fromstring(etree.tostring(node, with_tail=False), safe_parser())
 
 
 def _fmu_findings(system: System) -> list[Problem]:
     fmus = {c.fmu.folder: c.fmu for c in system.components.values()}.values()
-    return [Problem("error", fmu.source, text) for fmu in fmus for text in validate_fmu(str(fmu.folder))]
+    found = [Problem("error", fmu.source, text) for fmu in fmus for text in validate_fmu(str(fmu.folder))]
+    return found + [Problem("error", fmu.source, text) for fmu in fmus for text in _binary_findings(fmu)]
+
+
+def _binary_findings(fmu: Fmu) -> Iterator[str]:
+    """What is wrong with the libraries for other platforms; reading refused a bad one for this."""
+    for folder in sorted((fmu.folder / "binaries").iterdir()):
+        suffix = binary.SUFFIXES.get(folder.name.rstrip("0123456789"))
+        if suffix is None:
+            continue
+        file = folder / f"{fmu.identifier}{suffix}"
+        wrong = binary.problem(file.read_bytes(), folder.name) if file.is_file() else "is missing"
+        if wrong:
+            yield f"the library 'binaries/{folder.name}/{file.name}' {wrong}: export or copy the FMU again"
 
 
 def _name_findings(system: System) -> list[Problem]:

@@ -59,7 +59,7 @@ class _Wiring:
     ) -> None:
         self.system, self.components, self.problems, self.notes = system, components, problems, notes
         node = system.getparent().find(f"{SSD}Units") if system.getparent() is not None else None
-        self.units: dict[str, UnitDefinition] = {} if node is None else from_xml(node)
+        self.units: dict[str, UnitDefinition] = {} if node is None else from_xml(node, "the system's Units")
         self.connectors = {"": self.declared(system, "the system")}
         for element in system.iterfind(f"{SSD}Elements/{SSD}Component"):
             name = element.get("name", "")

@@ -2,8 +2,10 @@
 
 import hashlib
 import math
+import re
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +13,11 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from cosim.errors import ModelError
+from cosim.ssp import binary
 from cosim.ssp.archive import read_entry, unpack
 from cosim.ssp.quantities import UnitDefinition, from_xml
 from cosim.ssp.system import Fmu, Value, Variable
-from cosim.ssp.xml import parse
+from cosim.ssp.xml import number, parse
 
 # FMI 2.0 table in section 2.2.7: the default of `initial` by causality, then variability
 _INITIAL = {
@@ -24,7 +27,9 @@ _INITIAL = {
 }
 
 
-def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, implementation: str = "any") -> Fmu:
+def load_fmu(
+    archive: zipfile.ZipFile, source: str, folder: Path, implementation: str = "any", ours: bool = False
+) -> Fmu:
     """Check an FMU, unpack it and read its description.
 
     Args:
@@ -32,11 +37,12 @@ def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, implementation
         source: its name, for messages.
         folder: an empty folder to unpack it to.
         implementation: what the system asks for: any, CoSimulation or ModelExchange.
+        ours: this installation built it.
 
     Raises:
         ModelError: it is no FMI 2.0 co-simulation FMU, has no binary for this platform, or is damaged.
     """
-    root = parse(read_entry(archive, "modelDescription.xml", source), f"{source}: modelDescription.xml")
+    root = description_of(archive, source)
     version = root.get("fmiVersion", "")
     if version != "2.0":
         raise ModelError(
@@ -49,24 +55,65 @@ def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, implementation
         raise ModelError(
             f"{source}: the system asks for model exchange, which is not supported: ask for CoSimulation"
         )
+    units = _units(root, source)
+    experiment = _experiment(root, source)
     _check_binary(archive, source, co_simulation.get("modelIdentifier", ""))
     unpack(archive, folder, source)
+    description = described(folder, source)
+    return replace(_fmu(description, source, folder, units), step_size=experiment.get("stepSize"), ours=ours)
+
+
+def description_of(archive: zipfile.ZipFile, source: str) -> Any:
+    """Root element of an FMU's model description, checked for entities.
+
+    Raises:
+        ModelError: there is none, or it is bad.
+    """
+    return parse(read_entry(archive, "modelDescription.xml", source), f"{source}: modelDescription.xml")
+
+
+def described(folder: Path, source: str) -> ModelDescription:
+    """The model description in a folder, as fmpy reads it; call `description_of` before, which refuses what harms.
+
+    Raises:
+        ModelError: it cannot be read.
+    """
     try:
-        description = fmpy.read_model_description(str(folder), validate=False)
+        return fmpy.read_model_description(str(folder), validate=False)
     except Exception as error:  # fmpy raises bare exceptions
         raise ModelError(f"{source}: the model description cannot be read: {error}") from None
-    return _fmu(description, source, folder, _units(root))
 
 
-def _units(root: Any) -> dict[str, UnitDefinition]:
+def _units(root: Any, source: str) -> dict[str, UnitDefinition]:
     node = root.find("UnitDefinitions")
-    return {} if node is None else from_xml(node)
+    return {} if node is None else from_xml(node, source)
+
+
+def _experiment(root: Any, source: str) -> dict[str, float]:
+    """What the default experiment says: startTime, stopTime, tolerance, stepSize."""
+    node, what = root.find("DefaultExperiment"), f"{source}: DefaultExperiment"
+    if node is None:
+        return {}
+    names = ("startTime", "stopTime", "tolerance", "stepSize")
+    found = {name: value for name in names if (value := number(node, name, what)) is not None}
+    if "stepSize" in found and not found["stepSize"] > 0.0:
+        raise ModelError(f"{what}: stepSize='{node.get('stepSize')}' is no step: it must be positive")
+    if found.get("stopTime", math.inf) < found.get("startTime", 0.0):
+        raise ModelError(f"{what}: stopTime='{node.get('stopTime')}' lies before the start")
+    return found
 
 
 def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str) -> None:
+    if not re.fullmatch(r"[A-Za-z_]\w*", identifier, re.ASCII):
+        raise ModelError(
+            f"{source}: modelIdentifier='{identifier}' is no C identifier, which FMI 2.0 demands"
+        )
     names = archive.namelist()
     wanted = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
     if wanted in names:
+        wrong = binary.problem(read_entry(archive, wanted, source), fmpy.platform)
+        if wrong:
+            raise ModelError(f"{source}: the library '{wanted}' {wrong}: export or copy the FMU again")
         return
     platforms = sorted(
         {name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1}
@@ -97,8 +144,7 @@ def _fmu(
         for unknown in description.outputs
         if unknown.dependencies is not None
     }
-    experiment, slave = description.defaultExperiment, description.coSimulation
-    step = experiment.stepSize if experiment is not None else None
+    slave = description.coSimulation
     return Fmu(
         source=source,
         folder=folder,
@@ -107,7 +153,7 @@ def _fmu(
         variables=variables,
         dependencies=dependencies,
         units=units,
-        step_size=float(step) if step else None,
+        step_size=None,
         variable_steps=bool(slave.canHandleVariableCommunicationStepSize),
         module=_python_module(folder),
     )
@@ -128,7 +174,7 @@ def _variable(
     try:
         return Variable(
             name=item.name,
-            reference=int(item.valueReference),
+            reference=_reference(item.valueReference),
             kind=item.type,
             causality=causality,
             variability=variability,
@@ -138,11 +184,26 @@ def _variable(
             display_unit=display,
             display_factor=factor,
             display_offset=offset,
-            low=-math.inf if low is None else float(low),
-            high=math.inf if high is None else float(high),
+            low=-math.inf if low is None else _no_nan(low),
+            high=math.inf if high is None else _no_nan(high),
         )
     except ValueError as error:
         raise ModelError(f"{source}: the variable '{item.name}' has a bad number: {error}") from None
+
+
+def _reference(text: str | int) -> int:
+    """A value reference: an unsigned int of C."""
+    value = int(text)
+    if not 0 <= value < 1 << 32:
+        raise ValueError(f"the value reference {value} is not from 0 to {(1 << 32) - 1}")
+    return value
+
+
+def _no_nan(text: str) -> float:
+    value = float(text)
+    if math.isnan(value):
+        raise ValueError(f"{text} is no number")
+    return value
 
 
 def parse_value(kind: str, text: str) -> Value:
@@ -156,7 +217,7 @@ def parse_value(kind: str, text: str) -> Value:
         ValueError: the text is no value of that kind.
     """
     if kind == "Real":
-        return float(text)
+        return _no_nan(text)
     if kind in ("Integer", "Enumeration"):
         return int(text)
     if kind == "Boolean":

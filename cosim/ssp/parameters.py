@@ -1,5 +1,6 @@
 """Parameter values: .ssv files and the bindings of an SSD, with SSP 1.0's rules of precedence."""
 
+import math
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from cosim.ssp.archive import read_entry
 from cosim.ssp.fmu import parse_value
 from cosim.ssp.quantities import UnitDefinition, convert, from_xml
 from cosim.ssp.system import Fmu, Value, Variable
-from cosim.ssp.xml import SSC, SSD, SSV, parse
+from cosim.ssp.xml import SSC, SSD, SSV, number, parse
 
 
 @dataclass(frozen=True)
@@ -28,10 +29,10 @@ class ParameterValue:
     set_name: str
 
 
-def units_of(root: etree._Element) -> dict[str, UnitDefinition]:
-    """Units that a parameter set defines, by name."""
+def units_of(root: etree._Element, what: str) -> dict[str, UnitDefinition]:
+    """Units that a parameter set defines, by name; `what` is its own, for messages."""
     node = root.find(f"{SSV}Units")
-    return {} if node is None else from_xml(node)
+    return {} if node is None else from_xml(node, what)
 
 
 def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
@@ -42,7 +43,7 @@ def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
     """
     if root.tag != f"{SSV}ParameterSet":
         raise ModelError(f"{what} is no SSP 1.0 parameter set: its root element is {root.tag}")
-    units = units_of(root)
+    units = units_of(root, what)
     label = root.get("name", "")
     found: dict[str, ParameterValue] = {}
     for parameter in root.iterfind(f"{SSV}Parameters/{SSV}Parameter"):
@@ -62,6 +63,8 @@ def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
             value = parse_value(kind, item.get("value", ""))
         except ValueError as error:
             raise ModelError(f"{what}: the parameter '{name}' has a bad value: {error}") from None
+        if kind == "Real" and not math.isfinite(float(value)):
+            raise ModelError(f"{what}: the parameter '{name}' = {value} is no finite number: correct it")
         found[name] = ParameterValue(name, kind, value, item.get("unit", ""), units, label)
     return list(found.values())
 
@@ -175,11 +178,12 @@ def linear(connection: etree._Element, what: str) -> tuple[float, float]:
     """Factor and offset of a connection's transformation: (1, 0) if it has none.
 
     Raises:
-        ModelError: it has a transformation of another kind.
+        ModelError: it has a transformation of another kind, or a bad number.
     """
     for child in connection:
         if child.tag == f"{SSC}LinearTransformation":
-            return float(child.get("factor", "1")), float(child.get("offset", "0"))
+            factor, offset = number(child, "factor", what, 1.0), number(child, "offset", what, 0.0)
+            return 1.0 if factor is None else factor, offset or 0.0
         if isinstance(child.tag, str) and child.tag.endswith("Transformation"):
             raise ModelError(
                 f"{what}: a {etree.QName(child).localname} is not supported: only linear ones are"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
+from cosim.ssp.xml import number
 from cosim.units import base_exponents
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -33,17 +34,39 @@ class UnitDefinition:
         )
 
 
-def from_xml(parent: etree._Element) -> dict[str, UnitDefinition]:
-    """Unit definitions below ``Units`` (SSP) or ``UnitDefinitions`` (FMI), whatever the namespace."""
+def from_xml(parent: etree._Element, where: str) -> dict[str, UnitDefinition]:
+    """Unit definitions below ``Units`` (SSP) or ``UnitDefinitions`` (FMI), whatever the namespace; `where` is for messages.
+
+    Raises:
+        ModelError: a power is no whole number, or a factor or offset no finite one, or a factor 0.
+    """
     found = {}
     for unit in parent.iterfind("{*}Unit"):
+        name = unit.get("name", "")
+        for display in unit.iterfind("{*}DisplayUnit"):
+            _scale(display, f"{where}: the display unit '{display.get('name', '')}' of the unit '{name}'")
         base = unit.find("{*}BaseUnit")
         if base is None:
             continue
-        powers = tuple(int(base.get(name, "0")) for name in BASE_UNITS)
-        scale, shift = float(base.get("factor", "1")), float(base.get("offset", "0"))
-        found[unit.get("name", "")] = UnitDefinition(unit.get("name", ""), powers, scale, shift)
+        what = f"{where}: the unit '{name}'"
+        powers = tuple(_power(base, symbol, what) for symbol in BASE_UNITS)
+        found[name] = UnitDefinition(name, powers, *_scale(base, what))
     return found
+
+
+def _power(base: etree._Element, symbol: str, what: str) -> int:
+    try:
+        return int(base.get(symbol, "0"))
+    except ValueError:
+        raise ModelError(f"{what}: {symbol}='{base.get(symbol)}' is no whole number: correct it") from None
+
+
+def _scale(element: etree._Element, what: str) -> tuple[float, float]:
+    """Factor and offset of a unit."""
+    factor, offset = number(element, "factor", what, 1.0), number(element, "offset", what, 0.0)
+    if not factor:
+        raise ModelError(f"{what}: factor='{element.get('factor')}' makes every number 0: correct it")
+    return factor, offset or 0.0
 
 
 def definition(name: str, known: Mapping[str, UnitDefinition]) -> UnitDefinition | None:

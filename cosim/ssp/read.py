@@ -16,13 +16,14 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
-from cosim.ssp.archive import open_archive, read_entry, scratch_folder
+from cosim.ssp.archive import Budget, open_archive, read_entry, scratch_folder
 from cosim.ssp.connect import connect
 from cosim.ssp.fmu import load_fmu
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import ParameterValue, bindings, fitted, local_source
 from cosim.ssp.system import Component, Fmu, Port, System, SystemInput, Value, Wire
-from cosim.ssp.xml import SSD, parse
+from cosim.ssp.xml import SSD, number, parse
+from cosim.trust import is_ours
 
 DESCRIPTION = "SystemStructure.ssd"
 FMU_TYPES = ("application/x-fmu-sharedlibrary", "")
@@ -59,8 +60,9 @@ def read_ssp(path: Path, parameter_set: str | None = None) -> System:
     with ExitStack() as stack:
         folder, note = scratch_folder()
         stack.callback(folder.cleanup)
-        with open_archive(path, str(path)) as archive:
-            system = _Reader(path, archive, folder, parameter_set).read()
+        budget = Budget()
+        with open_archive(path, str(path), budget) as archive, ExitStack() as nested:
+            system = _Reader(path, archive, folder, parameter_set, budget, nested).read()
         stack.pop_all()  # from here on the system owns the folder
     if note:
         system.notes.append(note)
@@ -78,7 +80,7 @@ def read_fmu(path: Path) -> System:
         stack.callback(folder.cleanup)
         with open_archive(path, str(path)) as archive:
             target = Path(folder.name, "c0")
-            fmu = load_fmu(archive, path.name, target)
+            fmu = load_fmu(archive, path.name, target, ours=is_ours(path))
         name = path.stem
         wires = {
             v.name: Wire(Port("", v.name), Port(name, v.name))
@@ -107,8 +109,12 @@ class _Reader:
         archive: zipfile.ZipFile,
         folder: "tempfile.TemporaryDirectory[str]",
         parameter_set: str | None,
+        budget: Budget,
+        nested: ExitStack,
     ) -> None:
         self.path, self.archive, self.folder, self.wanted = path, archive, folder, parameter_set
+        self.budget, self.nested = budget, nested
+        self.archives: dict[str, tuple[zipfile.ZipFile, bool]] = {}
         self.problems: list[str] = []
         self.notes: list[str] = []
         self.fmus: dict[tuple[str, str], Fmu] = {}
@@ -139,9 +145,9 @@ class _Reader:
         self.stop_if_bad()
         experiment = root.find(f"{SSD}DefaultExperiment")
         if experiment is not None:
-            start, stop = experiment.get("startTime"), experiment.get("stopTime")
-            system.start_time = float(start) if start else None
-            system.stop_time = float(stop) if stop else None
+            what = f"{self.path}: {DESCRIPTION}: DefaultExperiment"
+            system.start_time = number(experiment, "startTime", what)
+            system.stop_time = number(experiment, "stopTime", what)
         self.note_open_inputs(system)
         return system
 
@@ -183,20 +189,28 @@ class _Reader:
                 f"component '{name}': a dot in the name makes '{name}.variable' ambiguous: rename it"
             )
         entry = local_source(source, f"component '{name}'")
-        data = read_entry(self.archive, entry, f"component '{name}'")
+        archive, ours = self.opened(entry, name)
         implementation = element.get("implementation", "any")
-        with open_archive(data, entry) as archive:
-            fmu = self.fmus.get((entry, implementation))
-            if fmu is None:
-                fmu = load_fmu(archive, entry, Path(self.folder.name, f"c{len(self.fmus)}"), implementation)
-                self.fmus[entry, implementation] = fmu
-            starts: dict[str, Value] = {}
-            for value in self.chosen(bindings(element, self.archive, archive, f"component '{name}'")):
-                if value.name in fmu.variables:
-                    starts[value.name] = fitted(value, fmu.variables[value.name], fmu, f"component '{name}'")
-                else:
-                    self.ignored(value, f"component '{name}'", list(fmu.variables))
+        fmu = self.fmus.get((entry, implementation))
+        if fmu is None:
+            folder = Path(self.folder.name, f"c{len(self.fmus)}")
+            fmu = load_fmu(archive, entry, folder, implementation, ours)
+            self.fmus[entry, implementation] = fmu
+        starts: dict[str, Value] = {}
+        for value in self.chosen(bindings(element, self.archive, archive, f"component '{name}'")):
+            if value.name in fmu.variables:
+                starts[value.name] = fitted(value, fmu.variables[value.name], fmu, f"component '{name}'")
+            else:
+                self.ignored(value, f"component '{name}'", list(fmu.variables))
         return Component(name, fmu, starts)
+
+    def opened(self, entry: str, name: str) -> tuple[zipfile.ZipFile, bool]:
+        """An FMU's archive within the package, opened and counted once however many components it has; is it ours?"""
+        if entry not in self.archives:
+            data = read_entry(self.archive, entry, f"component '{name}'")
+            archive = self.nested.enter_context(open_archive(data, entry, self.budget))
+            self.archives[entry] = archive, is_ours(data)
+        return self.archives[entry]
 
     def chosen(self, sets: Sequence[tuple[str, list[ParameterValue]]]) -> list[ParameterValue]:
         self.set_names |= {label for label, _ in sets}

@@ -75,6 +75,7 @@ class Fmu:
         step_size: step of the default experiment [s], or None.
         variable_steps: it accepts steps of any size.
         module: (name, digest) of the Python module that pythonfmu will import, or None.
+        ours: this installation built it (`cosim.trust`).
     """
 
     source: str
@@ -87,6 +88,7 @@ class Fmu:
     step_size: float | None
     variable_steps: bool
     module: tuple[str, str] | None
+    ours: bool = False
 
 
 @dataclass(frozen=True)

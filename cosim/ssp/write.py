@@ -16,6 +16,7 @@ from lxml import etree
 from cosim.errors import ModelError, UsageError
 from cosim.files import write_bytes
 from cosim.ssp.stimulus import stop_time
+from cosim.ssp.xml import safe_parser
 from cosim.units import base_exponents
 from fmus import registry
 from fmus.build import ARCHIVE_DATE, build_fmu, checked_starts, composed_block
@@ -155,8 +156,7 @@ def read_xml(file: Path) -> etree._Element:
         ModelError: there is no such file, or it is not well-formed.
     """
     try:
-        parser = etree.XMLParser(remove_blank_text=True, resolve_entities=False)
-        return etree.parse(file, parser).getroot()
+        return etree.parse(file, safe_parser(remove_blank_text=True)).getroot()
     except OSError:
         raise ModelError(f"there is no file '{file}'") from None
     except etree.XMLSyntaxError as error:

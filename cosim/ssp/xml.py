@@ -1,5 +1,6 @@
 """XML from strangers: no entities, no DTD, no network; and the standard's own schemas."""
 
+import math
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +18,18 @@ _SCHEMAS = {
 }
 
 
+def safe_parser(**options: bool) -> etree.XMLParser:
+    """A parser that resolves no entity, loads no DTD and asks no network; `options` are lxml's."""
+    return etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        huge_tree=False,
+        **options,
+    )
+
+
 def parse(data: bytes, what: str) -> etree._Element:
     """Root element of an XML document.
 
@@ -27,16 +40,37 @@ def parse(data: bytes, what: str) -> etree._Element:
     Raises:
         ModelError: it is not well formed, or holds a DOCTYPE (entities could read files or exhaust the memory).
     """
-    parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, remove_pis=True
-    )
     try:
-        root = etree.fromstring(data, parser)
+        root = etree.fromstring(data, safe_parser(remove_pis=True))
     except etree.XMLSyntaxError as error:
         raise ModelError(f"{what} is not well-formed XML: {error}") from None
     if root.getroottree().docinfo.doctype:
         raise ModelError(f"{what} has a DOCTYPE, which is refused: remove it, FMI and SSP files need none")
     return root
+
+
+def number(element: etree._Element, name: str, what: str, usual: float | None = None) -> float | None:
+    """A finite number from an attribute; `usual` where it is missing or empty.
+
+    Args:
+        element: holds the attribute.
+        name: of the attribute.
+        what: where the element is, for messages.
+        usual: the standard's default.
+
+    Raises:
+        ModelError: it is no finite number.
+    """
+    text = element.get(name)
+    if not text:
+        return usual
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ModelError(f"{what}: {name}='{text}' is no finite number: correct it")
+    return value
 
 
 @cache

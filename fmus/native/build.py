@@ -18,9 +18,10 @@ import fmpy
 from lxml import etree
 from lxml.builder import E
 
-from cosim.compiled import cache_folder
+from cosim import trust
 from cosim.errors import CosimError, ModelError
 from cosim.files import whole, write_bytes
+from cosim.paths import cache_folder
 from fmus.build import ARCHIVE_DATE, PICTURES, checked_starts
 from fmus.compose import Composed
 from fmus.describe import described
@@ -178,6 +179,7 @@ def write_fmu(
             info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             info.create_system = 3  # the same on every platform
             archive.writestr(info, found[name], compresslevel=6)
+    trust.remember(destination)
     return destination
 
 

@@ -157,7 +157,7 @@ def block_of(root: etree._Element, stem: str, where: str) -> tuple[str, Composed
 def description_of(fmu: bytes) -> etree._Element:
     """The root of an FMU's model description."""
     with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
-        return etree.fromstring(archive.read("modelDescription.xml"))
+        return parse(archive.read("modelDescription.xml"), "modelDescription.xml")
 
 
 def described_starts(root: etree._Element, composed: Composed, where: str) -> dict[str, float]:

@@ -99,7 +99,7 @@ def test_a_system_package(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("suffix", "message"), [("ssp", "as an SSP package"), ("fmu", "as an FMU"), ("csv", "row 1")]
+    ("suffix", "message"), [("ssp", "not a readable zip"), ("fmu", "not a readable zip"), ("csv", "row 1")]
 )
 def test_files_that_are_not_what_they_say(write, suffix, message):
     result = run(write("1,2\n3,4\n", f"bad.{suffix}"))

@@ -1,0 +1,125 @@
+"""Looks at an FMU's library without loading it: is it one, for the platform it says, whole, and does it export FMI 2.0?
+
+Sources: System V ABI, "ELF-64 Object File Format"; Microsoft, "PE Format"; Apple, "Mach-O File Format Reference".
+"""
+
+import struct
+
+FUNCTIONS = (
+    "fmi2Instantiate",
+    "fmi2FreeInstance",
+    "fmi2SetupExperiment",
+    "fmi2EnterInitializationMode",
+    "fmi2ExitInitializationMode",
+    "fmi2Terminate",
+    "fmi2Reset",
+    "fmi2GetReal",
+    "fmi2SetReal",
+    "fmi2DoStep",
+    "fmi2GetTypesPlatform",
+    "fmi2GetVersion",
+    "fmi2SetDebugLogging",
+    "fmi2GetInteger",
+    "fmi2GetBoolean",
+    "fmi2GetString",
+    "fmi2SetInteger",
+    "fmi2SetBoolean",
+    "fmi2SetString",
+    "fmi2GetFMUstate",
+    "fmi2SetFMUstate",
+    "fmi2FreeFMUstate",
+    "fmi2SerializedFMUstateSize",
+    "fmi2SerializeFMUstate",
+    "fmi2DeSerializeFMUstate",
+    "fmi2GetDirectionalDerivative",
+    "fmi2SetRealInputDerivatives",
+    "fmi2GetRealOutputDerivatives",
+    "fmi2CancelStep",
+    "fmi2GetStatus",
+    "fmi2GetRealStatus",
+    "fmi2GetIntegerStatus",
+    "fmi2GetBooleanStatus",
+    "fmi2GetStringStatus",
+)
+"""What FMI 2.0, section 4.2.3, has every co-simulation slave export."""
+
+SUFFIXES = {"linux": ".so", "win": ".dll", "darwin": ".dylib"}
+_ELF_MACHINES = {3: "32", 62: "64", 183: "64"}  # i386, x86-64, AArch64
+_PE_MACHINES = {0x14C: "32", 0x8664: "64", 0xAA64: "64"}
+
+
+def problem(data: bytes, platform: str) -> str | None:
+    """What is wrong with a library, or None.
+
+    Args:
+        data: the file.
+        platform: folder of FMI 2.0 that it lies in, such as linux64.
+    """
+    if not data:
+        return "is empty"
+    check = {"linux": _elf, "win": _pe, "darwin": _mach}.get(platform.rstrip("0123456789"))
+    if check is None:
+        return None  # a platform that FMI does not name
+    try:
+        wrong = check(data, platform)
+    except struct.error:
+        wrong = "is cut off"
+    if wrong:
+        return wrong
+    missing = [name for name in FUNCTIONS if name.encode() + b"\0" not in data]
+    if len(missing) > 3:
+        missing[3:] = [f"nor {len(missing) - 3} more functions of FMI 2.0"]
+    return f"exports no {', '.join(missing)}" if missing else None
+
+
+def _elf(data: bytes, platform: str) -> str | None:
+    if data[:4] != b"\x7fELF":
+        return "is no ELF library"
+    wide = data[4] == 2
+    if data[5] != 1:
+        return "is no little-endian library"
+    kind, machine = struct.unpack_from("<HH", data, 16)
+    if _ELF_MACHINES.get(machine) != platform[-2:]:
+        return f"is for another machine (ELF machine {machine})"
+    if kind != 3:
+        return "is no shared library"
+    programs, sections = struct.unpack_from("<QQ" if wide else "<II", data, 32 if wide else 28)
+    size, count, section_size, section_count = struct.unpack_from("<HHHH", data, 54 if wide else 42)
+    if programs + size * count > len(data) or sections + section_size * section_count > len(data):
+        return "is cut off"
+    for k in range(count):
+        # offset and size in the file of what is to be loaded
+        at = programs + k * size
+        begin, length = (
+            (struct.unpack_from("<Q", data, at + 8)[0], struct.unpack_from("<Q", data, at + 32)[0])
+            if wide
+            else (struct.unpack_from("<I", data, at + 4)[0], struct.unpack_from("<I", data, at + 16)[0])
+        )
+        if begin + length > len(data):
+            return "is cut off"
+    return None
+
+
+def _pe(data: bytes, platform: str) -> str | None:
+    if data[:2] != b"MZ":
+        return "is no Windows library"
+    (start,) = struct.unpack_from("<I", data, 60)
+    if data[start : start + 4] != b"PE\0\0":
+        return "is no Windows library"
+    machine, count = struct.unpack_from("<HH", data, start + 4)
+    optional, flags = struct.unpack_from("<HH", data, start + 20)
+    if _PE_MACHINES.get(machine) != platform[-2:]:
+        return f"is for another machine (PE machine {machine:#x})"
+    if not flags & 0x2000:
+        return "is no shared library"
+    for k in range(count):
+        length, begin = struct.unpack_from("<II", data, start + 24 + optional + 40 * k + 16)
+        if begin + length > len(data):
+            return "is cut off"
+    return None
+
+
+def _mach(data: bytes, platform: str) -> str | None:
+    if data[:4] not in (b"\xcf\xfa\xed\xfe", b"\xce\xfa\xed\xfe", b"\xca\xfe\xba\xbe"):
+        return "is no Mach-O library"
+    return None

@@ -1,0 +1,188 @@
+"""What `validate`, `simulate` and `info` say of FMUs and packages by strangers: exit code 3, and the place that is bad."""
+
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bad_fmus
+import fmpy
+import pytest
+import pythonfmu
+import toy_fmus
+
+from cosim.ssp import archive, binary, read_ssp
+
+LIBRARY = next(
+    (Path(pythonfmu.__file__).parent / "resources" / "binaries" / fmpy.platform).iterdir()
+).read_bytes()
+Change = Callable[[str], str]
+
+
+def swap(old: str, new: str) -> Change:
+    def change(text: str) -> str:
+        assert old in text
+        return text.replace(old, new)
+
+    return change
+
+
+def test_the_untouched_fmu_is_valid(tmp_path: Path, command: Any) -> None:
+    fmu = bad_fmus.pack(tmp_path / "good.fmu", LIBRARY)
+    assert command("validate", fmu)[0] == 0
+    assert command("info", fmu)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("library", "message"),
+    [
+        (None, "no binary at all"),
+        (b"", "is empty"),
+        (b"#!/bin/sh\necho hello\n" * 50, "is no "),
+        (LIBRARY[: len(LIBRARY) // 2], "is cut off"),
+        (LIBRARY[:30], "is cut off"),
+        (LIBRARY.replace(b"fmi2DoStep\0", b"fmi2DoStop\0"), "exports no fmi2DoStep"),
+    ],
+)
+def test_a_bad_library_is_invalid_and_is_not_loaded(
+    tmp_path: Path, command: Any, library: bytes | None, message: str
+) -> None:
+    fmu = bad_fmus.pack(tmp_path / "bad.fmu", library)
+    for words in (("validate", fmu), ("simulate", fmu)):
+        code, out, err = command(*words)
+        assert code == 3
+        assert message in " ".join((out + err).split())
+
+
+@pytest.mark.skipif(fmpy.platform != "linux64", reason="changes an ELF library for x86-64")
+def test_a_library_for_another_machine_is_invalid(tmp_path: Path, command: Any) -> None:
+    arm = LIBRARY[:18] + (40).to_bytes(2, "little") + LIBRARY[20:]
+    assert "another machine (ELF machine 40)" in str(binary.problem(arm, "linux64"))
+    # the platform it is run on is good, another one's is not
+    others = {"binaries/win64/bad.dll": b"MZ" + bytes(100), "binaries/linux32/bad.so": LIBRARY}
+    code, out, _ = command("validate", bad_fmus.pack(tmp_path / "two.fmu", LIBRARY, others=others))
+    assert code == 3
+    assert "binaries/win64/bad.dll' is no Windows library" in out
+    assert "binaries/linux32/bad.so' is for another machine" in out
+
+
+@pytest.mark.parametrize("platform", ["linux64", "win64"])
+def test_pythonfmu_s_libraries_pass_and_cut_ones_do_not(platform: str) -> None:
+    folder = Path(pythonfmu.__file__).parent / "resources" / "binaries" / platform
+    data = next(folder.iterdir()).read_bytes()
+    assert binary.problem(data, platform) is None
+    for end in (0, 3, 70, 500, len(data) // 2, len(data) - 4096):
+        assert binary.problem(data[:end], platform), end
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('stepSize="0.01"', 'stepSize="0"', "DefaultExperiment: stepSize='0' is no step"),
+        ('stepSize="0.01"', 'stepSize="-1"', "stepSize='-1' is no step"),
+        ('stepSize="0.01"', 'stepSize="NaN"', "stepSize='NaN' is no finite number"),
+        ('stopTime="1"', 'stopTime="NaN"', "stopTime='NaN' is no finite number"),
+        ('stopTime="1"', 'stopTime="soon"', "stopTime='soon' is no finite number"),
+        ('stopTime="1"', 'stopTime="-1"', "stopTime='-1' lies before the start"),
+        ('start="0.0"', 'start="NaN"', "the variable 'u' has a bad number: NaN"),
+        ('start="0.0"', 'start="0.0" max="NaN"', "the variable 'u' has a bad number: NaN"),
+        ('factor="1"', 'factor="0"', "the unit 'm': factor='0' makes every number 0"),
+        ('factor="1"', 'factor="INF"', "the unit 'm': factor='INF' is no finite number"),
+        ('m="1"', 'm="one"', "the unit 'm': m='one' is no whole number"),
+        ('valueReference="1"', 'valueReference="-1"', "'u' has a bad number: the value reference -1"),
+        ('valueReference="1"', 'valueReference="4294967296"', "the value reference 4294967296"),
+        ('valueReference="1"', 'valueReference="first"', "bad"),
+        ('modelIdentifier="bad"', 'modelIdentifier="../bad"', "is no C identifier"),
+    ],
+)
+def test_bad_attributes_are_invalid_and_name_their_place(
+    tmp_path: Path, command: Any, old: str, new: str, message: str
+) -> None:
+    fmu = bad_fmus.pack(tmp_path / "bad.fmu", LIBRARY, swap(old, new))
+    for words in (("validate", fmu), ("simulate", fmu)):
+        code, out, err = command(*words)
+        assert code == 3
+        text = " ".join((out + err).split())
+        assert message in text
+        assert "internal error" not in text
+        assert "bad.fmu" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('stopTime="1.0"', 'stopTime="soon"', "DefaultExperiment: stopTime='soon'"),
+        ('stopTime="1.0"', 'stopTime="nan"', "DefaultExperiment: stopTime='nan'"),
+        ('startTime="0"', 'startTime="early"', "DefaultExperiment: startTime='early'"),
+        ('m="1" factor="0.001"', 'm="1" factor="0"', "the unit 'mm': factor='0'"),
+        ('factor="2"', 'factor="two"', "connection a.y -> b.u: factor='two'"),
+    ],
+)
+def test_bad_attributes_of_a_package_name_their_place(
+    toys: Any, tmp_path: Path, command: Any, old: str, new: str, message: str
+) -> None:
+    extra = {"a.y -> b.u": '<ssc:LinearTransformation factor="2"/>'}
+    text = toy_fmus.ssd({"a": "gain", "b": "gain"}, ["a.y -> b.u"], connection_extra=extra)
+    assert old in text
+    path = toy_fmus.pack(tmp_path / "bad.ssp", text.replace(old, new), {"gain": toys.fmu("gain")})
+    for words in (("validate", path), ("simulate", path)):
+        code, out, err = command(*words)
+        assert code == 3
+        assert message in " ".join((out + err).split())
+        assert "internal error" not in out + err
+
+
+def test_archives_in_an_archive_count_together(
+    toys: Any, tmp_path: Path, command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fmus = {kind: toys.fmu(kind) for kind in ("gain", "lag", "wave")}
+    text = toy_fmus.ssd({kind: kind for kind in fmus}, [])
+    path = toy_fmus.pack(tmp_path / "three.ssp", text, fmus)
+    sizes = []
+    for file in (path, *fmus.values()):
+        with zipfile.ZipFile(file) as found:
+            sizes.append(sum(entry.file_size for entry in found.infolist()))
+    # each alone is within the limit
+    monkeypatch.setattr(archive, "LARGEST", sum(sizes) - 1)
+    assert max(sizes) < archive.LARGEST
+    code, _, err = command("simulate", path)
+    assert code == 3
+    assert "with all archives within it, which is refused as a zip bomb" in " ".join(err.split())
+    monkeypatch.setattr(archive, "LARGEST", sum(sizes))
+    read_ssp(path).close()
+
+
+@pytest.mark.parametrize("suffix", [".fmu", ".ssp"])
+def test_info_refuses_what_simulate_refuses_at_once(tmp_path: Path, command: Any, suffix: str) -> None:
+    description = {".fmu": "modelDescription.xml", ".ssp": "SystemStructure.ssd"}[suffix]
+    bomb = tmp_path / f"bomb{suffix}"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as new:
+        new.writestr(description, "<a>" + "<b/>" * (10 << 20) + "</a>")
+    begun = time.process_time()
+    code, _, err = command("info", bomb)
+    assert code == 3
+    assert "refused" in err
+    assert time.process_time() - begun < 2.0
+    with zipfile.ZipFile(bomb, "w") as new:
+        new.writestr(description, "<!DOCTYPE a [<!ENTITY x 'ha'>]><a>&x;</a>")
+        new.writestr("../evil", "x")
+    code, _, err = command("info", bomb)
+    assert code == 3
+    assert "points outside" in err
+
+
+def test_info_reads_no_entities(tmp_path: Path, command: Any) -> None:
+    evil = '<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/hostname">]><fmiModelDescription'
+    fmu = bad_fmus.pack(tmp_path / "bad.fmu", LIBRARY, swap("<fmiModelDescription", evil))
+    code, _, err = command("info", fmu)
+    assert code == 3
+    assert "DOCTYPE" in err
+
+
+def test_a_stranger_s_step_size_is_used(tmp_path: Path) -> None:
+    from cosim.ssp import read_fmu
+
+    with read_fmu(bad_fmus.pack(tmp_path / "good.fmu", LIBRARY)) as system:
+        assert system.step_size == 0.01
+        assert not system.components["good"].fmu.ours
