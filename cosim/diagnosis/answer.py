@@ -171,8 +171,11 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         deviation = max(deviation, diagnosis.deviations.get(name, 0.0))
         told = parameter_of(diagnosis, name, variable, value, deviation)
         _, scale = current().parameter(variable)
-        bounds = max(variable.low * scale, told.ci95[0]), min(variable.high * scale, told.ci95[1])
-        parameters[parameter] = told.model_copy(update={"ci95": bounds})
+        low, high = variable.low * scale, variable.high * scale
+        within = {"ci95": (max(low, told.ci95[0]), min(high, told.ci95[1]))}
+        if told.next_log_ci95 is not None:
+            within["next_log_ci95"] = (max(low, told.next_log_ci95[0]), min(high, told.next_log_ci95[1]))
+        parameters[parameter] = told.model_copy(update=within)
     rivals = [
         Rival(effect=e.name, why_not=reason(behind, e.name in cause.alike)) for e, behind in cause.rivals[:8]
     ]

@@ -12,7 +12,7 @@ from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.grid import Grid, of_piece
 from cosim.diagnosis.machine import Machine
-from cosim.diagnosis.noise import plain
+from cosim.diagnosis.noise import Windows
 from cosim.master import Runner
 
 Array = NDArray[np.float64]
@@ -107,8 +107,8 @@ def measure(
         y = record.signals[signal]
         start = first or 0
         # whole windows of each log, as those of the fits
-        rule = plain(1, window, False, start, record.cuts)
-        inside = np.concatenate(rule.spans(y.size))
+        rule = Windows(window, start, record.cuts)
+        inside = rule.inside(y.size)
         count = inside.size // window
         held = held_windows(count) if first is None else np.ones(count, dtype=bool)
         if not held.any():
@@ -120,7 +120,7 @@ def measure(
         squares, whole = [], []
         for simulated in (before[signal], after[signal]):
             error = y - simulated
-            rows = rule.by_window(error)[held]
+            rows = rule.rows(error)[held]
             squares.append(np.mean(rows**2, axis=1))
             whole.append(float(np.sqrt(squares[-1].mean() if first is None else np.mean(error[pick] ** 2))))
         rows = np.random.default_rng(seed).integers(0, held.sum(), (2000, int(held.sum())))

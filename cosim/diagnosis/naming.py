@@ -229,7 +229,7 @@ def placed_in_time(task: Task, rule: Whitener, event: Event) -> Event:
     """An event with times of the logs one behind the other, in the place of those counted over the windows."""
     if not isinstance(task.model.grid, Pieces):
         return event
-    inside, stamps = np.concatenate(rule.spans(task.model.drive.size)), task.model.grid.stamps
+    inside, stamps = rule.layout.inside(task.model.drive.size), task.model.grid.stamps
     bins = [round((t / task.model.h - rule.skip) / rule.bins) * rule.bins for t in (event.start, event.end)]
     start, end = (float(stamps[inside[min(k, inside.size - 1)]]) for k in bins)
     return replace(event, start=start, end=end)

@@ -34,6 +34,47 @@ FLOOR = 1e-7  # smallest share of each kind of noise: keeps the covariance well 
 
 
 @dataclass(frozen=True)
+class Windows:
+    """Whole windows of a log, or of several one behind the other: none reaches from one log into the next.
+
+    Attributes:
+        size: samples in a window.
+        skip: samples at the start of each log that lie in none.
+        cuts: first sample of each log but the first.
+    """
+
+    size: int
+    skip: int = 0
+    cuts: Cuts = ()
+
+    def spans(self, count: int) -> list[slice]:
+        """Of `count` samples, those in windows, log by log."""
+        firsts = [a + self.skip for a in (0, *self.cuts)]
+        lengths = [max(b - a, 0) // self.size for a, b in zip(firsts, (*self.cuts, count), strict=True)]
+        return [slice(a, a + n * self.size) for a, n in zip(firsts, lengths, strict=True)]
+
+    def inside(self, count: int) -> NDArray[np.int64]:
+        """Of `count` samples, the numbers of those in windows."""
+        return np.concatenate([np.arange(own.start, own.stop) for own in self.spans(count)])
+
+    def rows(self, values: Array) -> Array:
+        """(n,) values to (windows, samples a window)."""
+        parts = [values[own] for own in self.spans(values.size)]
+        return (parts[0] if len(parts) == 1 else np.concatenate(parts)).reshape(-1, self.size)
+
+    def numbers(self, count: int) -> NDArray[np.int64]:
+        """(count,) window of each sample, -1 for none."""
+        found, inside = np.full(count, -1), self.inside(count)
+        found[inside] = np.arange(inside.size) // self.size
+        return found
+
+    def log_of(self, count: int) -> NDArray[np.int64]:
+        """(windows,) number of the log in which each window of `count` samples lies."""
+        spans = self.spans(count)
+        return np.concatenate([np.full((s.stop - s.start) // self.size, i) for i, s in enumerate(spans)])
+
+
+@dataclass(frozen=True)
 class Whitener:
     """The rule for one signal.
 
@@ -86,35 +127,18 @@ class Whitener:
         """The rule for noise of `by` times the variance."""
         return replace(self, sizes=tuple(by * size for size in self.sizes))
 
+    @property
+    def layout(self) -> Windows:
+        """Where the windows lie among the samples."""
+        return Windows(self.bins * self.window, self.skip, self.cuts)
+
     def windows(self, residual: Array) -> Array:
         """(n,) residual to (windows, bins a window)."""
-        if self.cuts:
-            whole = replace(self, cuts=(), scales=())
-            return np.concatenate([whole.windows(part) for part in np.split(residual, self.cuts)])
-        return self.by_window(residual).reshape(-1, self.window, self.bins).mean(axis=2)
-
-    def by_window(self, residual: Array) -> Array:
-        """(n,) residual to (windows, samples a window)."""
-        return residual[np.concatenate(self.spans(residual.size))].reshape(-1, self.bins * self.window)
-
-    def spans(self, count: int) -> list[NDArray[np.int64]]:
-        """Of `count` samples, those in windows, log by log."""
-        whole, edges = self.bins * self.window, [0, *self.cuts, count]
-        firsts = [a + self.skip for a in edges[:-1]]
-        inside = [max(b - a, 0) // whole * whole for a, b in zip(firsts, edges[1:], strict=True)]
-        return [np.arange(a, a + n) for a, n in zip(firsts, inside, strict=True)]
-
-    def numbers(self, count: int) -> NDArray[np.int64]:
-        """(count,) window of each sample, -1 for none."""
-        found = np.full(count, -1)
-        inside = np.concatenate(self.spans(count))
-        found[inside] = np.arange(inside.size) // (self.bins * self.window)
-        return found
+        return self.layout.rows(residual).reshape(-1, self.window, self.bins).mean(axis=2)
 
     def log_of(self, count: int) -> NDArray[np.int64]:
         """(windows,) number of the log in which each window of `count` samples lies."""
-        whole = self.bins * self.window
-        return np.concatenate([np.full(own.size // whole, i) for i, own in enumerate(self.spans(count))])
+        return self.layout.log_of(count)
 
     def sizes_of(self, count: int) -> Array:
         """(windows, 1) size of the noise in each window of `count` samples, over that of all."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.crossval import held_windows, left_out_steps
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
-from cosim.diagnosis.noise import Whitener, plain
+from cosim.diagnosis.noise import Whitener, Windows
 from cosim.inference.held_out import ratio_ci95
 from cosim.inference.linear import Data, LinearModel, reference
 from cosim.inference.pieces import Cuts, by_piece
@@ -171,7 +171,7 @@ def data_of(pair: Uniform, demean: bool, keep: NDArray[np.bool_]) -> Data:
 
 def windows_of(rule: Whitener, count: int) -> NDArray[np.int64]:
     """(count,) window of each sample by a whitening rule, -1 for none."""
-    return rule.numbers(count)
+    return rule.layout.numbers(count)
 
 
 def mean_squares(values: Array, window: NDArray[np.int64], demean: bool) -> Array:
@@ -316,7 +316,7 @@ def of_whole(
         window: samples in a window.
     """
     found = {}
-    numbers = plain(1, window, False, cuts=record.cuts).numbers(record.time.size)
+    numbers = Windows(window, 0, record.cuts).numbers(record.time.size)
     held = held_windows(int(numbers.max()) + 1)
     if not held.any():
         return {}

@@ -32,13 +32,13 @@ def placed(residual: Array, step: float, rule: Whitener) -> Array:
     """(n,) measured minus predicted (n,), each window less the offset that leaves least beyond the step."""
     if not rule.demean:
         return residual
-    rows = rule.by_window(residual)
+    rows = rule.layout.rows(residual)
     offset = rows.mean(axis=1)
     for _ in range(ROUNDS):
         off, slope = outside(rows - offset[:, None], step)
         offset = offset + off.sum(axis=1) / np.maximum(slope.sum(axis=1), 1.0)
     # what lies outside of all windows goes with the nearest one of its own log
-    inside = [own[own >= 0] for own in np.split(rule.numbers(residual.size), rule.cuts)]
+    inside = [own[own >= 0] for own in np.split(rule.layout.numbers(residual.size), rule.cuts)]
     first = np.array([own[0] for own in inside])
     parts = np.split(np.arange(residual.size), rule.cuts)
     near = [

@@ -17,7 +17,7 @@ from cosim.diagnosis.groups import MODELS, Group
 from cosim.diagnosis.heldout import leave_one_log_out
 from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.naming import find
-from cosim.diagnosis.noise import learned, plain
+from cosim.diagnosis.noise import Windows, learned, plain
 from cosim.diagnosis.story import diagnose, prepare
 from cosim.diagnosis.trials import tried
 from cosim.diagnosis.verdict import adequate
@@ -120,7 +120,7 @@ def test_logs_of_different_intervals_are_refused() -> None:
 
 def test_windows_lie_within_one_log_and_skip_the_start_of_each() -> None:
     rule = plain(2, 5, False, skip=3, cuts=(27,))
-    numbers = rule.numbers(60)
+    numbers = rule.layout.numbers(60)
     assert np.all(numbers[[0, 1, 2, 27, 28, 29]] == -1)
     assert np.all(numbers[3:23] == np.repeat([0, 1], 10))
     assert np.all(numbers[23:27] == -1)
@@ -188,7 +188,7 @@ def test_each_log_is_held_out_in_turn(pair: list[Record]) -> None:
 
 def test_held_out_windows_of_the_gain_are_those_of_the_fits(pair: list[Record]) -> None:
     whole, window = joined(pair), 4990
-    own = plain(1, window, False, cuts=whole.cuts).numbers(whole.time.size)
+    own = Windows(window, 0, whole.cuts).numbers(whole.time.size)
     y = whole.signals["slew"]
     inside = (own % 3 == 2) & (own >= 0)
     exact = {"slew": np.where(inside, y, y + 1.0)}
@@ -227,7 +227,7 @@ def test_intervals_between_logs_hold(logs: int, scatter: float) -> None:
 
 
 def test_logs_that_agree_are_better_than_one_and_logs_that_say_nothing_do_not_count() -> None:
-    agreeing = combined(5.0, 0.07, np.array([5.05, 4.95]), np.array([0.1, 0.1]))
+    agreeing = combined(5.0, 0.07, np.array([5.02, 4.98]), np.array([0.1, 0.1]))
     assert agreeing.scatter == 0.0
     assert agreeing.ci95 == pytest.approx((5.0 - 1.96 * 0.07, 5.0 + 1.96 * 0.07), abs=1e-4)
     unlike = combined(5.0, 0.07, np.array([4.0, 6.0, 99.0]), np.array([0.1, 0.1, 0.0]))
