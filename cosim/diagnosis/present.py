@@ -7,6 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from cosim.console import stderr_console, stdout_console, table, warn
 from cosim.diagnosis.answer import answer
+from cosim.diagnosis.curve import curve_of
 from cosim.diagnosis.experiment import Proposal, proposal_for, write_command
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.isolability import isolability
@@ -136,6 +137,7 @@ def full_command(found: Diagnosis) -> float:
 def written(found: Diagnosis, log: Log, folder: Path, proposal: Proposal | None) -> Answer:
     """Write answer, series and report."""
     result = answer(found, log, proposal)
+    result.drive_curve = None if found.stage else curve_of(found, log)
     (folder / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
     if save_and_report(found, result, folder, proposal) is None:
         warn(
