@@ -33,6 +33,7 @@ class Machine:
         values: ``component.parameter`` -> SI in which the machine differs from the values that the .ssd binds.
         options: what the mapping says.
         lexicon: units and words for people.
+        mapping: with which its logs are read.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Machine:
     values: dict[str, float] = field(default_factory=dict)
     options: Options = field(default_factory=Options)
     lexicon: Lexicon = field(default_factory=Lexicon)
+    mapping: LogMapping | None = None
 
     @property
     def drive(self) -> str:
@@ -123,7 +125,7 @@ def machine_for(
         for group in cut(wiring, signals, start_values(wiring, table, signals), trusted)
     ]
     lexicon = Lexicon(shown_signals(log, mapping, signals), dict(options.units), dict(options.blocks))
-    return Machine(wiring.name, wiring, path, tuple(groups), signals, values, options, lexicon)
+    return Machine(wiring.name, wiring, path, tuple(groups), signals, values, options, lexicon, mapping)
 
 
 def shown_signals(log: Log, mapping: LogMapping, signals: Mapping[str, Bound]) -> dict[str, Shown]:

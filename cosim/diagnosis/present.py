@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 from cosim.console import stderr_console, stdout_console, table, warn
 from cosim.diagnosis.answer import answer
 from cosim.diagnosis.budget import Budget
+from cosim.diagnosis.curve import curve_of
 from cosim.diagnosis.experiment import Proposal, proposal_for, write_command
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.isolability import isolability
@@ -161,6 +162,9 @@ def said(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: Pro
         with part(found.notes, "the nominal model's run"):
             found.before = by_twin(found, found.record, found.machine.base)
     result = answer(found, log, proposal)
+    if not found.stage:
+        with part(found.notes, "the static drive curve"):
+            result.drive_curve = curve_of(found, log)
     write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
     return result
 

@@ -168,6 +168,35 @@ class DataFinding(Model):
     factor: float | None = None
 
 
+class DriveReading(Model):
+    """A command as it stands in the file."""
+
+    value: float
+    ci95: tuple[float, float]
+    column: str
+
+
+class DriveNumber(Parameter):
+    """A number of the static curve; the interval is that of the next log of the machine."""
+
+    reading: DriveReading | None = None
+
+
+class DriveCurve(Model):
+    """The static curve of the drive, speed against command; sides that were not driven and tops not reached are missing."""
+
+    command: dict[str, str]  # signal, unit
+    motion: dict[str, str]
+    dead_zone: dict[Literal["low", "high"], DriveNumber]
+    slope: dict[Literal["low", "high"], DriveNumber]
+    top_speed: dict[Literal["low", "high"], DriveNumber]
+    lag: dict[str, float | str]  # value, unit
+    points: list[tuple[float, float, float, float]]  # command, speed, its 95 % band
+    error: dict[str, float | str]  # of the speed over half a second: value, unit
+    logs: list[str]
+    holds: str
+
+
 class Answer(Model):
     """The whole diagnosis; "interrupted" is the verdict of one that Ctrl-C ended before all blocks were judged."""
 
@@ -201,4 +230,7 @@ class Answer(Model):
     correlations: list[Correlated] = []  # of pairs beyond 0.01; all others are independent
     interrupted: str | None = None  # the stage in which Ctrl-C ended it
     span: tuple[float, float] | None = None  # s of the log that the fits used, where the log is longer
+    drive_curve: DriveCurve | None = (
+        None  # of a drive whose command and motion are measured and nothing between
+    )
     made: dict[str, str]

@@ -39,6 +39,7 @@ LEAST = 1e-3  # of the largest speed: no error is taken for smaller
 FAR = 2.0  # typical errors from which on an error counts linearly
 ROUNDS = 3  # of learning what the typical error is
 KNOTS = 7  # of the free curve on either side
+FASTEST = 5e-3  # s, of a step: no drive here tells two changes of command apart within it
 MOST_STEPS = 200_000  # of the simulation: longer logs are simulated more coarsely
 STEADY = 0.05  # of the largest command, within which it counts as held
 EDGE = 0.02  # of the largest command: a top speed counts as reached if the command goes this far beyond where it begins
@@ -126,8 +127,10 @@ class _Fine:
         # exact for a speed that goes to the asked one along an exponential
         steps = speed * self.step + (moving - speed) * lag * (1.0 - kept)
         # the drive does not change with time: a command that comes later moves it later
-        way = np.interp(self.run.time - delay, self.grid, np.concatenate([[0.0], np.cumsum(steps)[:-1]]))
-        return self.mean_speed(way)
+        way = np.concatenate([[0.0], np.cumsum(steps)[:-1]])
+        first, last = (self.run.time[i] for i in (self.begins, self.begins + self.ahead))
+        covered = np.interp(last - delay, self.grid, way) - np.interp(first - delay, self.grid, way)
+        return np.asarray(covered / (last - first))
 
     def mean_speed(self, position: Array) -> Array:
         """(k,) of a position (n,) over each stretch."""
@@ -163,7 +166,7 @@ def fine(run: Run, lag: float = 0.0) -> _Fine:
     for what, values in (("command", run.command), ("position", run.position)):
         if np.ptp(values) == 0.0:
             raise DataError(f"{run.name}: the {what} never moves")
-    step = max(usual / FINER, span / MOST_STEPS)
+    step = max(usual / FINER, FASTEST, span / MOST_STEPS)
     grid = run.time[0] + step * np.arange(int(span / step) + 2)
     begins = np.arange(0, run.time.size - ahead, max(1, ahead // 2))
     return _Fine(run, step, grid, begins, ahead)
@@ -371,10 +374,9 @@ def next_log(told: Sequence[Estimate], scatter: float = 0.0) -> Estimate:
     values, own = np.array([e.value for e in told]), np.array([e.deviation for e in told]) ** 2
     if len(told) == 1:
         (one,) = told
-        reach = float(student.ppf(0.975, PARTS - 1)) * float(
-            np.hypot(one.deviation, scatter * abs(one.value))
-        )
-        return Estimate(one.value, one.deviation, one.value - reach, one.value + reach)
+        # this log and the next are off by as much
+        spread = float(np.hypot(one.deviation, scatter * abs(one.value)) * np.sqrt(2.0))
+        return _one_sided(one.value, one.deviation, float(student.ppf(0.975, PARTS - 1)) * spread)
     weights = 1.0 / np.maximum(own, 1e-12 * max(float(own.max()), 1e-300))
     mean = float(weights @ values / weights.sum())
     spread = float(weights @ (values - mean) ** 2)
@@ -383,9 +385,17 @@ def next_log(told: Sequence[Estimate], scatter: float = 0.0) -> Estimate:
     weights = 1.0 / np.maximum(own + apart, 1e-300)
     mean = float(weights @ values / weights.sum())
     # of the mean, of the machine from log to log, and of what one more log would read by itself
-    variance = 1.0 / float(weights.sum()) + apart + float(np.median(own))
+    variance = 1.0 / float(weights.sum()) + apart + float(np.mean(own))
     reach = float(student.ppf(0.975, len(told) - 1)) * float(np.sqrt(variance))
-    return Estimate(mean, float(np.sqrt(1.0 / weights.sum())), mean - reach, mean + reach)
+    return _one_sided(mean, float(np.sqrt(1.0 / weights.sum())), reach)
+
+
+def _one_sided(value: float, deviation: float, reach: float) -> Estimate:
+    """An estimate whose interval stays on its side of zero, as dead zones, slopes and top speeds of one side do."""
+    low, high = value - reach, value + reach
+    return Estimate(
+        value, deviation, max(low, 0.0) if value > 0.0 else low, min(high, 0.0) if value < 0.0 else high
+    )
 
 
 def _common(each: Sequence[DriveCurve]) -> tuple[Array, Array, Array]:

@@ -11,7 +11,7 @@ from cosim.compare.mapping import CompareTable, Target, load_mapping
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log, Mapping
 from cosim.machines.scale import Sizes, scales
-from cosim.machines.table import MachineTable, block_of, machine_table
+from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_table
 from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
 from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
@@ -157,11 +157,21 @@ def completed(
         stated += pair
     found.setdefault("trusted", list(dict.fromkeys(stated)))
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
-    found["units"] = {**machine.units, **given.get("units", {})}
+    found["units"] = {**machine.units, **scale_free(machine, inner), **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
     if machine.motion == "travel" and "mechanical" in machine.chain:
         found["blocks"] = {"mechanical": "axis", **given.get("blocks", {})}
     return found
+
+
+def scale_free(machine: MachineTable, inner: dict[str, str]) -> dict[str, str]:
+    """Units of torque, inertia and friction where only their ratio to the torque at full command can be known."""
+    gains = {"dcv.K", "continuity.K_c", "mechanical.A", "mechanical.r", "mechanical.J", "mechanical.b"}
+    commanded = "mechanical" in machine.chain and machine.chain[0] != "mechanical"
+    if not commanded or {"dcv", "continuity"} & set(inner) or gains & set(machine.parameters):
+        return {}
+    length = machine.units.get("rad", "rad")
+    return {si: text.format(length) for si, text in SCALE_FREE.items()}
 
 
 def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:

@@ -15,7 +15,7 @@ from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.files import write_text
 from cosim.packages import project_version
-from cosim.report import experiment, overview
+from cosim.report import drive, experiment, overview
 from cosim.report.evidence import free_form, pictures
 from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, lexicon_of, load
 from cosim.report.material import Material, gather
@@ -146,6 +146,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
             told = [c for c in curves[1][:2] if c.gain > CLOSE]
             found = [free_form(rest.block, curves[0], c, f"rest-{index}-{k}") for k, c in enumerate(told)]
         rests.append({"rest": rest, "pictures": shown(found)})
+    curve = drive.picture(material)
     command, seen = experiment.picture(material), overview.tracker(material)
     return {
         "answer": answer,
@@ -157,6 +158,8 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
             overview.held_signals(material) + overview.signals(material) + ([seen] if seen else [])
         ),
         "nominal": [(name, *interval(p), p.unit) for name, p in answer.nominal.items()],
+        "drive": shown([curve] if curve else []),
+        "drive_rows": drive.rows(material),
         "shares": shown([overview.shares(material)] if answer.localisation else []),
         "residuals": shown(overview.residuals(material)),
         "causes": [cause_section(material, c, shown) for c in answer.causes],

@@ -83,7 +83,7 @@ def test_several_logs_scatter_and_one_does_not_hide_it():
     assert next_log(apart).high - next_log(apart).low > 10.0 * (next_log(same).high - next_log(same).low)
     alone = next_log(same[:1], 0.1)
     assert alone.high - 1.0 == pytest.approx(
-        2.262 * np.hypot(0.01, 0.1), rel=1e-3
+        2.262 * np.sqrt(2.0) * np.hypot(0.01, 0.1), rel=1e-3
     )  # Student's t, nine degrees
 
 

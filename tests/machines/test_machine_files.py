@@ -137,6 +137,13 @@ def test_searches_begin_at_the_size_of_the_machine(drive):
     assert "mechanical.phi_r" not in scale
 
 
+def test_a_torque_of_unknown_scale_is_a_part_of_full_command(drive):
+    mapping, log = drive
+    assert machine_of(None, load_log(log, mapping), mapping).lexicon.units["N.m"] == "full command"
+    mapping.write_text(mapping.read_text() + '[machine.parameters]\n"continuity.K_c" = "5 bar/mm"\n')
+    assert "N.m" not in machine_of(None, load_log(log, mapping), mapping).lexicon.units
+
+
 def with_angle(log: Path, angle: np.ndarray) -> Path:
     table = np.loadtxt(log, delimiter=",", skiprows=1)
     table[:, 2] = angle

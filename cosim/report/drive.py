@@ -1,0 +1,79 @@
+"""The static curve of the drive as a picture and a table of the page."""
+
+import numpy as np
+
+from cosim.diagnosis.schema import DriveNumber
+from cosim.report.material import Material
+from cosim.report.picture import Layer, Panel, Picture
+from cosim.report.words import axis, number, signal_name, unit_text
+
+KINDS = (("dead_zone", "dead zone"), ("slope", "slope"), ("top_speed", "top speed"))
+SIDES = (("low", "lower side"), ("high", "upper side"))
+CAPTION = (
+    "Straight lines: dead zone, slope and top speed as in the table. Curve and band: fitted freely, it only has to rise; "
+    "where the two part the drive is no such straight line. From all stretches of half a second of {logs}."
+)
+
+
+def picture(material: Material) -> Picture | None:
+    """Speed over command: the free curve with its band, and what the table says as lines; None without a curve."""
+    curve = material.answer.drive_curve
+    if curve is None:
+        return None
+    u, speed, low, high = np.array(curve.points, dtype=np.float64).T
+    layers = [
+        Layer("band", "95 % band", "nominal", u, low, high),
+        Layer("line", "free curve", "nominal", u, speed),
+        Layer("line", "dead zone, slope, top speed", "extended", *lined(material)),
+    ]
+    command, motion = curve.command, curve.motion
+    return Picture(
+        "drive-curve",
+        "Static curve of the drive",
+        axis(signal_name(command["signal"]), command["unit"]),
+        [Panel(axis(f"speed of {signal_name(motion['signal'])}", motion["unit"]), layers)],
+        CAPTION.format(logs=" and ".join(curve.logs)),
+    )
+
+
+def lined(material: Material) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the curve that the numbers make: (k,) commands and speeds, in the units people read."""
+    curve = material.answer.drive_curve
+    assert curve is not None
+    first, last = curve.points[0][0], curve.points[-1][0]
+    found = [(0.0, 0.0)]
+    for side, end in (("low", first), ("high", last)):
+        edge, slope, top = (getattr(curve, kind).get(side) for kind, _ in KINDS)
+        if edge is None or slope is None:
+            continue
+        corner = end if top is None else edge.value + top.value / slope.value
+        reached = top is not None and abs(corner) < abs(end)
+        corner = corner if reached else end
+        found.append((edge.value, 0.0))
+        found.append((corner, slope.value * (corner - edge.value)))
+        if reached and top is not None:
+            found.append((end, top.value))
+    found.sort()
+    return np.array([x for x, _ in found]), np.array([y for _, y in found])
+
+
+def rows(material: Material) -> list[tuple[str, str, str, str, str]]:
+    """(what, estimate, 95 % interval, unit, as read in the log) of each number of the curve."""
+    curve = material.answer.drive_curve
+    if curve is None:
+        return []
+    found = []
+    for kind, words in KINDS:
+        for side, where in SIDES:
+            item: DriveNumber | None = getattr(curve, kind).get(side)
+            if item is None:
+                continue
+            spread = 0.5 * (item.ci95[1] - item.ci95[0])
+            read = ""
+            if item.reading is not None:
+                wide = 0.5 * (item.reading.ci95[1] - item.reading.ci95[0])
+                ends = " to ".join(number(v, wide) for v in item.reading.ci95)
+                read = f"{item.reading.column}: {number(item.reading.value, wide)} ({ends})"
+            ends = " to ".join(number(v, spread) for v in item.ci95)
+            found.append((f"{words}, {where}", number(item.value, spread), ends, unit_text(item.unit), read))
+    return found

@@ -1,0 +1,92 @@
+"""The static curve of the drive beside a diagnosis, in its JSON and in its report."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.curve import curve_of
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.groups import merged
+from cosim.diagnosis.heldout import Held
+from cosim.diagnosis.lexicon import speaking
+from cosim.diagnosis.model import machine_of
+from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.story import prepare
+from cosim.identify.drive_curve import static
+from cosim.logs import load_log
+from cosim.report import drive
+from cosim.report.material import Material
+from cosim.report.picture import figure
+
+MACHINE = """
+name = "small drive"
+time = { column = "t", unit = "s" }
+[signals]
+u = { column = "duty", unit = "1", zero = 7.5, gain = 0.4 }
+slew = { column = "angle", unit = "rad" }
+[machine]
+chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]
+"""
+TRUTH = np.array([-0.2, 0.25, 1.4, 1.8, -0.75, 0.8])
+
+
+def diagnosed(folder: Path) -> tuple[Diagnosis, object]:
+    """A diagnosis of which nothing is searched yet, and its log."""
+    rng = np.random.default_rng(3)
+    command = np.repeat(rng.uniform(-1.0, 1.0, 60), 30)
+    angle = np.concatenate([[0.0], np.cumsum(static(command, TRUTH) * 0.05)[:-1]])
+    table = np.column_stack([0.05 * np.arange(command.size), 7.5 + command / 0.4, angle])
+    np.savetxt(folder / "log.csv", table, delimiter=",", header="t,duty,angle", comments="", fmt="%.9g")
+    (folder / "machine.toml").write_text(MACHINE)
+    log = load_log(folder / "log.csv", folder / "machine.toml")
+    machine = machine_of(None, log, folder / "machine.toml")
+    record = prepare(log, machine)
+    return Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals)), log
+
+
+def test_dead_zone_and_top_speed_stand_in_the_answer(tmp_path):
+    found, log = diagnosed(tmp_path)
+    curve = curve_of(found, log)
+    assert curve is not None
+    assert curve.dead_zone["high"].reading is not None
+    assert curve.dead_zone["high"].reading.value == pytest.approx(7.5 + 0.25 / 0.4, abs=0.03)
+    unit = {"deg/s": np.degrees(1.0), "rad/s": 1.0}[curve.top_speed["high"].unit]
+    assert curve.top_speed["high"].value == pytest.approx(0.8 * unit, rel=0.02)
+    assert curve.logs == ["log"]
+    # what is written is read back
+    assert type(curve).model_validate_json(curve.model_dump_json()) == curve
+
+
+def test_the_held_out_log_is_one_more_of_the_machine(tmp_path):
+    found, log = diagnosed(tmp_path)
+    found.held = Held(found.record, 0, "second")
+    both = curve_of(found, log)
+    assert both is not None
+    assert both.logs == ["log", "second"]
+
+
+def test_the_page_shows_it(tmp_path):
+    found, log = diagnosed(tmp_path)
+    answer = Answer.model_construct(drive_curve=curve_of(found, log))
+    material = Material(answer, 0.05, {}, {})
+    with speaking(found.machine.lexicon):
+        shown, rows = drive.picture(material), drive.rows(material)
+        assert shown is not None
+        assert [r[0] for r in rows] == [
+            f"{k}, {s} side" for k in ("dead zone", "slope", "top speed") for s in ("lower", "upper")
+        ]
+        assert rows[0][4].startswith("duty: 7.")
+        corners = shown.layer("extended")
+        assert np.all(np.diff(corners.x) > 0.0)
+        assert np.all(np.diff(corners.y) >= 0.0)
+        assert len(figure(shown)["data"]) == 4  # a band is two lines
+
+
+def test_a_force_is_no_command(tmp_path):
+    found, log = diagnosed(tmp_path)
+    bare = replace(found.groups[-1], stages=(("mechanical", "mechanical"),))
+    found.groups = (bare,)
+    assert curve_of(found, log) is None
+    assert drive.picture(Material(Answer.model_construct(drive_curve=None), 0.05, {}, {})) is None

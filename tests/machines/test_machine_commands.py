@@ -1,0 +1,79 @@
+"""``cosim machine``, ``compare``, ``simulate`` and ``identify drive`` with a machine in one file."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cosim.cli import main
+
+MACHINE = """
+name = "small drive"
+time = { column = "t", unit = "s" }
+[signals]
+u = { column = "duty", unit = "1", zero = 50.0, gain = 0.02 }
+slew = { column = "angle", unit = "rad" }
+[machine]
+chain = ["simplified"]
+"""
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    monkeypatch.setenv("COSIM_BUILD", str(tmp_path / "build"))
+    rng = np.random.default_rng(2)
+    command = np.repeat(rng.uniform(-1.0, 1.0, 40), 25)
+    angle = np.concatenate([[0.0], np.cumsum(0.6 * command * 0.02)[:-1]])
+    table = np.column_stack([0.02 * np.arange(command.size), 50.0 + 50.0 * command, angle])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,duty,angle", comments="", fmt="%.9g")
+    (tmp_path / "machine.toml").write_text(MACHINE)
+    return tmp_path / "machine.toml", tmp_path / "log.csv"
+
+
+def run(capsys, *words):
+    with pytest.raises(SystemExit) as stop:
+        main([*map(str, words)])
+    captured = capsys.readouterr()
+    return stop.value.code, captured.out, captured.err
+
+
+def test_machine_writes_what_other_tools_take(capsys, files, tmp_path):
+    mapping, log = files
+    code, out, _ = run(capsys, "machine", mapping, "--log", log, "--out", tmp_path / "out", "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "small_drive.ssd",
+        "small_drive.ssp",
+        "simplified.ssv",
+    }
+    values = {n: v["value"] for n, v in found["parameters"].items()}
+    assert values["simplified.k"] / values["simplified.a"] == pytest.approx(0.6, rel=0.02)
+    assert {v["source"] for v in found["parameters"].values()} == {"from the log"}
+
+
+def test_machine_without_a_log_says_what_is_missing(capsys, files, tmp_path):
+    code, _, err = run(capsys, "machine", files[0], "--out", tmp_path / "out")
+    assert code == 2
+    assert "simplified.k and simplified.a" in err
+    assert "--log LOG" in err
+
+
+def test_compare_and_simulate_make_it_by_themselves(capsys, files):
+    mapping, log = files
+    code, out, _ = run(capsys, "compare", log, "--mapping", mapping, "--json")
+    assert code == 0
+    assert json.loads(out)["signals"]["slew"]["fit_percent"] > 95.0
+    code, out, _ = run(capsys, "simulate", mapping, "--input", log, "--json")
+    assert code == 0
+    assert json.loads(out)["model"] == "small_drive"
+
+
+def test_identify_drive(capsys, files):
+    mapping, log = files
+    code, out, _ = run(capsys, "identify", "drive", log, "--mapping", mapping, "--json")
+    found = json.loads(out)["drive_curve"]
+    assert code == 0
+    # no dead zone was put in
+    assert abs(found["dead_zone"]["high"]["value"]) < 0.03
+    assert found["dead_zone"]["high"]["reading"]["column"] == "duty"
