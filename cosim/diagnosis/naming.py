@@ -12,7 +12,7 @@ from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.forms import forms, in_plain_form, in_same_form
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import PERIODS, Event, apart, burst, line
-from cosim.diagnosis.pace import in_own_steps, paced
+from cosim.diagnosis.pace import in_exact_steps, paced
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
@@ -101,7 +101,7 @@ def find(
         if more is None:
             break
         chosen = more
-    null, chosen, single = in_own_steps(task, exact, null, chosen, single, tolerance)
+    null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
     single = in_same_form(task, chosen, single, tolerance)
     chosen = confirmed(task, chosen, null, tolerance)
