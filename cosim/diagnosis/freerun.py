@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.budget import current
 from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.fit import Fit, Task, fit, placed
 from cosim.diagnosis.grid import of_piece
@@ -64,7 +65,7 @@ def refitted(
     for left in reversed(range(ROUNDS)):
         before = found.log_likelihood if left < ROUNDS - 1 else -np.inf
         found = fit(task, placed(wanted, found.values), rounds=20)
-        if found.log_likelihood < before + GAINED * abs(before):
+        if found.log_likelihood < before + GAINED * abs(before) or current().over:
             break
     if not wanted or found.slopes is None or found.rows is None:
         return found

@@ -14,7 +14,7 @@ from cosim.diagnosis.grid import Pieces
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import PERIODS, Event, apart, burst, line
 from cosim.diagnosis.noise import Whitener
-from cosim.diagnosis.pace import in_own_steps, paced
+from cosim.diagnosis.pace import in_exact_steps, paced
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
@@ -104,7 +104,7 @@ def find(
         if more is None:
             break
         chosen = more
-    null, chosen, single = in_own_steps(task, exact, null, chosen, single, tolerance)
+    null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
     single = in_same_form(task, chosen, single, tolerance)
     chosen = confirmed(task, chosen, null, tolerance)

@@ -1,7 +1,7 @@
 """Steps of a search: the longest in which the model and its candidates tell the same as in steps of the log's own.
 
 A search simulates thousands of times, and most of its candidates are out by far more than the error of a longer step. What
-it finds is fitted again in the log's own steps before anything is concluded from it.
+it finds is fitted again in steps ten times as exact before anything is concluded from it.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,10 +20,18 @@ Array = NDArray[np.float64]
 
 SAME = 0.05  # root mean square of what a longer step may change of a whitened residual, whose noise is 1
 SHARE = 0.2  # of what a candidate changes, that a longer step may be off: a twentieth of its gain
+EXACT = 0.1  # of both, once the search is over
 LONGEST = 20  # of a log's own steps at most
 
 
-def paced(task: Task, exact: GroupModel, found: Fit, candidates: Iterable[Effect], tolerance: float) -> None:
+def paced(
+    task: Task,
+    exact: GroupModel,
+    found: Fit,
+    candidates: Iterable[Effect],
+    tolerance: float,
+    part: float = 1.0,
+) -> None:
     """Give a task the longest steps that do for its fit and its candidates; those of `exact` where none are longer.
 
     Args:
@@ -32,14 +40,15 @@ def paced(task: Task, exact: GroupModel, found: Fit, candidates: Iterable[Effect
         found: what is known so far.
         candidates: effects to be tried, each judged at its largest start.
         tolerance: trust in the nominal parameters.
+        part: of what a longer step may be off in a search.
     """
     points = [found.values]
     for effect in candidates:
         _, starts = unknowns(exact, (effect,), tolerance)
         points.append(found.values | {n: values[-1] for n, values in starts.items()})
     fine = [task.white(task.against(exact.simulate(point))) for point in points]
-    same = SAME * float(np.sqrt(fine[0].size))
-    reach = [max(same, SHARE * float(np.linalg.norm(row - fine[0]))) for row in fine]
+    same = part * SAME * float(np.sqrt(fine[0].size))
+    reach = [max(same, part * SHARE * float(np.linalg.norm(row - fine[0]))) for row in fine]
     for grid in longer(exact, task.model):
         model = exact.in_steps(grid)
         if all(
@@ -69,13 +78,16 @@ def longer(exact: GroupModel, most: GroupModel) -> list[Grid]:
     return [Grid(stamps, step, lines) for step in sorted(fit, reverse=True)]
 
 
-def in_own_steps(
+def in_exact_steps(
     task: Task, exact: GroupModel, null: Trial, chosen: Trial, single: list[Trial], tolerance: float
 ) -> tuple[Trial, Trial, list[Trial]]:
-    """The nominal model, the chosen set and the single effects fitted on in the log's own steps; best single first."""
-    if task.model is exact:
+    """The nominal model, the chosen set and the single effects fitted on in exact steps; best single first."""
+    searched = task.model
+    if searched is exact:
         return null, chosen, single
-    task.model = exact
+    paced(task, exact, chosen.fit, [e for t in single for e in t.effects], tolerance, EXACT)
+    if task.model.step == searched.step:
+        return null, chosen, single
     same = not chosen.effects
     null = tried(task, (), tolerance, null.fit)
     chosen = null if same else tried(task, chosen.effects, tolerance, chosen.fit)

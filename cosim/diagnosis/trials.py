@@ -233,8 +233,10 @@ def tried_all(
 
     def led(trial: Trial) -> Trial:
         other = None if budget.over else led_on(trial, trials)
-        redone = other and tried(copied(task), trial.effects, tolerance, other.fit)
-        return max(trial, redone or trial, key=lambda t: t.score)
+        if other is None:
+            return trial
+        redone = tried(copied(task), trial.effects, tolerance, other.fit, FIRST_ROUNDS, quick=True)
+        return max(trial, further(redone), key=lambda t: t.score)
 
     with ThreadPoolExecutor(2) as pool:
         begun_now = counted(pool.map(first, sets), len(sets))

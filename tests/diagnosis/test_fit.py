@@ -87,3 +87,19 @@ def test_rows_of_one_signal_are_its_windows() -> None:
     rows = both.white_of("z", {"y": np.zeros(2000), "z": np.ones(2000)})
     assert rows.shape == (20, 100)
     assert np.all(rows == 1.0)
+
+
+def test_a_quick_fit_differences_its_slopes_once() -> None:
+    class Counted(Parabola):
+        runs = 0
+
+        def simulate(self, values: dict[str, float]) -> dict[str, np.ndarray]:
+            Counted.runs += 1
+            return super().simulate({**values, "m.c": values["m.c"] ** 3})
+
+    measured = 2.0 * X + 1.5**3 * X**2
+    start = [unknown("m.a"), Unknown("m.c", 1.0, 1.0, -50.0, 50.0)]
+    quick = fit(Task(Counted(), {"y": measured}, {"y": RULE}), start, quick=True)  # type: ignore[arg-type]
+    assert quick.values == pytest.approx({"m.a": 2.0, "m.c": 1.5}, abs=1e-3)
+    assert not quick.settled
+    assert Counted.runs <= 2 + 12 + 1  # a column each, the rounds, and the residuals at the end

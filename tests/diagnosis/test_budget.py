@@ -1,0 +1,83 @@
+"""A diagnosis with a budget ends in time with the best so far, and says what it did not try."""
+
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cosim.cli import make_app
+from cosim.diagnosis.answer import answer
+from cosim.diagnosis.budget import Budget, parse_budget
+from cosim.diagnosis.story import diagnose
+from cosim.errors import UsageError
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+
+HIDDEN = ("mechanical.coulomb_friction:tau_c=150 N.m",)
+
+
+def test_a_stage_ends_when_its_share_is_gone() -> None:
+    now = [5.0]
+    budget = Budget(100.0, clock=lambda: now[0])
+    assert not budget.over
+    budget.allow(0.5)
+    now[0] = 54.9
+    assert not budget.over
+    now[0] = 55.0
+    assert budget.over
+    budget.allow(1.0)
+    assert not budget.over
+
+
+def test_without_a_span_nothing_is_over() -> None:
+    budget = Budget()
+    budget.allow(0.0001)
+    assert not budget.over
+    assert budget.warnings == []
+
+
+def test_what_was_left_out_is_said_group_by_group() -> None:
+    budget = Budget(60.0)
+    budget.leave_out("dcv", "dcv.delay")
+    for _ in range(3):
+        budget.leave_out("dcv", "a set of causes")
+    assert budget.warnings == [
+        "dcv: the time allowed (60 s) was over; not tried: dcv.delay, a set of causes (3 of them)"
+    ]
+
+
+@pytest.mark.parametrize(("text", "seconds"), [("60s", 60.0), ("2 min", 120.0), ("90", 90.0)])
+def test_a_budget_is_a_time_with_its_unit(text: str, seconds: float) -> None:
+    assert parse_budget(text) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"), [("0s", "positive"), ("-5 s", "positive"), ("3 m", "'m'"), ("soon", "not a number")]
+)
+def test_what_is_no_time_is_refused(text: str, says: str) -> None:
+    with pytest.raises(UsageError, match=says):
+        parse_budget(text)
+
+
+@pytest.mark.parametrize("seconds", [1e-9, 4.0])
+def test_a_diagnosis_ends_and_says_what_was_not_tried(seconds: float) -> None:
+    log = as_log(make_log("mixed", 24.0, HIDDEN, seed=3))
+    begin = time.process_time()
+    found = diagnose(log, budget=Budget(seconds, clock=time.process_time))
+    taken = time.process_time() - begin
+    said = answer(found, log, None).warnings
+    left_out = [w for w in said if f"the time allowed ({seconds:g} s) was over" in w]
+    assert found.stage == ""
+    assert set(found.findings) == {"dcv", "continuity", "mechanical"}
+    assert left_out
+    if seconds < 1.0:
+        assert any("mechanical.coulomb_friction" in w for w in left_out)
+        assert found.causes == []
+        assert taken < 20.0  # nominal fits only; without a budget this log takes far longer
+
+
+def test_a_wrong_budget_is_refused_before_the_log_is_read(tmp_path: Path) -> None:
+    result = CliRunner().invoke(make_app(), ["diagnose", str(tmp_path / "none.csv"), "--budget", "3 kg"])
+    assert result.exit_code != 0
+    assert isinstance(result.exception, UsageError) or "kg" in result.output
