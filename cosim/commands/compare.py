@@ -12,7 +12,7 @@ from cosim.errors import UsageError
 if TYPE_CHECKING:
     from cosim.compare import CompareTable, Comparison
     from cosim.compare.extras import Extras
-    from cosim.logs import Mapping
+    from cosim.logs import Log, Mapping
     from cosim.ssp.system import System
 
 DEFAULT_MODEL = "full_order"
@@ -139,7 +139,7 @@ def compare_log(
     Raises:
         DataError, ModelError, UsageError, SimulationError: whatever is wrong with log, model, request or run.
     """
-    from cosim.compare import Comparator, CompareTable, load_mapping, open_model
+    from cosim.compare import Comparator, CompareTable, load_mapping
     from cosim.compare.extras import Extras
     from cosim.compare.limits import check_limits, read_limits
     from cosim.compare.present import as_data
@@ -147,13 +147,7 @@ def compare_log(
 
     names, table = load_mapping(mapping) if mapping is not None else (None, CompareTable())
     loaded = load_log(file, names)
-    if mapping is not None and names is not None and names.machine and model is None:
-        from cosim.machines import made_for
-
-        made = made_for(mapping, loaded)
-        source, table = open_model(str(made.ssd)), made.table
-    else:
-        source = open_model(*_reference(model, names, table))
+    source, table = _source(model, mapping, names, table, loaded)
     with Comparator(loaded, source, table=table, step=_seconds(step_size)) as comparator:
         limits = read_limits(thresholds or [], comparator)
         given = _parameters(comparator.system, table, parameter_sets, settings)
@@ -172,6 +166,20 @@ def compare_log(
     else:
         _show(comparison, results, written, extras)
     return any(not result["passed"] for result in results)
+
+
+def _source(
+    model: str | None, mapping: Path | None, names: "Mapping | None", table: "CompareTable", log: "Log"
+) -> tuple[Path, "CompareTable"]:
+    """The file to simulate, and what the signals stand for in it: a machine in one file is made first."""
+    from cosim.compare import open_model
+
+    if mapping is not None and names is not None and names.machine and model is None:
+        from cosim.machines import made_for
+
+        made = made_for(mapping, log)
+        return open_model(str(made.ssd)), made.table
+    return open_model(*_reference(model, names, table)), table
 
 
 def _beside(extras: "Extras", observer: bool, external: Path | None) -> None:

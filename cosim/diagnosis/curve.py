@@ -10,7 +10,8 @@ from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.schema import DriveCurve
 from cosim.errors import DataError
-from cosim.identify.drive_curve import Run, drive_curve
+from cosim.identify.drive_curve import drive_curve
+from cosim.identify.drive_fit import Run
 from cosim.identify.run_drive import curve_data, run_of, told_of
 from cosim.logs import Log, listed
 

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.compare.picture import ERROR, MEASURED, SIMULATED
-from cosim.identify.drive_curve import NAMES, DriveCurve, static
+from cosim.identify.drive_curve import NAMES, DriveCurve
+from cosim.identify.drive_fit import static
 from cosim.identify.run_drive import Told
 
 if TYPE_CHECKING:
@@ -22,34 +23,7 @@ def drive_figure(curve: DriveCurve, told: Told) -> "Figure":
     figure = Figure(figsize=(9.5, 6.0), layout="constrained")
     axes = figure.add_subplot()
     u, speed = told.command_scale, told.motion_scale
-    points = curve.points
-    axes.plot(
-        u * points[0],
-        speed * points[1],
-        ".",
-        color=MEASURED,
-        markersize=2.5,
-        alpha=0.35,
-        label="half a second of steady command",
-    )
-    low, high = np.sort(speed * curve.band, axis=0)
-    axes.fill_between(
-        u * curve.knots,
-        low,
-        high,
-        color=SIMULATED,
-        alpha=0.18,
-        linewidth=0.0,
-        label=f"its 95 % band {'between logs' if len(curve.each) > 1 else 'within the log'}",
-    )
-    if len(curve.each) > 1:
-        for k, one in enumerate(curve.each):
-            name = "free curve of each log" if k == 0 else None
-            axes.plot(
-                u * one.knots, speed * one.speeds, color=SIMULATED, linewidth=0.7, alpha=0.7, label=name
-            )
-    else:
-        axes.plot(u * curve.knots, speed * curve.speeds, color=SIMULATED, linewidth=0.9, label="free curve")
+    measured(axes, curve, u, speed)
     lined(axes, curve, told)
     told_numbers(axes, curve, told)
     axes.set_xlabel(f"{told.command} [{told.command_unit}]")
@@ -74,6 +48,38 @@ def drive_figure(curve: DriveCurve, told: Told) -> "Figure":
         f"Static curve of the drive: {curve.names[0] if count == 1 else f'{count} logs'}", fontsize=11
     )
     return figure
+
+
+def measured(axes: "Axes", curve: DriveCurve, u: float, speed: float) -> None:
+    """Steady stretches and the free curve with its band; u and speed are shown per SI."""
+    points = curve.points
+    axes.plot(
+        u * points[0],
+        speed * points[1],
+        ".",
+        color=MEASURED,
+        markersize=4.5,
+        alpha=0.5,
+        label="half a second of steady command",
+    )
+    low, high = np.sort(speed * curve.band, axis=0)
+    axes.fill_between(
+        u * curve.knots,
+        low,
+        high,
+        color=SIMULATED,
+        alpha=0.18,
+        linewidth=0.0,
+        label=f"free curve: 95 % band {'between logs' if len(curve.each) > 1 else 'within the log'}",
+    )
+    if len(curve.each) > 1:
+        for k, one in enumerate(curve.each):
+            name = "free curve: each log" if k == 0 else None
+            axes.plot(
+                u * one.knots, speed * one.speeds, color=SIMULATED, linewidth=0.7, alpha=0.7, label=name
+            )
+    else:
+        axes.plot(u * curve.knots, speed * curve.speeds, color=SIMULATED, linewidth=0.9, label="free curve")
 
 
 def lined(axes: "Axes", curve: DriveCurve, told: Told) -> None:

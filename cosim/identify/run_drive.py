@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from cosim.errors import DataError
 from cosim.identify.answer import Answer
-from cosim.identify.drive_curve import DriveCurve, Estimate, Run, drive_curve
+from cosim.identify.drive_curve import DriveCurve, Estimate, drive_curve
+from cosim.identify.drive_fit import Run
 from cosim.logs import Log, Mapping
 from cosim.units import factor
 
@@ -137,6 +138,22 @@ def curve_data(curve: DriveCurve, told: Told) -> dict[str, Any]:
     }
 
 
+def table_rows(curve: DriveCurve, told: Told) -> list[list[object]]:
+    """Rows name, value, lower and upper end of the 95 % interval, unit, and how a command reads in the file."""
+    rows: list[list[object]] = []
+    for name, estimate in curve.values.items():
+        unit, scale = told.of(name)
+        shown = number(estimate, unit, scale)
+        low, high = shown["ci95"]
+        read = (
+            f"{told.column} {told.reading(shown['value']):.4g}"
+            if name.startswith("dead") and told.column
+            else ""
+        )
+        rows.append([WORDS[name], *(f"{v:.4g}" for v in (shown["value"], low, high)), unit, read])
+    return rows
+
+
 def drive_answer(
     logs: Sequence[Log], mapping: Mapping | None, command: str | None, motion: str | None
 ) -> Answer:
@@ -155,17 +172,6 @@ def drive_answer(
     told = told_of(logs[0], mapping, command or default[0], motion or default[1])
     curve = drive_curve([run_of(log, told) for log in logs])
     data = curve_data(curve, told)
-    rows: list[list[object]] = []
-    for name, estimate in curve.values.items():
-        unit, scale = told.of(name)
-        shown = number(estimate, unit, scale)
-        low, high = shown["ci95"]
-        read = (
-            f"{told.column} {told.reading(shown['value']):.4g}"
-            if name.startswith("dead") and told.column
-            else ""
-        )
-        rows.append([WORDS[name], *(f"{v:.4g}" for v in (shown["value"], low, high)), unit, read])
     missing = [WORDS[n] for n in WORDS if n not in curve.values]
     lines = [
         f"the speed follows the command after {curve.lag + curve.delay:.3g} s; over half a second the curve is off by "
@@ -184,7 +190,11 @@ def drive_answer(
 
     synthetic = any(log.synthetic for log in logs)
     table = [
-        (f"Static curve of the drive, from {len(logs)} log{'s' if len(logs) > 1 else ''}", COLUMNS, rows)
+        (
+            f"Static curve of the drive, from {len(logs)} log{'s' if len(logs) > 1 else ''}",
+            COLUMNS,
+            table_rows(curve, told),
+        )
     ]
     return Answer(
         "drive",

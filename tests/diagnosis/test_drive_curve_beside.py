@@ -14,7 +14,7 @@ from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.model import machine_of
 from cosim.diagnosis.schema import Answer
 from cosim.diagnosis.story import prepare
-from cosim.identify.drive_curve import static
+from cosim.identify.drive_fit import static
 from cosim.logs import load_log
 from cosim.report import drive
 from cosim.report.material import Material

@@ -8,7 +8,8 @@ import pytest
 from scipy.signal import lfilter
 
 from cosim.errors import DataError
-from cosim.identify.drive_curve import NAMES, Estimate, Run, drive_curve, next_log, static
+from cosim.identify.drive_curve import NAMES, Estimate, drive_curve, next_log
+from cosim.identify.drive_fit import Run, static
 from cosim.identify.run_drive import drive_answer
 from cosim.logs import load_log, load_mapping
 

@@ -1,0 +1,197 @@
+"""A drive's static curve fitted to one log: the simulation over stretches, the seven numbers and the free curve."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, nnls
+from scipy.signal import lfilter
+
+from cosim.errors import DataError
+
+Array = NDArray[np.float64]
+
+STRETCH = 0.5  # s over which the way is compared, at least 4 samples and 2 lags
+FINER = 4  # steps of the simulation in a sample
+MOVING = 0.02  # of the largest speed, beyond which a stretch counts as one of motion
+LEAST = 1e-3  # of the largest speed: no error is taken for smaller
+FAR = 2.0  # typical errors from which on an error counts linearly
+ROUNDS = 3  # of learning what the typical error is
+KNOTS = 7  # of the free curve on either side
+FASTEST = 5e-3  # s, of a step: no drive here tells two changes of command apart within it
+MOST_STEPS = 200_000  # of the simulation: longer logs are simulated more coarsely
+
+
+@dataclass(frozen=True)
+class Run:
+    """One log of a drive.
+
+    Attributes:
+        name: of the log.
+        time: (n,) s, rising.
+        command: (n,) held from its stamp on.
+        position: (n,) what the drive moves.
+    """
+
+    name: str
+    time: Array
+    command: Array
+    position: Array
+
+
+@dataclass(frozen=True)
+class Fine:
+    """A log on an even grid, finer than its samples; `begins` are the samples at which stretches of `ahead` begin."""
+
+    run: Run
+    step: float
+    grid: Array
+    begins: NDArray[np.int64]
+    ahead: int
+
+    @cached_property
+    def held(self) -> Array:
+        """(m,) the command on the grid."""
+        # at the middle of each step, where a change within it is early as often as late
+        index = np.searchsorted(self.run.time, self.grid + 0.5 * self.step, side="right") - 1
+        return np.asarray(self.run.command[np.clip(index, 0, self.run.time.size - 1)])
+
+    def ways(self, speed: Array, lag: float, delay: float) -> Array:
+        """(k,) way in each stretch, per second, of a drive that is asked for these speeds (m,)."""
+        kept = float(np.exp(-self.step / lag))
+        moving, _ = lfilter([0.0, 1.0 - kept], [1.0, -kept], speed, zi=[speed[0]])
+        # exact for a speed that goes to the asked one along an exponential
+        steps = speed * self.step + (moving - speed) * lag * (1.0 - kept)
+        # the drive does not change with time: a command that comes later moves it later
+        way = np.concatenate([[0.0], np.cumsum(steps)[:-1]])
+        first, last = (self.run.time[i] for i in (self.begins, self.begins + self.ahead))
+        covered = np.interp(last - delay, self.grid, way) - np.interp(first - delay, self.grid, way)
+        return np.asarray(covered / (last - first))
+
+    def mean_speed(self, position: Array) -> Array:
+        """(k,) of a position (n,) over each stretch."""
+        first, last = self.begins, self.begins + self.ahead
+        return np.asarray((position[last] - position[first]) / (self.run.time[last] - self.run.time[first]))
+
+    def mean_command(self) -> Array:
+        """(k,) over each stretch."""
+        sums = np.concatenate([[0.0], np.cumsum(self.run.command)])
+        return np.asarray((sums[self.begins + self.ahead] - sums[self.begins]) / self.ahead)
+
+    def steadiness(self) -> Array:
+        """(k,) range of the command over each stretch and a quarter of one before, in which the speed settles."""
+        before = self.ahead // 4
+        rows = np.lib.stride_tricks.sliding_window_view(self.run.command, self.ahead + before + 1)
+        spread = rows.max(axis=1) - rows.min(axis=1)
+        return np.asarray(spread[np.clip(self.begins - before, 0, spread.size - 1)])
+
+
+def fine(run: Run, lag: float = 0.0) -> Fine:
+    """A log prepared: its grid and its stretches.
+
+    Raises:
+        DataError: it is too short, or command or position stand still.
+    """
+    usual = float(np.median(np.diff(run.time)))
+    span = float(run.time[-1] - run.time[0])
+    ahead = max(4, round(max(STRETCH, 2.0 * lag) / usual))
+    if run.time.size < 20 * ahead:
+        raise DataError(
+            f"{run.name}: {span:.3g} s are too short for a static curve: it takes 20 stretches of {ahead * usual:.2g} s"
+        )
+    for what, values in (("command", run.command), ("position", run.position)):
+        if np.ptp(values) == 0.0:
+            raise DataError(f"{run.name}: the {what} never moves")
+    step = max(usual / FINER, FASTEST, span / MOST_STEPS)
+    grid = run.time[0] + step * np.arange(int(span / step) + 2)
+    begins = np.arange(0, run.time.size - ahead, max(1, ahead // 2))
+    return Fine(run, step, grid, begins, ahead)
+
+
+def static(command: Array, x: Array) -> Array:
+    """Speed of the seven-number curve (the first six of x are `NAMES`) at commands of any shape."""
+    low, high, s_l, s_r, v_l, v_r = x[:6]
+    right = np.minimum(s_r * np.maximum(command - high, 0.0), v_r)
+    left = np.minimum(s_l * np.maximum(low - command, 0.0), -v_l)
+    return np.asarray(right - left)
+
+
+def begin(log: Fine, goal: Array) -> Array:
+    """Rough numbers: dead zone where the drive stands, slopes and top speeds of what moves."""
+    command = log.run.command
+    if float(np.corrcoef(log.mean_command(), goal)[0, 1]) < 0.0:
+        raise DataError(
+            f"{log.run.name}: the position goes against the command: give one of them sign = -1 in the mapping"
+        )
+    low, high = min(float(command.min()), 0.0), max(float(command.max()), 0.0)
+    size = max(high, -low)
+    low, high = min(low, -1e-3 * size), max(high, 1e-3 * size)
+    fastest = float(np.quantile(np.abs(goal), 0.98))
+    slope = 1.3 * fastest / size
+    return np.array(
+        [0.2 * low, 0.2 * high, slope, slope, -fastest, fastest, 2.0 * log.step, log.step * FINER]
+    )
+
+
+def fitted(
+    log: Fine, goal: Array, begun: Array, kept: NDArray[np.bool_], typical: float | None = None
+) -> tuple[Array, float]:
+    """The numbers (dead zone, slopes, tops, lag, delay) and the typical error of the speed over a stretch."""
+    command = log.run.command
+    size, fastest = float(np.abs(command).max()), float(np.abs(goal).max())
+    usual = log.step * FINER
+    flat = fastest / size
+    low = np.array([-size, 0, 0.01 * flat, 0.01 * flat, -3 * fastest, 0.01 * fastest, 0.1 * log.step, 0])
+    slowest, latest = max(2.0, 20.0 * usual), max(0.5, 4.0 * usual)  # s
+    high = np.array([0, size, 50 * flat, 50 * flat, -0.01 * fastest, 3 * fastest, slowest, latest])
+    scale = np.array([0.1 * size, 0.1 * size, flat, flat, fastest, fastest, usual, usual])
+    x = np.clip(begun, low + 1e-9 * scale, high - 1e-9 * scale)
+
+    def off(x: Array) -> Array:
+        return (goal - log.ways(static(log.held, x), float(x[6]), float(x[7])))[kept]
+
+    learn = typical is None
+    moving = np.abs(goal) > MOVING * fastest  # at rest everything fits
+    for _ in range(ROUNDS if learn else 1):
+        if learn:
+            typical = max(1.4826 * float(np.median(np.abs(off(x))[moving[kept]])), LEAST * fastest)
+        width = float(typical or 1.0) * FAR
+        found = least_squares(
+            lambda x, width=width: off(x) / width,
+            x,
+            bounds=(low, high),
+            x_scale=scale,
+            loss="soft_l1",
+            diff_step=1e-3,
+        )
+        x = found.x
+    return np.asarray(x), float(typical or 0.0)
+
+
+def knots_of(command: Array, x: Array) -> Array:
+    """Commands at which the free curve may bend: the edges of the dead zone, and evenly from there to the extremes."""
+    low, high = float(command.min()), float(command.max())
+    left = np.linspace(low, min(x[0], 0.0), KNOTS) if low < x[0] else np.empty(0)
+    right = np.linspace(max(x[1], 0.0), high, KNOTS) if high > x[1] else np.empty(0)
+    return np.unique(np.concatenate([left, [0.0], right]))
+
+
+def free_curve(
+    log: Fine, goal: Array, x: Array, knots: Array, typical: float, kept: NDArray[np.bool_]
+) -> Array:
+    """(m,) speeds at the knots of a curve of straight lines that only rises and is zero at no command."""
+    ramps = []
+    for a, b in pairwise(knots):
+        rise = np.clip((log.held - a) / (b - a), 0.0, 1.0)
+        ramps.append(log.ways(rise if a >= 0.0 else rise - 1.0, float(x[6]), float(x[7])))
+    columns = np.stack(ramps, axis=1)[kept]
+    target, weights = goal[kept], np.ones(int(kept.sum()))
+    steps = np.zeros(knots.size - 1)
+    for _ in range(5):
+        root = np.sqrt(weights)
+        steps, _ = nnls(columns * root[:, None], target * root)
+        weights = 1.0 / np.sqrt(1.0 + ((target - columns @ steps) / (FAR * typical)) ** 2)
+    rising = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.asarray(rising - rising[int(np.argmin(np.abs(knots)))])
