@@ -209,6 +209,10 @@ def _part(plain: dict[str, Any]) -> Part:
     return Part(plain["name"], plain["drive"], noise, *sides)
 
 
+_NUMBERS = ("signals", "gain", "nominal", "linear", "linear_blocks")
+_MAY_MISS = ("per_log", "next_log_ci95")  # null says that there is none
+
+
 def _known(data: Any) -> Any:
     """JSON has no NaN: a number that could not be computed was written as null inside these parts."""
     if not isinstance(data, dict):
@@ -216,12 +220,12 @@ def _known(data: Any) -> Any:
 
     def numbers(value: Any) -> Any:
         if isinstance(value, dict):
-            return {k: numbers(v) for k, v in value.items()}
+            return {k: v if k in _MAY_MISS else numbers(v) for k, v in value.items()}
         if isinstance(value, list):
             return [numbers(v) for v in value]
         return float("nan") if value is None else value
 
-    found = data | {k: numbers(data[k]) for k in ("signals", "gain", "nominal") if k in data}
+    found = data | {k: numbers(data[k]) for k in _NUMBERS if k in data}
     for cause in found.get("causes") or []:
         for part in ("evidence", "parameters"):
             if isinstance(cause, dict) and part in cause:

@@ -1,0 +1,94 @@
+"""What was found is never lost: parts fail by themselves, odd logs end in an answer or a clear refusal."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.odd_logs import Odd, drawn, run_case
+from cosim.diagnosis import present, story
+from cosim.diagnosis.experiment import Rehearsal
+from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.parts import part
+from cosim.errors import DataError
+from cosim.logs import load_log
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "synthetic_demo.csv"
+
+
+def test_a_part_that_fails_leaves_a_note_and_ctrl_c_passes() -> None:
+    notes: list[str] = []
+    with part(notes, "the picture"):
+        raise ValueError("no ink")
+    with part(notes, "the table"):
+        raise DataError("row 3 is empty")
+    assert "the picture failed" in notes[0]
+    assert "ValueError: no ink" in notes[0]
+    assert notes[1] == "the table failed, the rest stands: row 3 is empty"
+    with pytest.raises(KeyboardInterrupt), part(notes, "the rest"):
+        raise KeyboardInterrupt
+
+
+def test_the_answer_is_there_though_everything_after_it_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*arguments: object, **named: object) -> None:
+        raise RuntimeError("broken on purpose")
+
+    for room, name in ((story, "gain_by_fmus"), (present, "proposal_for"), (present, "save_and_report")):
+        monkeypatch.setattr(room, name, broken)
+    answer = present.diagnose_into(tmp_path, load_log(EXAMPLE), None, None, 0.01, False)
+    assert [c.effect for c in answer.causes] == ["mechanical.coulomb_friction"]
+    written = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert written["verdict"] == "explained"
+    failed = [w for w in written["warnings"] if "broken on purpose" in w]
+    assert len(failed) == 3
+    assert set(written["signals"]) == {"spool", "p_load", "p_supply", "slew"}
+
+
+def test_a_block_whose_judging_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched = story.searched
+
+    def but_one(found, group, *arguments, **named):
+        if group.name == "continuity":
+            raise FloatingPointError("no number")
+        return searched(found, group, *arguments, **named)
+
+    monkeypatch.setattr(story, "searched", but_one)
+    run = make_log("mixed", 21.0, ["dcv.gain"], seed=3)
+    found = story.diagnose(as_log(run))
+    assert [c.effect.name for c in found.causes] == ["dcv.gain"]
+    assert found.verdict == "partly_explained"
+    assert "FloatingPointError" in found.failed["continuity"]
+
+
+@pytest.mark.parametrize("interval", [1e-3, 0.02, 0.053])
+def test_what_readings_add_is_told_for_every_step_of_an_experiment(interval: float) -> None:
+    """Readings every 53 ms end before a command of 30 s does."""
+    command = np.zeros(30001)
+    played = Rehearsal(MODELS["simplified"], command, {"simplified.theta_0": 0.0}, 1e-3, interval)
+    readings = np.ones(played.grid.stamps.size)
+    assert played.spread(readings).shape == command.shape
+    assert played.spread(readings).sum() == pytest.approx(readings.sum(), rel=1e-3)
+
+
+def cheap() -> list[Odd]:
+    """The first short cases of a seed."""
+    return [c for c in drawn(60, 11) if 60 < c.duration * c.rate < 4000 and c.duration < 25.0][:4]
+
+
+@pytest.mark.parametrize("case", cheap(), ids=lambda c: str(c.seed))
+def test_an_odd_log_ends_in_an_answer_or_a_refusal(case: Odd) -> None:
+    row = run_case(case)
+    assert "error" not in row, row["error"]
+    assert not row.get("failed")
+    assert row.get("report", True)
+
+
+@pytest.mark.slow
+def test_hundreds_of_odd_logs_end_in_an_answer_or_a_refusal() -> None:
+    bad = [r for r in map(run_case, drawn(200, 12)) if "error" in r or r.get("failed")]
+    assert bad == []
