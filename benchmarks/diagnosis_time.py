@@ -1,6 +1,6 @@
 """Processor time of a diagnosis with quick fits and longer steps and without: ``python benchmarks/diagnosis_time.py LOG``.
 
-Takes ``--mapping``, ``--held-out`` and ``--calibrate`` as ``cosim diagnose`` does, and prints for each way the processor time,
+Takes ``--mapping``, ``--held-out`` and ``--calibrate`` as ``cosim diagnose`` does, and prints for each way processor time,
 the simulations, the verdict and the causes with their sizes: the answer must be the same, only sooner.
 """
 
