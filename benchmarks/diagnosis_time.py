@@ -22,8 +22,13 @@ from cosim.diagnosis.model import machine_of
 from cosim.diagnosis.story import diagnose
 from cosim.logs import load_log
 
-# name of the way -> (longest step of a search in those of the log, quick fits)
-WAYS = {"without": (1, False), "longer steps": (20, False), "quick fits": (1, True), "both": (20, True)}
+# name of the way -> (longest step of a search in intervals between samples, quick fits)
+WAYS = {
+    "without": (0.0, False),
+    "longer steps": (pace.LONGEST, False),
+    "quick fits": (0.0, True),
+    "both": (pace.LONGEST, True),
+}
 
 
 def main() -> None:
