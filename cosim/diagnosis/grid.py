@@ -81,7 +81,8 @@ class Grid:
     def sampled(self, rows: Array) -> Array:
         """(..., m) values at the stamps of rows (..., n) at the steps' times, on straight lines between these."""
         low = rows[..., self._below]
-        return np.asarray(low + self._part * (rows[..., self._below + 1] - low))
+        with np.errstate(invalid="ignore", over="ignore"):  # a trial far off may leave the numbers
+            return np.asarray(low + self._part * (rows[..., self._below + 1] - low))
 
 
 def grid_of(time: Array, step: float | None = None, lines: bool = False) -> tuple[Grid | None, float]:

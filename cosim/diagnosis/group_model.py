@@ -87,12 +87,6 @@ class GroupModel:
         """The same, simulated in other steps."""
         return GroupModel(self.group, self.drive, self.h, self.fixed, grid)
 
-    @property
-    def stamps(self) -> Array:
-        """(n,) times of the samples, s, from zero."""
-        even: Array = np.arange(self.drive.size, dtype=np.float64) * self.h
-        return even if self.grid is None else self.grid.stamps
-
     def declared(self, name: str) -> Variable:
         """Declaration of ``component.parameter``."""
         component, _, parameter = name.partition(".")

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fit import Fit, Task
-from cosim.diagnosis.grid import Grid, Pieces
+from cosim.diagnosis.grid import Grid
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.trials import Trial, tried, tried_all, unknowns
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-SAME = 0.05  # root mean square of what a longer step may change of a whitened residual, whose noise is 1
-SHARE = 0.2  # of what a candidate changes, that a longer step may be off: a twentieth of its gain
+SAME = 0.02  # root mean square of what a longer step may change of a whitened residual, whose noise is 1
+SHARE = 0.05  # of what a candidate changes, that a longer step may be off
 EXACT = 0.1  # of both, once the search is over
-LONGEST = 20  # of a log's own steps at most
+LONGEST = 0.25  # of the interval between samples
 
 
 def paced(
@@ -65,17 +65,18 @@ def off(task: Task, model: GroupModel, values: Mapping[str, float], fine: Array)
 
 
 def longer(exact: GroupModel, most: GroupModel) -> list[Grid]:
-    """Grids of longer steps than the log's own, the longest first; none longer than those of `most` if it has such."""
-    if isinstance(exact.grid, Pieces):  # several logs, each in steps of its own
+    """Grids of longer steps than the log's own, the longest first; none longer than those of `most` if it has such.
+
+    Only of a log sampled more rarely than its model is simulated: a longer step must end at the samples. Of several logs
+    each has steps of its own, and there are none.
+    """
+    if not isinstance(exact.grid, Grid):
         return []
-    stamps = exact.stamps
-    whole = exact.h / exact.step  # steps in an interval, or 1
-    limit = LONGEST * exact.step if most.step == exact.step else most.step
-    steps = [exact.h / parts for parts in range(1, round(whole))]
-    steps += [exact.h * times for times in (2, 3, 5, 10, 20)] if round(whole) == 1 else []
-    lines = exact.grid is not None and exact.grid.lines
+    whole = round(exact.h / exact.step)
+    limit = LONGEST * exact.h if most.step == exact.step else most.step
+    steps = [exact.h / parts for parts in range(1, whole)]
     fit = [s for s in steps if 1.5 * exact.step < s <= limit * (1.0 + 1e-9)]
-    return [Grid(stamps, step, lines) for step in sorted(fit, reverse=True)]
+    return [Grid(exact.grid.stamps, step, exact.grid.lines) for step in sorted(fit, reverse=True)]
 
 
 def in_exact_steps(

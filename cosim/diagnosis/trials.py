@@ -18,6 +18,7 @@ from fmus.contract import Effect, Variable
 
 SMALL = 0.05  # of an effect's typical size: the smallest start
 FIRST_ROUNDS = 6  # of a quick fit, before those that lag far behind are given up
+QUICK = True  # the benchmark of the time switches it off
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
@@ -223,7 +224,7 @@ def tried_all(
             budget.leave_out(group, effects[0].name if len(effects) == 1 else "a set of causes")
             return None
         begin = started.get(sorted_names(effects), near)
-        return tried(copied(task), effects, tolerance, begin, FIRST_ROUNDS, quick=True)
+        return tried(copied(task), effects, tolerance, begin, FIRST_ROUNDS, quick=QUICK)
 
     def further(trial: Trial) -> Trial:
         reach = max(best - max(LAGGING, 0.5 * (best - base)), base - 3.0)
@@ -235,7 +236,7 @@ def tried_all(
         other = None if budget.over else led_on(trial, trials)
         if other is None:
             return trial
-        redone = tried(copied(task), trial.effects, tolerance, other.fit, FIRST_ROUNDS, quick=True)
+        redone = tried(copied(task), trial.effects, tolerance, other.fit, FIRST_ROUNDS, quick=QUICK)
         return max(trial, further(redone), key=lambda t: t.score)
 
     with ThreadPoolExecutor(2) as pool:
