@@ -101,19 +101,6 @@ def test_no_data_of_others_is_committed() -> None:
             assert not copied, f"{path} holds rows of foreign data"
 
 
-def test_functions_stay_short() -> None:
-    too_long = []
-    for path in _sources():
-        text = path.read_text(encoding="utf-8")
-        name = path.relative_to(TOP).as_posix()
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-                length = (node.end_lineno or node.lineno) - node.lineno
-                if length > 50:
-                    too_long.append(f"{name}:{node.lineno} {node.name}: {length} lines")
-    assert not too_long, "functions of at most 50 lines"
-
-
 def _undocumented(tree: ast.Module, name: str) -> list[str]:
     silent = [] if ast.get_docstring(tree) else [name]
     scopes: list[tuple[ast.Module | ast.ClassDef, str]] = [(tree, name)]

@@ -265,8 +265,10 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
             kept = tuple(e for e in chosen.effects if e != out)
             fewer = tried(task, kept, tolerance, chosen.fit)
             free = (e for e in candidates if e not in chosen.effects)
-            # in the place of the one left out another must make up for what that one explains
-            needed = chosen.fit.log_likelihood - fewer.fit.log_likelihood
+            # in the place of the one left out another must make up for what that one explains; beside a trusted
+            # parameter that acts alike a small dose says nothing of that
+            lost = chosen.fit.log_likelihood - fewer.fit.log_likelihood
+            needed = lost if tolerance >= FREE else 0.0
             sets += [kept, *((*kept, e) for e in promising(task, fewer, free, tolerance, needed))]
         best = next(iter(tried_all(task, sets, tolerance, chosen.fit)), chosen)
         dropped = len(best.effects) < len(chosen.effects)
@@ -288,8 +290,7 @@ def rivals(
         if kept:
             fewer = tried(task, kept, tolerance, finding.chosen.fit)
             free = (e for e in candidates if e not in finding.chosen.effects)
-            needed = finding.chosen.fit.log_likelihood - fewer.fit.log_likelihood
-            sets = [(*kept, e) for e in promising(task, fewer, free, tolerance, needed)]
+            sets = [(*kept, e) for e in promising(task, fewer, free, tolerance)]
         found[effect.name] = (
             tried_all(task, sets, tolerance, finding.chosen.fit)
             if kept

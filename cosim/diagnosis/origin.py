@@ -15,6 +15,7 @@ from cosim.diagnosis.naming import rivals
 from cosim.diagnosis.trials import CLOSE, SURE, candidates_of, polished
 from cosim.diagnosis.upstream import Origin, origins, upstream_rivals
 from cosim.diagnosis.verdict import adequate, causes, rests
+from fmus.contract import Effect
 
 MOST = 2  # explanations that are tried, the most promising first
 
@@ -79,7 +80,7 @@ def taken(
     if not new:
         return False
     for cause in new:
-        cause.rivals = [*((e, -origin.behind) for e in shown.chosen.effects), *cause.rivals]
+        cause.rivals = [*rivals_where_shown(shown, origin), *cause.rivals]
         # its own signal hardly shows it, nor tells it from others: what it explains is what the group behind shows
         cause.gain += shown.chosen.score - shown.null.score - origin.behind
         cause.alike = alike
@@ -87,3 +88,11 @@ def taken(
     found.causes = [c for c in found.causes if c.group != name] + named
     found.rests = [r for r in found.rests if r.block != name] + rests(finding, tolerance)
     return True
+
+
+def rivals_where_shown(shown: Finding, origin: Origin) -> list[tuple[Effect, float]]:
+    """What was named where an origin showed, or the best that was tried there, and how far it lies behind the origin."""
+    if shown.chosen.effects:
+        return [(e, -origin.behind) for e in shown.chosen.effects]
+    best = shown.chosen.score - origin.behind
+    return [(t.effects[0], best - t.score) for t in shown.single[:3]]

@@ -17,7 +17,8 @@ from fmus import registry
 from fmus.contract import Effect, Variable
 
 SMALL = 0.05  # of an effect's typical size: the smallest start
-FIRST_ROUNDS = 6  # of a quick fit, before those that lag far behind are given up
+FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
+QUICK_ROUNDS = 6  # the same of a quick fit
 QUICK = True  # the benchmark of the time switches it off
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
@@ -218,13 +219,16 @@ def tried_all(
     """
     started = {t.names: t.fit for t in begun}
     budget, group = current(), task.model.group.name  # threads of a pool do not see the budget
+    # beside trusted parameters that act alike the valley is narrow, and a quick fit stays on its side
+    quick = QUICK and tolerance >= FREE
+    rounds = QUICK_ROUNDS if quick else FIRST_ROUNDS
 
     def first(effects: tuple[Effect, ...]) -> Trial | None:
         if budget.over:
             budget.leave_out(group, effects[0].name if len(effects) == 1 else "a set of causes")
             return None
         begin = started.get(sorted_names(effects), near)
-        return tried(copied(task), effects, tolerance, begin, FIRST_ROUNDS, quick=QUICK)
+        return tried(copied(task), effects, tolerance, begin, rounds, quick=quick)
 
     def further(trial: Trial) -> Trial:
         reach = max(best - max(LAGGING, 0.5 * (best - base)), base - 3.0)
@@ -236,7 +240,9 @@ def tried_all(
         other = None if budget.over else led_on(trial, trials)
         if other is None:
             return trial
-        redone = tried(copied(task), trial.effects, tolerance, other.fit, FIRST_ROUNDS, quick=QUICK)
+        if not quick:
+            return max(trial, tried(copied(task), trial.effects, tolerance, other.fit), key=lambda t: t.score)
+        redone = tried(copied(task), trial.effects, tolerance, other.fit, rounds, quick=True)
         return max(trial, further(redone), key=lambda t: t.score)
 
     with ThreadPoolExecutor(2) as pool:

@@ -78,5 +78,5 @@ def test_a_command_logged_more_rarely_than_it_changes_lies_on_straight_lines(hel
     # held for 10 ms instead of 1 ms the command seems late by half of the difference
     late = 4.5e-3 if held else 0.0
     assert found.causes[0].parameters["tau_d"][0] == pytest.approx(20e-3 - late, abs=5e-4)
-    (note,) = notes(found, log)
+    (note,) = notes(found, (log,))
     assert ("held = false" in note) == held
