@@ -81,8 +81,8 @@ def find(
 
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
     whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
-    this log left out do not bear out are taken out again; so are those that explain less than what stays unexplained,
-    unless other data will judge them (`within` is False). A search may begin with a set of effects that is known to hold.
+    this log left out do not bear out, or that explain less than what stays unexplained, are taken out again, unless other
+    data will judge them (`within` is False). A search may begin with a set of effects that is known to hold.
     """
     candidates = candidates_of(task)
     null, exact = nominal(task, record, tolerance), task.model
@@ -107,7 +107,8 @@ def find(
     null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
     single = in_same_form(task, chosen, single, tolerance)
-    chosen = confirmed(task, chosen, null, tolerance)
+    if within:  # otherwise other data decide
+        chosen = confirmed(task, chosen, null, tolerance)
     finding = Finding(task, null, chosen, single, free=tolerance >= FREE)
     if len(chosen.effects) == 1:
         finding.single = single = [to_the_end(task, t, finding, tolerance, HALF) for t in single]
