@@ -10,9 +10,10 @@ consider = ["mechanical.constant_load"]
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from cosim.errors import DataError, UsageError
+from cosim.errors import UsageError
+from cosim.tables import checked
 from cosim.units import parse_quantity
 from fmus import registry
 
@@ -89,15 +90,4 @@ def options_of(content: dict[str, Any], source: object) -> Options:
     Raises:
         DataError: a key or value is wrong; the message names it.
     """
-    try:
-        return Options.model_validate(content)
-    except ValidationError as error:
-        found = []
-        for item in error.errors():
-            key = ".".join([TABLE, *(str(part) for part in item["loc"])])
-            if item["type"] == "extra_forbidden":
-                hint = registry.suggestion(str(item["loc"][-1]), list(Options.model_fields))
-                found.append(f"'{key}' is not a key of a mapping; {hint}")
-            else:
-                found.append(f"'{key}': {str(item['msg']).removeprefix('Value error, ')}")
-        raise DataError(f"{source}: {'; '.join(found)}") from None
+    return checked(Options, content, TABLE, "a mapping", source)

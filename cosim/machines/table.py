@@ -11,9 +11,10 @@ lag = "?"
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from cosim.errors import DataError, UsageError
+from cosim.errors import UsageError
+from cosim.tables import checked
 from cosim.units import parse_quantity
 from fmus import registry
 from fmus.contract import Variable
@@ -158,15 +159,4 @@ def machine_table(content: dict[str, Any], source: object) -> MachineTable:
     Raises:
         DataError: a key or value is wrong; the message names it.
     """
-    try:
-        return MachineTable.model_validate(content)
-    except ValidationError as error:
-        found = []
-        for item in error.errors():
-            key = ".".join([TABLE, *(str(part) for part in item["loc"])])
-            if item["type"] == "extra_forbidden":
-                hint = registry.suggestion(str(item["loc"][-1]), list(MachineTable.model_fields))
-                found.append(f"'{key}' is not a key of a machine; {hint}")
-            else:
-                found.append(f"'{key}': {str(item['msg']).removeprefix('Value error, ')}")
-        raise DataError(f"{source}: {'; '.join(found)}") from None
+    return checked(MachineTable, content, TABLE, "a machine", source)
