@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.budget import current
-from cosim.diagnosis.data import Record, fixed_values
+from cosim.diagnosis.data import Record, fixed_values, is_start
 from cosim.diagnosis.fit import Fit, Task, fit, placed
 from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
@@ -85,10 +85,8 @@ def errors(finding: Finding, fit: Fit, record: Record) -> dict[str, Array]:
     model = finding.task.model
     if model.group.drive not in record.signals:
         return {}
-    starts = {n for n, _ in model.group.starts}
-    fixed = {n: v for n, v in of_piece(model.fixed, 0).items() if n not in starts} | fixed_values(
-        record, model.group
-    )
+    fixed = {n: v for n, v in of_piece(model.fixed, 0).items() if not is_start(n)}
+    fixed |= fixed_values(record, model.group)
     own = GroupModel(model.group, record.signals[model.group.drive], record.h, fixed, record.grid)
-    simulated = own.simulate({n: v for n, v in fit.values.items() if n not in starts})
+    simulated = own.simulate({n: v for n, v in fit.values.items() if not is_start(n)})
     return {s: record.signals[s] - simulated[s] for s in finding.task.measured if s in record.signals}

@@ -47,15 +47,16 @@ __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "t
 
 def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:
     """True if the effect's size matters: beyond its floor and its own uncertainty, beyond trust for a trusted parameter."""
+    floored = any(free.floor for free in effect.free.values())
     for parameter, free in effect.free.items():
         name = f"{effect.component}.{parameter}"
         change = abs(trial.fit.values[name] - model.nominal(name))
         spread = trial.fit.deviations[name]
         if name in model.group.trusted and len(effect.free) == 1:
             return change - 1.64 * spread > BEYOND * tolerance * abs(model.nominal(name))
-        if free.floor and change > free.floor and change > 2.0 * spread:
+        if (free.floor or not floored) and change > free.floor and change > 2.0 * spread:
             return True
-    return all(free.floor == 0.0 for free in effect.free.values())
+    return False
 
 
 def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> bool:

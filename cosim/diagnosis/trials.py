@@ -24,6 +24,7 @@ LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that 
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
+HIDDEN = "sensor.bias"  # the model starts where the sensor reads: a bias only shifts the zero of laws that have their own
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 
@@ -43,8 +44,9 @@ class Trial:
 
     @property
     def score(self) -> float:
-        """Log-likelihood less BIC's price for each free parameter."""
-        return self.fit.log_likelihood - charged(self.price, self.fit)
+        """Log-likelihood less BIC's price for each free parameter, and the log odds that the effects have beforehand."""
+        odds = sum(effect.prior for effect in self.effects)
+        return self.fit.log_likelihood - charged(self.price, self.fit) + odds
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,8 +60,9 @@ def charged(parameters: int, found: Fit) -> float:
 
 
 def candidates_of(task: Task) -> tuple[Effect, ...]:
-    """The effects that a fit can tell in a group: all but those seen in the raw samples."""
-    return tuple(e for e in task.model.group.effects() if e.name not in SAMPLED)
+    """The effects that a fit can tell in a group: all but those seen in the raw samples, and a bias that the start hides."""
+    hidden = {*SAMPLED, HIDDEN} if task.model.group.starts else SAMPLED
+    return tuple(e for e in task.model.group.effects() if e.name not in hidden)
 
 
 def declared(effect: Effect, parameter: str) -> Variable:
@@ -107,7 +110,7 @@ def unknowns(
             # a small size is always tried: from there a weak effect, or none, is soon found
             off = nominal if free.floor == 0.0 else nominal + SMALL * free.scale
             known = parameter in effect.parameters and free.floor == 0.0
-            starts[name] = free.starts if known else (off, *free.starts)
+            starts[name] = free.starts if known else tuple(dict.fromkeys((off, *free.starts)))
     return list(found.values()), starts
 
 

@@ -163,6 +163,43 @@ def staircase(material: Material, cause: NamedCause) -> Picture:
     )
 
 
+def limit(material: Material, cause: NamedCause) -> Picture:
+    """Where the reading stays longest at an end of the travel or of the sensor's range: measured, without and with it.
+
+    Raises:
+        LookupError: the predictions were not kept, or the log never stays there.
+    """
+    extended = material.series[BLOCK_EXTENDED].get("slew")
+    without = material.without(cause, "slew")
+    if extended is None or without is None:
+        raise LookupError("the predictions were not kept")
+    h = material.h
+    slew = low_pass(material.measured["slew"], h, 2.0 * CUTOFF)
+    ends = [material.size(cause, name) for name in cause.parameters]
+    near = 0.01 * float(np.ptp(slew))
+    still = np.concatenate([[False], np.min([np.abs(slew - end) for end in ends], axis=0) < near, [False]])
+    begins, closes = np.flatnonzero(~still[:-1] & still[1:]), np.flatnonzero(still[:-1] & ~still[1:])
+    if not begins.size:
+        raise LookupError("the log never stays at an end")
+    longest = int(np.argmax(closes - begins))
+    around = closes[longest] - begins[longest]
+    span = slice(max(0, begins[longest] - around), min(slew.size, closes[longest] + around))
+    pick = np.arange(span.start, span.stop, max(1, (span.stop - span.start) // 2000))
+    time = material.time[pick]
+    layers = [
+        Layer("line", "measured", "measured", time, slew[pick] / DEG),
+        Layer("line", "without it", "nominal", time, without[pick] / DEG),
+        Layer("line", "with it", "extended", time, extended[pick] / DEG),
+    ]
+    return Picture(
+        f"evidence-{cause.effect.replace('.', '-')}",
+        f"The slew angle at its end: {effect_name(cause.effect)}",
+        axis("time", "s"),
+        [Panel(axis("slew angle", "deg"), layers)],
+        CAPTIONS["limit"],
+    )
+
+
 def repeats(material: Material, cause: NamedCause) -> Picture:
     """How often a sample repeats the last one exactly: dropout.
 
