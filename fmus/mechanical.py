@@ -114,9 +114,15 @@ def seen_angle(theta: float, m: NoMemory, p: Parameters) -> float:
 
 
 @slot("chain")
-def seen_velocity(omega: float, m: NoMemory, p: Parameters) -> float:
-    """Velocity of what sensor and tracker see, rad/s."""
+def seen_velocity(omega: float, theta: float, m: NoMemory, p: Parameters) -> float:
+    """Velocity of what sensor and tracker see, rad/s, at angle theta."""
     return omega
+
+
+@slot("chain")
+def joint_angle(theta: float, before: float, p: Parameters) -> float:
+    """Angle after a step that began at `before`, rad; effects on the transmission between drive and joint act here."""
+    return theta
 
 
 @equation
@@ -283,19 +289,20 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
             theta, omega = slid(x.theta, x.omega, t0 - drag, t1 - drag, c.h, c.J, c.w_w, c.phi1, c.phi2, c.phi3)  # fmt: skip
         else:
             theta, omega = with_dry_friction(x.theta, x.omega, t0, t1, m, p, c)
-        theta, omega = stopped(theta, omega, p.theta_min, p.theta_max)
+        theta, omega = stopped(joint_angle(theta, x.theta, p), omega, p.theta_min, p.theta_max)
         return State(theta, omega, torque, bristle)
     ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
     t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
     theta = x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1
-    theta, omega = stopped(theta, c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1, p.theta_min, p.theta_max)
+    omega = c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1
+    theta, omega = stopped(joint_angle(theta, x.theta, p), omega, p.theta_min, p.theta_max)
     return State(theta, omega, torque, 0.0)
 
 
 @equation
 def output(x: State, u: Input, m: NoMemory, p: Parameters) -> Output:
     """What sensor and tracker see."""
-    return Output(seen_angle(x.theta, m, p), seen_velocity(x.omega, m, p))
+    return Output(seen_angle(x.theta, m, p), seen_velocity(x.omega, x.theta, m, p))
 
 
 BLOCK = Block(

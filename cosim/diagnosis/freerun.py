@@ -73,7 +73,10 @@ def refitted(
     scores = found.slopes[: found.count] * found.rows[: found.count, None]
     parts = np.stack([part.sum(axis=0) for part in np.array_split(scores, CLUSTERS)])
     bread = np.linalg.pinv(found.slopes.T @ found.slopes)
-    meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0)
+    known = found.slopes[
+        found.count :
+    ]  # the priors' rows: what the log does not tell is as uncertain as they leave it
+    meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0) + known.T @ known
     covariance = bread @ meat @ bread * np.outer(scales, scales)
     names = [u.name for u in wanted]
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))

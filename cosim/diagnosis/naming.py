@@ -18,7 +18,7 @@ from cosim.diagnosis.pace import in_exact_steps, paced
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
-from cosim.diagnosis.screening import promising
+from cosim.diagnosis.screening import identifiable, promising
 from cosim.diagnosis.swing import swing
 from cosim.diagnosis.trials import (
     BEYOND,
@@ -87,6 +87,8 @@ def find(
     """
     candidates = candidates_of(task)
     null, exact = nominal(task, record, tolerance), task.model
+    if tolerance >= FREE:
+        candidates = identifiable(task, null, candidates)
     paced(task, exact, null.fit, candidates, tolerance)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
     chosen = best_single(task, null, single, tolerance) if most else null

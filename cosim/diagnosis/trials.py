@@ -196,9 +196,36 @@ def sought(
 
 
 def without(task: Task, trial: Trial, effect: Effect, null: Trial, tolerance: float) -> Trial:
-    """A fitted set without one of its effects; of the last one the nominal model is left."""
+    """A fitted set without one of its effects; of the last one the nominal model is left.
+
+    Free parameters that the effect had bent begin where it left them, and where they would go with it: from far off a search
+    may end in a local minimum, and the effect would seem to gain what the search has lost.
+    """
     kept = tuple(e for e in trial.effects if e != effect)
-    return tried(task, kept, tolerance, trial.fit) if kept else null
+    if not kept:
+        return null
+    found = tried(task, kept, tolerance, trial.fit)
+    if tolerance < FREE:
+        return found
+    unbent = replace(trial.fit, values=released(task, trial.fit, effect))
+    return max(found, tried(task, kept, tolerance, unbent), key=lambda t: t.score)
+
+
+def released(task: Task, found: Fit, effect: Effect) -> dict[str, float]:
+    """Values of a fit, SI, were an effect off: the others move as far as they are correlated with it."""
+    names = list(found.values)[: found.covariance.shape[0]]
+    own = [n for n in freed((effect,)) if n in names and found.deviations.get(n, 0.0) > 0.0]
+    if not own:
+        return found.values
+    mine = [names.index(n) for n in own]
+    others = [i for i in range(len(names)) if i not in mine]
+    away = np.array([task.model.nominal(n) - found.values[n] for n in own])
+    change = (
+        found.covariance[np.ix_(others, mine)] @ np.linalg.pinv(found.covariance[np.ix_(mine, mine)]) @ away
+    )
+    return found.values | {
+        names[i]: found.values[names[i]] + float(d) for i, d in zip(others, change, strict=True)
+    }
 
 
 def tried_all(

@@ -53,6 +53,7 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "mechanical.end_stop": (reading.limit,),
     "simplified.end_stop": (reading.limit,),
     "sensor.saturation": (reading.limit,),
+    "mechanical.linkage": (reading.speed_over_angle,),
     "sensor.bias": (reading.against_tracker,),
     "sensor.gain": (reading.sensor,),
     "sensor.drift": (reading.sensor,),

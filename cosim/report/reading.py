@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.schema import NamedCause
 from cosim.report.material import BLOCK_EXTENDED, Material
-from cosim.report.picture import Layer, Panel, Picture
+from cosim.report.picture import Layer, Panel, Picture, Role
 from cosim.report.series import binned, low_pass, slopes
 from cosim.report.torque import points
 from cosim.report.words import CAPTIONS, axis, effect_name
@@ -16,6 +16,7 @@ CUTOFF = 5.0  # Hz
 DEG = np.pi / 180.0
 BINS = "mean in bins, ±2 standard errors"
 ZOOM = 2.0  # s
+MOVING = 0.2  # of the greatest speed: slower is standstill, or nearly
 SEAM = 12.0 * DEG  # Table 3.4: below it the tracker uses its first marker model
 
 
@@ -197,6 +198,41 @@ def limit(material: Material, cause: NamedCause) -> Picture:
         axis("time", "s"),
         [Panel(axis("slew angle", "deg"), layers)],
         CAPTIONS["limit"],
+    )
+
+
+def speed_over_angle(material: Material, cause: NamedCause) -> Picture:
+    """Speed against the angle while the drive moves: measured, without and with a linkage.
+
+    Raises:
+        LookupError: the predictions were not kept, or the drive never moves.
+    """
+    extended = material.series[BLOCK_EXTENDED].get("slew")
+    without = material.without(cause, "slew")
+    if extended is None or without is None:
+        raise LookupError("the predictions were not kept")
+    pick = points(extended.size, material.h)
+    layers = []
+    told: tuple[tuple[str, Role, Array], ...] = (
+        ("measured", "measured", material.measured["slew"]),
+        ("without it", "nominal", without),
+        ("with it", "extended", extended),
+    )
+    fastest = 0.0
+    for name, role, values in told:
+        angle = low_pass(values, material.h, CUTOFF)
+        speed = slopes(angle, material.h)[0][pick] / DEG
+        fastest = fastest or float(np.abs(speed).max(initial=0.0))
+        if fastest == 0.0:
+            raise LookupError("the drive never moves")
+        moving = np.abs(speed) > MOVING * fastest
+        layers.append(Layer("points", name, role, angle[pick][moving] / DEG, speed[moving]))
+    return Picture(
+        f"evidence-{cause.effect.replace('.', '-')}",
+        f"Speed against the angle: {effect_name(cause.effect)}",
+        axis("slew angle", "deg"),
+        [Panel(axis("slew speed", "deg/s"), layers)],
+        CAPTIONS["speed_over_angle"],
     )
 
 
