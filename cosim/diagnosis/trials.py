@@ -24,6 +24,7 @@ LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that 
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
+ASTRAY = 10.0  # factor by which a free parameter may move where an effect is taken away
 HIDDEN = "sensor.bias"  # the model starts where the sensor reads: a bias only shifts the zero of laws that have their own
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
@@ -223,9 +224,12 @@ def released(task: Task, found: Fit, effect: Effect) -> dict[str, float]:
     change = (
         found.covariance[np.ix_(others, mine)] @ np.linalg.pinv(found.covariance[np.ix_(mine, mine)]) @ away
     )
-    return found.values | {
-        names[i]: found.values[names[i]] + float(d) for i, d in zip(others, change, strict=True)
-    }
+    moved = {names[i]: found.values[names[i]] + float(d) for i, d in zip(others, change, strict=True)}
+    for name in (n for n in moved if n in task.model.group.trusted):
+        # what the log hardly tells goes astray on a straight line, to where a simulation may take for ever
+        least, most = sorted((found.values[name] / ASTRAY, found.values[name] * ASTRAY))
+        moved[name] = float(np.clip(moved[name], least, most))
+    return found.values | moved
 
 
 def tried_all(

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -45,3 +46,12 @@ def test_gravity_is_found_over_a_small_range_of_angles_with_the_command_alone() 
     assert [c.effect.name for c in found.causes] == ["mechanical.gravity_load"]
     (finding,) = found.findings.values()
     assert finding.chosen.fit.settled
+
+
+def test_an_amplitude_stays_within_its_bound() -> None:
+    """In sine and cosine a search may leave the circle; the amplitude it tells does not."""
+    polar = Polar([(0, 1)], np.array([0.2, 1.0]), np.array([0.3, 0.0]), np.array([0.95, 1e3]))
+    low, high = polar.bounds(np.array([-0.95, -1e3]), np.array([0.95, 1e3]))
+    for corner in ([high[0], high[1]], [low[0], high[1]], [3.0, 4.6]):
+        assert abs(polar.told(np.array(corner))[0]) <= 0.95
+    assert polar.told(np.array([1.0, 1.0]))[0] == pytest.approx(0.2 * np.sqrt(2.0))
