@@ -121,7 +121,7 @@ class Row:
 
 
 def excavator(together: bool) -> Iterator[Case]:
-    """Each duty held out, fitted on the nearest other one of the same axis, direction, pose and coupling, or all."""
+    """Each duty held out, fitted on all others of the same axis, direction, pose and coupling, or on the nearest one."""
     groups: dict[str, dict[str, str]] = defaultdict(dict)
     for file in sorted((DATA / "excavator").glob("*.csv")):
         axis, direction, duty, pose, coupling = file.stem.split("-")
@@ -369,7 +369,9 @@ def main() -> None:
     )
     parser.add_argument("--sample", type=int, help="that many cases, spread over the axes")
     parser.add_argument("--only", default="", help="cases whose name contains this")
-    parser.add_argument("--together", action="store_true", help="excavator: fit all other duties at once")
+    parser.add_argument(
+        "--one", action="store_true", help="excavator: fit the nearest other duty, not all others"
+    )
     parser.add_argument("--budget", default="", help="for every case, as `cosim diagnose` takes it")
     parser.add_argument("--limit", type=float, default=600.0, help="s after which a case is ended")
     parser.add_argument(
@@ -379,7 +381,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, help="write the table as Markdown")
     parser.add_argument("--json", action="store_true", help="print one object")
     asked = parser.parse_args()
-    chosen = [c for c in cases(asked.together) if asked.only in c.name]
+    chosen = [c for c in cases(not asked.one) if asked.only in c.name]
     chosen = chosen[:0] if asked.from_rows else stratified(chosen, asked.sample or len(chosen))
     if not chosen and not asked.from_rows:
         sys.exit(f"no log of these machines below {DATA}: set COSIM_DATA to the folder that has them")
@@ -392,7 +394,7 @@ def main() -> None:
         row = run(case, asked.budget, asked.limit)
         rows.append(row)
         with asked.rows.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(row)) + "\n")
+            file.write("\n" + json.dumps(asdict(row)))  # first the line's end: the last one may be cut short
         print(" | ".join(cells(row)), file=sys.stderr, flush=True)
     if not asked.from_rows:
         rows = [row for row in rows if row.name in {case.name for case in chosen}]
