@@ -37,6 +37,7 @@ AXES = ("boom", "stick", "bucket", "swing")
 KILLED = 60.0  # s that a process has to write what it found after SIGTERM
 WORSE = 1.005  # after over before: three digits are printed
 MISSING = "linear dynamics are missing"
+BETTER = "on data held out a linear model"  # with what is not clear enough to be called missing
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Row:
         machine, axis, fit, held: the case.
         before, after: error on the held-out log by the real FMUs, in `unit`; None where nothing was measured.
         linear, extended: error of the linear reference and of the extended model in the same windows of the held-out log.
-        linear_missing: whether the answer says that linear dynamics are missing.
+        linear_missing: whether the answer says that a linear model predicts as well or better.
         causes: effect -> parameter -> value with unit.
         alike: effects declared alike with those named.
         refused: effects that the held-out log did not bear out.
@@ -235,7 +236,9 @@ def read(row: Row, answer: dict[str, Any]) -> None:
         row.alike += cause["indistinguishable_from"]
     row.refused = [r["effect"] for r in answer["refused"]]
     row.unexplained = [r["what"] for r in answer["unexplained"]]
-    row.linear_missing = any(MISSING in what for what in [*row.unexplained, *answer["warnings"]])
+    row.linear_missing = any(
+        t in what for what in [*row.unexplained, *answer["warnings"]] for t in (MISSING, BETTER)
+    )
 
 
 def version() -> str:
@@ -302,7 +305,8 @@ def cells(row: Row) -> tuple[str, ...]:
         return "" if value is None else f"{value:.3g}"
 
     short = [effect.partition(".")[2] + " " + ", ".join(p.values()) for effect, p in row.causes.items()]
-    missing = ["linear dynamics"] if row.linear_missing else []
+    missing = ["linear dynamics"] if any(MISSING in what for what in row.unexplained) else []
+    missing += ["(linear as good, it says)"] if row.linear_missing and not missing else []
     rest = [what for what in row.unexplained if MISSING not in what]
     fitted = ", ".join(Path(f).stem for f in row.fit)
     return (

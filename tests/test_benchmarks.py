@@ -91,7 +91,7 @@ def test_an_interrupted_run_goes_on(excavator, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["real_logs.py", "--rows", str(file), "--page", str(page), "--json"])
     with pytest.raises(KeyboardInterrupt):
         excavator.main()
-    file.write_text(file.read_text(encoding="utf-8") + '{"machine": "exc', encoding="utf-8")
+    file.write_text(file.read_text(encoding="utf-8") + '\n{"machine": "exc', encoding="utf-8")
     file.with_suffix(".again").touch()
     with found.open("w", encoding="utf-8") as stream, contextlib.redirect_stdout(stream):
         excavator.main()
