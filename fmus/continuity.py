@@ -45,6 +45,7 @@ class Parameters(NamedTuple):
         float, Variable("s", "Time constant", 0.11, 1e-6, 1e3, nominal=0.1, source="(5.4), Table 4.4 TF4")
     ]
     p_s: Annotated[float, Variable("Pa", "Supply pressure without flow", 170e5, 1e4, 1e8, display="bar", nominal=1e5, source="SYSTEM section 1: 0..170 bar")]  # fmt: skip
+    p_load_0: Annotated[float, Variable("Pa", "Load pressure at the start", 0.0, -1e9, 1e9, display="bar", nominal=1e5, source="CONTRACT section 6: starts at rest")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):
@@ -94,8 +95,8 @@ def driving_pressure(p_load: float, m: NoMemory, p: Parameters) -> float:
 
 @equation
 def start(u: Input, p: Parameters) -> State:
-    """No load pressure; the opening is the spool's."""
-    return State(0.0, u.spool)
+    """Nominally no load pressure; the opening is the spool's."""
+    return State(p.p_load_0, u.spool)
 
 
 @equation

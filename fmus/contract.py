@@ -201,6 +201,7 @@ class Effect:
         asked: the diagnosis considers it only where a mapping file asks for it.
         sole_form: its law can have no other form (an offset, a factor, an inertia): what it leaves is none of its own.
         along: signal of which its torque is a function, whatever its form: omega or p_load; empty for no such law.
+        prior: log odds against the other effects before a log is seen.
     """
 
     name: str
@@ -221,6 +222,7 @@ class Effect:
     asked: bool = False
     sole_form: bool = False
     along: str = ""
+    prior: float = 0.0
 
     @property
     def block(self) -> str:

@@ -45,6 +45,7 @@ class Parameters(NamedTuple):
     v_max: Annotated[float, Variable("m/s", "Largest spool speed; 1 m/s is out of reach", 1.0, 1e-5, 100.0, display="mm/s", nominal=1e-2, source="CONTRACT section 6: no rate limit in reach")]  # fmt: skip
     x_min: Annotated[float, Variable("m", "Stop towards B", -2.6e-3, -1.0, 0.0, display="mm", nominal=1e-3, source="Table 3.6")]  # fmt: skip
     x_max: Annotated[float, Variable("m", "Stop towards A", 2.6e-3, 0.0, 1.0, display="mm", nominal=1e-3, source="Table 3.6")]  # fmt: skip
+    spool_0: Annotated[float, Variable("m", "Spool position at the start", 0.0, -1.0, 1.0, display="mm", nominal=1e-3, source="CONTRACT section 6: starts at rest")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):
@@ -199,8 +200,8 @@ def constrained(spool: float, rate: float, rest: float, h: float, p: Parameters)
 
 @equation
 def start(u: Input, p: Parameters) -> State:
-    """At rest at the mechanical centre, whatever the neutral (CONTRACT section 6), and between the stops."""
-    return State(min(p.x_max, max(p.x_min, 0.0)), 0.0)
+    """At rest, nominally at the mechanical centre, whatever the neutral (CONTRACT section 6), and between the stops."""
+    return State(min(p.x_max, max(p.x_min, p.spool_0)), 0.0)
 
 
 @equation

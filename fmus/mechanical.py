@@ -7,6 +7,8 @@
           = sigma0 z + sigma1 dz/dt, dz/dt = w - |w| sigma0 z/level(w), where it builds up over a distance (LuGre; Canudas de
             Wit et al., IEEE Trans. Automatic Control 40(3), 1995), with sigma0 = level(0)/z_s and sigma1 = sqrt(sigma0 J)
 
+Ends of the travel clamp the angle and take the speed into them: theta_min <= theta <= theta_max.
+
 Within a step the pressure moves on a straight line from its previous to its new value. Sliding phases are exact for
 that; the instants at which the motion stops or breaks away are located inside the step. Friction that builds up is that
 of the step's mean speed.
@@ -18,7 +20,7 @@ from typing import Annotated, NamedTuple
 
 from fmus.contract import Block, NoMemory, Variable, equation, slot
 from fmus.linear import phi_functions
-from fmus.motion import slid, slide, stopping_time
+from fmus.motion import slid, slide, stopped, stopping_time
 
 
 class Input(NamedTuple):
@@ -57,6 +59,9 @@ class Parameters(NamedTuple):
     z_s: Annotated[float, Variable("rad", "Deflection over which dry friction builds up; 0: it truly sticks", 0.0, 0.0, 1.0, display="deg", nominal=1e-5, source="off: sign(theta') of (4.27)")]  # fmt: skip
     tau_load: Annotated[float, Variable("N.m", "Constant load torque against positive motion", 0.0, -1e9, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
     theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e3, 1e3, display="deg", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
+    omega_0: Annotated[float, Variable("rad/s", "Velocity at the start", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="CONTRACT section 6: starts at rest")]  # fmt: skip
+    theta_min: Annotated[float, Variable("rad", "Lower end of the travel; -1000 rad is out of reach", -1e3, -1e3, 1e3, display="deg", source="off: CONTRACT section 6 has no end in reach")]  # fmt: skip
+    theta_max: Annotated[float, Variable("rad", "Upper end of the travel; 1000 rad is out of reach", 1e3, -1e3, 1e3, display="deg", source="off: CONTRACT section 6 has no end in reach")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):
@@ -109,9 +114,15 @@ def seen_angle(theta: float, m: NoMemory, p: Parameters) -> float:
 
 
 @slot("chain")
-def seen_velocity(omega: float, m: NoMemory, p: Parameters) -> float:
-    """Velocity of what sensor and tracker see, rad/s."""
+def seen_velocity(omega: float, theta: float, m: NoMemory, p: Parameters) -> float:
+    """Velocity of what sensor and tracker see, rad/s, at angle theta."""
     return omega
+
+
+@slot("chain")
+def joint_angle(theta: float, before: float, p: Parameters) -> float:
+    """Angle after a step that began at `before`, rad; effects on the transmission between drive and joint act here."""
+    return theta
 
 
 @equation
@@ -225,8 +236,9 @@ def with_bristles(omega: float, z: float, t0: float, t1: float, m: NoMemory, p: 
 
 @equation
 def start(u: Input, p: Parameters) -> State:
-    """At rest at the start angle."""
-    return State(p.theta_0, 0.0, p.A * p.r * u.p_load, 0.0)
+    """At the start angle, nominally at rest."""
+    theta, omega = stopped(p.theta_0, p.omega_0, p.theta_min, p.theta_max)
+    return State(theta, omega, p.A * p.r * u.p_load, 0.0)
 
 
 @equation
@@ -277,22 +289,25 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
             theta, omega = slid(x.theta, x.omega, t0 - drag, t1 - drag, c.h, c.J, c.w_w, c.phi1, c.phi2, c.phi3)  # fmt: skip
         else:
             theta, omega = with_dry_friction(x.theta, x.omega, t0, t1, m, p, c)
+        theta, omega = stopped(joint_angle(theta, x.theta, p), omega, p.theta_min, p.theta_max)
         return State(theta, omega, torque, bristle)
     ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
     t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
     theta = x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1
-    return State(theta, c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1, torque, 0.0)
+    omega = c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1
+    theta, omega = stopped(joint_angle(theta, x.theta, p), omega, p.theta_min, p.theta_max)
+    return State(theta, omega, torque, 0.0)
 
 
 @equation
 def output(x: State, u: Input, m: NoMemory, p: Parameters) -> Output:
     """What sensor and tracker see."""
-    return Output(seen_angle(x.theta, m, p), seen_velocity(x.omega, m, p))
+    return Output(seen_angle(x.theta, m, p), seen_velocity(x.omega, x.theta, m, p))
 
 
 BLOCK = Block(
     name="mechanical",
     title="Slew mechanics: load pressure to angle",
     module=sys.modules[__name__],
-    helpers=(phi_functions, slide, slid, stopping_time),
+    helpers=(phi_functions, slide, slid, stopping_time, stopped),
 )

@@ -1,4 +1,4 @@
-"""Motion of an inertia under viscous friction and a torque on a straight line, exact: what dry friction is pieced from."""
+"""Motion of an inertia under viscous friction and a torque on a straight line, exact, and the ends of its travel."""
 
 from fmus.contract import equation
 from fmus.linear import phi_functions
@@ -37,3 +37,13 @@ def stopping_time(
         else:
             high = t
     return high
+
+
+@equation
+def stopped(theta: float, omega: float, low: float, high: float) -> tuple[float, float]:
+    """Angle and velocity between the ends of the travel: an end takes the speed into it, without rebound."""
+    if theta >= high:
+        return high, min(omega, 0.0)
+    if theta <= low:
+        return low, max(omega, 0.0)
+    return theta, omega

@@ -1,6 +1,6 @@
 """Slew sensor: a draw-wire over a disc, and the filter of its input. Nominally the angle itself (CONTRACT section 6).
 
-    reading = gain * theta + bias                                     (3.2)
+    reading = gain * theta + bias, between low and high               (3.2)
     slew'' + sqrt(2) w slew' + w^2 slew = w^2 reading,  w = 2 pi f_c    (2.1), (3.1): Butterworth, order 2
 
 The reading moves on a straight line over a step, and the filter's solution is exact for that. At f_c = 0 there is no
@@ -41,6 +41,8 @@ class Parameters(NamedTuple):
 
     gain: Annotated[float, Variable("1", "Reading per angle", 1.0, -1e3, 1e3, source="(3.2); nominal 1 (CONTRACT section 6)")]  # fmt: skip
     bias: Annotated[float, Variable("rad", "Reading at angle zero", 0.0, -1e3, 1e3, display="deg", source="(3.2); nominal 0 (CONTRACT section 6)")]  # fmt: skip
+    low: Annotated[float, Variable("rad", "Lowest reading, where the sensor saturates; -1e6 rad is out of reach", -1e6, -1e6, 1e6, display="deg", source="off: (3.2) has no limit")]  # fmt: skip
+    high: Annotated[float, Variable("rad", "Highest reading, where the sensor saturates; 1e6 rad is out of reach", 1e6, -1e6, 1e6, display="deg", source="off: (3.2) has no limit")]  # fmt: skip
     f_c: Annotated[float, Variable("Hz", "Cut-off of the input filter; 0: none", 0.0, 0.0, 1e6, nominal=1e3, source="(2.1), (3.1): 1 kHz on the rig; nominal off, the angle itself (CONTRACT section 6)")]  # fmt: skip
 
 
@@ -68,9 +70,15 @@ def transmitted(slew: float, m: NoMemory, p: Parameters) -> float:
 
 
 @equation
+def read(theta: float, p: Parameters) -> float:
+    """(3.2), rad, between the readings at which the sensor saturates."""
+    return max(p.low, min(p.high, p.gain * theta + p.bias))
+
+
+@equation
 def start(u: Input, p: Parameters) -> State:
     """The first reading, the filter settled."""
-    reading = p.gain * u.theta + p.bias
+    reading = read(u.theta, p)
     return State(reading, reading, reading, 0.0)
 
 
@@ -87,7 +95,7 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 @equation
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
     """(3.2), and (2.1): the reading at the end of the step, behind the filter where there is one."""
-    reading = p.gain * sensed_angle(u.theta, m, p) + p.bias
+    reading = read(sensed_angle(u.theta, m, p), p)
     if p.f_c == 0.0:
         return State(transmitted(reading, m, p), reading, reading, 0.0)
     slope = (reading - x.reading) / c.h

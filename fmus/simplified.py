@@ -2,7 +2,8 @@
 
     theta(s)/u(s) = k / (s (s + a))                             (4.15), (5.1)
 
-The command is held over a step; the solution is exact for any step.
+Ends of the travel clamp the angle and take the speed into them. The command is held over a step; the solution is exact
+for any step that meets no end.
 """
 
 import sys
@@ -10,6 +11,7 @@ from typing import Annotated, NamedTuple
 
 from fmus.contract import Block, NoMemory, Variable, equation, slot
 from fmus.linear import phi_functions
+from fmus.motion import stopped
 
 
 class Input(NamedTuple):
@@ -38,6 +40,9 @@ class Parameters(NamedTuple):
     k: Annotated[float, Variable("rad/s2", "Gain: angular acceleration per unit of command", 0.17453292519943295, -1e6, 1e6, display="deg/s2", nominal=0.1, source="(4.15): 10 deg/s2")]  # fmt: skip
     a: Annotated[float, Variable("1/s", "Pole", 4.4, 0.0, 1e6, nominal=1.0, source="(4.15)")]
     theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e3, 1e3, display="deg", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
+    omega_0: Annotated[float, Variable("rad/s", "Velocity at the start", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="CONTRACT section 6: starts at rest")]  # fmt: skip
+    theta_min: Annotated[float, Variable("rad", "Lower end of the travel; -1000 rad is out of reach", -1e3, -1e3, 1e3, display="deg", source="off: (4.15) has no end")]  # fmt: skip
+    theta_max: Annotated[float, Variable("rad", "Upper end of the travel; 1000 rad is out of reach", 1e3, -1e3, 1e3, display="deg", source="off: (4.15) has no end")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):
@@ -58,8 +63,9 @@ def acting_command(command: float, m: NoMemory, p: Parameters) -> float:
 
 @equation
 def start(u: Input, p: Parameters) -> State:
-    """At rest at the start angle."""
-    return State(p.theta_0, 0.0)
+    """At the start angle, nominally at rest."""
+    theta, omega = stopped(p.theta_0, p.omega_0, p.theta_min, p.theta_max)
+    return State(theta, omega)
 
 
 @equation
@@ -73,7 +79,9 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
     """(4.15) over one step of length c.h."""
     command = acting_command(u.command, m, p)
-    return State(x.theta + c.t_w * x.omega + c.t_u * command, c.w_w * x.omega + c.w_u * command)
+    theta = x.theta + c.t_w * x.omega + c.t_u * command
+    theta, omega = stopped(theta, c.w_w * x.omega + c.w_u * command, p.theta_min, p.theta_max)
+    return State(theta, omega)
 
 
 @equation
@@ -86,5 +94,5 @@ BLOCK = Block(
     name="simplified",
     title="Simplified drive: command to angle in one transfer function",
     module=sys.modules[__name__],
-    helpers=(phi_functions,),
+    helpers=(phi_functions, stopped),
 )

@@ -145,8 +145,11 @@ class Problem:
     def _start_values(self, taken: set[str]) -> list[Unknown]:
         """Start values that the log only shows through noise."""
         found = []
-        for name, value in self.comparator.start_values().items():
-            signal = self.comparator.starts[name]
+        values = self.comparator.start_values()
+        for name, signal in self.comparator.starts.items():
+            if name not in values:
+                continue
+            value = values[name]
             if signal in self.signals and name not in taken and name not in self.given:
                 size = abs(self.comparator.bindings[signal].gain) * self.floor(signal)
                 found.append(Unknown(name, value, -np.inf, np.inf, 10.0 * size))

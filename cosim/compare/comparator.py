@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compare.binding import bind, cut_signals, measured_value, start_values
+from cosim.compare.binding import BEGINS, SPEED, bind, cut_signals, measured_value, start_values
 from cosim.compare.mapping import CompareTable
 from cosim.compare.metrics import noise_floor, score
 from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
@@ -18,6 +18,7 @@ from cosim.compare.prepare import first_value, on_grid
 from cosim.compare.recording import WHOLE, Recording
 from cosim.compare.wiring import Group, Upstream, groups, separating, upstream
 from cosim.errors import DataError, UsageError
+from cosim.inference.beginning import level, speed
 from cosim.logs.log import Log
 from cosim.master import Runner
 from cosim.master.inputs import Series
@@ -212,9 +213,28 @@ class Comparator:
                 first, moving = first_value(self.log[name], self.log.valid_mask(name), drives, self.step)
                 values[parameter] = first * self.bindings[name].gain
                 note = f"'{name}' already moves when the log begins, but the model starts at rest: judge it later"
-                if moving and note not in self.notes:
+                if moving and not self._begins_moving and note not in self.notes:
                     self.notes.append(note)
-        return values
+        return values | self._begun
+
+    @cached_property
+    def _begun(self) -> dict[str, float]:
+        """Start values (SI) beyond angles of a log that begins in motion: velocity, spool, load pressure."""
+        found: dict[str, float] = {}
+        for name, component in self.system.components.items():
+            for parameter, signal in BEGINS.items():
+                binding = self.bindings.get(signal)
+                if parameter not in component.fmu.variables or binding is None or signal not in self.log:
+                    continue
+                if parameter == SPEED:
+                    found[f"{name}.{parameter}"] = binding.gain * speed(self.log.time, self.log[signal])
+                elif binding.port is not None and binding.port.component == name:
+                    found[f"{name}.{parameter}"] = binding.gain * level(self.log[signal])
+        return found if any(found.values()) else {}
+
+    @property
+    def _begins_moving(self) -> bool:
+        return any(name.endswith(SPEED) for name in self._begun)
 
     def excitation(self, drive: tuple[str, ...]) -> tuple[dict[str, tuple[Array, Array]], list[str]]:
         """What measured signals put on the inputs of the components.

@@ -26,7 +26,8 @@ WINDOW = 5.0  # s of a window with an initial offset of its own
 SKEW = 0.25  # of a sampling interval: standard deviation of the timing between two signals of a log ...
 FINE = 1e-3  # s: ... of at most this interval, for slower logs are no worse in step
 FEWEST = 3  # windows of a log
-UNSETTLED = 0.5  # s at the start that do not count: the state in which a log begins is not known
+UNSETTLED = 0.5  # s at the start that do not count: the state in which a log begins is not known ...
+STARTING = 0.1  # ... but at most this share of a short log
 
 
 @dataclass
@@ -131,7 +132,8 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     model = GroupModel(group, drive, record.h, fixed, record.grid)
     observed = [s for s in group.observed if s in record.signals]
     bins = max(1, round(BIN / record.h))
-    skip = round(UNSETTLED / record.h)
+    shortest = min(piece.time.size for piece in record.pieces)
+    skip = min(round(UNSETTLED / record.h), int(STARTING * shortest))
     window = window_of([piece.time.size - skip for piece in record.pieces], bins, record.h)
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
     rules = {s: plain(bins, window, not group.absolute, skip, record.cuts) for s in observed}

@@ -7,17 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from cosim.compiled import compiled_block
 from cosim.diagnosis.freeform import Basis, changing, families
-from cosim.diagnosis.grid import OF_PIECE, Grid, Pieces, cuts_of
-from cosim.diagnosis.groups import Group
+from cosim.diagnosis.grid import OF_PIECE, Grid, Pieces, cuts_of, plain_name
+from cosim.diagnosis.groups import COMPONENT_VALUES, Group
 from cosim.diagnosis.memory import reversals
 from cosim.diagnosis.options import REST
 from cosim.diagnosis.samples import bridged, stale
 from cosim.errors import DataError
+from cosim.inference.beginning import level, speed
 from cosim.inference.pieces import by_piece, slope
+from fmus import registry
 
 Array = NDArray[np.float64]
 
+STARTS = ("theta_0", "omega_0", "spool_0", "p_load_0")
+SETTLING, SETTLED = 30.0, 300  # s for which a drive is held, and steps of it, until all behind it has settled
 SAME = 1.1  # sampling intervals of two logs within this ratio are one interval: 53 ms by one clock is 54 ms by the next
 
 
@@ -112,13 +117,63 @@ def joined(records: Sequence[Record]) -> Record:
 
 
 def fixed_values(record: Record, group: Group) -> dict[str, float]:
-    """What each log itself fixes: the angle at which it starts."""
+    """What each log itself fixes: the state at which it starts; a log that begins in motion has more of it than an angle."""
     found: dict[str, float] = {}
-    for i, piece in enumerate(record.pieces):
-        first, own = max(1, round(piece.rest / piece.h)), f"{OF_PIECE}{i}" if i else ""
+    begun = [begun_values(piece, group) for piece in record.pieces]
+    moving = {n for values in begun for n in values}  # one log may begin in motion and the next at rest
+    for i, (piece, values) in enumerate(zip(record.pieces, begun, strict=True)):
+        own, first = f"{OF_PIECE}{i}" if i else "", 1 if values else max(1, round(piece.rest / piece.h))
         found |= {
             n + own: float(np.mean(piece.signals[s][:first])) for n, s in group.starts if s in piece.signals
         }
+        found |= {n + own: values.get(n, 0.0) for n in moving}
+    return found
+
+
+def is_start(name: str) -> bool:
+    """Whether ``component.parameter`` is a part of the state at which a log begins."""
+    return plain_name(name).rpartition(".")[2] in STARTS
+
+
+def begun_values(record: Record, group: Group) -> dict[str, float]:
+    """Start values of a group's blocks in a log that begins in motion, SI; empty for one that begins at rest.
+
+    What is measured starts at its first reading, a velocity is the slope of the angle. What is not measured is where the
+    first value of the drive, held for long, would have brought it.
+    """
+    found: dict[str, float] = {}
+    for component, block in group.stages:
+        declared = registry.block(block).parameters
+        if "omega_0" in declared and (s := group.shows(component, "theta")) in record.signals:
+            found[f"{component}.omega_0"] = speed(record.time, record.signals[s])
+        for output in ("spool", "p_load"):
+            if f"{output}_0" in declared and (s := shown_by(group, component, output)) in record.signals:
+                found[f"{component}.{output}_0"] = level(record.signals[s])
+    if not any(found.values()):
+        return {}
+    return settled(group, float(record.signals[group.drive][0])) | found
+
+
+def shown_by(group: Group, component: str, output: str) -> str:
+    """The signal of a log that shows an output, also where several sensors together show it; empty for none."""
+    together = output in group.observed and component == group.components[-1]
+    return output if together else group.shows(component, output)
+
+
+def settled(group: Group, drive: float) -> dict[str, float]:
+    """Start values of the blocks before a group's last one with dynamics where the drive has been held for long, SI."""
+    found: dict[str, float] = {}
+    signal = np.array([drive])
+    for component, block in group.stages:
+        if block in ("mechanical", "simplified"):  # an angle does not settle
+            break
+        compiled = compiled_block(block, component)
+        own = {n.partition(".")[2]: v for n, v in COMPONENT_VALUES.items() if n.startswith(component + ".")}
+        rows = compiled.run(np.full((1, SETTLED), signal[0]), SETTLING / SETTLED, own, signal)
+        for output, values in zip(compiled.outputs, rows, strict=True):
+            if f"{output}_0" in compiled.nominal:
+                found[f"{component}.{output}_0"] = float(values[-1])
+        signal = np.array([rows[0][-1]])
     return found
 
 

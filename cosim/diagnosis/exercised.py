@@ -39,13 +39,17 @@ def exercised(finding: Finding, tolerance: float) -> dict[str, float]:
             name = f"{effect.component}.{parameter}"
             variable = declared(effect, parameter)
             off = task.model.nominal(name)
-            limit = parameter in ("x_max", "x_min", "v_max")
             value = (
                 (min if off > 0 else max)(free.starts, key=abs)
-                if limit
+                if free.limits
                 else off + (free.scale if variable.high > off else -free.scale)
             )
             moved[name] = float(np.clip(value, variable.low, variable.high))
+        if all(
+            moved[f"{effect.component}.{p}"] == task.model.nominal(f"{effect.component}.{p}")
+            for p in effect.free
+        ):
+            continue  # where such a stop would be nobody knows
         change = white(moved) - centre
         # the trusted parameters can take up part of it, at the price of their priors
         rows = np.concatenate([hide, np.eye(hide.shape[1])])

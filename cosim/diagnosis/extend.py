@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.chain import observed_of
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit
-from cosim.diagnosis.grid import of_piece
+from cosim.diagnosis.grid import of_piece, plain_name
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import Whitener
@@ -125,7 +125,7 @@ def fitted_chain(
     task = Task(model, measured, absolute, mask=mask, steps=coarse_steps(measured), lost=lost)
     wanted, _ = unknowns(model, effects, tolerance)
     placed = anchored(wanted, near)
-    for name, value in fixed.items():
+    for name, value in ((n, v) for n, v in fixed.items() if plain_name(n).endswith(".theta_0")):
         size = dict(groups[0].scale).get("rad", 1.0)
         placed.append(
             Unknown(name, value, 1e-4 * size, value - 0.1 * size, value + 0.1 * size, (value, 5e-4 * size))

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from cosim.compare.metrics import rms
 from cosim.diagnosis.between import estimates, fit_of, over_logs, task_of
 from cosim.diagnosis.crossval import held_windows
-from cosim.diagnosis.data import Record, fixed_values
+from cosim.diagnosis.data import Record, fixed_values, is_start
 from cosim.diagnosis.extend import closed, fitted_chain, whole_run, write_extended
 from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.freerun import refitted
 from cosim.diagnosis.gain import measure, run_package
-from cosim.diagnosis.grid import of_piece, plain_name
+from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import standing
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.heldout import Refused
@@ -46,7 +46,7 @@ def estimate(
     rules: dict[str, Whitener] = {}
     for finding in findings.values():
         fit = (finding.chosen if stands(finding) else finding.null).fit
-        start |= {n: v for n, v in finding.task.model.fixed.items() if plain_name(n).endswith(".theta_0")}
+        start |= {n: v for n, v in finding.task.model.fixed.items() if is_start(n)}
         near |= fit.values
         deviations |= fit.deviations
         diagnosis.correlations |= fit.correlations
@@ -100,7 +100,7 @@ def estimate(
     chain = weighed(diagnosis, groups, fitted, near)
     diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
     diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
-    diagnosis.start = {n: chain.values[n] for n in start}
+    diagnosis.start = {n: chain.values.get(n, v) for n, v in start.items()}
     named = tuple(c.effect for c in diagnosis.causes if c.group in findings)  # another may have been better
 
     def chain_of(log: int) -> dict[str, tuple[float, float]]:
@@ -165,7 +165,8 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     if held is None:
         diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, diagnosis.window)
         return
-    start = {n: v for g in machine.groups for n, v in fixed_values(held.record, g).items()}
+    start = dict.fromkeys((n for n in values if is_start(n)), 0.0)  # that log may begin at rest
+    start |= {n: v for g in machine.groups for n, v in fixed_values(held.record, g).items()}
     diagnosis.held_before = run_package(nominal, held.record, machine, standing(start, plain))
     diagnosis.held_after = run_package(extended, held.record, machine, standing(start, values))
     window = diagnosis.window

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.budget import current
-from cosim.diagnosis.data import Record, fixed_values
+from cosim.diagnosis.data import Record, fixed_values, is_start
 from cosim.diagnosis.fit import Fit, Task, fit, placed
 from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
@@ -73,7 +73,10 @@ def refitted(
     scores = found.slopes[: found.count] * found.rows[: found.count, None]
     parts = np.stack([part.sum(axis=0) for part in np.array_split(scores, CLUSTERS)])
     bread = np.linalg.pinv(found.slopes.T @ found.slopes)
-    meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0)
+    known = found.slopes[
+        found.count :
+    ]  # the priors' rows: what the log does not tell is as uncertain as they leave it
+    meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0) + known.T @ known
     covariance = bread @ meat @ bread * np.outer(scales, scales)
     names = [u.name for u in wanted]
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
@@ -85,10 +88,8 @@ def errors(finding: Finding, fit: Fit, record: Record) -> dict[str, Array]:
     model = finding.task.model
     if model.group.drive not in record.signals:
         return {}
-    starts = {n for n, _ in model.group.starts}
-    fixed = {n: v for n, v in of_piece(model.fixed, 0).items() if n not in starts} | fixed_values(
-        record, model.group
-    )
+    fixed = {n: v for n, v in of_piece(model.fixed, 0).items() if not is_start(n)}
+    fixed |= fixed_values(record, model.group)
     own = GroupModel(model.group, record.signals[model.group.drive], record.h, fixed, record.grid)
-    simulated = own.simulate({n: v for n, v in fit.values.items() if n not in starts})
+    simulated = own.simulate({n: v for n, v in fit.values.items() if not is_start(n)})
     return {s: record.signals[s] - simulated[s] for s in finding.task.measured if s in record.signals}

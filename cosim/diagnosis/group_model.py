@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compiled import CompiledBlock, compiled_block
-from cosim.diagnosis.grid import Grid, Pieces, cuts_of, of_piece
+from cosim.diagnosis.grid import Grid, Pieces, cuts_of, of_piece, plain_name
 from cosim.diagnosis.groups import COMPONENT_VALUES, Group
 from fmus.contract import Variable
 
 Array = NDArray[np.float64]
+
+INSIDE = ("spool_0", "p_load_0")  # parameters of the state at the start that a slew sensor does not read
 
 
 def compiled_stage(component: str, block: str) -> CompiledBlock:
@@ -19,11 +21,21 @@ def compiled_stage(component: str, block: str) -> CompiledBlock:
 
 
 def standing(start: Mapping[str, float], settings: Mapping[str, float]) -> dict[str, float]:
-    """Angles at which the drive stands at the start, rad, where the sensor reads these; its gain and bias are settings."""
+    """The state at the start, SI, of which these are the sensor's readings; its gain and bias are settings.
+
+    What starts inside the drive (a spool, a pressure) no slew sensor reads: it stays as it is.
+    """
     gain, bias = settings.get("sensor.gain", 1.0), settings.get("sensor.bias", 0.0)
-    if gain == 0.0:  # a sensor that shows nothing says nothing of the start
-        return dict.fromkeys(start, 0.0)
-    return {name: (reading - bias) / gain for name, reading in start.items()}
+    found = {}
+    for name, reading in start.items():
+        parameter = plain_name(name).rpartition(".")[2]
+        if parameter in INSIDE:
+            found[name] = reading
+        elif gain == 0.0:  # a sensor that shows nothing says nothing of the start
+            found[name] = 0.0
+        else:
+            found[name] = (reading if parameter == "omega_0" else reading - bias) / gain
+    return found
 
 
 class GroupModel:
@@ -116,7 +128,8 @@ class GroupModel:
     def alone(self, values: dict[str, float]) -> dict[str, Array]:
         """Predicted signals of one log, (n,) each, SI."""
         settings = self.fixed | values
-        settings |= standing({n: settings[n] for n, _ in self.group.starts if n in settings}, settings)
+        read = [*(n for n, _ in self.group.starts), *(f"{c}.omega_0" for c, _ in self.stages)]
+        settings |= standing({n: settings[n] for n in read if n in settings}, settings)
         signal = self.fed(settings)
         h = self.h
         if isinstance(self.grid, Grid):

@@ -95,6 +95,17 @@ class Group:
         """The signal that a sensor of this group reads, if there is one."""
         return self.observed[0] if self.stages and self.stages[-1][1] == "sensor" else None
 
+    def shows(self, component: str, output: str) -> str:
+        """The measured signal that shows an output of a component as it is; empty where none does."""
+        parts = dict(self.parts)
+        end, block = self.stages[-1]
+        for signal in self.observed:
+            if component == end and parts.get(signal, ((signal, 1.0),)) == ((output, 1.0),):
+                return signal
+        # a sensor shows the angle that it is fed with
+        fed = block == "sensor" and self.components[-2:-1] == (component,)
+        return self.observed[0] if fed and output == "theta" else ""
+
     def effects(self) -> tuple[Effect, ...]:
         """The effects of the library that this group can show.
 

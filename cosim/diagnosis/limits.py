@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 UNSEEN = 1.0  # log-likelihood below which a limit explains nothing
 MET = (1.0, 0.99)  # of the extreme of what was measured: there or just below it a limit that was met lies
+ANGLES = ("theta", "slew")  # outputs whose zero is arbitrary
 PREDICTED = (0.99, 0.95)  # the same of what the model predicts without the limit
 
 
@@ -34,17 +35,27 @@ def reached(
             rows = limited(task, effect, free, values)
             if rows is not None:
                 extreme = float(rows.max() if free.starts[0] > 0.0 else rows.min())
-                shares = MET if free.limits in task.measured else PREDICTED
-                found[f"{effect.component}.{parameter}"] = tuple(share * extreme for share in shares)
+                shares = MET if measured_by(task, effect, free) else PREDICTED
+                # an angle's zero is nowhere in particular: less is less of its range
+                reach = extreme
+                if free.limits in ANGLES:
+                    reach = float(np.copysign(0.5 * np.ptp(rows), free.starts[0]))
+                found[f"{effect.component}.{parameter}"] = tuple(extreme - (1.0 - s) * reach for s in shares)
     return found
+
+
+def measured_by(task: Task, effect: Effect, free: Free) -> str:
+    """The measured signal that shows what a parameter limits; empty where none does."""
+    signal = task.model.group.shows(effect.component, free.limits) if free.limits else ""
+    return signal if signal in task.measured else ""
 
 
 def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] | None) -> Array | None:
     """(rows, samples) what a parameter limits: a signal or the size of its rate, SI; None where it limits nothing known."""
     cuts: tuple[int, ...] = ()
-    if free.limits in task.measured:
-        rule = task.rules[free.limits]
-        rows, interval = rule.windows(task.measured[free.limits]), rule.bins * task.model.h
+    if signal := measured_by(task, effect, free):
+        rule = task.rules[signal]
+        rows, interval = rule.windows(task.measured[signal]), rule.bins * task.model.h
     elif free.limits and values is not None:
         inside = task.model.inside(effect.component, free.limits, unlimited(task, effect, values))
         if inside is None:

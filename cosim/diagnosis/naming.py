@@ -18,7 +18,7 @@ from cosim.diagnosis.pace import in_exact_steps, paced
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
-from cosim.diagnosis.screening import promising
+from cosim.diagnosis.screening import identifiable, promising
 from cosim.diagnosis.swing import swing
 from cosim.diagnosis.trials import (
     BEYOND,
@@ -47,15 +47,16 @@ __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "t
 
 def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:
     """True if the effect's size matters: beyond its floor and its own uncertainty, beyond trust for a trusted parameter."""
+    floored = any(free.floor for free in effect.free.values())
     for parameter, free in effect.free.items():
         name = f"{effect.component}.{parameter}"
         change = abs(trial.fit.values[name] - model.nominal(name))
         spread = trial.fit.deviations[name]
         if name in model.group.trusted and len(effect.free) == 1:
             return change - 1.64 * spread > BEYOND * tolerance * abs(model.nominal(name))
-        if free.floor and change > free.floor and change > 2.0 * spread:
+        if (free.floor or not floored) and change > free.floor and change > 2.0 * spread:
             return True
-    return all(free.floor == 0.0 for free in effect.free.values())
+    return False
 
 
 def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> bool:
@@ -86,6 +87,8 @@ def find(
     """
     candidates = candidates_of(task)
     null, exact = nominal(task, record, tolerance), task.model
+    if tolerance >= FREE:
+        candidates = identifiable(task, null, candidates)
     paced(task, exact, null.fit, candidates, tolerance)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
     chosen = best_single(task, null, single, tolerance) if most else null

@@ -8,10 +8,12 @@ import numpy as np
 
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fit import Task
-from cosim.diagnosis.trials import SURE, Trial, copied, unknowns
+from cosim.diagnosis.trials import SURE, Trial, copied, declared, unknowns
 from fmus.contract import Effect
 
 PROMISING = 4  # candidates that are always fitted beyond the first
+DOSE = 0.02  # of a typical size: so little that what is not linear in it does not matter
+ONE = 0.02  # share of a change that free parameters leave, at least, of what is not one number with them
 HOPELESS = 0.5  # of what a candidate must gain: one whose small dose promises less is not fitted
 
 
@@ -76,6 +78,34 @@ def pointed(task: Task, base: Trial, starts: Mapping[str, tuple[float, ...]]) ->
         if size > 0.0:
             best = max(best, 0.5 * float(change @ residual) ** 2 / size)
     return best
+
+
+def identifiable(task: Task, null: Trial, candidates: Iterable[Effect]) -> tuple[Effect, ...]:
+    """The candidates that are not one number with the model's free parameters in this log.
+
+    A small dose of such an effect changes the prediction as the free parameters can change it: a gain that differs between
+    the directions in a log of one direction, a gain of the sensor where inertia and friction are free. Whatever it is
+    said to be, they make up for it.
+    """
+    if null.fit.slopes is None or not null.fit.slopes.size:
+        return tuple(candidates)
+    hidden = np.linalg.qr(null.fit.slopes[: null.fit.count])[0]
+    base = task.white(task.residuals(null.fit.values))
+
+    def apart(effect: Effect) -> bool:
+        for parameter, free in effect.free.items():
+            name = f"{effect.component}.{parameter}"
+            if free.phase or name in null.fit.values:
+                return True
+            sign = 1.0 if declared(effect, parameter).high > task.model.nominal(name) else -1.0
+            moved = null.fit.values | {name: task.model.nominal(name) + sign * DOSE * free.scale}
+            change = task.white(task.residuals(moved)) - base
+            rest = change - hidden @ (hidden.T @ change)
+            if not change.any() or float(rest @ rest) > ONE**2 * float(change @ change):
+                return True
+        return False
+
+    return tuple(effect for effect in candidates if apart(effect))
 
 
 def relief(base: Trial, name: str, nominal: float, deviation: float, count: int) -> float:

@@ -87,7 +87,7 @@ def fit_from_starts(
 
 def combined(unknowns: list[Unknown], starts: Mapping[str, tuple[float, ...]]) -> Iterator[Values]:
     """All combinations of the starts."""
-    listed = [starts.get(u.name, (u.start,)) for u in unknowns]
+    listed = [tuple(dict.fromkeys(starts.get(u.name, (u.start,)))) for u in unknowns]
     for combination in itertools.product(*listed):
         yield {u.name: float(v) for u, v in zip(unknowns, combination, strict=True)}
 

@@ -24,6 +24,7 @@ LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that 
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
+HIDDEN = "sensor.bias"  # the model starts where the sensor reads: a bias only shifts the zero of laws that have their own
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 
@@ -43,8 +44,9 @@ class Trial:
 
     @property
     def score(self) -> float:
-        """Log-likelihood less BIC's price for each free parameter."""
-        return self.fit.log_likelihood - charged(self.price, self.fit)
+        """Log-likelihood less BIC's price for each free parameter, and the log odds that the effects have beforehand."""
+        odds = sum(effect.prior for effect in self.effects)
+        return self.fit.log_likelihood - charged(self.price, self.fit) + odds
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,8 +60,9 @@ def charged(parameters: int, found: Fit) -> float:
 
 
 def candidates_of(task: Task) -> tuple[Effect, ...]:
-    """The effects that a fit can tell in a group: all but those seen in the raw samples."""
-    return tuple(e for e in task.model.group.effects() if e.name not in SAMPLED)
+    """The effects that a fit can tell in a group: all but those seen in the raw samples, and a bias that the start hides."""
+    hidden = {*SAMPLED, HIDDEN} if task.model.group.starts else SAMPLED
+    return tuple(e for e in task.model.group.effects() if e.name not in hidden)
 
 
 def declared(effect: Effect, parameter: str) -> Variable:
@@ -107,7 +110,7 @@ def unknowns(
             # a small size is always tried: from there a weak effect, or none, is soon found
             off = nominal if free.floor == 0.0 else nominal + SMALL * free.scale
             known = parameter in effect.parameters and free.floor == 0.0
-            starts[name] = free.starts if known else (off, *free.starts)
+            starts[name] = free.starts if known else tuple(dict.fromkeys((off, *free.starts)))
     return list(found.values()), starts
 
 
@@ -193,9 +196,36 @@ def sought(
 
 
 def without(task: Task, trial: Trial, effect: Effect, null: Trial, tolerance: float) -> Trial:
-    """A fitted set without one of its effects; of the last one the nominal model is left."""
+    """A fitted set without one of its effects; of the last one the nominal model is left.
+
+    Free parameters that the effect had bent begin where it left them, and where they would go with it: from far off a search
+    may end in a local minimum, and the effect would seem to gain what the search has lost.
+    """
     kept = tuple(e for e in trial.effects if e != effect)
-    return tried(task, kept, tolerance, trial.fit) if kept else null
+    if not kept:
+        return null
+    found = tried(task, kept, tolerance, trial.fit)
+    if tolerance < FREE:
+        return found
+    unbent = replace(trial.fit, values=released(task, trial.fit, effect))
+    return max(found, tried(task, kept, tolerance, unbent), key=lambda t: t.score)
+
+
+def released(task: Task, found: Fit, effect: Effect) -> dict[str, float]:
+    """Values of a fit, SI, were an effect off: the others move as far as they are correlated with it."""
+    names = list(found.values)[: found.covariance.shape[0]]
+    own = [n for n in freed((effect,)) if n in names and found.deviations.get(n, 0.0) > 0.0]
+    if not own:
+        return found.values
+    mine = [names.index(n) for n in own]
+    others = [i for i in range(len(names)) if i not in mine]
+    away = np.array([task.model.nominal(n) - found.values[n] for n in own])
+    change = (
+        found.covariance[np.ix_(others, mine)] @ np.linalg.pinv(found.covariance[np.ix_(mine, mine)]) @ away
+    )
+    return found.values | {
+        names[i]: found.values[names[i]] + float(d) for i, d in zip(others, change, strict=True)
+    }
 
 
 def tried_all(

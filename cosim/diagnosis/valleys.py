@@ -8,6 +8,7 @@ import numpy as np
 
 from cosim.diagnosis.crossval import part
 from cosim.diagnosis.fit import Task
+from cosim.diagnosis.limits import measured_by
 from cosim.diagnosis.trials import Trial, tried
 
 NEARLY = 0.99  # of the way to a stop: what got there may have met it
@@ -22,8 +23,8 @@ def away_from_stops(task: Task, trial: Trial, tolerance: float) -> Trial:
     for effect in task.model.group.effects():
         for parameter, free in effect.free.items():
             stop = task.model.nominal(f"{effect.component}.{parameter}")
-            if free.limits in task.measured and not free.rate:
-                reached = task.rules[free.limits].windows(task.measured[free.limits]) / stop
+            if (signal := measured_by(task, effect, free)) and not free.rate:
+                reached = task.rules[signal].windows(task.measured[signal]) / stop
                 clear &= np.max(reached, axis=1) < NEARLY
     if clear.all() or np.mean(clear) < ENOUGH:
         return trial

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.schema import NamedCause
 from cosim.report.material import BLOCK_EXTENDED, Material
-from cosim.report.picture import Layer, Panel, Picture
+from cosim.report.picture import Layer, Panel, Picture, Role
 from cosim.report.series import binned, low_pass, slopes
 from cosim.report.torque import points
 from cosim.report.words import CAPTIONS, axis, effect_name
@@ -16,6 +16,7 @@ CUTOFF = 5.0  # Hz
 DEG = np.pi / 180.0
 BINS = "mean in bins, ±2 standard errors"
 ZOOM = 2.0  # s
+MOVING = 0.2  # of the greatest speed: slower is standstill, or nearly
 SEAM = 12.0 * DEG  # Table 3.4: below it the tracker uses its first marker model
 
 
@@ -160,6 +161,78 @@ def staircase(material: Material, cause: NamedCause) -> Picture:
         axis("time", "s"),
         [Panel(axis("slew angle", "deg"), layers)],
         CAPTIONS["staircase"],
+    )
+
+
+def limit(material: Material, cause: NamedCause) -> Picture:
+    """Where the reading stays longest at an end of the travel or of the sensor's range: measured, without and with it.
+
+    Raises:
+        LookupError: the predictions were not kept, or the log never stays there.
+    """
+    extended = material.series[BLOCK_EXTENDED].get("slew")
+    without = material.without(cause, "slew")
+    if extended is None or without is None:
+        raise LookupError("the predictions were not kept")
+    h = material.h
+    slew = low_pass(material.measured["slew"], h, 2.0 * CUTOFF)
+    ends = [material.size(cause, name) for name in cause.parameters]
+    near = 0.01 * float(np.ptp(slew))
+    still = np.concatenate([[False], np.min([np.abs(slew - end) for end in ends], axis=0) < near, [False]])
+    begins, closes = np.flatnonzero(~still[:-1] & still[1:]), np.flatnonzero(still[:-1] & ~still[1:])
+    if not begins.size:
+        raise LookupError("the log never stays at an end")
+    longest = int(np.argmax(closes - begins))
+    around = closes[longest] - begins[longest]
+    span = slice(max(0, begins[longest] - around), min(slew.size, closes[longest] + around))
+    pick = np.arange(span.start, span.stop, max(1, (span.stop - span.start) // 2000))
+    time = material.time[pick]
+    layers = [
+        Layer("line", "measured", "measured", time, slew[pick] / DEG),
+        Layer("line", "without it", "nominal", time, without[pick] / DEG),
+        Layer("line", "with it", "extended", time, extended[pick] / DEG),
+    ]
+    return Picture(
+        f"evidence-{cause.effect.replace('.', '-')}",
+        f"The slew angle at its end: {effect_name(cause.effect)}",
+        axis("time", "s"),
+        [Panel(axis("slew angle", "deg"), layers)],
+        CAPTIONS["limit"],
+    )
+
+
+def speed_over_angle(material: Material, cause: NamedCause) -> Picture:
+    """Speed against the angle while the drive moves: measured, without and with a linkage.
+
+    Raises:
+        LookupError: the predictions were not kept, or the drive never moves.
+    """
+    extended = material.series[BLOCK_EXTENDED].get("slew")
+    without = material.without(cause, "slew")
+    if extended is None or without is None:
+        raise LookupError("the predictions were not kept")
+    pick = points(extended.size, material.h)
+    layers = []
+    told: tuple[tuple[str, Role, Array], ...] = (
+        ("measured", "measured", material.measured["slew"]),
+        ("without it", "nominal", without),
+        ("with it", "extended", extended),
+    )
+    fastest = 0.0
+    for name, role, values in told:
+        angle = low_pass(values, material.h, CUTOFF)
+        speed = slopes(angle, material.h)[0][pick] / DEG
+        fastest = fastest or float(np.abs(speed).max(initial=0.0))
+        if fastest == 0.0:
+            raise LookupError("the drive never moves")
+        moving = np.abs(speed) > MOVING * fastest
+        layers.append(Layer("points", name, role, angle[pick][moving] / DEG, speed[moving]))
+    return Picture(
+        f"evidence-{cause.effect.replace('.', '-')}",
+        f"Speed against the angle: {effect_name(cause.effect)}",
+        axis("slew angle", "deg"),
+        [Panel(axis("slew speed", "deg/s"), layers)],
+        CAPTIONS["speed_over_angle"],
     )
 
 

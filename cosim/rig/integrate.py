@@ -34,13 +34,18 @@ COLUMNS = ("spool", "p_load", "p_supply", "theta", "omega", "seen", "sensed", "b
 
 @compiled
 def _stopped(s: State, p: Plant) -> State:
-    """The state with the spool's hard stops (position clamped, speed zero) and its greatest speed enforced."""
+    """The state with the hard stops of spool and column (position clamped, speed zero) and the spool's greatest speed."""
     x, v = s.x, clip(s.v, -p.dcv.v_max, p.dcv.v_max)
     if x > p.dcv.x_max:
         x, v = p.dcv.x_max, min(v, 0.0)
     elif x < p.dcv.x_min:
         x, v = p.dcv.x_min, max(v, 0.0)
-    return State(x, v, s.p_load, s.p_supply, s.theta, s.omega, s.boom, s.boom_omega, s.bristle, s.sensed)
+    theta, omega = s.theta, s.omega
+    if theta > p.mechanical.theta_max:
+        theta, omega = p.mechanical.theta_max, min(omega, 0.0)
+    elif theta < p.mechanical.theta_min:
+        theta, omega = p.mechanical.theta_min, max(omega, 0.0)
+    return State(x, v, s.p_load, s.p_supply, theta, omega, s.boom, s.boom_omega, s.bristle, s.sensed)
 
 
 @compiled
@@ -163,7 +168,7 @@ def valve_demand(u: NDArray[np.float64], p: Plant) -> NDArray[np.float64]:
 @compiled
 def _at_rest(p: Plant) -> State:
     """The state at the start of the log: everything at rest, the boom above the column, the lag settled."""
-    theta = p.mechanical.theta_0
+    theta = clip(p.mechanical.theta_0, p.mechanical.theta_min, p.mechanical.theta_max)
     return State(0.0, 0.0, 0.0, p.continuity.p_s, theta, 0.0, theta, 0.0, 0.0, theta)
 
 

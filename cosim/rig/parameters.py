@@ -69,6 +69,8 @@ class Mechanical(NamedTuple):
     tau_c: float = 0.0
     tau_load: float = 0.0
     theta_0: float = 15.0 * DEG
+    theta_min: float = -1e3
+    theta_max: float = 1e3
     tau_s: float = 0.0
     omega_s: float = 0.01
     tau_g: float = 0.0
@@ -83,10 +85,12 @@ class Mechanical(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """Slew sensor: slew = gain theta + bias + drift t of the lagging angle, then rounding and lost packets."""
+    """Slew sensor: slew = gain theta + bias + drift t of the lagging angle, then its range, rounding and lost packets."""
 
     bias: float = 0.0
     gain: float = 1.0
+    low: float = -1e6
+    high: float = 1e6
     drift: float = 0.0
     quantum: float = 0.0
     tau_l: float = 0.0
@@ -190,6 +194,8 @@ PARAMETERS: dict[str, Parameter] = {
     "mechanical.tau_c": Parameter("N.m", 0.0, 1e6, "Coulomb friction", "(4.27)"),
     "mechanical.tau_load": Parameter("N.m", -1e6, 1e6, "Constant load against positive motion", "(4.27)"),
     "mechanical.theta_0": Parameter("rad", -2 * PI, 4 * PI, "Slew angle at the start", "CONTRACT 6"),
+    "mechanical.theta_min": Parameter("rad", -1e3, 1e3, "Lower end of the travel", _D),
+    "mechanical.theta_max": Parameter("rad", -1e3, 1e3, "Upper end of the travel", _D),
     "mechanical.tau_s": Parameter("N.m", 0.0, 1e6, "Friction at standstill above Coulomb", _D),
     "mechanical.omega_s": Parameter("rad/s", 1e-5, 10.0, "Stribeck speed", _D),
     "mechanical.tau_g": Parameter("N.m", -1e6, 1e6, "Greatest torque of gravity", _D),
@@ -203,6 +209,8 @@ PARAMETERS: dict[str, Parameter] = {
     "mechanical.phi_r": Parameter("rad", -2 * PI, 2 * PI, "Phase of the ripple", _D),
     "sensor.bias": Parameter("rad", -PI, PI, "Zero error", _D),
     "sensor.gain": Parameter("1", 0.1, 10.0, "Scale", _D),
+    "sensor.low": Parameter("rad", -1e6, 1e6, "Lowest reading", _D),
+    "sensor.high": Parameter("rad", -1e6, 1e6, "Highest reading", _D),
     "sensor.drift": Parameter("rad/s", -1.0, 1.0, "Zero drift", _D),
     "sensor.quantum": Parameter("rad", 0.0, 1.0, "Step of the converter", _D),
     "sensor.tau_l": Parameter("s", MS, 10.0, "Time constant of the lag", _D, or_zero=True),
@@ -274,6 +282,11 @@ EFFECTS: dict[str, Effect] = {
     "mechanical.gear_ripple": Effect(
         "mechanical", {"mechanical.tau_r": 50.0, "mechanical.n_r": 20.0, "mechanical.phi_r": 0.0}
     ),
+    "mechanical.end_stop": Effect(
+        "mechanical", {"mechanical.theta_max": 16.0 * DEG, "mechanical.theta_min": 12.0 * DEG}
+    ),
+    "mechanical.constant_load": Effect("mechanical", {"mechanical.tau_load": 60.0}),
+    "sensor.saturation": Effect("sensor", {"sensor.high": 16.0 * DEG, "sensor.low": 12.0 * DEG}),
     "sensor.bias": Effect("sensor", {"sensor.bias": 1.0 * DEG}),
     "sensor.gain": Effect("sensor", {"sensor.gain": 1.02}),
     "sensor.drift": Effect("sensor", {"sensor.drift": 0.01 * DEG}),

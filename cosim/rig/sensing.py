@@ -17,14 +17,15 @@ SEAM_ANGLE = 12.0 * DEG  # below it marker model 1, above it model 2 (Table 3.4)
 
 
 def slew_signal(true: dict[str, Array], plant: Plant, noise: Noise, seed: int) -> Array:
-    """The logged slew angle (n,) [rad]: lag, then scale, bias and drift, then noise, rounding, lost packets.
+    """The logged slew angle (n,) [rad]: lag, then scale, bias and drift, its range, then noise, rounding, lost packets.
 
     `true` holds `seen` and `sensed` [rad] of `cosim.rig.integrate.simulate`, at each millisecond.
     """
     q = plant.sensor
     time = np.arange(true["seen"].size) * STEP
     angle = true["sensed"] if q.tau_l > 0.0 else true["seen"]
-    slew = q.gain * angle + q.bias + q.drift * time + noise.draw("slew", time.size, seed)
+    slew = np.clip(q.gain * angle + q.bias + q.drift * time, q.low, q.high)
+    slew = slew + noise.draw("slew", time.size, seed)
     if q.quantum > 0.0:
         slew = q.quantum * np.round(slew / q.quantum)
     if q.p_drop > 0.0:

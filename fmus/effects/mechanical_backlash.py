@@ -33,7 +33,7 @@ def backlash_angle(theta, m, p):
 
 
 @equation
-def backlash_velocity(omega, m, p):
+def backlash_velocity(omega, theta, m, p):
     """The far side's velocity."""
     return m.backlash_rate
 

@@ -9,6 +9,6 @@ EFFECT = Effect(
     source="(4.27): tau_load; EMPS: the offset of A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019",
     key="tau_load",
     free={"tau_load": Free(starts=(-100.0, 100.0), scale=100.0, floor=3.0)},
-    asked=True,
     sole_form=True,
+    prior=-1.0,  # where viscous friction alone holds the drive, a drift of the sensor looks the same and is met more often
 )

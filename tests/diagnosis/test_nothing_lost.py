@@ -88,6 +88,22 @@ def test_an_odd_log_ends_in_an_answer_or_a_refusal(case: Odd) -> None:
     assert row.get("report", True)
 
 
+@pytest.mark.parametrize(
+    "case",
+    [
+        # shorter than what is left out at the start, at a rate that leaves thousands of samples
+        Odd(100191, "simplified", "sweep", 0.54, 3837.0, 0.0, ("slew",), "simplified.theta", True, False, ""),
+        Odd(100475, "simplified", "small_steps", 0.55, 2712.0, 0.0, ("slew",), "", True, False, ""),
+        # a limit whose starts come twice: at the signal's extreme, which is its nominal value
+        Odd(100127, "full_order", "sweep", 1.1, 155.2, 0.0, ("p_a", "slew"), "mechanical.theta", True, False, "slew"),
+    ],
+)  # fmt: skip
+def test_a_log_of_half_a_second_ends_in_an_answer(case: Odd) -> None:
+    row = run_case(case)
+    assert "error" not in row, row["error"]
+    assert not row.get("failed")
+
+
 @pytest.mark.slow
 def test_hundreds_of_odd_logs_end_in_an_answer_or_a_refusal() -> None:
     bad = [r for r in map(run_case, drawn(200, 12)) if "error" in r or r.get("failed")]

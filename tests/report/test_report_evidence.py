@@ -20,6 +20,7 @@ BESIDE = [
     for e in MAKERS
     if e in EFFECTS
     and e not in ("mechanical.compliance", "sensor.quantisation", "sensor.dropout", "dcv.stroke_limit")
+    and e not in ("mechanical.end_stop", "sensor.saturation")
 ]
 JUMPS = {
     "mechanical.coulomb_friction",
@@ -128,6 +129,15 @@ def test_a_stop_flattens_the_measured_spool():
     beyond = data.x > extended.y.max() + 0.3
     assert beyond.sum() > 20
     assert np.median(data.y[beyond]) == pytest.approx(extended.y.max(), abs=0.02)
+
+
+@pytest.mark.parametrize("effect", ["mechanical.end_stop", "sensor.saturation"])
+def test_a_reading_that_stays_at_an_end_is_followed_with_it_alone(effect):
+    material = made(effect, settings={"mechanical.theta_0": np.radians(15.0)})  # between the ends
+    picture = pictures(material, material.answer.causes[0])[0]
+    measured, without, extended = (picture.layer(r).y for r in ("measured", "nominal", "extended"))
+    assert np.max(np.abs(extended - measured)) < 0.02
+    assert np.max(np.abs(without - measured)) > 0.2
 
 
 def test_a_coarse_reading_is_a_staircase():

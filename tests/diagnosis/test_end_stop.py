@@ -1,0 +1,77 @@
+"""An end of the travel, a sensor that saturates, a constant load: each named, and told from the others where the log can."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.found import Cause, Diagnosis
+from cosim.diagnosis.groups import left_out
+from cosim.diagnosis.story import diagnose
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+
+START = {"mechanical.theta_0": np.radians(15.0)}
+
+
+def found(hidden: str, excitation: str = "steps", without: tuple[str, ...] = ()) -> Diagnosis:
+    log = as_log(make_log(excitation, 30.0, [hidden], seed=7, settings=START))
+    return diagnose(
+        dataclasses.replace(log, signals={n: v for n, v in log.signals.items() if n not in without})
+    )
+
+
+def only(told: Diagnosis) -> Cause:
+    assert told.verdict == "explained", [r.what for r in told.rests]
+    (cause,) = told.causes
+    return cause
+
+
+def test_an_end_of_the_travel_is_named_and_measured() -> None:
+    cause = only(found("mechanical.end_stop"))
+    assert (cause.effect.name, cause.alike) == ("mechanical.end_stop", [])
+    for name, angle in (("theta_max", 16.0), ("theta_min", 12.0)):
+        value, deviation = cause.parameters[name]
+        assert np.degrees(value) == pytest.approx(angle, abs=0.02)
+        assert abs(value - np.radians(angle)) < 4.0 * deviation + 2e-4
+
+
+def test_also_where_only_command_and_angle_were_measured() -> None:
+    cause = only(found("mechanical.end_stop", without=("spool", "p_a", "p_b", "p_supply")))
+    assert cause.effect.name == "mechanical.end_stop"
+    assert np.degrees(cause.parameters["theta_max"][0]) == pytest.approx(16.0, abs=0.05)
+
+
+def test_a_saturated_sensor_is_no_end_of_the_travel() -> None:
+    """The drive has moved on: the reading comes back later than the drive is reversed."""
+    cause = only(found("sensor.saturation"))
+    assert (cause.effect.name, cause.alike) == ("sensor.saturation", [])
+    assert np.degrees(cause.parameters["high"][0]) == pytest.approx(16.0, abs=0.02)
+
+
+def test_an_end_that_the_library_lacks_is_not_named_for_something_else() -> None:
+    with left_out("mechanical.end_stop", "sensor.saturation"):
+        told = found("mechanical.end_stop")
+    assert told.verdict in ("unexplained", "partly_explained")
+    assert "mechanical" in [r.block for r in told.rests]
+
+
+def test_a_constant_load_is_a_candidate_without_being_asked_for() -> None:
+    """A sensor that drifts shows the same where viscous friction alone holds the drive; so both are told."""
+    cause = only(found("mechanical.constant_load"))
+    assert "mechanical.constant_load" in (cause.effect.name, *cause.alike)
+
+
+def test_beside_friction_a_constant_load_is_told_from_a_drift() -> None:
+    log = as_log(
+        make_log(
+            "steps", 30.0, ["mechanical.constant_load", "mechanical.coulomb_friction"], seed=7, settings=START
+        )
+    )
+    told = diagnose(log)
+    assert {c.effect.name for c in told.causes} == {
+        "mechanical.constant_load",
+        "mechanical.coulomb_friction",
+    }
+    load = next(c for c in told.causes if c.effect.name == "mechanical.constant_load")
+    assert "sensor.drift" not in load.alike

@@ -1,0 +1,47 @@
+"""Whether a record begins in motion, and how fast."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.inference.beginning import level, speed
+
+TIME = np.arange(500) * 1e-3
+
+
+def noise(size: float, seed: int = 1) -> np.ndarray:
+    return size * np.random.default_rng(seed).standard_normal(TIME.size)
+
+
+@given(st.floats(-5.0, 5.0).filter(lambda v: abs(v) > 0.5), st.floats(-3.0, 3.0))
+def test_the_speed_of_a_parabola_is_its_slope_at_the_first_sample(v: float, a: float) -> None:
+    """Where it does not turn within the span; noise a hundred times smaller than the way."""
+    if abs(a) * 0.1 < 0.5 * abs(v):
+        assert speed(TIME, v * TIME + 0.5 * a * TIME**2 + noise(1e-4)) == pytest.approx(v, abs=0.02)
+
+
+@pytest.mark.parametrize("power", [2, 3])
+@pytest.mark.parametrize("late", [0.0, 0.02, 0.05])
+def test_a_motion_that_only_begins_starts_at_rest(power: int, late: float) -> None:
+    assert speed(TIME, np.maximum(TIME - late, 0.0) ** power + noise(1e-6)) == 0.0
+
+
+def test_noise_is_no_speed() -> None:
+    found = [speed(TIME, noise(1.0, seed)) for seed in range(300)]
+    assert np.count_nonzero(found) <= 1  # 5 standard errors
+
+
+def test_a_signal_that_stands_off_zero_has_a_level_and_noise_has_none() -> None:
+    assert level(3.0 + noise(0.1)) == pytest.approx(3.0, abs=0.5)
+    assert [level(noise(0.1, seed)) for seed in range(50)] == [0.0] * 50
+
+
+def test_of_too_few_samples_nothing_is_said() -> None:
+    assert speed(TIME[:5], TIME[:5]) == 0.0
+    assert level(np.ones(5)) == 0.0
+
+
+def test_samples_far_apart_take_ten_of_them() -> None:
+    slow = np.arange(40) * 0.053
+    assert speed(slow, 2.0 * slow) == pytest.approx(2.0)
