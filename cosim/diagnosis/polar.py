@@ -21,10 +21,14 @@ class Polar:
         pairs: places of amplitude and phase among the unknowns.
         scales: (n,) size of a typical change of each unknown, SI.
         start: (n,) where the search begins, SI: amplitudes keep its sign, phases stay within half a turn of it.
+        most: (n,) largest size of each unknown, SI; of an amplitude what is beyond counts as this much. None for any size.
     """
 
-    def __init__(self, pairs: Sequence[tuple[int, int]], scales: Array, start: Array) -> None:
+    def __init__(
+        self, pairs: Sequence[tuple[int, int]], scales: Array, start: Array, most: Array | None = None
+    ) -> None:
         self.pairs, self.scales = tuple(pairs), scales
+        self.most = np.full(scales.size, np.inf) if most is None else most
         self.start = start
 
     def sought(self, x: Array) -> Array:
@@ -40,7 +44,7 @@ class Polar:
         for i, k in self.pairs:
             sign = -1.0 if self.start[i] < 0.0 else 1.0
             turned = np.arctan2(sign * z[k], sign * z[i]) - self.start[k]
-            x[i] = sign * np.hypot(z[i], z[k]) * self.scales[i]
+            x[i] = sign * min(float(np.hypot(z[i], z[k])) * self.scales[i], self.most[i])
             x[k] = self.start[k] + np.arctan2(np.sin(turned), np.cos(turned))
         return x
 
