@@ -1,5 +1,6 @@
 """Every benchmark finds what it takes from the package: nothing else runs them between releases."""
 
+import contextlib
 import importlib
 import json
 import subprocess
@@ -7,6 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from benchmarks import real_logs
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 
@@ -26,3 +29,92 @@ def test_one_command_prints_all_peers(tmp_path: Path) -> None:
         assert peer in page.read_text(encoding="utf-8")
     assert "Ours and the peers" in done.stdout
     assert set(json.loads(figures.read_text(encoding="utf-8"))) == {"runner", "batch", "fit", "native"}
+
+
+def answer(before: float, after: float, linear: float, causes: tuple[str, ...] = (), rest: str = "") -> str:
+    """What ``cosim diagnose --json`` prints, as far as the table of real logs reads it."""
+    gain = {"rmse_before": before, "rmse_after": after, "unit": "deg"}
+    size = {"tau_c": {"value": 0.38, "unit": "N.m"}}
+    return json.dumps(
+        {
+            "verdict": "partly_explained",
+            "gain": {"slew": gain},
+            "linear": {"slew": {"rmse": linear, "rmse_extended": after}},
+            "causes": [{"effect": c, "parameters": size, "indistinguishable_from": []} for c in causes],
+            "refused": [],
+            "unexplained": [{"what": rest}] if rest else [],
+            "warnings": [],
+        }
+    )
+
+
+@pytest.fixture
+def excavator(tmp_path, monkeypatch):
+    """The benchmark on a folder that holds the names of two groups of logs."""
+    names = [f"boom-up-{duty}-L-single" for duty in (50, 70, 90)] + ["arm-in-50-H-single"]
+    (tmp_path / "excavator").mkdir()
+    for name in names:
+        (tmp_path / "excavator" / f"{name}.csv").touch()
+    monkeypatch.setattr(real_logs, "DATA", tmp_path)
+    return real_logs
+
+
+def test_each_duty_is_held_out_once(excavator):
+    together = {Path(c.held).stem[8:10]: [Path(f).stem[8:10] for f in c.fit] for c in excavator.cases(True)}
+    assert together == {
+        "50": ["70", "90"],
+        "70": ["50", "90"],
+        "90": ["50", "70"],
+    }  # the arm has one log only
+    one = {Path(c.held).stem[8:10]: [Path(f).stem[8:10] for f in c.fit] for c in excavator.cases(False)}
+    assert one == {"50": ["70"], "70": ["50"], "90": ["70"]}
+
+
+def test_an_interrupted_run_goes_on(excavator, tmp_path, monkeypatch):
+    printed = [
+        answer(21.4, 10.5, 28.8, ("continuity.cracking_pressure",)),
+        answer(55.0, 56.0, 53.0),
+        answer(10.0, 10.0, 5.0, (), "linear dynamics are missing: a linear model"),
+    ]
+    ran = []
+
+    def run(case, budget, limit):
+        if len(ran) == 1 and not file.with_suffix(".again").exists():
+            raise KeyboardInterrupt
+        ran.append(case.name)
+        row = excavator.Row(case.machine, case.axis, list(case.fit), case.held, cpu=10.0 * len(ran))
+        excavator.read(row, json.loads(printed[len(ran) - 1]))
+        return row
+
+    file, page, found = tmp_path / "rows.jsonl", tmp_path / "page.md", tmp_path / "out.json"
+    monkeypatch.setattr(excavator, "run", run)
+    monkeypatch.setattr(sys, "argv", ["real_logs.py", "--rows", str(file), "--page", str(page), "--json"])
+    with pytest.raises(KeyboardInterrupt):
+        excavator.main()
+    file.write_text(file.read_text(encoding="utf-8") + '\n{"machine": "exc', encoding="utf-8")
+    file.with_suffix(".again").touch()
+    with found.open("w", encoding="utf-8") as stream, contextlib.redirect_stdout(stream):
+        excavator.main()
+    assert len(set(ran)) == len(ran) == 3  # none twice
+    assert [row.name for row in excavator.stored(file)] == ran
+    said = json.loads(found.read_text(encoding="utf-8"))
+    assert said["summary"] == [
+        "ended without an error: 3 of 3",
+        "as good as the linear reference, or says that it is not: 2 of 3",
+        "worse after than before: 1 of 3",
+        "the same names from log to log of one axis: 0 of 2 pairs",
+        "error after over before: 1.00 in the median",
+        "processor time: 20 s in the median, 30 s at most",
+    ]
+    text = page.read_text(encoding="utf-8")
+    assert "cracking_pressure 0.38 N.m" in text
+    assert "linear dynamics |" in text
+
+
+def test_a_case_that_fails_is_a_row_with_its_reason(excavator):
+    (case, *_) = excavator.cases(True)
+    row = excavator.run(case, "", 120.0)
+    assert row.code not in (0, None)
+    assert row.error  # the logs are empty files
+    assert row.before is None
+    assert row.cpu > 0.0

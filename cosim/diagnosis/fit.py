@@ -208,7 +208,7 @@ def fit(
     names = [u.name for u in unknowns]
     start = np.array([np.clip(u.start, u.low, u.high) for u in unknowns])
     pairs = [(names.index(u.amplitude), i) for i, u in enumerate(unknowns) if u.amplitude in names]
-    most = np.array([min(abs(u.low), abs(u.high)) for u in unknowns])
+    most = np.array([max(abs(u.low), abs(u.high)) for u in unknowns])
     polar = Polar(pairs, np.array([u.scale for u in unknowns]), start, most)
     low, high = polar.bounds(np.array([u.low for u in unknowns]), np.array([u.high for u in unknowns]))
     priors = [(i, u.prior) for i, u in enumerate(unknowns) if u.prior is not None]

@@ -21,15 +21,15 @@ class Polar:
         pairs: places of amplitude and phase among the unknowns.
         scales: (n,) size of a typical change of each unknown, SI.
         start: (n,) where the search begins, SI: amplitudes keep its sign, phases stay within half a turn of it.
-        most: (n,) largest magnitude of an amplitude, SI; None for no bound.
+        most: (n,) largest size of each unknown, SI; of an amplitude what is beyond counts as this much. None for any size.
     """
 
     def __init__(
         self, pairs: Sequence[tuple[int, int]], scales: Array, start: Array, most: Array | None = None
     ) -> None:
         self.pairs, self.scales = tuple(pairs), scales
+        self.most = np.full(scales.size, np.inf) if most is None else most
         self.start = start
-        self.most = np.full(start.size, np.inf) if most is None else most
 
     def sought(self, x: Array) -> Array:
         """(n,) coordinates of unknowns (n,), SI: in typical changes, a pair's both in those of the amplitude."""
@@ -44,16 +44,15 @@ class Polar:
         for i, k in self.pairs:
             sign = -1.0 if self.start[i] < 0.0 else 1.0
             turned = np.arctan2(sign * z[k], sign * z[i]) - self.start[k]
-            x[i] = sign * min(np.hypot(z[i], z[k]) * self.scales[i], self.most[i])
+            x[i] = sign * min(float(np.hypot(z[i], z[k])) * self.scales[i], self.most[i])
             x[k] = self.start[k] + np.arctan2(np.sin(turned), np.cos(turned))
         return x
 
     def bounds(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Bounds (n,) of the coordinates for bounds of the unknowns, SI; of a sine those of its amplitude."""
+        """Bounds (n,) of the coordinates for bounds of the unknowns, SI; a sine has none."""
         low, high = low / self.scales, high / self.scales
-        for i, k in self.pairs:
-            most = self.most[i] / self.scales[i]
-            low[[i, k]], high[[i, k]] = -most, most
+        for pair in self.pairs:
+            low[list(pair)], high[list(pair)] = -np.inf, np.inf
         return low, high
 
     def turn(self, z: Array) -> Array:

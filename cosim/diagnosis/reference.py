@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 POINTS = 3000  # that a reference is fitted to at most, in each minute or less
 MOST = 9000  # of a longer log
+FEWEST = (
+    6  # windows: of five all may favour one side by chance in more than 5 % of cases (sign test, both sides)
+)
 PARTS = 8  # of a log, left out in turn to find the order: long beside its slowest motion
 
 
@@ -52,7 +55,7 @@ class Reference:
     @property
     def clearly_better(self) -> bool:
         """True if the reference's error is smaller by more than the choice of these windows may have made."""
-        return ratio_ci95(self.squares, self.ours)[1] < 1.0
+        return self.squares.size >= FEWEST and ratio_ci95(self.squares, self.ours)[1] < 1.0
 
     @property
     def words(self) -> str:

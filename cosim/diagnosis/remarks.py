@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.grid import Grid, Pieces
@@ -13,6 +14,11 @@ from cosim.diagnosis.schema import (
 )
 from cosim.inference.held_out import ratio_ci95
 from cosim.logs import Log
+
+Array = NDArray[np.float64]
+
+HELD = 0.02  # part of the log for which a level lasts at least
+AT_ZERO = 0.02  # of what a command reaches counts as none
 
 
 def shown(signal: str) -> tuple[str, float]:
@@ -150,6 +156,32 @@ def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
     return found
 
 
+def levels(command: Array) -> Array:
+    """(k,) levels other than zero that a command (n,) holds, in its unit."""
+    reach = float(np.max(np.abs(command), initial=0.0))
+    if reach == 0.0:
+        return np.zeros(0)
+    near = np.round(command / reach, 2)
+    found, counts = np.unique(near[np.abs(near) > AT_ZERO], return_counts=True)
+    held = counts >= HELD * command.size
+    few = counts[~held].sum() < HELD * command.size  # a short ramp between levels is none
+    return np.asarray(reach * (found[held] if few else found))
+
+
+def one_level(diagnosis: Diagnosis) -> list[str]:
+    """That a command with one level on a side does not show what bends the way from command to motion."""
+    drive = diagnosis.machine.drive
+    found = levels(diagnosis.record.signals.get(drive, np.zeros(0)))
+    if not found.size or max(np.sum(found > 0.0), np.sum(found < 0.0)) > 1:
+        return []
+    unit, scale = shown(drive)
+    said = " and ".join(f"{value * scale:.3g}{'' if unit == '1' else ' ' + unit}" for value in found)
+    return [
+        f"{drive} holds one level on a side only ({said}): dead zone, friction and limits cannot be told from the gain; "
+        "fit logs with other levels beside this one (cosim diagnose LOG LOG ...)"
+    ]
+
+
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     """What limits the answer: an interruption, a stretch of a long log, a rest that differs from it."""
     found = list(diagnosis.notes)
@@ -167,6 +199,7 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
             f"{which} lasts {log.duration:.0f} s; the diagnosis used the {end - start:.0f} s from {start:.6g} s on, "
             "whose command visits most, and times in it count from there"
         )
+    found += one_level(diagnosis)
     for signal, linear in diagnosis.references.items():
         low, high = ratio_ci95(linear.ours, linear.squares)
         if diagnosis.rests and high > 1.0:

@@ -209,16 +209,27 @@ class Data:
         driven, free = columns(sections, self.u, self.h, self.length, self.cuts)
         return np.concatenate([driven, free, np.ones((1, self.u.size))])
 
-    def solved(self, sections: Sections, target: Array) -> tuple[Array, Array, Array]:
-        """Gains, weighed regressors (values, k) and residuals (values,) with these poles."""
+    def solved(self, sections: Sections, target: Array) -> tuple[Array, Array, Array, Array]:
+        """Gains (k,), weighed regressors (values, k), residuals (values,) and weights (k,) of the priors, with these poles.
+
+        A log with one step that begins soon after its start is described by slow states that cancel the response to the
+        step, and nothing else is. So an initial state is as large as the output moves, as a prior against which each
+        block counts as one observation with the model's error.
+        """
         matrix = self.rows(self.regressors(sections)).T
         sizes = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
         sizes[sizes < 1e-12 * max(float(sizes.max()), 1e-300)] = np.inf
         scaled = matrix / sizes
-        gram = scaled.T @ scaled
+        gram, goal = scaled.T @ scaled, scaled.T @ target
         gram[np.diag_indices_from(gram)] += 1e-10
-        gains = np.linalg.solve(gram, scaled.T @ target)
-        return gains / sizes, matrix, target - scaled @ gains
+        residuals = target - scaled @ np.linalg.solve(gram, goal)
+        moved = max(float(np.ptp(self.y)), 1e-300)
+        weight = float(residuals @ residuals) / np.unique(self.block).size / moved**2
+        states = np.zeros(sizes.size)
+        states[max(sections.order, 1) : -1] = np.sqrt(weight)
+        gram[np.diag_indices_from(gram)] += (states / sizes) ** 2
+        gains = np.linalg.solve(gram, goal)
+        return gains / sizes, matrix, target - scaled @ gains, states
 
 
 def reference(data: Data, highest: int = HIGHEST) -> LinearModel:
@@ -315,7 +326,7 @@ def refined(data: Data, starts: list[Sections], target: Array) -> Sections:
 
 def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
     """The model with these poles, and what it leaves of blocks that are left out."""
-    gains, matrix, residuals = data.solved(sections, target)
+    gains, matrix, residuals, states = data.solved(sections, target)
     place = sections.coordinates()
     slopes = [-matrix]
     for i in range(place.size if sections.order else 0):
@@ -325,6 +336,9 @@ def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
         other = data.rows(data.regressors(sections.moved(up)))
         slopes.append(-((gains @ other - gains @ matrix.T) / step)[:, None])
     jacobian = np.concatenate(slopes, axis=1)
+    priors = np.zeros((gains.size, jacobian.shape[1]))
+    priors[:, : gains.size] = -np.diag(states)
+    jacobian = np.concatenate([jacobian, priors])
     sizes = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian))
     jacobian = jacobian[:, sizes > 0.0] / sizes[sizes > 0.0]
     return LinearModel(
@@ -333,5 +347,5 @@ def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
         data.h,
         data.length,
         residuals,
-        left_out(residuals, jacobian, data.block),
+        left_out(np.concatenate([residuals, -states * gains]), jacobian, data.block),
     )

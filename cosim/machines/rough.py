@@ -12,7 +12,8 @@ Array = NDArray[np.float64]
 
 WINDOW = 5.0  # s: an integrated response drifts with all that a first order lacks
 LAGS = 20  # lags that are tried first, evenly spaced in their logarithm
-ONE_SIDED = 0.25  # a side that is reached less than this part of the other one is not used
+# a side that is reached less than this part of the other is not used; a signal that stays as far off zero has a bias
+ONE_SIDED = 0.25
 MOST = 20000  # samples that are used: a rough number needs no more
 
 
@@ -89,10 +90,12 @@ def reach(values: Array) -> float:
 
 
 def swing(values: Array) -> float:
-    """What a signal about zero reaches on both sides, in its unit; half its range where it keeps to one side."""
+    """What a signal reaches, in its unit: about zero on both sides or on its only one, about a bias half its range."""
     low, high = np.quantile(values, (0.01, 0.99))
-    both = float(min(-low, high))
-    return both if both > ONE_SIDED * max(-low, high) else reach(values)
+    both, one = float(min(-low, high)), float(max(-low, high))
+    if both > ONE_SIDED * one:
+        return both
+    return one if both > -ONE_SIDED * one else reach(values)
 
 
 def typical_speed(time: Array, position: Array, lag: float) -> float:

@@ -1,0 +1,29 @@
+"""What the answer says of the command's levels."""
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.remarks import levels, limits
+from cosim.diagnosis.story import diagnose
+from cosim.rig import as_log, make_log
+
+
+def test_levels_that_a_command_holds() -> None:
+    step = np.repeat([0.0, 0.5, 0.0], [100, 800, 100])
+    assert levels(step) == pytest.approx([0.5])
+    assert levels(np.concatenate([step, -0.9 * step])) == pytest.approx([-0.45, 0.5])
+    ramp = np.linspace(0.0, 0.5, 12)
+    assert levels(np.concatenate([np.zeros(100), ramp, np.full(900, 0.5)])) == pytest.approx([0.5])
+    assert levels(np.sin(np.linspace(0.0, 20.0, 2000))).size > 50
+    assert levels(np.zeros(10)).size == 0
+
+
+@pytest.mark.parametrize(("duties", "said"), [((0.5,), True), ((0.5, 0.9), False)])
+def test_one_level_tells_no_dead_zone(duties: tuple[float, ...], said: bool) -> None:
+    log = as_log(make_log("steps", 12.0, [], seed=3))
+    u = np.zeros(len(log))
+    for duty, part in zip(duties, np.array_split(np.arange(1000, u.size), len(duties)), strict=True):
+        u[part] = duty
+    found = diagnose(log)
+    found.record.signals["u"] = u
+    assert any("one level on a side only (0.5)" in text for text in limits(found, (log,))) == said
