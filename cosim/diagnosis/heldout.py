@@ -17,7 +17,7 @@ from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.trials import candidates_of, quickly, tried_all, without
-from cosim.inference.held_out import ratio_ci95
+from cosim.inference.held_out import HeldOutGain, gain_of_errors, ratio_ci95
 from cosim.logs import Log
 from fmus.contract import Effect
 
@@ -158,9 +158,15 @@ def refuse(
         current().leave_out(group, "some of its causes on the held-out data")
     finding.confirmed = bool(at.effects) and not refused and not current().over
     finding.held_squares = at.squares
+    finding.borne = {e.name: borne(at, e, step) for e in at.effects}
     if not refused and not current().over:
         refused = outdone(finding, at, step, signal)
     return refused, at.effects
+
+
+def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
+    """What an effect of a set gains on held-out data beside the others."""
+    return gain_of_errors(at.squares, step(tuple(e for e in at.effects if e != effect)).squares)
 
 
 def loss(finding: Finding, effect: Effect, tolerance: float) -> float:

@@ -196,9 +196,9 @@ def borne_out(
             finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), trust)
             finding.confirmed = kept != ()
             break
-        squares = finding.held_squares
+        before = finding
         finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
-        finding.held_squares = squares
+        finding.held_squares, finding.borne = before.held_squares, before.borne
     reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
     return finding
 

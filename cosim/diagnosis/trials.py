@@ -262,6 +262,11 @@ def tried_all(
         reach = max(best - max(LAGGING, 0.5 * (best - base)), base - 3.0)
         if trial.fit.settled or trial.fit.log_likelihood <= reach or budget.over:
             return trial
+        if quick:
+            again = tried(copied(task), trial.effects, tolerance, trial.fit, QUICK_ROUNDS, quick=True)
+            if again.score < trial.score + GAINING:
+                return trial
+            trial = again
         return tried(copied(task), trial.effects, tolerance, trial.fit)
 
     def led(trial: Trial) -> Trial:

@@ -9,7 +9,7 @@ import pytest
 from cosim.diagnosis.chain import task_for
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.heldout import Held, Refused, Step, balanced, reconsider
+from cosim.diagnosis.heldout import Held, Refused, Step, balanced, borne, reconsider
 from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.naming import find
 from cosim.diagnosis.story import prepare
@@ -88,6 +88,20 @@ def test_an_effect_whose_size_is_in_doubt_goes_before_one_that_gains_less() -> N
     found = balanced(MECHANICS, step(named), named, step, losses)  # type: ignore[arg-type]
     assert {e.name for e in found.effects} == {COULOMB.name, CRACKING.name}
     assert frozenset({COULOMB.name, BACKLASH.name}) not in tried[: tried.index(frozenset({COULOMB.name}))]
+
+
+def test_what_is_told_of_a_kept_cause_is_what_has_decided() -> None:
+    """The gain on held-out data with and without it, whose interval excludes none where the cause is kept."""
+    errors = {frozenset({COULOMB.name, BACKLASH.name}): 4.0, frozenset({COULOMB.name}): 4.001}
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        error = errors.get(frozenset(e.name for e in effects), 8.0)
+        return Step(effects, FIT, 1.0, error, squares=error**2 * np.linspace(0.8, 1.2, 24))
+
+    at = step((COULOMB, BACKLASH))
+    assert borne(at, COULOMB, step).gain == pytest.approx(24 * np.log(2.0))
+    assert borne(at, COULOMB, step).sure == at.clearly_better(step((BACKLASH,)))
+    assert borne(at, BACKLASH, step).gain < 0.1
 
 
 def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_better() -> None:
