@@ -6,11 +6,25 @@ within one of them, numba goes on with no object at all and the process dies.
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 HANDLED = (signal.SIGINT, signal.SIGTERM)
+
+
+class _Struck:
+    """What the handlers of `stoppable` know; only the main thread gets signals.
+
+    Attributes:
+        waits: they are set, and wait for compiled code by themselves.
+        inside: compiled code runs.
+        came: a signal that must end everything came meanwhile.
+    """
+
+    waits = False
+    inside = False
+    came = False
 
 
 @contextmanager
@@ -19,6 +33,16 @@ def uninterrupted() -> Iterator[None]:
     # other threads get no signals, and one that nobody handles in Python raises nothing
     if threading.current_thread() is not threading.main_thread():
         yield
+        return
+    if _Struck.waits:
+        before, _Struck.inside = _Struck.inside, True
+        try:
+            yield
+        finally:
+            _Struck.inside = before
+            if _Struck.came and not before:
+                _Struck.came = False
+                raise KeyboardInterrupt
         return
     handlers = {s: h for s in HANDLED if callable(h := signal.getsignal(s))}
     came: list[tuple[int, FrameType | None]] = []
@@ -34,13 +58,31 @@ def uninterrupted() -> Iterator[None]:
 
 
 @contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
-    """Treat SIGTERM, which ends a job in a queue or a container, as Ctrl-C: what was found is written first."""
+def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
+    """Treat SIGTERM, which ends a job in a queue or a container, as Ctrl-C, and either as a request before it is an order.
+
+    Args:
+        stop: called when one comes; True if what runs will end by itself soon. Otherwise a
+            KeyboardInterrupt is raised.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+    def struck(number: int, frame: FrameType | None) -> None:
+        if stop():
+            return
+        if _Struck.inside:
+            _Struck.came = True
+            return
+        raise KeyboardInterrupt
+
+    # a signal that is ignored stays ignored (nohup, a job in the background)
+    before = {s: signal.signal(s, struck) for s in HANDLED if signal.getsignal(s) is not signal.SIG_IGN}
+    _Struck.waits = True
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        _Struck.waits = _Struck.came = False
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -26,17 +26,25 @@ def slid(theta: float, omega: float, t0: float, t1: float, h: float, J: float, d
 def stopping_time(
     omega: float, direction: float, t0: float, slope: float, h: float, J: float, b: float
 ) -> float:
-    """Time within h at which a motion in `direction` comes to rest (it has turned by h), by bisection to rounding."""
-    low = 0.0
-    high = h
+    """Time within h at which a motion in `direction` comes to rest (it has turned by h): Newton's steps, bracketed."""
+    low, high = 0.0, h
+    t = 0.5 * h
     for _ in range(60):
-        t = 0.5 * (low + high)
         _, w = slide(0.0, omega, t0, t0 + slope * t, t, J, b)
         if w * direction > 0.0:
             low = t
         else:
             high = t
-    return high
+        change = h
+        rate = (t0 + slope * t - b * w) / J
+        if rate * direction < 0.0:
+            change = w / rate
+        t = t - change
+        if abs(change) <= 1e-9 * h:
+            break  # quadratic convergence: the error is now far below rounding
+        if t <= low or t >= high:
+            t = 0.5 * (low + high)
+    return t
 
 
 @equation

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 from cosim.compiled import CompiledBlock, load_compiled
-from cosim.interrupts import uninterrupted
+from cosim.interrupts import stoppable, uninterrupted
 from fmus import registry
 from fmus.compose import compose
 
@@ -97,3 +97,29 @@ def test_ctrl_c_while_compiled_code_is_loaded_leaves_nothing_half_loaded(
         with pytest.raises(KeyboardInterrupt):
             load_compiled(composed)
     assert hasattr(CompiledBlock(composed).module, "begin")
+
+
+def struck_again_within_compiled_code(first: signal.Signals, reached: list[str]) -> None:
+    os.kill(os.getpid(), first)
+    reached.append("goes on")
+    with uninterrupted():
+        os.kill(os.getpid(), signal.SIGTERM)
+        reached.append("inside")
+    reached.append("never")
+
+
+@pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
+def test_the_first_signal_asks_and_the_second_ends_once_compiled_code_has(first: signal.Signals) -> None:
+    before = [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)]
+    asked: list[bool] = []
+    reached: list[str] = []
+
+    def stop() -> bool:
+        asked.append(True)
+        return len(asked) == 1
+
+    with pytest.raises(KeyboardInterrupt), stoppable(stop):
+        struck_again_within_compiled_code(first, reached)
+    assert reached == ["goes on", "inside"]
+    assert len(asked) == 2
+    assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == before

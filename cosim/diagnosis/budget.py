@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import TypeVar
 
 from cosim.errors import UsageError
 from cosim.units import parse_quantity
@@ -19,12 +20,17 @@ class Budget:
     Args:
         seconds: the span, s.
         clock: tells the time, s.
+
+    Attributes:
+        ended: somebody has ended it before its time.
     """
 
     def __init__(self, seconds: float = math.inf, clock: Callable[[], float] = time.monotonic) -> None:
         self.seconds = seconds
         self._clock, self._begin = clock, clock()
         self._until = math.inf
+        self._searching = False
+        self.ended = False
         self._left_out: dict[str, dict[str, int]] = {}
 
     def allow(self, share: float) -> None:
@@ -34,7 +40,28 @@ class Budget:
     @property
     def over(self) -> bool:
         """True if the stage that runs must end."""
-        return self._clock() >= self._until
+        return self.ended or self._clock() >= self._until
+
+    @property
+    def gone(self) -> bool:
+        """True if nothing of the span is left: what runs is cut, and what could follow is left out."""
+        return self.ended or self._clock() >= self._begin + self.seconds
+
+    @contextmanager
+    def searching(self) -> Iterator[None]:
+        """Within this context all that runs ends soon once the time is over, with the best so far."""
+        self._searching = True
+        try:
+            yield
+        finally:
+            self._searching = False
+
+    def end(self) -> bool:
+        """End the time now; False if it has been ended before, or nothing runs that would take notice."""
+        if self.ended or not self._searching:
+            return False
+        self.ended = True
+        return True
 
     def leave_out(self, group: str, what: str) -> None:
         """Something is not tried in a group."""
@@ -42,10 +69,19 @@ class Budget:
         kept[what] = kept.get(what, 0) + 1
 
     @property
+    def why(self) -> str:
+        """Why something was left out."""
+        return "it was interrupted" if self.ended else f"the time allowed ({self.seconds:g} s) was over"
+
+    def omitted(self, what: str) -> str:
+        """A note that a part was left out."""
+        return f"{what} was left out: {self.why}"
+
+    @property
     def warnings(self) -> list[str]:
         """What was not tried, a sentence a group."""
         return [
-            f"{group}: the time allowed ({self.seconds:g} s) was over; not tried: "
+            f"{group}: {self.why}; not tried: "
             + ", ".join(what if count == 1 else f"{what} ({count} of them)" for what, count in kept.items())
             for group, kept in self._left_out.items()
         ]
@@ -63,12 +99,26 @@ def parse_budget(text: str) -> float:
     return seconds
 
 
+T = TypeVar("T")
+R = TypeVar("R")
+
 _BUDGET: ContextVar[Budget | None] = ContextVar("budget", default=None)
 
 
 def current() -> Budget:
-    """The budget of the diagnosis that runs. Threads of a pool do not see it: ask before they start."""
+    """The budget of the diagnosis that runs. Threads of a pool see it through `seen_by_threads`."""
     return _BUDGET.get() or Budget()
+
+
+def seen_by_threads(function: Callable[[T], R]) -> Callable[[T], R]:
+    """The function, for the threads of a pool: what it calls finds the budget of the thread that asks now."""
+    budget = current()
+
+    def called(argument: T) -> R:
+        with within(budget):
+            return function(argument)
+
+    return called
 
 
 @contextmanager

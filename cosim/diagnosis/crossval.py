@@ -25,6 +25,20 @@ def window_numbers(task: Task) -> NDArray[np.int64]:
     return np.concatenate([np.repeat(np.arange(count), bins) for count, bins in shapes])
 
 
+def repetitions(task: Task) -> NDArray[np.int64]:
+    """The part of the data to which each of a task's whitened values belongs, that is left out as one: a window, or a log.
+
+    What a machine, its oil or what the model lacks change from log to log, the windows of one log have in common.
+    """
+    if not task.model.cuts:
+        return window_numbers(task)
+    rows = []
+    for signal, rule in task.rules.items():
+        count, bins = rule.windows(task.measured[signal]).shape
+        rows.append(np.repeat(rule.log_of(task.measured[signal].size)[:count], bins))
+    return np.concatenate(rows)
+
+
 def part(task: Task, mask: NDArray[np.bool_]) -> Task:
     """The task on some windows only; doubt from upstream counts in each part by itself."""
     found = replace(task, mask=mask)
@@ -33,7 +47,7 @@ def part(task: Task, mask: NDArray[np.bool_]) -> Task:
 
 
 def held_out_gain(task: Task, richer: Fit, poorer: Fit) -> HeldOutGain:
-    """Log-likelihood that one fit gains over another on windows that had no share in its estimates.
+    """Log-likelihood that one fit gains over another on windows (of several logs: on logs) that had no share in it.
 
     What is trusted of the nominal values counts as well: a fit that bends them beyond that has its price.
 
@@ -42,10 +56,10 @@ def held_out_gain(task: Task, richer: Fit, poorer: Fit) -> HeldOutGain:
         richer: the fit with the effect.
         poorer: the fit without it.
     """
-    block = window_numbers(task)
+    block = repetitions(task)
     found = gain_between(left_out_rows(task, richer, block), left_out_rows(task, poorer, block), block)
     pulls = [0.5 * float(np.sum(rows_of(task, f)[block.size :] ** 2)) for f in (poorer, richer)]
-    return HeldOutGain(found.gain + pulls[0] - pulls[1], found.deviation)
+    return replace(found, gain=found.gain + pulls[0] - pulls[1])
 
 
 def rows_of(task: Task, found: Fit) -> Array:
@@ -79,7 +93,7 @@ def left_out_steps(task: Task, found: Fit) -> tuple[list[str], Array]:
 
 
 def refuted(task: Task, chosen: Trial, null: Trial, tolerance: float) -> list[Effect]:
-    """The effects of a set whose gain on held-out windows may be nothing, the worst first."""
+    """The effects of a set whose gain on held-out windows (logs) may be nothing, the worst first."""
     gains = [
         (held_out_gain(task, chosen.fit, without(task, chosen, e, null, tolerance).fit), e)
         for e in chosen.effects

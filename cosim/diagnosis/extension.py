@@ -144,9 +144,13 @@ def turn_down(
     diagnosis.rests = [r for r in diagnosis.rests if r.block != name] + rests(finding, tolerance)
 
 
-def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
-    """Write both packages, run their FMUs on the log's command, and measure the errors on what was held out."""
-    machine, record, held = diagnosis.machine, diagnosis.record, diagnosis.held
+def write_packages(diagnosis: Diagnosis, folder: Path) -> tuple[Path, dict[str, float], dict[str, float]]:
+    """Write the model before and after its extension.
+
+    Returns:
+        The package of the model before, and the values that differ from nominal before and after, SI.
+    """
+    machine, record = diagnosis.machine, diagnosis.record
     folder.mkdir(parents=True, exist_ok=True)
     stimulus = None
     first = record.pieces[0]  # a package plays one command: of several logs the first one's
@@ -154,12 +158,19 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
         stimulus = stimulus_csv(first.time, first.signals[machine.drive])
     # the mapping's values first: it may set back to nominal what the model's own files say
     values = machine.values | diagnosis.values
-    begin = standing(diagnosis.start, values)
-    values |= of_piece(begin, 0)
+    values |= of_piece(standing(diagnosis.start, values), 0)
     plain = machine.values | diagnosis.calibrated
     nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
     diagnosis.packages = write_extended(machine.source, values, folder, stimulus)
+    return nominal, plain, values
+
+
+def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
+    """Write both packages, run their FMUs on the log's command, and measure the errors on what was held out."""
+    machine, record, held = diagnosis.machine, diagnosis.record, diagnosis.held
+    nominal, plain, values = write_packages(diagnosis, folder)
     extended = diagnosis.packages["open"]
+    begin = standing(diagnosis.start, machine.values | diagnosis.values)
     diagnosis.before = run_package(nominal, record, machine, standing(diagnosis.start, plain))
     diagnosis.after = run_package(extended, record, machine, begin if record.cuts else {})
     if held is None:

@@ -19,6 +19,7 @@ from cosim.diagnosis.reference import Reference
 from cosim.diagnosis.rounded import concentration
 from cosim.diagnosis.samples import Mark
 from cosim.diagnosis.trials import CLOSE, Trial, freed
+from cosim.inference.held_out import HeldOutGain
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -51,6 +52,7 @@ class Finding:
         confirmed: held-out data have borne out the chosen effects.
         free: the nominal parameters are fitted freely, so nothing says how little the model must leave.
         reference: a linear model of free order beside the chosen effects.
+        borne: name of an effect -> what it gains on held-out data, where these have decided.
         held_squares: (windows,) mean square of the free run's error on held-out data with the effects kept, SI.
         lacks_linear: the linear model is clearly better: linear dynamics are missing.
     """
@@ -68,6 +70,7 @@ class Finding:
     confirmed: bool = False
     free: bool = False
     reference: Reference | None = None
+    borne: dict[str, HeldOutGain] = field(default_factory=dict)
     held_squares: Array | None = field(default=None, repr=False)
     lacks_linear: bool = False
 

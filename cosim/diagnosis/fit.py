@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
 from cosim.correlation import correlations
+from cosim.diagnosis.budget import current
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.polar import Polar
@@ -65,6 +66,7 @@ class Fit:
         settled: the search ended by itself and not by its limit of rounds.
         predicted: signal -> (n,) SI, of readings in steps or stale; of the others it is what was measured less the residual.
         scales: ``component.parameter`` -> unit of the slopes in it, SI.
+        sketched: the slopes were followed and not differenced anew: a quick fit.
     """
 
     values: dict[str, float]
@@ -79,6 +81,7 @@ class Fit:
     rows: Array | None = field(default=None, repr=False)
     predicted: dict[str, Array] = field(default_factory=dict, repr=False)
     scales: dict[str, float] = field(default_factory=dict, repr=False)
+    sketched: bool = False
 
     @property
     def correlations(self) -> dict[tuple[str, str], float]:
@@ -233,7 +236,7 @@ def fit(
         return Fit({}, {}, reached, white.size, residuals, np.empty((0, 0)), predicted=stepped)
     found = searched(cost, slopes, z0, (low, high), rounds)
     fitted = summarised(task, names, base, polar, found, (low, high), len(priors))
-    return replace(fitted, settled=False) if quick else fitted
+    return replace(fitted, settled=False, sketched=True) if quick else fitted
 
 
 class Follower:
@@ -271,6 +274,10 @@ class Follower:
         return found
 
 
+class _TimeGoneError(Exception):
+    """The time of the diagnosis is gone in the middle of a search."""
+
+
 def searched(
     cost: Callable[[Array], Array],
     slopes: Callable[[Array], Array],
@@ -281,21 +288,35 @@ def searched(
     """Least squares from `z` within bounds, at most `rounds` iterations.
 
     A step ends where it meets a bound, and scipy takes a step cut that short for the end of the search: from there it
-    goes on, that unknown held. For the same reason a search begins on a bound and not beside it.
+    goes on, that unknown held. For the same reason a search begins on a bound and not beside it. When the time of the
+    diagnosis is gone it ends where it is.
     """
+    budget = current()
+    last: list[Array] = []
+
+    def in_time(z: Array) -> Array:
+        if last and budget.gone:
+            raise _TimeGoneError
+        last[:] = z.copy(), slopes(z)
+        return np.asarray(last[1])
+
     while True:
-        with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
-            found = least_squares(
-                cost,
-                z,
-                slopes,
-                bounds=bounds,
-                method="dogbox",
-                max_nfev=rounds,
-                xtol=1e-5,
-                ftol=1e-6,
-                gtol=1e-12,
-            )
+        try:
+            with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
+                found = least_squares(
+                    cost,
+                    z,
+                    in_time,
+                    bounds=bounds,
+                    method="dogbox",
+                    max_nfev=rounds,
+                    xtol=1e-5,
+                    ftol=1e-6,
+                    gtol=1e-12,
+                )
+        except _TimeGoneError:
+            fun = cost(last[0])
+            return OptimizeResult(x=last[0], fun=fun, jac=last[1], cost=0.5 * float(fun @ fun), status=0)
         rounds -= found.nfev
         before = (z == bounds[0]) | (z == bounds[1])
         if found.status <= 0 or rounds < 2 or not np.any((found.active_mask != 0) & ~before):

@@ -1,6 +1,7 @@
 """A group of blocks simulated over a log, again and again with other parameters."""
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,13 @@ INSIDE = ("spool_0", "p_load_0")  # parameters of the state at the start that a 
 def compiled_stage(component: str, block: str) -> CompiledBlock:
     """The compiled block of a component."""
     return compiled_block(block, component)
+
+
+@cache
+def parted(name: str) -> tuple[str, str]:
+    """Component and parameter of ``component.parameter``; kept, because each of thousands of runs asks for all."""
+    component, _, parameter = name.partition(".")
+    return component, parameter
 
 
 def standing(start: Mapping[str, float], settings: Mapping[str, float]) -> dict[str, float]:
@@ -136,8 +144,13 @@ class GroupModel:
             signal, h = self.stepped(signal), self.grid.step
         changed = False
         outputs = np.empty((0, 0))
+        owned: dict[str, dict[str, float]] = {component: {} for component, _ in self.stages}
+        for name, value in settings.items():
+            component, parameter = parted(name)
+            if component in owned:
+                owned[component][parameter] = value
         for i, (component, block) in enumerate(self.stages):
-            own = {n.partition(".")[2]: v for n, v in settings.items() if n.startswith(component + ".")}
+            own = owned[component]
             key = tuple(own.get(name, v) for name, v in block.nominal.items())
             if i == 0 and self.group.upstream_slot:
                 prefix = self.group.upstream_slot[0] + "."

@@ -4,19 +4,20 @@ A cause that the fitting log asks for but that does not make the prediction of t
 has described that one log and not the machine.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.budget import current
 from cosim.diagnosis.data import Record, joined
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
-from cosim.diagnosis.trials import candidates_of, tried_all, without
-from cosim.inference.held_out import ratio_ci95
+from cosim.diagnosis.trials import candidates_of, quickly, tried_all, without
+from cosim.inference.held_out import HeldOutGain, gain_of_errors, ratio_ci95
 from cosim.logs import Log
 from fmus.contract import Effect
 
@@ -89,7 +90,7 @@ class Step:
         fit: with them.
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
-        sure: none has a size that is too small to matter, or whose uncertainty holds no cause at all.
+        doubtful: names of those whose size is too small to matter, or whose uncertainty holds no cause at all.
         squares: (windows,) mean square of the error in each window of the held-out data, SI.
     """
 
@@ -97,8 +98,13 @@ class Step:
     fit: Fit
     fitted: float
     held: float
-    sure: bool = True
+    doubtful: tuple[str, ...] = ()
     squares: Array = field(default_factory=lambda: np.zeros(1), repr=False)
+
+    @property
+    def sure(self) -> bool:
+        """True if the whole fitting log determines the size of each."""
+        return not self.doubtful
 
     @property
     def judged(self) -> float:
@@ -110,7 +116,12 @@ class Step:
         return self.sure and ratio_ci95(self.squares, other.squares)[1] < 1.0
 
 
-def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused], tuple[Effect, ...]]:
+Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each effect
+
+
+def refuse(
+    finding: Finding, held: Held, tolerance: float, done: Steps | None = None
+) -> tuple[list[Refused], tuple[Effect, ...]]:
     """The causes of a finding that do not help on held-out data, and what is kept of it.
 
     A cause is kept if without it the error on held-out data is larger by more than the choice of these data may have made
@@ -124,31 +135,48 @@ def refuse(finding: Finding, held: Held, tolerance: float) -> tuple[list[Refused
         finding: what was named in one group; `confirmed` is set if nothing is refused, and `held_squares`.
         held: the held-out data.
         tolerance: trust in the nominal parameters.
+        done: sets judged already, in an earlier search of this group; it grows.
     """
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
     prefer(finding, tolerance)
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
     if not signal or finding.task.model.group.drive not in held.record.signals:
         return [], finding.chosen.effects
-    step = stepper(finding, held, signal, tolerance)
-    at = min((balanced(finding, step(e), waiting, step) for e in ((), waiting)), key=lambda s: s.judged)
+    step = stepper(finding, held, signal, tolerance, done)
+    losses = {e.name: loss(finding, e, tolerance) for e in waiting}
+    at = balanced(finding, step(waiting), waiting, step, losses)
+    if len(at.effects) < len(waiting):  # some that were left out may help with fewer beside them
+        at = min(at, balanced(finding, step(()), waiting, step, losses), key=lambda s: s.judged)
     kept = {e.name for e in at.effects}
     group = finding.task.model.group.name
     refused = []
     for effect in (e for e in waiting if e.name not in kept):
-        behind = without(finding.task, finding.chosen, effect, finding.null, tolerance)
-        gain = finding.chosen.fit.log_likelihood - behind.fit.log_likelihood
         with_it = step(widened(finding, at.effects, effect))
+        gain = losses[effect.name]
         refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
-    finding.confirmed = bool(at.effects) and not refused
+    if current().over:  # what is kept has not been held against all that could be left out
+        current().leave_out(group, "some of its causes on the held-out data")
+    finding.confirmed = bool(at.effects) and not refused and not current().over
     finding.held_squares = at.squares
-    if not refused:
+    finding.borne = {e.name: borne(at, e, step) for e in at.effects}
+    if not refused and not current().over:
         refused = outdone(finding, at, step, signal)
     return refused, at.effects
 
 
+def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
+    """What an effect of a set gains on held-out data beside the others."""
+    return gain_of_errors(at.squares, step(tuple(e for e in at.effects if e != effect)).squares)
+
+
+def loss(finding: Finding, effect: Effect, tolerance: float) -> float:
+    """Log-likelihood of the fitting log that a chosen effect gains beside the others."""
+    fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance, quickly(tolerance))
+    return finding.chosen.fit.log_likelihood - fewer.fit.log_likelihood
+
+
 def stepper(
-    finding: Finding, held: Held, signal: str, tolerance: float
+    finding: Finding, held: Held, signal: str, tolerance: float, done: Steps | None = None
 ) -> Callable[[tuple[Effect, ...]], Step]:
     """Fits sets of effects to the whole fitting log and judges them on held-out data, each set once.
 
@@ -157,8 +185,9 @@ def stepper(
         held: the held-out data.
         signal: what is compared.
         tolerance: trust in the nominal parameters.
+        done: sets judged already: the error of a free run does not depend on what the noise is held to be; it grows.
     """
-    done: dict[frozenset[tuple[str, ...]], Step] = {}
+    done = {} if done is None else done
 
     def step(effects: tuple[Effect, ...]) -> Step:
         key = frozenset((e.name, *e.free) for e in effects)
@@ -166,17 +195,19 @@ def stepper(
             fit_ = refitted(finding, effects, tolerance, finding.chosen.fit)
             fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))
             model, trial, rule = finding.task.model, Trial(effects, fit_, 0), finding.task.rules[signal]
-            sure = all(worth_naming(trial, e, model, tolerance) for e in effects)
+            doubtful = tuple(e.name for e in effects if not worth_naming(trial, e, model, tolerance))
             square = errors(finding, fit_, held.record)[signal][held.first :] ** 2
             count = max(1, round(square.size / (rule.bins * rule.window)))
             squares = np.array([np.mean(part) for part in np.array_split(square, count)])
-            done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), sure, squares)
+            done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), doubtful, squares)
         return done[key]
 
     return step
 
 
-def reconsider(finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float) -> None:
+def reconsider(
+    finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float, done: Steps | None = None
+) -> None:
     """Try refused effects once more, each in a kept one's place: held-out data may tell them apart no better than the log.
 
     An effect is refused because it adds nothing to those that are kept. One that would do as well in the place of one
@@ -187,12 +218,13 @@ def reconsider(finding: Finding, held: Held, refused: Iterable[Refused], toleran
         held: the held-out data.
         refused: what they refused in this group.
         tolerance: trust in the nominal parameters.
+        done: sets judged already.
     """
     judged = [r for r in refused if not r.instead and r.sure]
     chosen = finding.chosen
-    if not judged or not chosen.effects:
+    if not judged or not chosen.effects or current().over:
         return
-    step = stepper(finding, held, judged[0].signal, tolerance)
+    step = stepper(finding, held, judged[0].signal, tolerance, done)
     for effect in chosen.effects:
         rest = tuple(e for e in chosen.effects if e != effect)
         # what holds the kept one was refused in its place already
@@ -244,7 +276,11 @@ def alike(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
 
 
 def balanced(
-    finding: Finding, at: Step, waiting: tuple[Effect, ...], step: Callable[[tuple[Effect, ...]], Step]
+    finding: Finding,
+    at: Step,
+    waiting: tuple[Effect, ...],
+    step: Callable[[tuple[Effect, ...]], Step],
+    losses: Mapping[str, float],
 ) -> Step:
     """The set from which nothing can be left out, and into which nothing more can be taken, that held-out data bear out.
 
@@ -253,10 +289,11 @@ def balanced(
         at: where to begin.
         waiting: the effects named.
         step: fits a set of effects.
+        losses: name of an effect -> log-likelihood that it gains in the fitting log; the least is left out first.
     """
     for _ in waiting:
         before = at
-        while True:
+        while not current().over:
             more = [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]
             better = [s for s in more if s.clearly_better(at)]
             for effect in at.effects:
@@ -267,24 +304,44 @@ def balanced(
             if not better:
                 break
             at = min(better, key=lambda s: s.fitted)
-        while at.effects:  # left out, or something simpler in its place
-            fewer = min((step(e) for e in narrowed(finding, at.effects)), key=lambda s: (s.judged, s.held))
-            if at.clearly_better(fewer):
+        while at.effects and not current().over:  # left out, or something simpler in its place
+            smaller = next_smaller(finding, at, step, losses)
+            if smaller is None:
                 break
-            at = fewer
+            at = smaller
         if {e.name for e in at.effects} == {e.name for e in before.effects}:
             break
     return at
 
 
-def narrowed(finding: Finding, effects: tuple[Effect, ...]) -> list[tuple[Effect, ...]]:
-    """The sets with one effect less, or with a simpler one in its place."""
-    found = []
-    for effect in effects:
-        rest = tuple(e for e in effects if e != effect)
-        less = [e for e in simpler(finding, effect) if e.name not in {r.name for r in rest}]
-        found += [rest, *((*rest, e) for e in less)]
-    return found
+def next_smaller(
+    finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], losses: Mapping[str, float]
+) -> Step | None:
+    """A set with an effect less, or a simpler one in its place, that held-out data do not speak against; None without one.
+
+    The effect that gains least in the fitting log goes first, before all one whose size is in doubt.
+    """
+    in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
+    if not at.sure:
+        first = next(e for e in in_order if e.name in at.doubtful)
+        return min((step(e) for e in narrowed(finding, at.effects, first)), key=lambda s: (s.judged, s.held))
+    worse = []
+    for effect in in_order:
+        for effects in narrowed(finding, at.effects, effect):
+            fewer = step(effects)
+            if at.clearly_better(fewer):
+                continue
+            if fewer.sure:
+                return fewer
+            worse.append(fewer)
+    return min(worse, key=lambda s: s.held, default=None)
+
+
+def narrowed(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> list[tuple[Effect, ...]]:
+    """The set without an effect, and those with a simpler one in its place."""
+    rest = tuple(e for e in effects if e != effect)
+    less = [e for e in simpler(finding, effect) if e.name not in {r.name for r in rest}]
+    return [rest, *((*rest, e) for e in less)]
 
 
 def widened(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> tuple[Effect, ...]:

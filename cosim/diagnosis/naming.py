@@ -30,10 +30,12 @@ from cosim.diagnosis.trials import (
     declared,
     freed,
     polished,
+    quickly,
     tried,
     tried_all,
     trusted,
     unknowns,
+    without,
 )
 from cosim.diagnosis.valleys import away_from_stops
 from cosim.inference.pieces import slope
@@ -267,7 +269,7 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
         sets: list[tuple[Effect, ...]] = []
         for out in chosen.effects:
             kept = tuple(e for e in chosen.effects if e != out)
-            fewer = tried(task, kept, tolerance, chosen.fit)
+            fewer = without(task, chosen, out, chosen, tolerance, quickly(tolerance))
             free = (e for e in candidates if e not in chosen.effects)
             # in the place of the one left out another must make up for what that one explains; beside a trusted
             # parameter that acts alike a small dose says nothing of that
@@ -292,7 +294,7 @@ def rivals(
         kept = tuple(e for e in finding.chosen.effects if e != effect)
         sets = []
         if kept:
-            fewer = tried(task, kept, tolerance, finding.chosen.fit)
+            fewer = without(task, finding.chosen, effect, finding.null, tolerance, quickly(tolerance))
             free = (e for e in candidates if e not in finding.chosen.effects)
             sets = [(*kept, e) for e in promising(task, fewer, free, tolerance)]
         found[effect.name] = (
@@ -311,5 +313,7 @@ def to_the_end(task: Task, rival: Trial, finding: Finding, tolerance: float, sha
     best = finding.chosen.fit.log_likelihood
     reach = best - max(CLOSE, share * (best - finding.null.fit.log_likelihood))
     return (
-        rival if rival.fit.settled or rival.fit.log_likelihood < reach else polished(task, rival, tolerance)
+        rival
+        if rival.fit.settled or rival.fit.log_likelihood < reach
+        else polished(task, rival, tolerance, hopeful=False)
     )

@@ -25,8 +25,10 @@ from cosim.diagnosis.stretch import by_twin
 from cosim.diagnosis.watch import Watch
 from cosim.errors import UsageError
 from cosim.files import write_text
-from cosim.interrupts import terminated_as_interrupted
+from cosim.interrupts import stoppable
 from cosim.logs import Log, Tracker, listed
+from cosim.report.folder import keep
+from cosim.report.material import gather
 from cosim.report.page import save_and_report
 
 
@@ -55,7 +57,8 @@ def diagnose_into(
 ) -> Answer:
     """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
 
-    Ctrl-C or SIGTERM leaves in the folder what had been found until then, and goes on as a KeyboardInterrupt.
+    Ctrl-C or SIGTERM leaves in the folder what had been found until then, of the block that is being judged as well,
+    and goes on as a KeyboardInterrupt; a second one ends at once.
 
     Args:
         folder: where it goes.
@@ -79,7 +82,7 @@ def diagnose_into(
     with (
         threadpool_limits(1),
         speaking(machine.lexicon),
-        terminated_as_interrupted(),
+        stoppable(allowed.end),
         ShownProgress() as watch,
     ):
         try:
@@ -129,7 +132,9 @@ def delivered(found: Diagnosis, log: Log | Sequence[Log], folder: Path, watch: W
         said(found, log, folder, None)  # the answer first: what follows may fail, or be ended from outside
         watch.stage("next", found.stage)
         proposal = None
-        if listed(log)[0].time_unit == "s" and not found.data:  # what is proposed is a command over time
+        if found.budget.gone:
+            found.notes.append(found.budget.omitted("the next experiment"))
+        elif listed(log)[0].time_unit == "s" and not found.data:  # what is proposed is a command over time
             with part(found.notes, "the next experiment"):
                 proposal = proposal_for(
                     found.machine.groups,
@@ -174,7 +179,10 @@ def written(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: 
     result = said(found, log, folder, proposal)
     known = len(found.notes)
     with part(found.notes, "the report"):
-        if save_and_report(found, result, folder, proposal) is None:
+        if found.budget.gone and not found.budget.ended:
+            keep(gather(found, result, folder, proposal), folder)
+            found.notes.append(f"{found.budget.omitted('the report')}; 'cosim report {folder}' makes it")
+        elif save_and_report(found, result, folder, proposal) is None:
             warn(
                 "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"
             )
@@ -222,13 +230,14 @@ def show(result: Answer, out: Path) -> None:
         )
         for s, g in result.gain.items()
     ]
-    stdout_console().print(
-        table(
-            f"Error on {result.held_out}, before and after",
-            ["signal", "before", "after", "linear model", "noise", "unit"],
-            rows,
+    if rows:
+        stdout_console().print(
+            table(
+                f"Error on {result.held_out}, before and after",
+                ["signal", "before", "after", "linear model", "noise", "unit"],
+                rows,
+            )
         )
-    )
     if result.next_experiment:
         stdout_console().print(
             f"next experiment: {result.next_experiment.why}: {result.next_experiment.excitation}",

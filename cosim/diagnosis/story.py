@@ -15,12 +15,12 @@ from cosim.diagnosis.carried import carried
 from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record, joined
 from cosim.diagnosis.exercised import never_exercised
-from cosim.diagnosis.extension import estimate, gain_by_fmus, worse
+from cosim.diagnosis.extension import estimate, gain_by_fmus, worse, write_packages
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.heldout import Held, Refused, held_logs, reconsider, refuse
+from cosim.diagnosis.heldout import Held, Refused, Steps, held_logs, reconsider, refuse
 from cosim.diagnosis.labels import Contradiction, clock, contradictions, rescaled
 from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
@@ -129,8 +129,22 @@ def judged(
         watch: told about it.
         share: of the budget, until which what was named may be tried on held-out data.
     """
+    with current().searching():
+        enter(found, watch, group.name, f"{group.name}: {len(group.effects())} candidates")
+        return named_in(found, group, known, trust, constants, watch, share)
+
+
+def named_in(
+    found: Diagnosis,
+    group: Group,
+    known: list[Known],
+    trust: float,
+    constants: Mapping[str, float] | None,
+    watch: Watch | None,
+    share: float,
+) -> list[Known]:
+    """As `judged`."""
     record, held, most = found.record, found.held, found.machine.options.causes
-    enter(found, watch, group.name, f"{group.name}: {len(group.effects())} candidates")
     # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
     driving = known if group.integrates else []
     finding = searched(found, group, trust, constants, driving, most, within=held is None)
@@ -160,13 +174,15 @@ def borne_out(
 ) -> Finding:
     """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
     most = found.machine.options.causes
+    done: Steps = {}
     for left in reversed(range(SEARCHES)):
-        if current().over and finding.chosen.effects:
-            current().leave_out(group.name, "its causes on the held-out data")
+        if current().over:
+            if finding.chosen.effects:
+                current().leave_out(group.name, "its causes on the held-out data")
             return finding
         count = len(finding.chosen.effects)
         enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
-        turned_down, kept = refuse(finding, held, trust)
+        turned_down, kept = refuse(finding, held, trust, done)
         found.refused += turned_down
         if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
             break
@@ -180,10 +196,10 @@ def borne_out(
             finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), trust)
             finding.confirmed = kept != ()
             break
-        squares = finding.held_squares
+        before = finding
         finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
-        finding.held_squares = squares
-    reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust)
+        finding.held_squares, finding.borne = before.held_squares, before.borne
+    reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
     return finding
 
 
@@ -234,7 +250,13 @@ def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> Non
 
 
 def enter(found: Diagnosis, watch: Watch | None, name: str, text: str) -> None:
-    """A stage begins."""
+    """A stage begins, unless somebody has ended the diagnosis in the one before.
+
+    Raises:
+        KeyboardInterrupt: so it is.
+    """
+    if found.budget.ended:
+        raise KeyboardInterrupt
     found.stage = text
     if watch is not None:
         watch.stage(name, text)
@@ -402,11 +424,17 @@ def stages(
         estimate(found, found.groups, trust, constants)
     concluded(found)
     rest = [p for log, part in zip(logs, parts, strict=True) if part is not log for p in others(log, part)]
-    if rest:
+    if rest and found.budget.gone:
+        found.notes.append(found.budget.omitted("the look at the rest of the log"))
+    elif rest:
         with part_of(found.notes, "the look at the rest of the log"):
             pieces = ((p, prepare(p, found.machine)) for p in rest)
             found.elsewhere = elsewhere(found, pieces, constants | found.values)
-    if folder is not None:
+    if folder is not None and found.budget.gone:
+        with part_of(found.notes, "the extended package"):
+            write_packages(found, folder)
+        found.notes.append(found.budget.omitted("the gain by the FMUs"))
+    elif folder is not None:
         enter(found, watch, "gain", "gain on held-out data, by the FMUs")
         with part_of(found.notes, "the gain by the FMUs"):
             gain_by_fmus(found, folder)

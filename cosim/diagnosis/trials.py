@@ -2,14 +2,15 @@
 
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cosim.diagnosis.budget import current
+from cosim.diagnosis.budget import current, seen_by_threads
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.limits import out_of_reach, reached
+from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.starts import Size, fit_from_starts
 from cosim.diagnosis.watch import counted
@@ -21,10 +22,10 @@ FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 QUICK_ROUNDS = 6  # the same of a quick fit
 QUICK = True  # the benchmark of the time switches it off
 LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
+GAINING = 1.0  # log-likelihood that a few more quick rounds must gain for a rival to be fitted to the end
 SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
-ASTRAY = 10.0  # factor by which a free parameter may move where an effect is taken away
 HIDDEN = "sensor.bias"  # the model starts where the sensor reads: a bias only shifts the zero of laws that have their own
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
@@ -37,11 +38,15 @@ class Trial:
         effects: the effects, in the order they were added.
         fit: the fit, with the trusted parameters under their priors.
         price: free parameters beyond those of the nominal model.
+        fewer: what has been fitted with one of the effects left out, and under which noise and model.
     """
 
     effects: tuple[Effect, ...]
     fit: Fit
     price: int
+    fewer: dict[tuple[str, ...], tuple[Mapping[str, Whitener], GroupModel, "Trial"]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @property
     def score(self) -> float:
@@ -196,40 +201,33 @@ def sought(
     return Size(key, model.nominal(key), phases[0] if phases else "")
 
 
-def without(task: Task, trial: Trial, effect: Effect, null: Trial, tolerance: float) -> Trial:
-    """A fitted set without one of its effects; of the last one the nominal model is left.
+def without(
+    task: Task, trial: Trial, effect: Effect, null: Trial, tolerance: float, quick: bool = False
+) -> Trial:
+    """A fitted set without one of its effects, fitted once only; of the last one the nominal model is left.
 
-    Free parameters that the effect had bent begin where it left them, and where they would go with it: from far off a search
-    may end in a local minimum, and the effect would seem to gain what the search has lost.
+    Args:
+        task: data, model and noise.
+        trial: the fitted set.
+        effect: one of its effects.
+        null: the nominal model.
+        tolerance: trust in the nominal parameters.
+        quick: a few rounds do: it only serves to see what could take the effect's place.
     """
     kept = tuple(e for e in trial.effects if e != effect)
     if not kept:
         return null
-    found = tried(task, kept, tolerance, trial.fit)
-    if tolerance < FREE:
-        return found
-    unbent = replace(trial.fit, values=released(task, trial.fit, effect))
-    return max(found, tried(task, kept, tolerance, unbent), key=lambda t: t.score)
+    rules, model, known = trial.fewer.get((effect.name, *effect.free), (None, None, null))
+    if rules is not task.rules or model is not task.model or (known.fit.sketched and not quick):
+        begin = trial.fit if rules is not task.rules or model is not task.model else known.fit
+        known = tried(task, kept, tolerance, begin, *((QUICK_ROUNDS, True) if quick else ()))
+        trial.fewer[effect.name, *effect.free] = (task.rules, task.model, known)
+    return known
 
 
-def released(task: Task, found: Fit, effect: Effect) -> dict[str, float]:
-    """Values of a fit, SI, were an effect off: the others move as far as they are correlated with it."""
-    names = list(found.values)[: found.covariance.shape[0]]
-    own = [n for n in freed((effect,)) if n in names and found.deviations.get(n, 0.0) > 0.0]
-    if not own:
-        return found.values
-    mine = [names.index(n) for n in own]
-    others = [i for i in range(len(names)) if i not in mine]
-    away = np.array([task.model.nominal(n) - found.values[n] for n in own])
-    change = (
-        found.covariance[np.ix_(others, mine)] @ np.linalg.pinv(found.covariance[np.ix_(mine, mine)]) @ away
-    )
-    moved = {names[i]: found.values[names[i]] + float(d) for i, d in zip(others, change, strict=True)}
-    for name in (n for n in moved if n in task.model.group.trusted):
-        # what the log hardly tells goes astray on a straight line, to where a simulation may take for ever
-        least, most = sorted((found.values[name] / ASTRAY, found.values[name] * ASTRAY))
-        moved[name] = float(np.clip(moved[name], least, most))
-    return found.values | moved
+def quickly(tolerance: float) -> bool:
+    """True where quick fits do: beside trusted parameters that act alike the valley is narrow, and they stay on its side."""
+    return QUICK and tolerance >= FREE
 
 
 def tried_all(
@@ -252,9 +250,8 @@ def tried_all(
         begun: earlier trials of the same sets, under other noise: their estimates are where these begin.
     """
     started = {t.names: t.fit for t in begun}
-    budget, group = current(), task.model.group.name  # threads of a pool do not see the budget
-    # beside trusted parameters that act alike the valley is narrow, and a quick fit stays on its side
-    quick = QUICK and tolerance >= FREE
+    budget, group = current(), task.model.group.name
+    quick = quickly(tolerance)
     rounds = QUICK_ROUNDS if quick else FIRST_ROUNDS
 
     def first(effects: tuple[Effect, ...]) -> Trial | None:
@@ -268,6 +265,11 @@ def tried_all(
         reach = max(best - max(LAGGING, 0.5 * (best - base)), base - 3.0)
         if trial.fit.settled or trial.fit.log_likelihood <= reach or budget.over:
             return trial
+        if quick:
+            again = tried(copied(task), trial.effects, tolerance, trial.fit, QUICK_ROUNDS, quick=True)
+            if again.score < trial.score + GAINING:
+                return trial
+            trial = again
         return tried(copied(task), trial.effects, tolerance, trial.fit)
 
     def led(trial: Trial) -> Trial:
@@ -280,14 +282,14 @@ def tried_all(
         return max(trial, further(redone), key=lambda t: t.score)
 
     with ThreadPoolExecutor(2) as pool:
-        begun_now = counted(pool.map(first, sets), len(sets))
+        begun_now = counted(pool.map(seen_by_threads(first), sets), len(sets))
         trials = [trial for trial in begun_now if trial is not None]
         if not trials:
             return []
         base = near.log_likelihood if near is not None else min(t.fit.log_likelihood for t in trials)
         for more in (further, led):
             best = max(t.fit.log_likelihood for t in trials)
-            trials = list(pool.map(more, trials))
+            trials = list(pool.map(seen_by_threads(more), trials))
     return sorted(trials, key=lambda t: -t.score)
 
 
@@ -316,8 +318,13 @@ def led_on(trial: Trial, others: list[Trial]) -> Trial | None:
     return max(found, key=lambda t: t.fit.log_likelihood, default=None)
 
 
-def polished(task: Task, trial: Trial, tolerance: float) -> Trial:
-    """The trial fitted on until it settles or gains no more."""
+def polished(task: Task, trial: Trial, tolerance: float, hopeful: bool = True) -> Trial:
+    """The trial fitted on until it settles or gains no more; one of little hope, only if a few more quick rounds gain."""
+    if not hopeful and quickly(tolerance) and not (trial.fit.settled or current().over):
+        again = tried(task, trial.effects, tolerance, trial.fit, QUICK_ROUNDS, quick=True)
+        if again.score < trial.score + GAINING:
+            return trial
+        trial = again
     for _ in range(4):
         if trial.fit.settled or current().over:
             break

@@ -35,7 +35,8 @@ class Cause:
         group: name of the group in which it was found.
         parameters: its parameters: name -> (estimate, standard deviation), SI.
         gain: log-likelihood lost when the effect is taken away.
-        held_out: log-likelihood gained on windows that had no share in the estimates, with its interval.
+        held_out: log-likelihood gained on data that had no share in the estimates, with its interval: on held-out logs,
+            on each of several logs left out in turn, or on windows of the log left out in turn.
         rivals: (effect, log-likelihood behind the chosen set).
         alike: effects that the data cannot tell from this one.
     """
@@ -163,7 +164,7 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                 finding.task.model.group.name,
                 {p: (values.values[n], values.deviations[n]) for p, n in names_of(effect).items()},
                 values.log_likelihood - fewer.fit.log_likelihood,
-                held_out_gain(finding.task, finding.chosen.fit, fewer.fit),
+                finding.borne.get(effect.name) or held_out_gain(finding.task, finding.chosen.fit, fewer.fit),
                 rivals,
                 list(
                     dict.fromkeys(

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 Array = NDArray[np.float64]
 
 ANCHOR = 2.0  # standard deviations within which an estimate is held where a block is left out
 TINY = 1e-9  # of a regressor's square: keeps what is nearly collinear solvable
-NORMAL = 1.959964  # standard deviations of a two-sided 95 % interval
+MANY = 12  # blocks: of fewer their scatter is itself hardly known
 RESAMPLED = 2000  # times the windows, for the interval of a ratio of errors
 BLOCKS = 24  # parts of the data that count as repetitions at most: the error of a free run is alike in windows side by side
 
@@ -27,15 +28,22 @@ class HeldOutGain:
         gain: summed over all blocks.
         deviation: its standard deviation, the excitation taken as given and each block as one repetition; not a number
             where nobody knows it.
+        repetitions: blocks of which the deviation was learned; infinite where there are many.
+        ends: of the 95 % interval, where that does not follow from the deviation.
     """
 
     gain: float
     deviation: float = float("nan")
+    repetitions: float = float("inf")
+    ends: tuple[float, float] | None = None
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """95 % interval."""
-        return self.gain - NORMAL * self.deviation, self.gain + NORMAL * self.deviation
+        """95 % interval; of few repetitions Student's."""
+        if self.ends is not None:
+            return self.ends
+        reach = self.deviation * float(student.ppf(0.975, self.repetitions))
+        return self.gain - reach, self.gain + reach
 
     @property
     def sure(self) -> bool:
@@ -85,7 +93,25 @@ def gain_between(richer: Array, poorer: Array, block: NDArray[np.int64]) -> Held
     """
     change = poorer - richer
     sums = np.bincount(np.unique(block, return_inverse=True)[1], weights=change * richer)
-    return HeldOutGain(0.5 * float(poorer @ poorer - richer @ richer), float(np.sqrt(np.sum(sums**2))))
+    repetitions = float(sums.size) if sums.size < MANY else float("inf")
+    gain = 0.5 * float(poorer @ poorer - richer @ richer)
+    return HeldOutGain(gain, float(np.sqrt(np.sum(sums**2))), repetitions)
+
+
+def gain_of_errors(richer: Array, poorer: Array) -> HeldOutGain:
+    """What one hypothesis gains over another on data that had no share in either estimate.
+
+    The size of the error is unknown, so each of n independent parts gains log(poorer / richer) of the root mean square; the
+    interval is that of the ratio.
+
+    Args:
+        richer: (windows,) mean square of the error with the effect.
+        poorer: (windows,) the same without it.
+    """
+    parts = min(richer.size, BLOCKS)
+    ratio = float(np.sqrt(richer.sum() / max(float(poorer.sum()), 1e-300)))
+    gain, *ends = (-parts * float(np.log(max(r, 1e-300))) for r in (ratio, *ratio_ci95(richer, poorer)))
+    return HeldOutGain(gain, ends=(ends[1], ends[0]))
 
 
 def ratio_ci95(one: Array, other: Array) -> tuple[float, float]:

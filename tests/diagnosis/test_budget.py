@@ -1,6 +1,7 @@
 """A diagnosis with a budget ends in time with the best so far, and says what it did not try."""
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -8,8 +9,14 @@ from typer.testing import CliRunner
 
 from cosim.cli import make_app
 from cosim.diagnosis.answer import answer
-from cosim.diagnosis.budget import Budget, parse_budget
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.budget import Budget, current, parse_budget, seen_by_threads, within
+from cosim.diagnosis.chain import task_for
+from cosim.diagnosis.fit import fit
+from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.machine import our_machine
+from cosim.diagnosis.naming import nominal
+from cosim.diagnosis.story import diagnose, prepare
+from cosim.diagnosis.trials import unknowns
 from cosim.errors import UsageError
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -35,6 +42,53 @@ def test_without_a_span_nothing_is_over() -> None:
     budget.allow(0.0001)
     assert not budget.over
     assert budget.warnings == []
+
+
+def test_somebody_may_end_a_search_once() -> None:
+    """What cannot end by itself is not ended so, and a second request is for somebody else."""
+    budget = Budget()
+    assert not budget.end()
+    with budget.searching():
+        assert not budget.over
+        assert budget.end()
+        assert budget.over
+        assert budget.gone
+        assert not budget.end()
+    budget.leave_out("dcv", "dcv.delay")
+    assert budget.warnings == ["dcv: it was interrupted; not tried: dcv.delay"]
+
+
+def test_threads_of_a_pool_see_the_budget() -> None:
+    budget = Budget(1e-9)
+
+    def gone(_: int) -> bool:
+        return current().gone
+
+    with within(budget), ThreadPoolExecutor(1) as pool:
+        assert list(pool.map(gone, [1])) == [False]
+        assert list(pool.map(seen_by_threads(gone), [1])) == [True]
+
+
+def test_a_fit_that_runs_is_cut_when_the_time_is_gone() -> None:
+    """It ends where it is by then: not settled, and better than where it began."""
+    record = prepare(
+        as_log(make_log("mixed", 24.0, ["dcv.gain:K=2.0 mm"], seed=1)), our_machine("full_order")
+    )
+    task = task_for(MODELS["full_order"][0], record, [])
+    nominal(task, record, 1.0)
+    wanted, _ = unknowns(task.model, (), 1.0)
+    now = [0.0]
+
+    def ticking() -> float:
+        now[0] += 1.0
+        return now[0]
+
+    with within(Budget(1.5, clock=ticking)):  # each look at the clock takes a second
+        cut = fit(task, wanted)
+    begun = task.white(task.residuals({}))
+    assert fit(task, wanted).settled
+    assert not cut.settled
+    assert cut.log_likelihood > -0.5 * float(begun @ begun) + 1000.0
 
 
 def test_what_was_left_out_is_said_group_by_group() -> None:

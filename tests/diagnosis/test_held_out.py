@@ -9,7 +9,7 @@ import pytest
 from cosim.diagnosis.chain import task_for
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.heldout import Held, Refused, Step, balanced, reconsider
+from cosim.diagnosis.heldout import Held, Refused, Step, balanced, borne, reconsider
 from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.naming import find
 from cosim.diagnosis.story import prepare
@@ -44,7 +44,7 @@ def kept(
         vary = np.random.default_rng(len("".join(names))).normal(1.0, 0.1, 24)
         return Step(effects, FIT, 1.0, error, squares=error**2 * vary / vary.mean())
 
-    return {e.name for e in balanced(MECHANICS, step(begin), named, step).effects}  # type: ignore[arg-type]
+    return {e.name for e in balanced(MECHANICS, step(begin), named, step, {}).effects}  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("begin", [(), (COULOMB, BACKLASH)])
@@ -66,6 +66,42 @@ def test_the_fuller_of_two_must_be_better_than_the_simpler(
 ) -> None:
     errors = [((), 10.0), ((COULOMB,), 5.0), ((STRIBECK,), fuller)]
     assert kept(errors, begin, STRIBECK) == {expected.name}
+
+
+def test_an_effect_whose_size_is_in_doubt_goes_before_one_that_gains_less() -> None:
+    """Of three of which one is not determined, that one goes, though another gains less; what is left stays."""
+    sets = {
+        (COULOMB, BACKLASH, CRACKING): (4.0, (BACKLASH.name,)),
+        (COULOMB, CRACKING): (4.0, ()),
+        (COULOMB,): (6.0, ()),
+        (CRACKING,): (9.0, ()),
+    }
+    tried: list[frozenset[str]] = []
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        tried.append(frozenset(e.name for e in effects))
+        error, doubtful = next((v for k, v in sets.items() if {e.name for e in k} == tried[-1]), (100.0, ()))
+        return Step(effects, FIT, 1.0, error, doubtful, np.full(24, error**2))
+
+    named = (COULOMB, BACKLASH, CRACKING)
+    losses = {COULOMB.name: 500.0, BACKLASH.name: 50.0, CRACKING.name: 5.0}
+    found = balanced(MECHANICS, step(named), named, step, losses)  # type: ignore[arg-type]
+    assert {e.name for e in found.effects} == {COULOMB.name, CRACKING.name}
+    assert frozenset({COULOMB.name, BACKLASH.name}) not in tried[: tried.index(frozenset({COULOMB.name}))]
+
+
+def test_what_is_told_of_a_kept_cause_is_what_has_decided() -> None:
+    """The gain on held-out data with and without it, whose interval excludes none where the cause is kept."""
+    errors = {frozenset({COULOMB.name, BACKLASH.name}): 4.0, frozenset({COULOMB.name}): 4.001}
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        error = errors.get(frozenset(e.name for e in effects), 8.0)
+        return Step(effects, FIT, 1.0, error, squares=error**2 * np.linspace(0.8, 1.2, 24))
+
+    at = step((COULOMB, BACKLASH))
+    assert borne(at, COULOMB, step).gain == pytest.approx(24 * np.log(2.0))
+    assert borne(at, COULOMB, step).sure == at.clearly_better(step((BACKLASH,)))
+    assert borne(at, BACKLASH, step).gain < 0.1
 
 
 def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_better() -> None:

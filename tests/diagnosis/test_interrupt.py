@@ -48,8 +48,8 @@ def interrupted(log: Path, folder: Path, at: str) -> tuple[int, str, str]:
 @pytest.mark.parametrize(
     ("at", "judged"),
     [
-        ("dcv:", []),
-        ("mechanical:", ["dcv", "continuity"]),
+        ("dcv:", ["dcv"]),
+        ("mechanical:", ["dcv", "continuity", "mechanical"]),
         pytest.param("gain on held-out", ["dcv", "continuity", "mechanical"], marks=pytest.mark.slow),
         pytest.param("report", ["dcv", "continuity", "mechanical"], marks=pytest.mark.slow),
     ],
@@ -65,10 +65,14 @@ def test_what_was_done_is_left(log: Path, tmp_path: Path, at: str, judged: list[
     assert any("interrupted" in warning for warning in answer.warnings)
     assert {row.block for row in answer.localisation} == set(judged)
     assert set(answer.not_judged) == {"dcv", "continuity", "mechanical"} - set(judged)
+    # of the block that was being judged there is what was found by then
+    if at.rstrip(":") in judged:
+        assert any(f"{at} it was interrupted; not tried" in warning for warning in answer.warnings)
+    whole = [block for block in judged if not at.startswith(block)]
     found = {cause.effect for cause in answer.causes}
-    assert ("dcv.gain" in found) == ("dcv" in judged)
-    assert ("mechanical.coulomb_friction" in found) == ("mechanical" in judged)
-    assert answer.verdict == ("explained" if "mechanical" in judged else "interrupted")
+    assert "dcv" not in whole or "dcv.gain" in found
+    assert "mechanical" not in whole or "mechanical.coulomb_friction" in found
+    assert len(whole) < 3 or answer.verdict == "explained"
     # the comparison with the nominal model is there in any case, and sees the wrong gain
     assert answer.signals["spool"].rmse > 0.05
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

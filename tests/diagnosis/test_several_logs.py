@@ -8,6 +8,7 @@ import pytest
 from cosim.diagnosis.answer import answer
 from cosim.diagnosis.between import combined
 from cosim.diagnosis.chain import task_for
+from cosim.diagnosis.crossval import repetitions, window_numbers
 from cosim.diagnosis.data import Record, fixed_values, joined
 from cosim.diagnosis.finding import lacking, learn_noise
 from cosim.diagnosis.gain import measure
@@ -184,6 +185,16 @@ def test_each_log_is_held_out_in_turn(pair: list[Record]) -> None:
     np.testing.assert_array_equal(other.signals["slew"], pair[0].signals["slew"])
     np.testing.assert_array_equal(first.record.signals["slew"], pair[1].signals["slew"])
     assert leave_one_log_out(pair[0]) == []
+
+
+def test_of_several_logs_each_is_left_out_as_one(pair: list[Record]) -> None:
+    """Windows of one log have its temper in common: the log is the repetition."""
+    group = MODELS["full_order"][1]
+    task, alone = task_for(group, joined(pair), []), task_for(group, pair[0], [])
+    found = repetitions(task)
+    assert found.shape == window_numbers(task).shape
+    assert np.unique(found).tolist() == [0, 1]
+    assert repetitions(alone).tolist() == window_numbers(alone).tolist()
 
 
 def test_held_out_windows_of_the_gain_are_those_of_the_fits(pair: list[Record]) -> None:

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cosim.inference.held_out import HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
+from cosim.inference.held_out import (
+    HeldOutGain,
+    gain_between,
+    gain_of_errors,
+    left_out,
+    ratio_ci95,
+    steps_without,
+)
 
 Array = NDArray[np.float64]
 BLOCK = np.repeat(np.arange(10), 30)
@@ -87,3 +94,26 @@ def test_the_ratio_of_equal_errors_includes_one_and_of_halves_does_not() -> None
     assert low < 1.0 < high
     low, high = ratio_ci95(0.25 * one, other)
     assert 0.4 < low < 0.5 < high < 0.6
+
+
+def test_of_few_repetitions_the_interval_is_students() -> None:
+    """Five logs tell little of their own scatter: 2.571 standard deviations and not 1.960."""
+    rng = np.random.default_rng(4)
+    richer, poorer, log = rng.standard_normal(100), rng.standard_normal(100), np.repeat(np.arange(5), 20)
+    few = gain_between(richer, poorer, log)
+    assert few.ci95[1] - few.gain == pytest.approx(2.5706 * few.deviation, rel=1e-4)
+    many = gain_between(richer, poorer, np.repeat(np.arange(20), 5))
+    assert many.ci95[1] - many.gain == pytest.approx(1.95996 * many.deviation, rel=1e-4)
+
+
+@pytest.mark.parametrize(("share", "sure"), [(0.8, True), (1.0, False), (1.25, False)])
+def test_a_gain_on_other_data_is_sure_where_the_ratio_of_errors_excludes_one(
+    share: float, sure: bool
+) -> None:
+    rng = np.random.default_rng(5)
+    poorer = rng.uniform(0.5, 1.5, 24)
+    richer = share**2 * poorer * rng.uniform(0.9, 1.1, 24)
+    found, (low, high) = gain_of_errors(richer, poorer), ratio_ci95(richer, poorer)
+    assert found.ci95 == pytest.approx((-24 * np.log(high), -24 * np.log(low)))
+    assert found.ci95[0] < found.gain < found.ci95[1]
+    assert found.sure == sure == (high < 1.0)

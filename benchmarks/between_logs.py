@@ -1,0 +1,92 @@
+"""Do intervals between logs hold? ``python benchmarks/between_logs.py LOG LOG LOG --mapping M --effects NAME NAME``.
+
+Each log is held out in turn: the parameters are fitted to the others together, and `next_ci95` says where the estimate
+from another log of the machine lies. Then they are fitted to the log held out alone, and it is counted how often its
+estimates lie there. Real refits on both sides, to the free run, as the diagnosis makes them of a machine with one block.
+"""
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from rich.console import Console
+from rich.table import Table
+from threadpoolctl import threadpool_limits
+
+from cosim.diagnosis.between import Between, estimates, fit_of, over_logs, task_of
+from cosim.diagnosis.chain import task_for
+from cosim.diagnosis.data import Record, joined
+from cosim.diagnosis.finding import Finding, relearned
+from cosim.diagnosis.fit import Fit
+from cosim.diagnosis.freerun import refitted
+from cosim.diagnosis.groups import Group, merged
+from cosim.diagnosis.heldout import leave_one_log_out
+from cosim.diagnosis.model import machine_of
+from cosim.diagnosis.naming import nominal, tried
+from cosim.diagnosis.story import UNKNOWN, prepare
+from cosim.logs import load_log
+from fmus.contract import Effect
+
+
+def fitted(record: Record, group: Group, effects: tuple[Effect, ...]) -> tuple[Finding, Fit]:
+    """Noise and parameters from a record, with these causes."""
+    task = task_for(group, record, [])
+    null = nominal(task, record, UNKNOWN)
+    chosen = tried(task, effects, UNKNOWN, null.fit)
+    if relearned(task, record, chosen.fit):
+        chosen = tried(task, effects, UNKNOWN, chosen.fit)
+    finding = Finding(task, null, chosen, free=True)
+    return finding, refitted(finding, effects, UNKNOWN, chosen.fit)
+
+
+def between(record: Record, group: Group, effects: tuple[Effect, ...]) -> dict[str, Between]:
+    """What the logs of a record say of the next one."""
+    finding, best = fitted(record, group, effects)
+
+    def run_of(log: int) -> dict[str, tuple[float, float]]:
+        own = replace(finding, task=task_of(finding.task, log))
+        return estimates(refitted(own, effects, UNKNOWN, fit_of(best, record.cuts, log)))
+
+    return over_logs(record, best.values, best.deviations, run_of)
+
+
+def main() -> None:
+    """Hold each log out in turn."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("logs", type=Path, nargs="+")
+    parser.add_argument("--mapping", type=Path, required=True)
+    parser.add_argument("--effects", nargs="+", required=True)
+    asked = parser.parse_args()
+    logs = [load_log(file, asked.mapping) for file in asked.logs]
+    machine = machine_of(None, logs[0], asked.mapping)
+    record = joined([prepare(log, machine) for log in logs])
+    (group,) = merged(machine.groups, record.signals)
+    effects = tuple(e for e in group.effects() if e.name in asked.effects)
+    table = Table("held out", "parameter", "its own, SI", "from the others, 95 % of the next log", "holds")
+    inside = total = 0
+    with threadpool_limits(1):
+        for log, (others, held) in zip(logs, leave_one_log_out(record), strict=True):
+            told = between(others, group, effects)
+            own = fitted(held.record, group, effects)[1]
+            for name, item in told.items():
+                low, high = item.next_ci95
+                holds = low <= own.values[name] <= high
+                inside, total = inside + holds, total + 1
+                table.add_row(
+                    log.name,
+                    name,
+                    f"{own.values[name]:.4g}",
+                    f"{item.value:.4g} ({low:.4g} to {high:.4g})",
+                    "yes" if holds else "no",
+                )
+    Console(width=140).print(table)
+    print(f"{inside} of {total} estimates from a log held out lie where the others say")
+
+
+if __name__ == "__main__":
+    main()
