@@ -13,6 +13,7 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.grid import Grid, of_piece
 from cosim.diagnosis.machine import Machine
 from cosim.diagnosis.noise import Windows
+from cosim.inference.held_out import LEAST
 from cosim.master import Runner
 
 Array = NDArray[np.float64]
@@ -106,15 +107,16 @@ def measure(
             continue
         y = record.signals[signal]
         start = first or 0
-        # whole windows of each log, as those of the fits
-        rule = Windows(window, start, record.cuts)
+        # whole windows of each log, as those of the fits; shorter ones of a short log that is held out as a whole
+        own = window if first is None else max(1, min(window, (y.size - start) // LEAST))
+        rule = Windows(own, start, record.cuts)
         inside = rule.inside(y.size)
-        count = inside.size // window
+        count = inside.size // own
         held = held_windows(count) if first is None else np.ones(count, dtype=bool)
         if not held.any():
             continue
         pick = np.zeros(y.size, dtype=bool)
-        pick[inside] = np.repeat(held, window)
+        pick[inside] = np.repeat(held, own)
         if first is not None:
             pick[start:] = True  # the last, shorter window too
         squares, whole = [], []

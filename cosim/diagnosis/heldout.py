@@ -17,7 +17,7 @@ from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.trials import candidates_of, quickly, tried_all, without
-from cosim.inference.held_out import HeldOutGain, gain_of_errors, ratio_ci95
+from cosim.inference.held_out import LEAST, HeldOutGain, gain_of_errors, ratio_ci95
 from cosim.logs import Log
 from fmus.contract import Effect
 
@@ -197,8 +197,8 @@ def stepper(
             model, trial, rule = finding.task.model, Trial(effects, fit_, 0), finding.task.rules[signal]
             doubtful = tuple(e.name for e in effects if not worth_naming(trial, e, model, tolerance))
             square = errors(finding, fit_, held.record)[signal][held.first :] ** 2
-            count = max(1, round(square.size / (rule.bins * rule.window)))
-            squares = np.array([np.mean(part) for part in np.array_split(square, count)])
+            count = max(LEAST, round(square.size / (rule.bins * rule.window)))
+            squares = np.array([np.mean(part) for part in np.array_split(square, min(count, square.size))])
             done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), doubtful, squares)
         return done[key]
 

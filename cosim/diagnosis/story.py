@@ -38,6 +38,7 @@ from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, negligible, r
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log, Tracker, listed
+from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
@@ -173,33 +174,46 @@ def borne_out(
     watch: Watch | None,
 ) -> Finding:
     """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
-    most = found.machine.options.causes
+    record, most = found.record, found.machine.options.causes
     done: Steps = {}
+    best: tuple[float, Finding, tuple[Effect, ...]] | None = None
     for left in reversed(range(SEARCHES)):
         if current().over:
             if finding.chosen.effects:
                 current().leave_out(group.name, "its causes on the held-out data")
-            return finding
+            break
         count = len(finding.chosen.effects)
         enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
         turned_down, kept = refuse(finding, held, trust, done)
         found.refused += turned_down
+        error = float(np.mean(finding.held_squares)) if finding.held_squares is not None else np.inf
+        if best is not None and error > best[0]:  # a search without what was refused has ended worse
+            finding, kept = keep(best[1], best[2], record, trust), best[2]
+            break
+        best = error, finding, kept
         if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
             break
-        group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
-        begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
         if left and current().over:
             current().leave_out(group.name, "another search without what held-out data refused")
             left = 0
         if not left:  # no more is looked for: what is kept stands
-            finding.accept(begin or finding.null, found.record)
-            finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), trust)
-            finding.confirmed = kept != ()
+            finding = keep(finding, kept, record, trust)
             break
+        group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
+        begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
         before = finding
         finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
         finding.held_squares, finding.borne = before.held_squares, before.borne
     reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
+    return finding
+
+
+def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float) -> Finding:
+    """The finding with those of its effects that held-out data bear out."""
+    begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
+    finding.accept(begin, record)
+    finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), trust)
+    finding.confirmed = kept != ()
     return finding
 
 

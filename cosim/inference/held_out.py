@@ -17,6 +17,7 @@ ANCHOR = 2.0  # standard deviations within which an estimate is held where a blo
 TINY = 1e-9  # of a regressor's square: keeps what is nearly collinear solvable
 MANY = 12  # blocks: of fewer their scatter is itself hardly known
 RESAMPLED = 2000  # times the windows, for the interval of a ratio of errors
+LEAST = 8  # parts at least into which data held out are cut: of one or two an interval would be empty
 BLOCKS = 24  # parts of the data that count as repetitions at most: the error of a free run is alike in windows side by side
 
 
