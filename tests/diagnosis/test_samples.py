@@ -60,7 +60,7 @@ def test_a_log_at_rest_without_noise_has_no_stale_samples() -> None:
 
 
 def test_a_cause_seen_in_the_samples_has_an_interval_of_its_gain() -> None:
-    """Of 200 in log-likelihood two standard deviations are some 40; without an interval the answer could not be read back."""
+    """Of 200 in log-likelihood two standard deviations are some 40; no number could not be read back from the answer."""
     task = SimpleNamespace(model=SimpleNamespace(group=SimpleNamespace(name="mechanical")))
     mark = Mark("sensor.quantisation", "quantum", 1e-3, 1e-6, 500.0, held_out=200.0)
     (cause,) = marked(SimpleNamespace(task=task, marks=[mark]))  # type: ignore[arg-type]
