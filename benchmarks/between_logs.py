@@ -32,12 +32,14 @@ from fmus.contract import Effect
 
 
 def fitted(record: Record, group: Group, effects: tuple[Effect, ...]) -> tuple[Finding, Fit]:
-    """Noise and parameters from a record, with these causes."""
+    """Noise and parameters from a record, with these causes, the first ones first."""
     task = task_for(group, record, [])
     null = nominal(task, record, UNKNOWN)
-    chosen = tried(task, effects, UNKNOWN, null.fit)
-    if relearned(task, record, chosen.fit):
-        chosen = tried(task, effects, UNKNOWN, chosen.fit)
+    chosen = null
+    for count in range(len(effects)):  # one by one, as a search finds them
+        chosen = tried(task, effects[: count + 1], UNKNOWN, chosen.fit)
+        if relearned(task, record, chosen.fit):
+            chosen = tried(task, effects[: count + 1], UNKNOWN, chosen.fit)
     finding = Finding(task, null, chosen, free=True)
     return finding, refitted(finding, effects, UNKNOWN, chosen.fit)
 
@@ -66,7 +68,8 @@ def main() -> None:
     machine = machine_of(None, logs[0], asked.mapping)
     record = joined([prepare(log, machine) for log in logs])
     (group,) = merged(machine.groups, record.signals)
-    effects = tuple(e for e in group.effects() if e.name in asked.effects)
+    known = {e.name: e for e in group.effects()}
+    effects = tuple(known[name] for name in asked.effects)
     table = Table("held out", "parameter", "its own, SI", "from the others, 95 % of the next log", "holds")
     inside = total = 0
     with threadpool_limits(1):

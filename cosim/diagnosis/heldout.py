@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.budget import current
+from cosim.diagnosis.crossval import moving, repetitions
 from cosim.diagnosis.data import Record, joined
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.freerun import errors, refitted
-from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, worth_naming
+from cosim.diagnosis.grid import of_piece
+from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, unknowns, worth_naming
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.trials import candidates_of, quickly, tried_all, without
-from cosim.inference.held_out import LEAST, HeldOutGain, gain_of_errors, ratio_ci95
+from cosim.inference.held_out import LEAST, HeldOutGain, gain_of_errors, ratio_ci95, steps_without
 from cosim.logs import Log
 from fmus.contract import Effect
 
@@ -33,12 +35,14 @@ class Held:
         first: sample from which errors count.
         name: of the log.
         sha256: of its file.
+        in_turn: it is the fitted logs themselves, each left out in turn.
     """
 
     record: Record
     first: int
     name: str = ""
     sha256: str = ""
+    in_turn: bool = False
 
 
 def held_logs(records: Sequence[Record], logs: Sequence[Log]) -> Held:
@@ -55,6 +59,11 @@ def leave_one_log_out(record: Record) -> list[tuple[Record, Held]]:
         (joined([*pieces[:i], *pieces[i + 1 :]]), Held(own, 0, f"log {i + 1}"))
         for i, own in enumerate(pieces)
     ]
+
+
+def each_in_turn(record: Record) -> Held | None:
+    """The logs of a record, each left out in turn; None of one log."""
+    return Held(record, 0, "each log, left out in turn", in_turn=True) if record.cuts else None
 
 
 @dataclass(frozen=True)
@@ -91,7 +100,8 @@ class Step:
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
         doubtful: names of those whose size is too small to matter, or whose uncertainty holds no cause at all.
-        squares: (windows,) mean square of the error in each window of the held-out data, SI.
+        squares: (windows,) mean square of the error in each window of the held-out data, SI; of logs left out in turn
+            (parts,), over that of the signal in the log, so that each log counts alike.
     """
 
     effects: tuple[Effect, ...]
@@ -196,13 +206,61 @@ def stepper(
             fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))
             model, trial, rule = finding.task.model, Trial(effects, fit_, 0), finding.task.rules[signal]
             doubtful = tuple(e.name for e in effects if not worth_naming(trial, e, model, tolerance))
-            square = errors(finding, fit_, held.record)[signal][held.first :] ** 2
-            count = max(LEAST, round(square.size / (rule.bins * rule.window)))
-            squares = np.array([np.mean(part) for part in np.array_split(square, min(count, square.size))])
+            if held.in_turn:
+                each = left_out_errors(finding, effects, fit_, signal, tolerance)
+                square = np.concatenate(each) ** 2
+                spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
+                # each log counts alike; few logs are cut into as many parts as make an interval
+                count = -(-LEAST // len(each))
+                squares = np.array(
+                    [
+                        np.mean(part) / v
+                        for e, v in zip(each, spread, strict=True)
+                        for part in np.array_split(e**2, count)
+                    ]
+                )
+            else:
+                square = errors(finding, fit_, held.record)[signal][held.first :] ** 2
+                count = max(LEAST, round(square.size / (rule.bins * rule.window)))
+                squares = np.array([np.mean(part) for part in np.array_split(square, min(count, square.size))])
             done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), doubtful, squares)
         return done[key]
 
     return step
+
+
+def left_out_errors(
+    finding: Finding, effects: tuple[Effect, ...], fit_: Fit, signal: str, tolerance: float
+) -> list[Array]:
+    """(n,) error of a signal in each log, simulated with the estimates that the other logs give, SI.
+
+    These follow from the fit to all by one Gauss-Newton step (`cosim.inference.held_out`).
+
+    Args:
+        finding: what was named in the group.
+        effects: the causes.
+        fit_: the fit to the free run over all logs with these.
+        signal: the signal.
+        tolerance: trust in the nominal parameters.
+    """
+    task, model = finding.task, finding.task.model
+    names, slopes = moving(fit_)
+    steps = np.zeros((len(model.parts), 0))
+    if names and fit_.rows is not None:
+        scales = np.array([fit_.scales[n] for n in names])
+        steps = steps_without(fit_.rows, slopes, repetitions(task)) * scales
+    bounds = {u.name: (u.low, u.high) for u in unknowns(model, effects, tolerance)[0]}
+    found = []
+    for i, (part, measured) in enumerate(
+        zip(model.parts, np.split(task.measured[signal], model.cuts), strict=True)
+    ):
+        moved = {
+            n: float(np.clip(fit_.values[n] + step, *bounds[n]))
+            for n, step in zip(names, steps[i], strict=True)
+        }
+        settings = of_piece(model.fixed | fit_.values | moved, i)
+        found.append(measured - part.simulate(settings)[signal])
+    return found
 
 
 def reconsider(

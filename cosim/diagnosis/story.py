@@ -20,7 +20,7 @@ from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.heldout import Held, Refused, Steps, held_logs, reconsider, refuse
+from cosim.diagnosis.heldout import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
 from cosim.diagnosis.labels import Contradiction, clock, contradictions, rescaled
 from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
@@ -148,10 +148,12 @@ def named_in(
     record, held, most = found.record, found.held, found.machine.options.causes
     # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
     driving = known if group.integrates else []
-    finding = searched(found, group, trust, constants, driving, most, within=held is None)
+    # where nominal parameters are not trusted several logs judge one another; else windows do, with what is trusted
+    others = held or (each_in_turn(record) if trust >= FREE else None)
+    finding = searched(found, group, trust, constants, driving, most, within=others is None)
     current().allow(share)
-    if held is not None:
-        finding = borne_out(found, group, finding, held, driving, trust, constants, watch)
+    if others is not None:
+        finding = borne_out(found, group, finding, others, driving, trust, constants, watch)
     beaten_by_linear(finding, record, held)
     if driving:
         again = partial(searched, found, group, trust, constants, most=most)

@@ -130,7 +130,7 @@ def stands(finding: Finding) -> bool:
 
 
 def marked(finding: Finding) -> list[Cause]:
-    """Causes seen in the raw samples."""
+    """Causes seen in the raw samples; of a log-likelihood ratio the variance is taken as twice its mean, as of a shift."""
     effects, group = registry.effects(), finding.task.model.group.name
     return [
         Cause(
@@ -138,7 +138,7 @@ def marked(finding: Finding) -> list[Cause]:
             group,
             {m.parameter: (m.value, m.deviation)},
             m.gain,
-            HeldOutGain(m.held_out),
+            HeldOutGain(m.held_out, float(np.sqrt(2.0 * max(m.held_out, 0.0)))),
         )
         for m in finding.marks
     ]

@@ -111,7 +111,7 @@ def test_an_fmu_with_other_equations_is_refused(packages: dict[str, Path]) -> No
         fmu = system.components["sensor"].fmu
         assert fmu.module is not None
         script = fmu.folder / "resources" / f"{fmu.module[0]}.py"
-        script.write_text(script.read_text().replace("p.gain * u.theta", "p.gain * 1.0 * u.theta"))
+        script.write_text(script.read_text().replace("p.gain * theta", "p.gain * 1.0 * theta"))
         with pytest.raises(ModelError, match="'sensor': its FMU holds other equations"):
             Twin(system)
 

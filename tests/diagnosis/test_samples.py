@@ -1,11 +1,14 @@
 """Rounding and stale samples are read from the samples themselves."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.diagnosis.samples import grid_step, marks, stale_share
+from cosim.diagnosis.samples import Mark, grid_step, marks, stale_share
+from cosim.diagnosis.verdict import marked
 from cosim.rig import make_log
 
 DEG = np.pi / 180.0
@@ -54,3 +57,12 @@ def test_a_log_at_rest_without_noise_has_no_stale_samples() -> None:
     values = np.concatenate([np.zeros(4000), np.linspace(0.0, 0.2, 4000), np.full(4000, 0.2)])
     share, _, _ = stale_share(values, np.gradient(values, 1e-3))
     assert share < 1e-3
+
+
+def test_a_cause_seen_in_the_samples_has_an_interval_of_its_gain() -> None:
+    """Of 200 in log-likelihood two standard deviations are some 40; no number could not be read back from the answer."""
+    task = SimpleNamespace(model=SimpleNamespace(group=SimpleNamespace(name="mechanical")))
+    mark = Mark("sensor.quantisation", "quantum", 1e-3, 1e-6, 500.0, held_out=200.0)
+    (cause,) = marked(SimpleNamespace(task=task, marks=[mark]))  # type: ignore[arg-type]
+    assert cause.held_out.ci95 == pytest.approx((200.0 - 1.96 * 20.0, 200.0 + 1.96 * 20.0), abs=0.01)
+    assert cause.held_out.sure

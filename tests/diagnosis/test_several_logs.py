@@ -5,22 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cosim.compare.metrics import rms
 from cosim.diagnosis.answer import answer
 from cosim.diagnosis.between import combined
 from cosim.diagnosis.chain import task_for
 from cosim.diagnosis.crossval import repetitions, window_numbers
 from cosim.diagnosis.data import Record, fixed_values, joined
-from cosim.diagnosis.finding import lacking, learn_noise
+from cosim.diagnosis.finding import Finding, lacking, learn_noise
+from cosim.diagnosis.fit import Fit
+from cosim.diagnosis.freerun import errors, refitted
 from cosim.diagnosis.gain import measure
 from cosim.diagnosis.grid import Grid, Pieces, grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import MODELS, Group
-from cosim.diagnosis.heldout import leave_one_log_out
+from cosim.diagnosis.heldout import leave_one_log_out, left_out_errors
 from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import find
+from cosim.diagnosis.naming import find, nominal
 from cosim.diagnosis.noise import Windows, learned, plain
 from cosim.diagnosis.story import diagnose, prepare
-from cosim.diagnosis.trials import tried
+from cosim.diagnosis.trials import FREE, tried
 from cosim.diagnosis.verdict import adequate
 from cosim.errors import DataError, UsageError
 from cosim.inference.linear import Sections, columns
@@ -185,6 +188,26 @@ def test_each_log_is_held_out_in_turn(pair: list[Record]) -> None:
     np.testing.assert_array_equal(other.signals["slew"], pair[0].signals["slew"])
     np.testing.assert_array_equal(first.record.signals["slew"], pair[1].signals["slew"])
     assert leave_one_log_out(pair[0]) == []
+
+
+def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(pair: list[Record]) -> None:
+    """One Gauss-Newton step from the fit to both logs, against fitting the other log alone."""
+    effect, record = registry.effects()["mechanical.coulomb_friction"], joined(pair)
+
+    def found(record: Record) -> tuple[Finding, Fit]:
+        task = task_for(MECHANICS, record, [])
+        null = nominal(task, record, FREE)
+        finding = Finding(task, null, tried(task, (effect,), FREE, null.fit), free=True)
+        return finding, refitted(finding, (effect,), FREE, finding.chosen.fit)
+
+    finding, both = found(record)
+    each = left_out_errors(finding, (effect,), both, "slew", FREE)
+    fitted = np.split(both.residuals["slew"], record.cuts)
+    left_out = leave_one_log_out(record)[:1]
+    for own, inside, (other, held) in zip(each, fitted, left_out, strict=False):
+        alone, fit = found(other)
+        assert rms(own) == pytest.approx(rms(errors(alone, fit, held.record)["slew"]), rel=0.15)
+        assert rms(own) > rms(inside)
 
 
 def test_of_several_logs_each_is_left_out_as_one(pair: list[Record]) -> None:
