@@ -106,7 +106,10 @@ def measure(
             continue
         y = record.signals[signal]
         start = first or 0
-        # whole windows of each log, as those of the fits
+        # whole windows of each log, as those of the fits; a log held out may be shorter than one
+        if first is not None:
+            ends = np.diff([start, *(cut for cut in record.cuts if cut > start), y.size])
+            window = max(1, min(window, int(ends.min())))
         rule = Windows(window, start, record.cuts)
         inside = rule.inside(y.size)
         count = inside.size // window
