@@ -107,8 +107,12 @@ def measure(
             continue
         y = record.signals[signal]
         start = first or 0
-        # whole windows of each log, as those of the fits; shorter ones of a short log that is held out as a whole
-        own = window if first is None else max(1, min(window, (y.size - start) // LEAST))
+        own = window
+        if first is not None:
+            # parts enough for an interval, none longer than the shortest log that is held out
+            ends = np.diff([start, *(cut for cut in record.cuts if cut > start), y.size])
+            own = max(1, min(window, (y.size - start) // LEAST, int(ends.min())))
+        # whole windows of each log, as those of the fits
         rule = Windows(own, start, record.cuts)
         inside = rule.inside(y.size)
         count = inside.size // own

@@ -293,3 +293,10 @@ def test_two_logs_find_one_effect_with_a_tighter_interval_than_one() -> None:
         assert own.ci95 is not None
         assert told.ci95[1] - told.ci95[0] < own.ci95[1] - own.ci95[0]
     assert any("20.001 s" in warning for warning in said.warnings)
+
+
+def test_a_held_out_log_shorter_than_a_window_still_tells_the_gain(pair: list[Record]) -> None:
+    held = pair[0].until(700)
+    y = held.signals["slew"]
+    gain = measure(held, {"slew": y + 1.0}, {"slew": y + 0.5}, 5000, 0)["slew"]
+    assert (gain.before, gain.after) == (pytest.approx(1.0), pytest.approx(0.5))
