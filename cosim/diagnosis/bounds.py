@@ -6,13 +6,15 @@ A gear ripple with three periods a turn is no gear ripple, yet over a short rang
 import numpy as np
 
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.trials import CLOSE, Trial, declared
+from cosim.diagnosis.trials import Trial, declared
 from fmus.contract import Effect
+
+PRESSED = 0.5 * 3.84  # log-likelihood beyond a bound that chance gives one estimate in forty, if the truth lay on it
 
 
 def impossible(trial: Trial, model: GroupModel) -> list[Effect]:
     """The effects of a fitted set that the data press against a bound of one of their parameters."""
-    return [e for e in trial.effects if beyond(trial, e, model) > CLOSE]
+    return [e for e in trial.effects if beyond(trial, e, model) > PRESSED]
 
 
 def beyond(trial: Trial, effect: Effect, model: GroupModel) -> float:

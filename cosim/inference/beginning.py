@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SPAN = 0.1  # s from the first sample in which a motion is a parabola
+SPAN = 0.1  # s from the first sample in which a motion is a parabola at most
+LACK = 2.0  # times the noise beyond which a parabola does not describe a span
 LEAST = 10  # samples
 SIGNIFICANT = 5.0  # standard errors beyond which a value or a speed is not noise
 PART = 0.3  # of the mean speed: less at the first sample is a motion that only begins
@@ -26,18 +27,30 @@ def level(values: Array) -> float:
 def speed(time: Array, values: Array) -> float:
     """Speed at the first sample, per s, of values (n,) at increasing times (n,) [s]; 0 where the signal stands there.
 
-    A motion that only begins has its parabola's slope at the first sample small, or against the motion.
+    The span is halved until a parabola describes the motion but for noise. A motion that only begins has its parabola's slope at the first sample small, or against the motion.
     """
     count = max(LEAST, int(np.searchsorted(time, time[0] + SPAN)))
     if values.size < count or not np.isfinite(values[:count]).all():
         return 0.0
-    t = (time[:count] - time[0]) / (time[count - 1] - time[0])
-    matrix = np.vander(t, 3, increasing=True)
-    found = np.linalg.lstsq(matrix, values[:count], rcond=None)[0]
-    rest = values[:count] - matrix @ found
-    error = float(np.sqrt(rest @ rest / (count - 3) * np.linalg.inv(matrix.T @ matrix)[1, 1]))
+    while True:
+        t, first, error, left = parabola(time[:count], values[:count])
+        noise = np.diff(values[:count], 3)
+        # of white noise third differences have 20 times the variance, of a smooth motion hardly any
+        if count == LEAST or left <= LACK * float(np.sqrt(np.mean(noise**2) / 20.0)):
+            break
+        count = max(LEAST, count // 2)
     mean = float(np.polyfit(t, values[:count], 1)[0])
-    first = float(found[1])
     if abs(first) <= SIGNIFICANT * error or first * mean <= 0.0 or abs(first) < PART * abs(mean):
         return 0.0
     return first / float(time[count - 1] - time[0])
+
+
+def parabola(time: Array, values: Array) -> tuple[Array, float, float, float]:
+    """Times (n,) from 0 to 1, slope at the first, its standard error and RMS of what a parabola leaves of values (n,)."""
+    t = (time - time[0]) / (time[-1] - time[0])
+    matrix = np.vander(t, 3, increasing=True)
+    found = np.linalg.lstsq(matrix, values, rcond=None)[0]
+    rest = values - matrix @ found
+    variance = float(rest @ rest) / (t.size - 3)
+    error = float(np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[1, 1]))
+    return t, float(found[1]), error, float(np.sqrt(variance))

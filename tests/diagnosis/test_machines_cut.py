@@ -77,7 +77,7 @@ def test_a_linear_axis_is_one_group_from_force_to_position() -> None:
 
 def test_effects_on_request_are_no_candidates_of_the_crane() -> None:
     names = [e.name for g in MODELS["full_order"] for e in g.effects()]
-    assert not {"mechanical.constant_load", "continuity.travel_flow"} & set(names)
+    assert not {"mechanical.linkage", "continuity.travel_flow"} & set(names)
 
 
 def test_searches_begin_at_the_machines_own_scale() -> None:

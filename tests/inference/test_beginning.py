@@ -45,3 +45,10 @@ def test_of_too_few_samples_nothing_is_said() -> None:
 def test_samples_far_apart_take_ten_of_them() -> None:
     slow = np.arange(40) * 0.053
     assert speed(slow, 2.0 * slow) == pytest.approx(2.0)
+
+
+def test_a_motion_that_bends_within_the_span_keeps_its_own_first_speed() -> None:
+    """An axis under servo control: 6.5 mm/s at the first sample, 42 mm/s from 50 ms on."""
+    fast = np.minimum(0.0065 + 0.77 * TIME, 0.042)
+    position = np.cumsum(fast) * 1e-3
+    assert speed(TIME, position + noise(5e-8)) == pytest.approx(0.0065, rel=0.15)
