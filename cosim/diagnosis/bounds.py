@@ -9,7 +9,9 @@ from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.trials import Trial, declared
 from fmus.contract import Effect
 
-PRESSED = 0.5 * 3.84  # log-likelihood beyond a bound that chance gives one estimate in forty, if the truth lay on it
+PRESSED = (
+    0.5 * 3.84
+)  # log-likelihood beyond a bound that chance gives one estimate in forty, if the truth lay on it
 
 
 def impossible(trial: Trial, model: GroupModel) -> list[Effect]:

@@ -222,7 +222,9 @@ def stepper(
             else:
                 square = errors(finding, fit_, held.record)[signal][held.first :] ** 2
                 count = max(LEAST, round(square.size / (rule.bins * rule.window)))
-                squares = np.array([np.mean(part) for part in np.array_split(square, min(count, square.size))])
+                squares = np.array(
+                    [np.mean(part) for part in np.array_split(square, min(count, square.size))]
+                )
             done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), doubtful, squares)
         return done[key]
 

@@ -27,7 +27,8 @@ def level(values: Array) -> float:
 def speed(time: Array, values: Array) -> float:
     """Speed at the first sample, per s, of values (n,) at increasing times (n,) [s]; 0 where the signal stands there.
 
-    The span is halved until a parabola describes the motion but for noise. A motion that only begins has its parabola's slope at the first sample small, or against the motion.
+    The span is halved until a parabola describes the motion but for noise. A motion that only begins has its parabola's
+    slope at the first sample small, or against the motion.
     """
     count = max(LEAST, int(np.searchsorted(time, time[0] + SPAN)))
     if values.size < count or not np.isfinite(values[:count]).all():
