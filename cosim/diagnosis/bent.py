@@ -7,7 +7,7 @@ own signal beside it; what is then left between the two is no detail of a form.
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.data import low_pass, to_angle
+from cosim.diagnosis.data import low_pass, to_motion
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.freeform import Basis, solved
 from cosim.diagnosis.trials import Trial
@@ -42,7 +42,7 @@ def with_free_function(task: Task, trial: Trial, along: str) -> float | None:
     size, angle = np.abs(driver), group.observed[0]
     steps = np.quantile(size[size > STILL * size.max()], np.linspace(0.0, 1.0, KNOTS))
     knots = np.unique(np.concatenate([-steps, [0.0], steps]))
-    linear, model = to_angle(group, values), task.model
+    linear, model = to_motion(group, values, group.is_speed(angle)), task.model
     basis = Basis(along, "torque", "N.m", knots, driver, linear, model.h, cuts=model.cuts)
     silent = {s: np.zeros_like(r) for s, r in trial.fit.residuals.items()}
     columns = np.stack([task.white(silent | {angle: column}) for column in basis.columns()], axis=1)
@@ -58,7 +58,8 @@ def signal_along(task: Task, trial: Trial, along: str) -> Array | None:
     """(n,) the signal as the fitted model has it, or as it was measured where it drives the group; None without it."""
     model = task.model
     if along == "omega":
-        return slope(task.predicted(trial.fit)[model.group.observed[0]], model.h, model.cuts)
+        seen = task.predicted(trial.fit)[model.group.observed[0]]
+        return seen if model.group.is_speed(model.group.observed[0]) else slope(seen, model.h, model.cuts)
     if along == model.group.drive:
         return low_pass(model.drive, model.h, SMOOTH, model.cuts)
     inner = model.inside("continuity", along, trial.fit.values)

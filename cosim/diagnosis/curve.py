@@ -36,7 +36,7 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
     """
     group = integrating(found)
     logs = listed(log)
-    if group is None or group.observed[0] not in logs[0]:
+    if group is None or group.is_speed(group.observed[0]) or group.observed[0] not in logs[0]:
         return None
     drive, motion = group.drive, group.observed[0]
     try:

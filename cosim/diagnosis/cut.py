@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from cosim.compare.binding import DEFAULTS, DERIVED, START_PARAMETER, START_SIGNAL, gain_between
 from cosim.compare.mapping import CompareTable
-from cosim.diagnosis.groups import DYNAMIC, Group, Parts
+from cosim.diagnosis.groups import DYNAMIC, SPEED, Group, Parts
 from cosim.diagnosis.wiring import Wiring
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.signals import SIGNALS
@@ -189,8 +189,12 @@ def cut(
 def chain(
     wiring: Wiring, signals: Mapping[str, Bound], target: Port
 ) -> tuple[list[tuple[str, str]], list[str]]:
-    """The components from an input to the next signals, and these."""
+    """The components from an input to the next signals, and these.
+
+    A signal that feeds nothing, such as a speed beside the angle, does not end the chain: what is behind is judged, too.
+    """
     stages: list[tuple[str, str]] = []
+    seen: list[str] = []
     while True:
         component = target.component
         block = wiring.blocks[component]
@@ -201,17 +205,19 @@ def chain(
                     f"{wiring.name}: its components {', '.join(wiring.blocks)} are not those of a model that can be "
                     f"diagnosed: '{component}' is fed by {' and '.join(map(str, fed))}, and only a chain can be cut"
                 )
-            return stages, []
+            return stages, seen
         stages.append((component, block))
         shown = [s for s, item in signals.items() if item.source and item.source.component == component]
         if shown:
             # ports that are parts of another signal are no signals of their own here
             parts = {p for s in shown for p, _ in signals[s].parts if len(signals[s].parts) > 1}
-            return stages, [s for s in shown if signals[s].source not in parts]
+            seen += [s for s in shown if signals[s].source not in parts]
         behind = [t for t, s in wiring.wires.items() if s.component == component]
-        if not behind:
-            return stages, []
+        if not behind or any(signals[s].targets for s in seen):
+            return stages, seen
         if len({t.component for t in behind}) > 1:
+            if seen:
+                return stages, seen
             raise ModelError(
                 f"{wiring.name}: behind '{component}' the signal goes to {' and '.join(t.component for t in behind)}; "
                 "only a chain of blocks can be cut"
@@ -234,7 +240,9 @@ def group_of(
     own = tuple(n for n in trusted if n.partition(".")[0] in inside)
     named = [c for c, b in stages if b in DYNAMIC]
     integrates = any(block in ("mechanical", "simplified") for _, block in stages)
-    observed = sorted(observed, key=lambda s: not signals[s].targets)  # what drives the next group first
+    # what drives the next group first, then what is furthest down the flow, a speed behind its angle
+    order = {component: -i for i, (component, _) in enumerate(stages)}
+    observed = sorted(observed, key=lambda s: (not signals[s].targets, *place(signals[s].source, order)))
     slot = None
     if before is not None:
         component, block = before.stages[-1]
@@ -242,7 +250,10 @@ def group_of(
             slot = (component, block, HANDED_ON)
     parts: dict[str, Parts] = {}
     for signal in observed:
-        made = tuple((port.variable, factor) for port, factor in signals[signal].parts)
+        made = tuple(
+            (port.variable if port.component == stages[-1][0] else str(port), factor)
+            for port, factor in signals[signal].parts
+        )
         if made != ((signal, 1.0),):
             parts[signal] = made
     return Group(
@@ -259,3 +270,8 @@ def group_of(
         # only a shift of the valve's neutral shows as a constant, but not where what follows integrates it
         absolute="dcv" in named and not integrates,
     )
+
+
+def place(source: Port | None, order: Mapping[str, int]) -> tuple[int, bool]:
+    """Where a signal stands among those of a group."""
+    return (0, False) if source is None else (order[source.component], source.variable == SPEED)

@@ -10,7 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 from cosim.compiled import compiled_block
 from cosim.diagnosis.freeform import Basis, changing, families
 from cosim.diagnosis.grid import OF_PIECE, Grid, Pieces, cuts_of, plain_name
-from cosim.diagnosis.groups import COMPONENT_VALUES, Group
+from cosim.diagnosis.groups import COMPONENT_VALUES, SPEED, Group
 from cosim.diagnosis.memory import reversals
 from cosim.diagnosis.options import REST
 from cosim.diagnosis.samples import bridged, stale
@@ -146,6 +146,8 @@ def begun_values(record: Record, group: Group) -> dict[str, float]:
         declared = registry.block(block).parameters
         if "omega_0" in declared and (s := group.shows(component, "theta")) in record.signals:
             found[f"{component}.omega_0"] = speed(record.time, record.signals[s])
+        if "omega_0" in declared and (s := group.shows(component, SPEED)) in record.signals:
+            found[f"{component}.omega_0"] = level(record.signals[s])
         for output in ("spool", "p_load"):
             if f"{output}_0" in declared and (s := shown_by(group, component, output)) in record.signals:
                 found[f"{component}.{output}_0"] = level(record.signals[s])
@@ -202,7 +204,7 @@ def free_bases(
     elif group.kind == "continuity":
         found = pressure_bases(record, group, values, predicted)
     else:
-        found = angle_bases(record, group, values, predicted[group.observed[0]])
+        found = {s: motion_bases(record, group, values, s, seen) for s, seen in predicted.items()}
     return {s: [replace(basis, cuts=record.cuts) for basis in bases] for s, bases in found.items()}
 
 
@@ -249,19 +251,20 @@ def pressure_bases(
     return found
 
 
-def angle_bases(
-    record: Record, group: Group, values: dict[str, float], angle: Array
-) -> dict[str, list[Basis]]:
+def motion_bases(
+    record: Record, group: Group, values: dict[str, float], signal: str, seen: Array
+) -> list[Basis]:
     """A missing torque (demand, in the simplified model) through the linear mechanics (4.28), and a missing reading."""
-    h, drive = record.h, group.drive
-    rate = slope(angle, h, record.cuts)
+    h, drive, is_speed = record.h, group.drive, group.is_speed(signal)
+    angle = by_piece(lambda row: h * np.cumsum(row), record.cuts, seen) if is_speed else seen
+    rate = seen if is_speed else slope(angle, h, record.cuts)
     drivers = {"omega": rate, "theta": angle}
     if "p_load" in record.signals:
         drivers["p_load"] = record.smooth("p_load")
     else:
         name = drive if not group.held and group.stages[0][1] == "mechanical" else command_of(record, drive)
         drivers[name] = record.smooth(name) if name == drive and not group.held else record.signals[name]
-    transfer = to_angle(group, values)
+    transfer = to_motion(group, values, is_speed)
     what, unit = ("demand", "1") if group.kind == "simplified" else ("torque", "N.m")
     found = families(drivers, transfer, h, what, unit)
     factors = [
@@ -272,16 +275,23 @@ def angle_bases(
     if "p_load" in drivers:
         direction = np.tanh(rate / max(0.02 * float(np.abs(rate).max()), 1e-300))
         factors.append(("direction", direction, "p_load", np.abs(drivers["p_load"])))
-    for of, signal, by, driver in factors:
-        found += changing(of, signal, by, driver, transfer, h, what, unit)
-    found += families({"omega": rate}, None, h, "reading", "rad")
-    return {group.observed[0]: found + reversals("theta", angle, "reading", "rad", h)}
+    for of, factor, by, driver in factors:
+        found += changing(of, factor, by, driver, transfer, h, what, unit)
+    reading = "rad/s" if is_speed else "rad"
+    found += families({"omega": rate}, None, h, "reading", reading)
+    return found + reversals("theta", angle, "reading", reading, h)
 
 
-def to_angle(group: Group, values: Mapping[str, float]) -> tuple[list[float], list[float]]:
-    """Transfer function from a missing torque to the angle (4.28), from a missing demand in the simplified model."""
+def to_motion(
+    group: Group, values: Mapping[str, float], to_speed: bool = False
+) -> tuple[list[float], list[float]]:
+    """Transfer function from a missing torque to the angle (4.28), or to the speed.
+
+    Of the simplified model it is that from a missing demand.
+    """
     one, other = (values[name] for name in group.linear)
-    return ([one], [1.0, other, 0.0]) if group.kind == "simplified" else ([1.0], [one, other, 0.0])
+    top, bottom = ([one], [1.0, other]) if group.kind == "simplified" else ([1.0], [one, other])
+    return (top, bottom) if to_speed else (top, [*bottom, 0.0])
 
 
 def command_of(record: Record, drive: str) -> str:

@@ -225,9 +225,12 @@ class GroupModel:
         )
 
     def observed(self, outputs: Array) -> dict[str, Array]:
-        """Measured signals from the outputs of the last stage."""
+        """Measured signals from the outputs of the last stage, and of those before it that were kept."""
         names = self.stages[-1][1].outputs
         row = dict(zip(names, outputs, strict=True))
+        for i, (_, kept) in self.kept.items():
+            component, block = self.stages[i]
+            row |= {f"{component}.{n}": values for n, values in zip(block.outputs, kept, strict=True)}
         parts = dict(self.group.parts)
         found = {}
         for signal in self.group.observed:

@@ -33,7 +33,10 @@ def left_out(*names: str) -> Iterator[None]:
         _LEFT_OUT.reset(token)
 
 
-Parts = tuple[tuple[str, float], ...]  # a signal as a sum of factor * output of the last block
+Parts = tuple[
+    tuple[str, float], ...
+]  # a signal as a sum of factor * output (``component.output`` but of the last block)
+SPEED = "omega"  # output of a block that is the rate of its angle
 
 
 @dataclass(frozen=True)
@@ -95,12 +98,18 @@ class Group:
         """The signal that a sensor of this group reads, if there is one."""
         return self.observed[0] if self.stages and self.stages[-1][1] == "sensor" else None
 
+    def is_speed(self, signal: str) -> bool:
+        """True if a signal is the speed, not the angle: a gyroscope or a tachometer."""
+        (output, _), *more = dict(self.parts).get(signal, ((signal, 1.0),))
+        return not more and output.rpartition(".")[2] == SPEED
+
     def shows(self, component: str, output: str) -> str:
         """The measured signal that shows an output of a component as it is; empty where none does."""
         parts = dict(self.parts)
         end, block = self.stages[-1]
         for signal in self.observed:
-            if component == end and parts.get(signal, ((signal, 1.0),)) == ((output, 1.0),):
+            made = parts.get(signal, ((signal, 1.0),))
+            if made == ((f"{component}.{output}", 1.0),) or (component == end and made == ((output, 1.0),)):
                 return signal
         # a sensor shows the angle that it is fed with
         fed = block == "sensor" and self.components[-2:-1] == (component,)
@@ -202,9 +211,13 @@ COMPONENT_VALUES = {"compensator.form": 3.0, "compensator.limit": 2.0}
 
 
 def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, ...]:
-    """Groups joined where the signal between them was not measured: they can only be judged as one."""
+    """Groups joined where the signal between them was not measured: they can only be judged as one.
+
+    Of several signals of one group those that were measured stay, and the blocks up to the last that one of them shows.
+    """
     found: list[Group] = []
-    for group in groups:
+    drives = {g.drive for g in groups}
+    for group in (g if g.observed[0] in drives else narrowed(g, signals) for g in groups):
         before = found[-1] if found else None
         if before is not None and before.observed[0] not in signals and before.observed[0] == group.drive:
             joined = replace(
@@ -222,3 +235,28 @@ def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, 
         else:
             found.append(group)
     return tuple(found)
+
+
+def narrowed(group: Group, signals: Collection[str]) -> Group:
+    """The group where its first signal was not measured but another one was."""
+    seen = tuple(s for s in group.observed if s in signals)
+    if not seen or group.observed[0] in signals:
+        return group
+    parts = dict(group.parts)
+    shown = [output.rpartition(".")[0] for s in seen for output, _ in parts.get(s, ((s, 1.0),))]
+    last = max(group.components.index(c) if c else len(group.stages) - 1 for c in shown)
+    end = group.components[last]
+    made = {
+        s: tuple((output.removeprefix(f"{end}."), factor) for output, factor in parts[s])
+        for s in seen
+        if s in parts
+    }
+    kept = set(group.components[: last + 1])
+    return replace(
+        group,
+        stages=group.stages[: last + 1],
+        observed=seen,
+        trusted=tuple(n for n in group.trusted if n.partition(".")[0] in kept),
+        parts=tuple(made.items()),
+        starts=tuple((n, s) for n, s in group.starts if n.partition(".")[0] in kept),
+    )
