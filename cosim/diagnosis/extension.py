@@ -26,6 +26,7 @@ from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.together import weighed
 from cosim.diagnosis.trials import FREE, Trial, tried, without
 from cosim.diagnosis.verdict import rests, stands
+from cosim.inference.held_out import LEAST, ratio_ci95
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
 
@@ -59,11 +60,16 @@ def estimate(
         mask = ~held_windows(count) if diagnosis.held is None else None
         near_fit = (finding.chosen if stands(finding) else finding.null).fit
         best = refitted(finding, effects, tolerance, near_fit, mask)
-        while lost := vanished(finding, effects, best, tolerance):
-            effects = tuple(e for e in effects if e is not lost)
-            fewer = refitted(finding, effects, tolerance, near_fit, mask)
+        # what held-out data have borne out stays: they decide
+        needed = [e for e in effects if e.name in finding.borne and finding.borne[e.name].sure]
+        while lost := vanished(finding, effects, needed, best, tolerance):
+            rest = tuple(e for e in effects if e is not lost)
+            fewer = refitted(finding, rest, tolerance, near_fit, mask)
+            if clearly_better(best, fewer):  # its parameters may be in doubt, itself it is not
+                needed.append(lost)
+                continue
             turn_down(diagnosis, finding, lost, best, fewer, tolerance)
-            best = fewer
+            best, effects = fewer, rest
         diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
         diagnosis.correlations = best.correlations
         if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
@@ -124,10 +130,22 @@ def part_of(
     return None if mask is None else mask[rule.log_of(record.time.size)[: mask.size] == log]
 
 
-def vanished(finding: Finding, effects: tuple[Effect, ...], found: Fit, tolerance: float) -> Effect | None:
-    """An effect of which a free run over the log leaves nothing, or nothing that is determined."""
+def clearly_better(one: Fit, other: Fit) -> bool:
+    """True if the free run of one fit errs less than that of another, by more than the choice of its parts may make."""
+    signal = next(iter(one.residuals))
+    squares = [
+        np.array([np.mean(part**2) for part in np.array_split(fit_.residuals[signal], LEAST)])
+        for fit_ in (one, other)
+    ]
+    return ratio_ci95(*squares)[1] < 1.0
+
+
+def vanished(
+    finding: Finding, effects: tuple[Effect, ...], needed: list[Effect], found: Fit, tolerance: float
+) -> Effect | None:
+    """An effect of which a free run over the log leaves nothing, or nothing that is determined; none of those `needed`."""
     trial = Trial(effects, found, 0)
-    named = (e for e in effects if e.name not in SAMPLED)
+    named = (e for e in effects if e.name not in SAMPLED and e not in needed)
     return next((e for e in named if not worth_naming(trial, e, finding.task.model, tolerance)), None)
 
 
@@ -138,7 +156,7 @@ def turn_down(
     name, signal = finding.task.model.group.name, next(iter(finding.task.measured))
     before, after = rms(without_it.residuals[signal]), rms(with_it.residuals[signal])
     gain = next(c.gain for c in diagnosis.causes if c.effect is effect)
-    diagnosis.refused.append(Refused(effect, name, signal, gain, before, after, sure=False))
+    diagnosis.refused.append(Refused(effect, name, signal, gain, before, after, sure=False, in_fitted=True))
     diagnosis.causes = [c for c in diagnosis.causes if c.effect is not effect]
     finding.accept(without(finding.task, finding.chosen, effect, finding.null, tolerance), diagnosis.record)
     diagnosis.rests = [r for r in diagnosis.rests if r.block != name] + rests(finding, tolerance)
@@ -177,7 +195,7 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
         diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, diagnosis.window)
         return
     start = dict.fromkeys((n for n in values if is_start(n)), 0.0)  # that log may begin at rest
-    start |= {n: v for g in machine.groups for n, v in fixed_values(held.record, g).items()}
+    start |= {n: v for g in diagnosis.groups for n, v in fixed_values(held.record, g).items()}
     diagnosis.held_before = run_package(nominal, held.record, machine, standing(start, plain))
     diagnosis.held_after = run_package(extended, held.record, machine, standing(start, values))
     window = diagnosis.window

@@ -53,6 +53,7 @@ class Finding:
         free: the nominal parameters are fitted freely, so nothing says how little the model must leave.
         reference: a linear model of free order beside the chosen effects.
         borne: name of an effect -> what it gains on held-out data, where these have decided.
+        undecided: name of an effect -> what held-out data cannot tell from it, where these were asked.
         held_squares: (windows,) mean square of the free run's error on held-out data with the effects kept, SI.
         lacks_linear: the linear model is clearly better: linear dynamics are missing.
     """
@@ -71,6 +72,7 @@ class Finding:
     free: bool = False
     reference: Reference | None = None
     borne: dict[str, HeldOutGain] = field(default_factory=dict)
+    undecided: dict[str, list[str]] = field(default_factory=dict)
     held_squares: Array | None = field(default=None, repr=False)
     lacks_linear: bool = False
 

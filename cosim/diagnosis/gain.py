@@ -91,7 +91,7 @@ def measure(
     first: int | None = None,
     seed: int = 1,
 ) -> dict[str, Gain]:
-    """Errors on what was held out; intervals from 2000 resamplings of whole windows of `window` samples.
+    """Errors on what was held out; intervals from 2000 resamplings of whole windows, of a short log of parts of them.
 
     Args:
         record: the log.
@@ -123,13 +123,14 @@ def measure(
         pick[inside] = np.repeat(held, own)
         if first is not None:
             pick[start:] = True  # the last, shorter window too
+        parts = -(-LEAST // int(held.sum()))  # of a short log's few windows, for an interval
         squares, whole = [], []
         for simulated in (before[signal], after[signal]):
             error = y - simulated
-            rows = rule.rows(error)[held]
-            squares.append(np.mean(rows**2, axis=1))
+            cut = np.array_split(rule.rows(error)[held], min(parts, own), axis=1)
+            squares.append(np.concatenate([np.mean(rows**2, axis=1) for rows in cut]))
             whole.append(float(np.sqrt(squares[-1].mean() if first is None else np.mean(error[pick] ** 2))))
-        rows = np.random.default_rng(seed).integers(0, held.sum(), (2000, int(held.sum())))
+        rows = np.random.default_rng(seed).integers(0, squares[0].size, (2000, squares[0].size))
         ratios = np.sqrt(squares[1][rows].sum(axis=1) / np.maximum(squares[0][rows].sum(axis=1), 1e-300))
         low, high = np.quantile(ratios, [0.025, 0.975])
         fits = [fit_or_nan(y[pick], simulated[signal][pick]) for simulated in (before, after)]

@@ -26,6 +26,10 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 
+AS_WELL = 1.1  # times the error on held-out data: parts of one log have more in common than an interval over them knows
+NEAREST = 3  # rivals of a cause in the fitting log that are held against it on held-out data
+
+
 @dataclass(frozen=True)
 class Held:
     """Held-out data.
@@ -78,6 +82,7 @@ class Refused:
         without, with_it: RMSE on held-out data, SI.
         sure: the whole fitting log determines its size.
         instead: the named cause in whose place it would stand, if it explains the fitting log as well as that.
+        in_fitted: the errors are those of a free run over the fitted log.
     """
 
     effect: Effect
@@ -88,6 +93,7 @@ class Refused:
     with_it: float
     sure: bool = True
     instead: str = ""
+    in_fitted: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,14 +122,9 @@ class Step:
         """True if the whole fitting log determines the size of each."""
         return not self.doubtful
 
-    @property
-    def judged(self) -> float:
-        """What counts against other sets: of a set that is not sure, nothing does."""
-        return self.held if self.sure else np.inf
-
     def clearly_better(self, other: "Step") -> bool:
         """True if the difference on held-out data is more than the choice of these windows may have made."""
-        return self.sure and ratio_ci95(self.squares, other.squares)[1] < 1.0
+        return ratio_ci95(self.squares, other.squares)[1] < 1.0
 
 
 Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each effect
@@ -135,7 +136,7 @@ def refuse(
     """The causes of a finding that do not help on held-out data, and what is kept of it.
 
     A cause is kept if without it the error on held-out data is larger by more than the choice of these data may have made
-    (95 %), and if the whole fitting log determines its size.
+    (95 %). Those whose size the whole fitting log does not determine are left out first.
     Because some help together only (friction and a limit of the stroke bend the same curve at its two ends), causes are
     taken in one by one from none and left out one by one from all, and the better end counts. Of a cause that holds
     another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler. A rival that explains
@@ -156,7 +157,7 @@ def refuse(
     losses = {e.name: loss(finding, e, tolerance) for e in waiting}
     at = balanced(finding, step(waiting), waiting, step, losses)
     if len(at.effects) < len(waiting):  # some that were left out may help with fewer beside them
-        at = min(at, balanced(finding, step(()), waiting, step, losses), key=lambda s: s.judged)
+        at = min(at, balanced(finding, step(()), waiting, step, losses), key=lambda s: s.held)
     kept = {e.name for e in at.effects}
     group = finding.task.model.group.name
     refused = []
@@ -268,31 +269,47 @@ def left_out_errors(
 def reconsider(
     finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float, done: Steps | None = None
 ) -> None:
-    """Try refused effects once more, each in a kept one's place: held-out data may tell them apart no better than the log.
+    """Hold what could stand in the place of a kept cause against it on held-out data: they may tell the two apart no better.
 
     An effect is refused because it adds nothing to those that are kept. One that would do as well in the place of one
-    of them belongs to its rivals all the same.
+    of them belongs to its rivals all the same. Of the rivals in the fitting log the closest are judged.
 
     Args:
-        finding: what is kept in one group; `rivals` grows.
+        finding: what is kept in one group; `rivals` grows, and `undecided` is set.
         held: the held-out data.
         refused: what they refused in this group.
         tolerance: trust in the nominal parameters.
         done: sets judged already.
     """
-    judged = [r for r in refused if not r.instead and r.sure]
     chosen = finding.chosen
-    if not judged or not chosen.effects or current().over:
+    named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
+    signal = next((s for s in finding.task.measured if s in held.record.signals), "")
+    if not named or not signal or current().over:
         return
-    step = stepper(finding, held, judged[0].signal, tolerance, done)
-    for effect in chosen.effects:
-        rest = tuple(e for e in chosen.effects if e != effect)
+    step = stepper(finding, held, signal, tolerance, done)
+    at = step(named)
+    for effect in named:
+        rest = tuple(e for e in named if e != effect)
         # what holds the kept one was refused in its place already
-        others = [r.effect for r in judged if effect not in simpler(finding, r.effect)]
-        others = [
-            e for e in others if (s := step((*rest, e))).sure and not step(chosen.effects).clearly_better(s)
+        turned_down = [
+            r.effect for r in refused if not r.instead and effect not in simpler(finding, r.effect)
         ]
-        found = tried_all(finding.task, [(*rest, e) for e in others], tolerance, chosen.fit)
+        closest = sorted(finding.rivals.get(effect.name, []), key=lambda t: -t.score)
+        beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
+        others = dict.fromkeys([*turned_down, *(new for (new,) in beside[:NEAREST])])
+        bare = step(rest)
+        undecided = []
+        for other in others:
+            if current().over:
+                break
+            instead = step((*rest, other))
+            about_as_well = instead.held < AS_WELL * at.held or not at.clearly_better(instead)
+            if instead.sure and instead.clearly_better(bare) and about_as_well:
+                undecided.append(other)
+        finding.undecided[effect.name] = [e.name for e in undecided]
+        known = {e.name for (e,) in beside}
+        sets = [(*rest, e) for e in undecided if e.name not in known]
+        found = tried_all(finding.task, sets, tolerance, chosen.fit)
         finding.rivals[effect.name] = [*finding.rivals.get(effect.name, []), *found]
 
 
@@ -381,10 +398,7 @@ def next_smaller(
 
     The effect that gains least in the fitting log goes first, before all one whose size is in doubt.
     """
-    in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
-    if not at.sure:
-        first = next(e for e in in_order if e.name in at.doubtful)
-        return min((step(e) for e in narrowed(finding, at.effects, first)), key=lambda s: (s.judged, s.held))
+    in_order = sorted(at.effects, key=lambda e: (e.name not in at.doubtful, losses.get(e.name, 0.0)))
     worse = []
     for effect in in_order:
         for effects in narrowed(finding, at.effects, effect):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2, norm
 
 from cosim.diagnosis.bounds import impossible
 from cosim.diagnosis.budget import current
@@ -13,7 +14,7 @@ from cosim.diagnosis.forms import forms, in_plain_form, in_same_form
 from cosim.diagnosis.grid import Pieces
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.local import PERIODS, Event, apart, burst, line
-from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.noise import Whitener, broad
 from cosim.diagnosis.pace import in_exact_steps, paced
 from cosim.diagnosis.phases import usually_spelled
 from cosim.diagnosis.pruning import confirmed, prune
@@ -41,6 +42,7 @@ from cosim.diagnosis.valleys import away_from_stops
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
+SIZED = 2.0  # standard deviations from off beyond which a size is sure
 NEARLY = 0.05  # of the chosen set's gain behind it: such a rival is fitted until it settles
 HALF = 0.5  # the same of a single effect in the place of the one chosen: its valley may be long
 
@@ -48,17 +50,44 @@ __all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "t
 
 
 def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:
-    """True if the effect's size matters: beyond its floor and its own uncertainty, beyond trust for a trusted parameter."""
+    """True if the effect's size matters: beyond its floor and its own uncertainty, beyond trust for a trusted parameter.
+
+    Sizes of one effect that can hardly be told from each other (Coulomb's level and Stribeck's peak) may be sure together.
+    """
     floored = any(free.floor for free in effect.free.values())
+    large = False
     for parameter, free in effect.free.items():
         name = f"{effect.component}.{parameter}"
         change = abs(trial.fit.values[name] - model.nominal(name))
         spread = trial.fit.deviations[name]
         if name in model.group.trusted and len(effect.free) == 1:
             return change - 1.64 * spread > BEYOND * tolerance * abs(model.nominal(name))
-        if (free.floor or not floored) and change > free.floor and change > 2.0 * spread:
-            return True
-    return False
+        if (free.floor or not floored) and change > free.floor:
+            if change > SIZED * spread > 0.0:  # without a spread nothing in the log depends on it
+                return True
+            large = True
+    sizes = sizes_of(effect, model, trial.fit) if large else {}
+    return len(sizes) > 1 and joint(trial.fit, sizes) > float(chi2.isf(2.0 * norm.sf(SIZED), len(sizes)))
+
+
+def sizes_of(effect: Effect, model: GroupModel, found: Fit) -> dict[str, float]:
+    """``component.parameter`` -> estimate less its off value, of those that are what its size is: in its unit, no phase."""
+    if effect.key not in effect.free:
+        return {}
+    unit = declared(effect, effect.key).unit
+    alike = [p for p, free in effect.free.items() if not free.phase and declared(effect, p).unit == unit]
+    names = [f"{effect.component}.{p}" for p in alike]
+    return {n: found.values[n] - model.nominal(n) for n in names}
+
+
+def joint(found: Fit, sizes: dict[str, float]) -> float:
+    """Wald's statistic of several estimates against none: chi-square of their number where all are nothing."""
+    names = list(found.values)[: found.covariance.shape[0]]
+    at = [names.index(n) for n in sizes if n in names]
+    if len(at) < len(sizes):
+        return 0.0
+    values = np.array(list(sizes.values()))
+    return float(values @ np.linalg.pinv(found.covariance[np.ix_(at, at)], hermitian=True) @ values)
 
 
 def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> bool:
@@ -91,6 +120,8 @@ def find(
     null, exact = nominal(task, record, tolerance), task.model
     if tolerance >= FREE:
         candidates = identifiable(task, null, candidates)
+        if begin is None and most:
+            begin = coarsely(task, record, null, candidates, tolerance, most)
     paced(task, exact, null.fit, candidates, tolerance)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
     chosen = best_single(task, null, single, tolerance) if most else null
@@ -128,6 +159,40 @@ def find(
     finding.marks = sampled(task, record, finding.chosen.fit)
     finding.chosen = with_marks(usually_spelled(finding.chosen), finding.marks)
     return finding
+
+
+def coarsely(
+    task: Task, record: Record, null: Trial, candidates: tuple[Effect, ...], tolerance: float, most: int
+) -> Trial | None:
+    """What most reduces the error itself, as long as that is sure; None for nothing.
+
+    Where parameters are free and much is wrong, the noise learned from what a poor model leaves is as large and as slow as
+    its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
+    counts as white noise, as few independent values as its correlation allows.
+    """
+    known, chosen = task.rules, null
+
+    def weighed(trial: Trial) -> None:
+        task.set_rules({s: broad(rule, trial.fit.residuals[s]) for s, rule in task.rules.items()})
+
+    try:
+        weighed(null)
+        for _ in range(most):
+            further = [e for e in candidates if e not in chosen.effects]
+            if chosen.effects:
+                further = promising(task, chosen, further, tolerance)
+            options = tried_all(task, [(*chosen.effects, e) for e in further], tolerance, chosen.fit)
+            if not options or current().over:
+                break
+            weighed(options[0])
+            before = tried(task, chosen.effects, tolerance, chosen.fit)
+            more = tried(task, options[0].effects, tolerance, options[0].fit)
+            if not accepted(more, before, task.model, tolerance):
+                break
+            chosen = swapped(task, more, candidates, tolerance)
+    finally:
+        task.set_rules(known)
+    return chosen if chosen.effects else None
 
 
 def nominal(task: Task, record: Record, tolerance: float) -> Trial:

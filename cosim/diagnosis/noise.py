@@ -205,6 +205,22 @@ def plain(bins: int, window: int, demean: bool, skip: int = 0, cuts: Cuts = ()) 
     return Whitener(bins, window, demean, (1.0,) + (0.0,) * len(CORRELATION_TIMES), skip, cuts=cuts)
 
 
+def broad(rule: Whitener, residual: Array) -> Whitener:
+    """The rule for white noise as large as all of a residual (n,), each bin as so many values as its correlation leaves.
+
+    The variance is that of the residual times twice its correlation time in bins, so that a sum over bins has the weight of
+    that many independent values.
+    """
+    rows = centred(rule, residual)
+    power = np.abs(np.fft.rfft(rows, 2 * rule.window, axis=1)) ** 2
+    covariance = np.fft.irfft(power.mean(axis=0))[: rule.window] / np.arange(rule.window, 0, -1)
+    share = covariance / max(float(covariance[0]), 1e-300)
+    ends = np.flatnonzero(share < 1.0 / np.e)
+    length = float(share[: ends[0] if ends.size else rule.window].sum())
+    size = max(float(covariance[0]), NOTHING**2) * max(1.0, 2.0 * length)
+    return replace(rule, sizes=(size,) + (0.0,) * len(CORRELATION_TIMES), carried=None, scales=())
+
+
 def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: float = 0.0) -> Whitener:
     """The rule with the noise of `residual` (n,), at least of size `least`: the variances of largest Whittle likelihood.
 

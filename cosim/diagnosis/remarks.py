@@ -118,9 +118,8 @@ def turned_down(item: Refused) -> RefusedCause:
     """A refused cause in display units."""
     unit, scale = shown(item.signal)
     without, with_it = item.without * scale, item.with_it * scale
-    error = (
-        f"on held-out data the error of {item.signal} goes from {without:.4g} to {with_it:.4g} {unit} with it"
-    )
+    where = "in a free run over them" if item.in_fitted else "on held-out data"
+    error = f"{where} the error of {item.signal} goes from {without:.4g} to {with_it:.4g} {unit} with it"
     why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
     if item.instead:
         why = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fit import Task
-from cosim.diagnosis.trials import SURE, Trial, copied, declared, unknowns
+from cosim.diagnosis.trials import SURE, Trial, copied, declared, starting
 from fmus.contract import Effect
 
 PROMISING = 4  # candidates that are always fitted beyond the first
@@ -40,7 +40,7 @@ def promising(
         ):  # free already, against its prior: what that costs is what is to be gained
             deviation = task.model.trust(name, tolerance)[0]
             return relief(base, name, task.model.nominal(name), deviation, base.fit.count)
-        wanted, starts = unknowns(task.model, (effect,), tolerance)
+        wanted, starts = starting(task, (effect,), tolerance, base.fit)
         return pointed(copied(task), base, {u.name: starts[u.name] for u in wanted if u.name in starts})
 
     listed = list(candidates)

@@ -27,6 +27,7 @@ SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of
 BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
 FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
 HIDDEN = "sensor.bias"  # the model starts where the sensor reads: a bias only shifts the zero of laws that have their own
+FORMED = 40.0  # typical sizes of a form's parameter at most: friction that builds up over all of a drive's speeds is viscous
 CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 
@@ -109,6 +110,8 @@ def unknowns(
             if name in model.group.trusted:
                 _, least, most = model.trust(name, tolerance)
                 low, high = max(low, least), min(high, most)
+            if parameter in effect.forms:
+                low, high = max(low, nominal - FORMED * free.scale), min(high, nominal + FORMED * free.scale)
             # where the period is sought, too, it goes straight with the phase, and bent with sine and cosine
             whole = free.phase and len(effect.free) == 2
             amplitude = f"{effect.component}.{effect.key}" if whole else ""
@@ -149,10 +152,7 @@ def tried(
     quick: bool = False,
 ) -> Trial:
     """Fit a set of effects, quickly if so wanted (see `fit`); parameters that `near` has already estimated begin there."""
-    wanted, starts = unknowns(task.model, effects, tolerance)
-    rough = tolerance > 1.0  # what such a model predicts between its blocks says nothing
-    for name, extremes in reached(task, effects, None if rough else near.values if near else {}).items():
-        starts[name] = (*starts[name], *extremes)
+    wanted, starts = starting(task, effects, tolerance, near)
     if near is not None:
         for name in near.values:
             if name in starts:
@@ -164,7 +164,23 @@ def tried(
     slopes = None if near is None else near.slopes
     size = sought(task.model, effects, starts)
     found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick)
-    return Trial(effects, out_of_reach(task, effects, found, not rough), price)
+    return Trial(effects, out_of_reach(task, effects, found, not rough(tolerance)), price)
+
+
+def rough(tolerance: float) -> bool:
+    """True where what a model predicts between its blocks says nothing: not even its orders of magnitude are known."""
+    return tolerance > 1.0
+
+
+def starting(
+    task: Task, effects: tuple[Effect, ...], tolerance: float, near: Fit | None
+) -> tuple[list[Unknown], dict[str, tuple[float, ...]]]:
+    """What to estimate with these effects, and from which starts: of a limit also where the log has its extremes."""
+    wanted, starts = unknowns(task.model, effects, tolerance)
+    known = None if rough(tolerance) else near.values if near else {}
+    for name, extremes in reached(task, effects, known).items():
+        starts[name] = (*starts[name], *extremes)
+    return wanted, starts
 
 
 def price_of(task: Task, wanted: list[Unknown], tolerance: float) -> int:

@@ -185,6 +185,7 @@ def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[st
 
     One whose gain behind the chosen set is small, or may be nothing on windows left out (of models that leave something,
     a difference means only what other data would show again: Vuong, Econometrica 57(2), 1989); and that itself gains.
+    Where data were held out, these have told which the log leaves undecided.
 
     Args:
         finding: what was found in the group.
@@ -193,6 +194,10 @@ def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[st
     """
     task, chosen = finding.task, finding.chosen
     found = []
+    if effect.name in finding.undecided:
+        told = finding.undecided[effect.name]
+        rivals = sorted(finding.rivals.get(effect.name, []), key=lambda t: shortfall(t, chosen))
+        return [name for t in rivals if (name := other_of(t, chosen).name) in told]
     for trial in sorted(finding.rivals.get(effect.name, []), key=lambda t: shortfall(t, chosen)):
         behind = shortfall(trial, chosen)
         if behind >= CLOSE and (
