@@ -79,6 +79,10 @@ def refitted(
     meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0) + known.T @ known
     covariance = bread @ meat @ bread * np.outer(scales, scales)
     names = [u.name for u in wanted]
+    # of what nothing depends on, such as a part of friction larger than the whole, neither its size nor none is known
+    for i in np.flatnonzero(~found.slopes.any(axis=0)):
+        off = abs(found.values[names[i]] - task.model.nominal(names[i]))
+        covariance[i, i] = max(off, scales[i]) ** 2
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     return replace(found, covariance=covariance, deviations=deviations)
 

@@ -122,9 +122,14 @@ class Step:
         """True if the whole fitting log determines the size of each."""
         return not self.doubtful
 
+    @property
+    def judged(self) -> float:
+        """What counts against other sets: of a set that is not sure, nothing does."""
+        return self.held if self.sure else np.inf
+
     def clearly_better(self, other: "Step") -> bool:
         """True if the difference on held-out data is more than the choice of these windows may have made."""
-        return ratio_ci95(self.squares, other.squares)[1] < 1.0
+        return self.sure and ratio_ci95(self.squares, other.squares)[1] < 1.0
 
 
 Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each effect
@@ -136,7 +141,7 @@ def refuse(
     """The causes of a finding that do not help on held-out data, and what is kept of it.
 
     A cause is kept if without it the error on held-out data is larger by more than the choice of these data may have made
-    (95 %). Those whose size the whole fitting log does not determine are left out first.
+    (95 %), and if the whole fitting log determines its size.
     Because some help together only (friction and a limit of the stroke bend the same curve at its two ends), causes are
     taken in one by one from none and left out one by one from all, and the better end counts. Of a cause that holds
     another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler. A rival that explains
@@ -157,7 +162,7 @@ def refuse(
     losses = {e.name: loss(finding, e, tolerance) for e in waiting}
     at = balanced(finding, step(waiting), waiting, step, losses)
     if len(at.effects) < len(waiting):  # some that were left out may help with fewer beside them
-        at = min(at, balanced(finding, step(()), waiting, step, losses), key=lambda s: s.held)
+        at = min(at, balanced(finding, step(()), waiting, step, losses), key=lambda s: s.judged)
     kept = {e.name for e in at.effects}
     group = finding.task.model.group.name
     refused = []
@@ -398,7 +403,10 @@ def next_smaller(
 
     The effect that gains least in the fitting log goes first, before all one whose size is in doubt.
     """
-    in_order = sorted(at.effects, key=lambda e: (e.name not in at.doubtful, losses.get(e.name, 0.0)))
+    in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
+    if not at.sure:
+        first = next(e for e in in_order if e.name in at.doubtful)
+        return min((step(e) for e in narrowed(finding, at.effects, first)), key=lambda s: (s.judged, s.held))
     worse = []
     for effect in in_order:
         for effects in narrowed(finding, at.effects, effect):

@@ -63,7 +63,7 @@ def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: flo
         if name in model.group.trusted and len(effect.free) == 1:
             return change - 1.64 * spread > BEYOND * tolerance * abs(model.nominal(name))
         if (free.floor or not floored) and change > free.floor:
-            if change > SIZED * spread > 0.0:  # without a spread nothing in the log depends on it
+            if change > SIZED * spread:
                 return True
             large = True
     sizes = sizes_of(effect, model, trial.fit) if large else {}

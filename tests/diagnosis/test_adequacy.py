@@ -71,6 +71,7 @@ def test_the_parts_of_the_rule() -> None:
     assert systematic(replace(found, held_out=0.6, rms=1.1), 0.0, BIN)
 
 
+@pytest.mark.slow
 def test_a_drive_that_friction_holds_is_not_called_a_dead_sensor() -> None:
     """Both explain a slew that hardly moves; a sensor that reads a thirtieth of the angle is the less likely of the two."""
     found = told("mechanical.coulomb_friction:tau_c=400 N.m", seed=52, seconds=30.0, excitation="small_steps")
@@ -89,6 +90,7 @@ def test_a_drive_that_stands_has_no_torque_along_its_speed(monkeypatch: pytest.M
     assert bent.with_free_function(finding.task, finding.null, "omega") is None
 
 
+@pytest.mark.slow
 def test_a_law_of_which_only_a_ratio_is_known_is_tried_at_a_usual_size() -> None:
     """A drive that only creeps shows tau_c / omega_v: the best fit lay at a friction beyond all sizes, and was set aside."""
     own = off(9, "mechanical.viscous_friction")

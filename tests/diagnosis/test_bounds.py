@@ -23,6 +23,7 @@ def without_gravity() -> Iterator[Diagnosis]:
         yield told(GRAVITY, seed=11, seconds=40.0)
 
 
+@pytest.mark.slow
 def test_a_ripple_at_the_bound_of_its_period_is_not_named(without_gravity: Diagnosis) -> None:
     assert "mechanical.gear_ripple" not in [c.effect.name for c in without_gravity.causes]
     finding = without_gravity.findings["mechanical"]

@@ -56,6 +56,7 @@ def test_what_is_known_beforehand_is_not_learned_again() -> None:
     assert np.mean(white[:, :40] ** 2) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flaw", [{"p_relief": 4.2e5}, {"line": 0.06}], ids=["relief valve", "hose"])
 def test_hydraulics_that_are_not_understood_leave_the_mechanics_adequate(
     tmp_path, flaw: dict[str, float]

@@ -28,9 +28,9 @@ def test_a_clean_log_without_noise_is_adequate() -> None:
     ("effect", "parameter", "size"),
     [
         ("mechanical.coulomb_friction", "tau_c", 100.0),
-        ("mechanical.backlash", "gap", np.radians(0.2)),
-        ("continuity.compressibility", "c_beta", 0.4),
-        ("dcv.delay", "tau_d", 0.02),
+        pytest.param("mechanical.backlash", "gap", np.radians(0.2), marks=pytest.mark.slow),
+        pytest.param("continuity.compressibility", "c_beta", 0.4, marks=pytest.mark.slow),
+        pytest.param("dcv.delay", "tau_d", 0.02, marks=pytest.mark.slow),
     ],
 )
 def test_an_effect_without_noise_is_found_alone_and_exactly(effect: str, parameter: str, size: float) -> None:
@@ -41,7 +41,9 @@ def test_an_effect_without_noise_is_found_alone_and_exactly(effect: str, paramet
     assert not found.rests
 
 
-@pytest.mark.parametrize("kind", ["white", "ar1", "pink"])
+@pytest.mark.parametrize(
+    "kind", ["white", *(pytest.param(k, marks=pytest.mark.slow) for k in ("ar1", "pink"))]
+)
 def test_the_noise_of_sensors_is_never_below_what_is_assumed(kind: str) -> None:
     """Even at half the usual size the noise learned is that of the log, and not the least that is assumed."""
     noise = Noise(scale=0.5, kind=kind, correlation_time=0.03)

@@ -10,6 +10,7 @@ from cosim.rig.parameters import nominal_value
 from tests.diagnosis.hidden_logs import told
 
 
+@pytest.mark.slow
 def test_a_stop_that_the_other_windows_hardly_touch_is_not_refuted() -> None:
     """The multisine repeats every third window: the others meet one stop by a hair, and must not carry it off."""
     settings = {
@@ -40,6 +41,7 @@ def test_a_stop_that_the_other_windows_hardly_touch_is_not_refuted() -> None:
     assert (x_max, x_min) == pytest.approx((2.03e-3, -2.01e-3), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_parameter_off_its_trust_is_held_against_one_within_it() -> None:
     """Under a prior that the data overwhelm the alternative would have nearly the same value, and chance would decide."""
     (cause,) = told("continuity.flow_gain", seed=81).causes
@@ -59,6 +61,7 @@ def test_what_a_cause_is_weighed_against_stays_within_its_trust() -> None:
     assert other == wanted[2]
 
 
+@pytest.mark.slow
 def test_a_cause_is_not_refuted_by_a_nominal_parameter_bent_far_beyond_its_trust() -> None:
     """A weak lag of the sensor and too large an inertia predict alike; but nothing says why the inertia should be."""
     settings = {

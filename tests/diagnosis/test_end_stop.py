@@ -36,6 +36,7 @@ def test_an_end_of_the_travel_is_named_and_measured() -> None:
         assert abs(value - np.radians(angle)) < 4.0 * deviation + 2e-4
 
 
+@pytest.mark.slow
 def test_also_where_only_command_and_angle_were_measured() -> None:
     cause = only(found("mechanical.end_stop", without=("spool", "p_a", "p_b", "p_supply")))
     assert cause.effect.name == "mechanical.end_stop"
@@ -49,6 +50,7 @@ def test_a_saturated_sensor_is_no_end_of_the_travel() -> None:
     assert np.degrees(cause.parameters["high"][0]) == pytest.approx(16.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_an_end_that_the_library_lacks_is_not_named_for_something_else() -> None:
     with left_out("mechanical.end_stop", "sensor.saturation"):
         told = found("mechanical.end_stop")
@@ -56,12 +58,14 @@ def test_an_end_that_the_library_lacks_is_not_named_for_something_else() -> None
     assert "mechanical" in [r.block for r in told.rests]
 
 
+@pytest.mark.slow
 def test_a_constant_load_is_a_candidate_without_being_asked_for() -> None:
     """A sensor that drifts shows the same where viscous friction alone holds the drive; so both are told."""
     cause = only(found("mechanical.constant_load"))
     assert "mechanical.constant_load" in (cause.effect.name, *cause.alike)
 
 
+@pytest.mark.slow
 def test_beside_friction_a_constant_load_is_told_from_a_drift() -> None:
     log = as_log(
         make_log(

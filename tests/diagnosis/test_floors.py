@@ -23,6 +23,7 @@ def test_readings_in_steps_are_off_by_their_rounding() -> None:
     assert found.noise["slew"] == pytest.approx(np.hypot(SENSORS["slew"], quantum / np.sqrt(12.0)), rel=0.25)
 
 
+@pytest.mark.slow
 def test_what_is_left_unexplained_does_not_count_as_noise() -> None:
     found = told("unknown.quadratic_drag", seed=7)
     assert found.rests

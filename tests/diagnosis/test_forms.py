@@ -24,8 +24,16 @@ def told_of(effect: str, friction: str, seed: int):
     return diagnose(as_log(run))
 
 
-@pytest.mark.parametrize("friction", ["lugre", "smooth"])
-@pytest.mark.parametrize("effect", [COULOMB, STRIBECK])
+@pytest.mark.parametrize(
+    ("effect", "friction"),
+    [
+        (COULOMB, "lugre"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [(STRIBECK, "lugre"), (COULOMB, "smooth"), (STRIBECK, "smooth")]
+        ),
+    ],
+)
 def test_the_form_is_found_and_nothing_beside_it(effect, friction) -> None:
     found = told_of(effect, friction, seed=4711)
     assert [c.effect.name for c in found.causes] == [effect]
@@ -39,6 +47,7 @@ def test_the_form_is_found_and_nothing_beside_it(effect, friction) -> None:
         assert value == pytest.approx(true, abs=4.0 * deviation)
 
 
+@pytest.mark.slow
 def test_friction_in_which_the_drive_only_creeps_is_no_dead_sensor() -> None:
     """Small steps below the friction's level: the angle moves by a fifteenth of what it should."""
     hidden = ["mechanical.coulomb_friction:tau_c=238"]
@@ -63,7 +72,7 @@ def test_sharp_friction_keeps_its_simplest_form(effect) -> None:
 
 @pytest.mark.parametrize(
     ("root", "named", "noise_scale"),
-    [(True, True, 1.0), (False, False, 1.0), (True, True, 0.0)],
+    [(True, True, 1.0), (False, False, 1.0), pytest.param(True, True, 0.0, marks=pytest.mark.slow)],
     ids=["turbulent", "laminar", "turbulent without noise"],
 )
 def test_leakage_through_an_orifice_is_leakage(root, named, noise_scale) -> None:
@@ -102,6 +111,7 @@ def test_effects_are_told_apart_by_name_whatever_is_free_in_them() -> None:
     assert list(formed.plain.free) == list(plain.free) != list(formed.free)
 
 
+@pytest.mark.slow
 def test_which_friction_holds_a_drive_at_rest_cannot_be_told() -> None:
     """More parameters are held against a cause only if it frees all that the named one does."""
     hidden = ["mechanical.stribeck_friction:tau_c=200,tau_s=150,omega_s=0.008"]
@@ -111,7 +121,14 @@ def test_which_friction_holds_a_drive_at_rest_cannot_be_told() -> None:
     assert "mechanical.stribeck_friction" in (cause.effect.name, *cause.alike)
 
 
-@pytest.mark.parametrize(("seed", "soft"), [(41, True), (42, True), (43, False)])
+@pytest.mark.parametrize(
+    ("seed", "soft"),
+    [
+        pytest.param(41, True, marks=pytest.mark.slow),
+        pytest.param(42, True, marks=pytest.mark.slow),
+        (43, False),
+    ],
+)
 def test_a_counterbalance_valve_may_open_gradually(seed, soft) -> None:
     """The angle is made by scipy from the rig's pressure: the rig's valve opens all at once."""
     settings = off(seed)

@@ -24,12 +24,16 @@ def told_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, **settings)
 @pytest.mark.parametrize(
     ("effect", "settings", "form", "size"),
     [
-        ("mechanical.stribeck_friction", FRICTION | {"law": 1}, "delta", 1.0),
-        ("mechanical.stribeck_friction", FRICTION, "", math.nan),
+        pytest.param(
+            "mechanical.stribeck_friction", FRICTION | {"law": 1}, "delta", 1.0, marks=pytest.mark.slow
+        ),
+        pytest.param("mechanical.stribeck_friction", FRICTION, "", math.nan, marks=pytest.mark.slow),
         ("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25),
         ("sensor.lag", {"tau_l": 0.1}, "", math.nan),
-        ("mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06),
-        ("mechanical.backlash", {"gap": 0.006}, "", math.nan),
+        pytest.param(
+            "mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06, marks=pytest.mark.slow
+        ),
+        pytest.param("mechanical.backlash", {"gap": 0.006}, "", math.nan, marks=pytest.mark.slow),
     ],
     ids=["exponential", "Gauss", "two lags", "one lag", "creeping", "kinematic"],
 )
@@ -58,6 +62,7 @@ def test_a_form_that_hides_in_its_own_signal_shows_in_the_blocks_behind(tmp_path
     assert deviation < 0.2 * value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "apart"),
     [({"p_c": 2.4e5, "s_c": 0.75}, False), ({"tau_c": 120.0, "friction": 2, "z_s": 3e-5}, True)],

@@ -35,6 +35,7 @@ def test_a_constant_signal_offers_no_hats() -> None:
     assert columns.shape == (0, 100)
 
 
+@pytest.mark.slow
 def test_probabilities_on_pure_noise_are_never_too_small() -> None:
     rng = np.random.default_rng(5)
     values = [leftover(rng.normal(size=N) * np.sqrt(10.0)).p_value for _ in range(40)]

@@ -11,7 +11,7 @@ LAG = "sensor.lag:tau_l=120 ms"
 @pytest.mark.parametrize(
     ("others", "named", "wave"),
     [
-        ([], {}, "mixed"),
+        pytest.param([], {}, "mixed", marks=pytest.mark.slow),
         pytest.param(
             ["tracker.clock:offset=2 s,rate=1.0002"],
             {"tracker.clock": ("offset", 2.0)},

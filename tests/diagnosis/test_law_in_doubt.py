@@ -24,6 +24,7 @@ def five_plays(tmp_path_factory):
     return told(tmp_path_factory.mktemp("plays"), FIVE_PLAYS)
 
 
+@pytest.mark.slow
 def test_five_plays_for_one_make_no_load_on_the_column(five_plays) -> None:
     """Gravity of 8 N m, or any of a dozen others, was named beside the hysteresis."""
     assert {c.group for c in five_plays.causes} == {"dcv+continuity"}
@@ -47,6 +48,7 @@ def test_a_law_of_one_form_leaves_no_doubt(five_plays) -> None:
     assert Known(finding.task.model, finding.chosen.fit).doubts == []
 
 
+@pytest.mark.slow
 def test_a_supply_that_only_the_slew_shows_is_named_in_its_block(tmp_path) -> None:
     """A smaller flow gain was named, and the mechanics called unexplained."""
     found = told(tmp_path, SLOW_SUPPLY)

@@ -27,7 +27,13 @@ def in_bursts(log: Log, every: int, chance: float, longest: int) -> Log:
 
 @pytest.mark.parametrize(
     ("excitation", "every", "chance", "longest"),
-    [("triangle", 5, 0.02, 8), ("mixed", 1, 0.5, 3), ("steps", 1, 0.01, 45)],
+    [
+        ("triangle", 5, 0.02, 8),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [("mixed", 1, 0.5, 3), ("steps", 1, 0.01, 45)]
+        ),
+    ],
 )
 def test_lost_packets_hide_nothing_and_make_nothing_up(
     excitation: str, every: int, chance: float, longest: int

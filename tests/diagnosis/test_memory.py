@@ -51,6 +51,7 @@ def test_any_lost_motion_is_held() -> None:
     assert reversals("theta", np.ones(50), "reading", "rad", 1e-3) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [0.003, 0.008])
 def test_a_gap_that_the_library_lacks_is_no_inertia(gap: float) -> None:
     log = as_log(make_log("mixed", 40.0, [f"mechanical.backlash:gap={gap} rad"], seed=61))

@@ -10,6 +10,7 @@ from cosim.rig import make_log
 from cosim.rig.write import as_log
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", [("spool",), ("spool", "p_supply")])
 def test_a_shifted_neutral_shows_in_the_pressure_where_the_spool_was_not_measured(
     missing: tuple[str, ...],
@@ -22,6 +23,7 @@ def test_a_shifted_neutral_shows_in_the_pressure_where_the_spool_was_not_measure
     assert cause.parameters["x_0"][0] == pytest.approx(5e-5, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_stop_that_is_just_met_is_found_where_the_spool_was_not_measured() -> None:
     run = make_log(
         "chirp", 40.0, ["dcv.stroke_limit:x_max=1.52 mm"], amplitude=0.65, seed=12, settings=off(12)

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+import pytest
 from hidden_logs import told
 
 from cosim.diagnosis.naming import beside_rivals, tried
 from fmus import registry
 
 
+@pytest.mark.slow
 def test_which_of_two_close_effects_it_is_may_show_once_the_other_cause_is_known() -> None:
     hidden = ("mechanical.coulomb_friction", "mechanical.inertia")
     finding = told(*hidden, seed=27, seconds=40.0).findings["mechanical"]

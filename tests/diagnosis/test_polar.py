@@ -46,6 +46,7 @@ def test_a_sine_is_the_same_in_both(amplitude: float, phase: float) -> None:
     np.testing.assert_allclose(amplitude * np.sin(angle + phase), sine, rtol=1e-9, atol=1e-9 * abs(amplitude))
 
 
+@pytest.mark.slow
 def test_gravity_is_found_over_a_small_range_of_angles_with_the_command_alone() -> None:
     hidden = ["mechanical.gravity_load:tau_g=90 N.m,theta_g=30 deg"]
     log = as_log(make_log("multisine", 30.0, hidden, amplitude=0.75, seed=8, start=np.radians(13.0)))

@@ -58,6 +58,7 @@ def test_noise_is_counted_where_it_judges() -> None:
     assert concentration(noise, 1e-9, RULE) == pytest.approx(1.0, abs=1e-3)  # steps this fine are none
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "measured",
     [("u", "spool", "p_supply", "p_a", "p_b", "slew"), pytest.param(("u", "slew"), marks=pytest.mark.slow)],

@@ -10,6 +10,7 @@ from cosim.rig import as_log, as_tracker, make_log
 START = np.radians(50.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracked", [False, True])
 def test_the_scale_of_the_sensor_is_the_one_that_the_whole_chain_bears_out(tracked: bool) -> None:
     run = make_log("mixed", 40.0, ["sensor.gain:gain=1.08"], seed=6, start=START, tracker=True)

@@ -49,6 +49,7 @@ def test_a_size_is_found_at_once(size: float, off_value: float) -> None:
     assert found["m.size"] - off_value == pytest.approx(size, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_gravity_over_a_short_range_of_angles_is_found_in_the_first_rounds() -> None:
     """Amplitude and phase lie in a long valley there, along which a search from afar creeps."""
     finding = told("mechanical.gravity_load:tau_g=100 N.m,theta_g=17 deg", seed=18, seconds=40.0).findings[
@@ -69,6 +70,7 @@ def test_a_limit_of_the_speed_below_all_starts_is_found() -> None:
     assert cause.parameters["v_max"][0] == pytest.approx(4.2e-3, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_stop_that_is_never_met_is_left_where_it_was() -> None:
     """One stop is hit; the other lies beyond what the spool reaches: all that the log says is that it is no nearer."""
     settings = {"dcv.K": 0.002398, "dcv.w0": 25.39, "dcv.zeta": 0.5505}

@@ -62,8 +62,8 @@ def computed(changed: dict[str, float], seed: int) -> Log:
     ("changed", "named"),
     [
         ({}, []),
-        ({"mechanical.tau_c": 60.0}, ["mechanical.coulomb_friction"]),
-        ({"dcv.K": 2.52e-3}, ["dcv.gain"]),
+        pytest.param({"mechanical.tau_c": 60.0}, ["mechanical.coulomb_friction"], marks=pytest.mark.slow),
+        pytest.param({"dcv.K": 2.52e-3}, ["dcv.gain"], marks=pytest.mark.slow),
     ],
     ids=["nothing", "dry friction", "the valve's gain"],
 )
@@ -75,7 +75,14 @@ def test_explicit_steps_of_a_millisecond_call_for_no_cause(
     assert not found.rests
 
 
-@pytest.mark.parametrize(("signal", "late"), [("spool", 0.5e-3), ("spool", -0.5e-3), ("slew", 0.5e-3)])
+@pytest.mark.parametrize(
+    ("signal", "late"),
+    [
+        ("spool", 0.5e-3),
+        pytest.param("spool", -0.5e-3, marks=pytest.mark.slow),
+        pytest.param("slew", 0.5e-3, marks=pytest.mark.slow),
+    ],
+)
 def test_a_signal_half_a_sample_late_calls_for_no_cause(signal: str, late: float) -> None:
     log = as_log(make_log("mixed", 30.0, [], seed=77, settings=off(77)))
     moved = np.interp(log.time - late, log.time, log.signals[signal])

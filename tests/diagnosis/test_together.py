@@ -39,6 +39,7 @@ def test_without_the_blocks_behind_the_two_are_declared_alike(log, monkeypatch) 
     assert LEAKAGE in (cause.effect.name, *cause.alike)
 
 
+@pytest.mark.slow
 def test_sets_that_span_the_same_two_numbers_are_declared_alike() -> None:
     """Of flow gain, leakage and compressibility any two do what any other two do."""
     hidden = [f"{FLOW_GAIN}:K_c=7e8", f"{LEAKAGE}:c_l=0.65"]
@@ -49,6 +50,7 @@ def test_sets_that_span_the_same_two_numbers_are_declared_alike() -> None:
     assert {FLOW_GAIN, LEAKAGE} <= reported <= {FLOW_GAIN, LEAKAGE, "continuity.compressibility"}
 
 
+@pytest.mark.slow
 def test_a_slew_read_in_steps_weighs_nothing() -> None:
     """Its likelihood over the whole log is jagged: a turbulent leak took the place of a smaller flow gain."""
     noise = Noise(scale=0.93, kind="ar1", correlation_time=0.038)

@@ -186,6 +186,7 @@ def test_a_seam_that_the_motion_stays_above_is_not_exercised() -> None:
     assert finding.never == ["tracker.seam"]
 
 
+@pytest.mark.slow
 def test_a_seam_nearly_as_high_as_the_motion_is_long_is_no_wrong_scale() -> None:
     """Half of the readings lie within the noise of the seam, and some on its wrong side."""
     noise = Noise(scale=1.9, kind="pink")
@@ -200,7 +201,13 @@ def test_a_seam_nearly_as_high_as_the_motion_is_long_is_no_wrong_scale() -> None
 
 @pytest.mark.parametrize(
     ("convert", "start", "rounds"),
-    [(np.rint, 9.0, ""), (np.floor, 9.0, "down"), (np.ceil, 9.0, "up"), (np.trunc, -2.0, "towards zero")],
+    [
+        (np.floor, 9.0, "down"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [(np.rint, 9.0, ""), (np.ceil, 9.0, "up"), (np.trunc, -2.0, "towards zero")]
+        ),
+    ],
 )
 def test_a_converter_that_cuts_off_is_no_bias(
     convert: Callable[[Array], Array], start: float, rounds: str

@@ -13,6 +13,7 @@ from cosim.rig.write import as_log
 from fmus import registry
 
 
+@pytest.mark.slow
 def test_an_asymmetry_below_the_noise_of_the_pressure_is_declared_beside_the_drift_it_looks_like() -> None:
     run = make_log(
         "small_steps",
@@ -29,6 +30,7 @@ def test_an_asymmetry_below_the_noise_of_the_pressure_is_declared_beside_the_dri
             assert "continuity.flow_asymmetry" in cause.alike
 
 
+@pytest.mark.slow
 def test_an_asymmetry_that_only_the_slew_shows_is_named_where_it_acts() -> None:
     """A drift of the sensor with a gear ripple beside it explained the slew worse, and was named."""
     noise = Noise(scale=2.0, kind="ar1", correlation_time=0.05)
@@ -44,6 +46,7 @@ def test_an_asymmetry_that_only_the_slew_shows_is_named_where_it_acts() -> None:
     assert {e.name for e, far in cause.rivals if far > 6.0} & {"sensor.drift", "mechanical.gravity_load"}
 
 
+@pytest.mark.slow
 def test_a_drift_beyond_what_the_pressure_allows_has_no_rival_upstream() -> None:
     run = make_log("mixed", 60.0, [Hidden("sensor.drift", {"drift": 5e-4})], seed=24)
     (cause,) = diagnose(as_log(run)).causes

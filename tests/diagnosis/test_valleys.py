@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from cosim.diagnosis.story import diagnose
 from cosim.rig import make_log
@@ -11,6 +12,7 @@ from cosim.rig.write import as_log
 FASTER = {"dcv.K": 2.3935e-3, "dcv.w0": 25.634, "dcv.zeta": 0.5393}
 
 
+@pytest.mark.slow
 def test_a_clean_log_in_which_the_spool_grazes_its_stops_is_adequate() -> None:
     t = np.arange(60_001) * 1e-3
     rising = np.log(3.0 / 0.08)
