@@ -153,7 +153,8 @@ def begun_values(record: Record, group: Group) -> dict[str, float]:
                 found[f"{component}.{output}_0"] = level(record.signals[s])
     if not any(found.values()):
         return {}
-    return settled(group, float(record.signals[group.drive][0])) | found
+    before = settled(group, float(record.signals[group.drive][0])) if group.drive in record.signals else {}
+    return before | found
 
 
 def shown_by(group: Group, component: str, output: str) -> str:

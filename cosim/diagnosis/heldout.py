@@ -273,7 +273,7 @@ def left_out_errors(
 
 def reconsider(
     finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float, done: Steps | None = None
-) -> None:
+) -> tuple[Effect, ...]:
     """Hold what could stand in the place of a kept cause against it on held-out data: they may tell the two apart no better.
 
     An effect is refused because it adds nothing to those that are kept. One that would do as well in the place of one
@@ -285,12 +285,17 @@ def reconsider(
         refused: what they refused in this group.
         tolerance: trust in the nominal parameters.
         done: sets judged already.
+
+    Returns:
+        The set to keep: of effects on request that cannot be told apart, the one that the machine's mapping names first.
     """
     chosen = finding.chosen
     named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
     if not named or not signal or current().over:
-        return
+        return chosen.effects
+    order = finding.task.model.group.asked
+    taken = chosen.effects
     step = stepper(finding, held, signal, tolerance, done)
     at = step(named)
     for effect in named:
@@ -309,13 +314,26 @@ def reconsider(
                 break
             instead = step((*rest, other))
             about_as_well = instead.held < AS_WELL * at.held or not at.clearly_better(instead)
-            if instead.sure and instead.clearly_better(bare) and about_as_well:
+            gains = ratio_ci95(instead.squares, bare.squares)[1] < 1.0
+            if other.name not in instead.doubtful and gains and about_as_well:
                 undecided.append(other)
         finding.undecided[effect.name] = [e.name for e in undecided]
         known = {e.name for (e,) in beside}
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
         finding.rivals[effect.name] = [*finding.rivals.get(effect.name, []), *found]
+        first = [n for n in order if n in (effect.name, *finding.undecided[effect.name])][:1]
+        if effect.name in order and first != [effect.name]:
+            other = next(e for e in undecided if e.name == first[0])
+            taken = tuple(other if e == effect else e for e in taken)
+            finding.undecided[other.name] = [effect.name]
+    if taken != chosen.effects:
+        marked = tuple(e for e in taken if e.name in SAMPLED)
+        at = shrunk(finding, step(tuple(e for e in taken if e.name not in SAMPLED)), step, {})
+        taken = (*at.effects, *marked)
+        finding.held_squares = at.squares
+        finding.borne = {e.name: borne(at, e, step) for e in at.effects}
+    return taken
 
 
 def outdone(
@@ -386,13 +404,21 @@ def balanced(
             if not better:
                 break
             at = min(better, key=lambda s: s.fitted)
-        while at.effects and not current().over:  # left out, or something simpler in its place
-            smaller = next_smaller(finding, at, step, losses)
-            if smaller is None:
-                break
-            at = smaller
+        at = shrunk(finding, at, step, losses)
         if {e.name for e in at.effects} == {e.name for e in before.effects}:
             break
+    return at
+
+
+def shrunk(
+    finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], losses: Mapping[str, float]
+) -> Step:
+    """The set without what held-out data do not bear out, or with something simpler in its place."""
+    while at.effects and not current().over:
+        smaller = next_smaller(finding, at, step, losses)
+        if smaller is None:
+            break
+        at = smaller
     return at
 
 

@@ -206,8 +206,8 @@ def borne_out(
         before = finding
         finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
         finding.held_squares, finding.borne = before.held_squares, before.borne
-    reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
-    return finding
+    taken = reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
+    return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust)
 
 
 def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float) -> Finding:
