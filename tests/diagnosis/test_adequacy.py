@@ -80,6 +80,7 @@ def test_a_drive_that_friction_holds_is_not_called_a_dead_sensor() -> None:
     assert {"sensor.gain", "mechanical.coulomb_friction"} <= {cause.effect.name, *cause.alike}
 
 
+@pytest.mark.slow
 def test_a_drive_that_stands_has_no_torque_along_its_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     finding = told(seed=53, seconds=21.0).findings["mechanical"]
     assert bent.with_free_function(finding.task, finding.null, "omega") is not None

@@ -14,10 +14,8 @@ SINGLE = [n for n in EFFECTS if not n.startswith("unknown.") and n not in NEEDS_
 # one of each block in every run; the others with the slow tests
 QUICK = (
     "dcv.delay",
-    "dcv.stroke_limit",
     "continuity.leakage",
     "mechanical.coulomb_friction",
-    "sensor.quantisation",
 )
 # a scale of the slew and a change of the mechanics look alike without a tracker
 TWINS = {"sensor.gain", "mechanical.viscous_friction"}

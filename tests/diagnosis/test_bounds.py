@@ -34,6 +34,7 @@ def test_a_ripple_at_the_bound_of_its_period_is_not_named(without_gravity: Diagn
     assert impossible(ripple, finding.task.model) == [RIPPLE]
 
 
+@pytest.mark.slow
 def test_a_true_ripple_is_not_at_a_bound() -> None:
     found = told("mechanical.gear_ripple:tau_r=80 N.m,n_r=20,phi_r=0.5", seed=5, seconds=25.0)
     assert [c.effect.name for c in found.causes] == ["mechanical.gear_ripple"]

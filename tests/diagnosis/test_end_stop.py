@@ -43,6 +43,7 @@ def test_also_where_only_command_and_angle_were_measured() -> None:
     assert np.degrees(cause.parameters["theta_max"][0]) == pytest.approx(16.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_saturated_sensor_is_no_end_of_the_travel() -> None:
     """The drive has moved on: the reading comes back later than the drive is reversed."""
     cause = only(found("sensor.saturation"))

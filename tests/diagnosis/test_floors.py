@@ -17,6 +17,7 @@ def test_the_floor_is_the_sensors_noise_sample_by_sample(kind: str) -> None:
     assert found.noise == pytest.approx(SENSORS, rel=0.1)
 
 
+@pytest.mark.slow
 def test_readings_in_steps_are_off_by_their_rounding() -> None:
     quantum = 0.1 * DEG
     found = told(f"sensor.quantisation:quantum={quantum} rad", seed=6)

@@ -63,7 +63,7 @@ def test_friction_in_which_the_drive_only_creeps_is_no_dead_sensor() -> None:
     )
 
 
-@pytest.mark.parametrize("effect", [COULOMB, STRIBECK])
+@pytest.mark.parametrize("effect", [COULOMB, pytest.param(STRIBECK, marks=pytest.mark.slow)])
 def test_sharp_friction_keeps_its_simplest_form(effect) -> None:
     (cause,) = told_of(effect, "sharp", seed=815).causes
     assert cause.effect == registry.effects()[effect]
@@ -72,7 +72,11 @@ def test_sharp_friction_keeps_its_simplest_form(effect) -> None:
 
 @pytest.mark.parametrize(
     ("root", "named", "noise_scale"),
-    [(True, True, 1.0), (False, False, 1.0), pytest.param(True, True, 0.0, marks=pytest.mark.slow)],
+    [
+        pytest.param(True, True, 1.0, marks=pytest.mark.slow),
+        (False, False, 1.0),
+        pytest.param(True, True, 0.0, marks=pytest.mark.slow),
+    ],
     ids=["turbulent", "laminar", "turbulent without noise"],
 )
 def test_leakage_through_an_orifice_is_leakage(root, named, noise_scale) -> None:
@@ -121,6 +125,7 @@ def test_which_friction_holds_a_drive_at_rest_cannot_be_told() -> None:
     assert "mechanical.stribeck_friction" in (cause.effect.name, *cause.alike)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "soft"),
     [

@@ -29,7 +29,7 @@ def told_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, **settings)
         ),
         pytest.param("mechanical.stribeck_friction", FRICTION, "", math.nan, marks=pytest.mark.slow),
         ("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25),
-        ("sensor.lag", {"tau_l": 0.1}, "", math.nan),
+        pytest.param("sensor.lag", {"tau_l": 0.1}, "", math.nan, marks=pytest.mark.slow),
         pytest.param(
             "mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06, marks=pytest.mark.slow
         ),
@@ -49,6 +49,7 @@ def test_the_form_is_found_only_where_it_is(tmp_path, effect, settings, form, si
         assert deviation < 0.3 * size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3])
 def test_a_form_that_hides_in_its_own_signal_shows_in_the_blocks_behind(tmp_path, seed) -> None:
     """A turbulent leak, lost in the noise of the pressure, was called friction or unexplained in the mechanics."""

@@ -32,6 +32,7 @@ def test_five_plays_for_one_make_no_load_on_the_column(five_plays) -> None:
     assert not five_plays.rests
 
 
+@pytest.mark.slow
 def test_what_the_law_lacks_is_small_and_known_to_a_part(five_plays) -> None:
     finding = five_plays.findings["dcv+continuity"]
     lacking, doubts = doubt_of_law(finding, five_plays.record)

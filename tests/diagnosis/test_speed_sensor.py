@@ -71,7 +71,12 @@ def test_a_gyroscope_beside_the_angle_shows_the_same_group(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    "columns", [(*PRESSURES, "slew_rate"), ("u", "slew_rate"), (*PRESSURES, "slew", "slew_rate")]
+    "columns",
+    [
+        (*PRESSURES, "slew_rate"),
+        pytest.param(("u", "slew_rate"), marks=pytest.mark.slow),
+        (*PRESSURES, "slew", "slew_rate"),
+    ],
 )
 def test_friction_is_found_in_a_speed(tmp_path: Path, columns: tuple[str, ...]) -> None:
     found = told(tmp_path, columns, "mechanical.coulomb_friction:tau_c=400 N.m")

@@ -61,6 +61,7 @@ def test_gravity_over_a_short_range_of_angles_is_found_in_the_first_rounds() -> 
     assert trial.fit.values["mechanical.theta_g"] == pytest.approx(np.radians(17.0), abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_limit_of_the_speed_below_all_starts_is_found() -> None:
     """Small steps of a valve that is slower than any start: the measured spool itself says how fast it gets."""
     hidden, noise = ["dcv.rate_limit:v_max=4.2e-3"], Noise(scale=1.17)

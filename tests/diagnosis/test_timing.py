@@ -90,6 +90,7 @@ def test_a_signal_half_a_sample_late_calls_for_no_cause(signal: str, late: float
     assert found.verdict == "adequate"
 
 
+@pytest.mark.slow
 def test_a_delay_of_a_few_samples_is_found_as_well_as_the_timing_is_known() -> None:
     run = make_log("steps", 40.0, ["dcv.delay:tau_d=3 ms"], seed=78, settings=off(78))
     (cause,) = diagnose(as_log(run)).causes

@@ -25,6 +25,7 @@ def log():
     return as_log(run)
 
 
+@pytest.mark.slow
 def test_the_slew_tells_a_smaller_flow_gain_from_a_leak(log) -> None:
     (cause,) = diagnose(log).causes
     assert cause.effect.name == FLOW_GAIN

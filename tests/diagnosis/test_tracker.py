@@ -116,6 +116,7 @@ class Motion:
         return np.diag(np.linalg.inv(self.slopes @ self.slopes.T / density))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("logs", [20, pytest.param(200, marks=pytest.mark.slow)])
 def test_clock_and_seam_reach_the_cramer_rao_bound(logs: int) -> None:
     motion = Motion()
