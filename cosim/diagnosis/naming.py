@@ -90,15 +90,15 @@ def joint(found: Fit, sizes: dict[str, float]) -> float:
     return float(values @ np.linalg.pinv(found.covariance[np.ix_(at, at)], hermitian=True) @ values)
 
 
-def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float) -> bool:
-    """True if `new` (one effect more) is to be believed over `old`."""
+def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float, sure: float = SURE) -> bool:
+    """True if `new` (one effect more) is to be believed over `old`: by `sure` of log-likelihood beyond its price."""
     effect = new.effects[-1]
     if not worth_naming(new, effect, model, tolerance) or impossible(new, model):
         return False
     if all(f"{effect.component}.{p}" in model.group.trusted for p in effect.free):
         # its prior has been its price; beyond that it must gain as much as any other cause
-        return new.fit.log_likelihood > old.fit.log_likelihood + SURE
-    return new.score > old.score + SURE
+        return new.fit.log_likelihood > old.fit.log_likelihood + sure
+    return new.score > old.score + sure
 
 
 def find(
@@ -175,8 +175,12 @@ def coarsely(
     def weighed(trial: Trial) -> None:
         task.set_rules({s: broad(rule, trial.fit.residuals[s]) for s, rule in task.rules.items()})
 
+    def left(trial: Trial) -> float:
+        return float(np.log(max(-2.0 * trial.fit.log_likelihood, 1e-300)))
+
     try:
         weighed(null)
+        chosen = null = tried(task, (), tolerance, null.fit)
         for _ in range(most):
             further = [e for e in candidates if e not in chosen.effects]
             if chosen.effects:
@@ -184,10 +188,15 @@ def coarsely(
             options = tried_all(task, [(*chosen.effects, e) for e in further], tolerance, chosen.fit)
             if not options or current().over:
                 break
-            weighed(options[0])
+            # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price
+            count = max(-2.0 * chosen.fit.log_likelihood, 2.0)
+            worth = [-0.5 * count * left(t) - 0.5 * t.price * np.log(count) for t in options]
+            best = options[int(np.argmax(worth))]
+            weighed(best)
             before = tried(task, chosen.effects, tolerance, chosen.fit)
-            more = tried(task, options[0].effects, tolerance, options[0].fit)
-            if not accepted(more, before, task.model, tolerance):
+            more = tried(task, best.effects, tolerance, best.fit)
+            # a beginning only: what is named is decided later
+            if not accepted(more, before, task.model, tolerance, CLOSE):
                 break
             chosen = swapped(task, more, candidates, tolerance)
     finally:

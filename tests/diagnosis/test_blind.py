@@ -11,7 +11,7 @@ from cosim.rig.write import as_log
 # seen only with the tracker, or hidden in the start angle without one
 NEEDS_TRACKER = ("tracker.clock", "tracker.seam", "sensor.bias")
 SINGLE = [n for n in EFFECTS if not n.startswith("unknown.") and n not in NEEDS_TRACKER]
-# one of each block in every run; the others with the slow tests
+# one of each block before the sensor in every run; the others with the slow tests
 QUICK = (
     "dcv.delay",
     "continuity.leakage",

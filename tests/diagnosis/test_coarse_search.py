@@ -1,0 +1,56 @@
+"""Where much is wrong and parameters are free, causes are first sought by the error itself."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from cosim.diagnosis.chain import task_for
+from cosim.diagnosis.data import Record, joined
+from cosim.diagnosis.groups import Group, merged
+from cosim.diagnosis.machine import our_machine
+from cosim.diagnosis.naming import coarsely, nominal
+from cosim.diagnosis.noise import broad, plain
+from cosim.diagnosis.story import prepare
+from cosim.diagnosis.trials import FREE, candidates_of
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+
+HIDDEN = ("mechanical.coulomb_friction:tau_c=300", "mechanical.end_stop")
+START = {"mechanical.theta_0": np.radians(15.0), "mechanical.J": 3000.0, "mechanical.b": 9000.0}
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.8, 0.98])
+def test_a_sum_over_bins_weighs_as_many_values_as_are_independent(correlation: float) -> None:
+    """The mean over a window is as certain under the rule as it truly is, within a factor of two."""
+    rule = plain(1, 2000, False)
+    values = lfilter([1.0], [1.0, -correlation], np.random.default_rng(3).standard_normal(200_000))
+    truth = float(np.var(rule.windows(values).mean(axis=1)))
+    assert broad(rule, values).sizes[0] / 2000 == pytest.approx(truth, rel=1.2, abs=0.6 * truth)
+    assert not any(broad(rule, values).sizes[1:])
+
+
+@pytest.fixture(scope="module")
+def pair() -> tuple[Record, Group]:
+    """Two short synthetic logs of a drive far from its nominal numbers, of which command and angle are known."""
+    machine = our_machine("full_order")
+    records = []
+    for seed in (5, 6):
+        log = as_log(make_log("steps", 9.0, list(HIDDEN), seed=seed, settings=START))
+        log = dataclasses.replace(log, signals={n: log.signals[n] for n in ("u", "slew")})
+        records.append(prepare(log, machine))
+    record = joined(records)
+    (group,) = merged(machine.groups, record.signals)
+    return record, group
+
+
+def test_an_end_of_the_travel_that_was_met_is_among_the_first(pair: tuple[Record, Group]) -> None:
+    record, group = pair
+    task = task_for(group, record, [])
+    null = nominal(task, record, FREE)
+    rules = dict(task.rules)
+    found = coarsely(task, record, null, candidates_of(task), FREE, 3)
+    assert found is not None
+    assert "mechanical.end_stop" in found.names
+    assert task.rules == rules  # the noise is as it was learned
