@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.trials import Trial, without
-from cosim.inference.held_out import HeldOutGain, gain_between, left_out, steps_without
+from cosim.inference.held_out import LEAST, HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -37,6 +37,25 @@ def repetitions(task: Task) -> NDArray[np.int64]:
         count, bins = rule.windows(task.measured[signal]).shape
         rows.append(np.repeat(rule.log_of(task.measured[signal].size)[:count], bins))
     return np.concatenate(rows)
+
+
+def errs_less(task: Task, one: Fit, other: Fit, demean: bool) -> bool:
+    """True if one fit leaves less of a group's first signal than another, by more than the choice of the windows may make.
+
+    Args:
+        task: data of the group.
+        one: a fit.
+        other: the one it is held against.
+        demean: what is constant over a window does not count.
+    """
+    signal = next(iter(task.measured))
+    squares = []
+    for fit_ in (one, other):
+        rows = task.rules[signal].windows(fit_.residuals[signal])
+        rows = rows - rows.mean(axis=1, keepdims=True) if demean else rows
+        parts = np.array_split(rows, -(-LEAST // len(rows)), axis=1)  # of few windows, for an interval
+        squares.append(np.concatenate([np.mean(part**2, axis=1) for part in parts]))
+    return ratio_ci95(*squares)[1] < 1.0
 
 
 def part(task: Task, mask: NDArray[np.bool_]) -> Task:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cosim.compare.metrics import rms
 from cosim.diagnosis.between import estimates, fit_of, over_logs, task_of
-from cosim.diagnosis.crossval import held_windows
+from cosim.diagnosis.crossval import errs_less, held_windows
 from cosim.diagnosis.data import Record, fixed_values, is_start
 from cosim.diagnosis.extend import closed, fitted_chain, whole_run, write_extended
 from cosim.diagnosis.finding import Finding
@@ -26,7 +26,6 @@ from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.together import weighed
 from cosim.diagnosis.trials import FREE, Trial, tried, without
 from cosim.diagnosis.verdict import rests, stands
-from cosim.inference.held_out import LEAST, ratio_ci95
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
 
@@ -65,7 +64,8 @@ def estimate(
         while lost := vanished(finding, effects, needed, best, tolerance):
             rest = tuple(e for e in effects if e is not lost)
             fewer = refitted(finding, rest, tolerance, near_fit, mask)
-            if clearly_better(best, fewer):  # its parameters may be in doubt, itself it is not
+            less = errs_less(finding.task, best, fewer, demean=False)
+            if less and lost not in needed:  # its parameters may be in doubt, itself it is not
                 needed.append(lost)
                 continue
             turn_down(diagnosis, finding, lost, best, fewer, tolerance)
@@ -130,23 +130,19 @@ def part_of(
     return None if mask is None else mask[rule.log_of(record.time.size)[: mask.size] == log]
 
 
-def clearly_better(one: Fit, other: Fit) -> bool:
-    """True if the free run of one fit errs less than that of another, by more than the choice of its parts may make."""
-    signal = next(iter(one.residuals))
-    squares = [
-        np.array([np.mean(part**2) for part in np.array_split(fit_.residuals[signal], LEAST)])
-        for fit_ in (one, other)
-    ]
-    return ratio_ci95(*squares)[1] < 1.0
-
-
 def vanished(
     finding: Finding, effects: tuple[Effect, ...], needed: list[Effect], found: Fit, tolerance: float
 ) -> Effect | None:
-    """An effect of which a free run over the log leaves nothing, or nothing that is determined; none of those `needed`."""
-    trial = Trial(effects, found, 0)
-    named = (e for e in effects if e.name not in SAMPLED and e not in needed)
-    return next((e for e in named if not worth_naming(trial, e, finding.task.model, tolerance)), None)
+    """An effect of which a free run over the log leaves nothing, or, of those not `needed`, nothing that is determined."""
+    trial, model = Trial(effects, found, 0), finding.task.model
+
+    def gone(effect: Effect) -> bool:
+        names = [f"{effect.component}.{p}" for p in effect.free]
+        if all(found.values[n] == model.nominal(n) for n in names):
+            return True
+        return effect not in needed and not worth_naming(trial, effect, model, tolerance)
+
+    return next((e for e in effects if e.name not in SAMPLED and gone(e)), None)
 
 
 def turn_down(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2, norm
 
+from cosim.compare.metrics import rms
 from cosim.diagnosis.bounds import impossible
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.data import Record
@@ -43,6 +44,7 @@ from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
 SIZED = 2.0  # standard deviations from off beyond which a size is sure
+LESS = 0.9  # of what a search leaves: a coarse one that leaves less has found what it missed
 NEARLY = 0.05  # of the chosen set's gain behind it: such a rival is fitted until it settles
 HALF = 0.5  # the same of a single effect in the place of the one chosen: its valley may be long
 
@@ -120,26 +122,30 @@ def find(
     null, exact = nominal(task, record, tolerance), task.model
     if tolerance >= FREE:
         candidates = identifiable(task, null, candidates)
-        if begin is None and most:
-            begin = coarsely(task, record, null, candidates, tolerance, most)
     paced(task, exact, null.fit, candidates, tolerance)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-    chosen = best_single(task, null, single, tolerance) if most else null
+    known = task.rules, task.model
+
+    def searched(chosen: Trial) -> tuple[Trial, Trial, list[Trial]]:
+        return onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
+
     if begin is not None:
         chosen = tried(task, begin.effects, tolerance, begin.fit)
-    for _ in range(2 * most):
-        if not chosen.effects or current().over:
-            break
-        if relearned(task, record, chosen.fit):
-            paced(task, exact, chosen.fit, candidates, tolerance)
-            null = tried(task, (), tolerance, null.fit)
-            single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit, single)
-            chosen = fitted_again(task, null, chosen, single, candidates, tolerance)
-        room = 0 < len(chosen.effects) < most
-        more = extended(task, record, chosen, single, candidates, tolerance) if room else None
-        if more is None:
-            break
-        chosen = more
+    else:
+        chosen = best_single(task, null, single, tolerance) if most else null
+    found = searched(chosen)
+    if begin is None and most and tolerance >= FREE and not current().over:
+        ended = task.rules, task.model
+        task.set_rules(known[0])
+        task.model = known[1]
+        coarse = coarsely(task, null, candidates, tolerance, most)
+        if coarse is not None and remaining(task, coarse) < LESS * remaining(task, found[1]):
+            again = searched(tried(task, coarse.effects, tolerance, coarse.fit))
+            if remaining(task, again[1]) < remaining(task, found[1]):
+                found, ended = again, (task.rules, task.model)
+        task.set_rules(ended[0])
+        task.model = ended[1]
+    null, chosen, single = found
     null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
     single = in_same_form(task, chosen, single, tolerance)
@@ -161,8 +167,55 @@ def find(
     return finding
 
 
+def onward(
+    task: Task,
+    record: Record,
+    exact: GroupModel,
+    null: Trial,
+    chosen: Trial,
+    single: list[Trial],
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    most: int,
+) -> tuple[Trial, Trial, list[Trial]]:
+    """The nominal model, the set that a search ends with, and the single effects, all under the noise learned meanwhile.
+
+    Args:
+        task: data, model and noise.
+        record: the log.
+        exact: the model in the log's own steps.
+        null: the nominal model, fitted.
+        chosen: the set with which the search begins.
+        single: every single effect, fitted.
+        candidates: the effects.
+        tolerance: trust in the nominal parameters.
+        most: effects at most.
+    """
+    for _ in range(2 * most):
+        if not chosen.effects or current().over:
+            break
+        if relearned(task, record, chosen.fit):
+            paced(task, exact, chosen.fit, candidates, tolerance)
+            null = tried(task, (), tolerance, null.fit)
+            single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit, single)
+            chosen = fitted_again(task, null, chosen, single, candidates, tolerance)
+        room = 0 < len(chosen.effects) < most
+        more = extended(task, record, chosen, single, candidates, tolerance) if room else None
+        if more is None:
+            break
+        chosen = more
+    return null, chosen, single
+
+
+def remaining(task: Task, trial: Trial) -> float:
+    """RMS of what a set leaves of a group's first signal in the windows, SI; what is constant there counts where it does."""
+    signal, rule = next(iter(task.rules.items()))
+    rows = rule.windows(trial.fit.residuals[signal])
+    return rms((rows - rows.mean(axis=1, keepdims=True) if rule.demean else rows).ravel())
+
+
 def coarsely(
-    task: Task, record: Record, null: Trial, candidates: tuple[Effect, ...], tolerance: float, most: int
+    task: Task, null: Trial, candidates: tuple[Effect, ...], tolerance: float, most: int
 ) -> Trial | None:
     """What most reduces the error itself, as long as that is sure; None for nothing.
 

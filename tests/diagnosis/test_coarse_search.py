@@ -50,7 +50,7 @@ def test_an_end_of_the_travel_that_was_met_is_among_the_first(pair: tuple[Record
     task = task_for(group, record, [])
     null = nominal(task, record, FREE)
     rules = dict(task.rules)
-    found = coarsely(task, record, null, candidates_of(task), FREE, 3)
+    found = coarsely(task, null, candidates_of(task), FREE, 3)
     assert found is not None
     assert "mechanical.end_stop" in found.names
     assert task.rules == rules  # the noise is as it was learned
