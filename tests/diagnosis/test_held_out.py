@@ -1,18 +1,22 @@
 """Which causes held-out data keep: those whose absence makes the prediction worse, even where they help together only."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cosim.diagnosis.chain import task_for
+from cosim.diagnosis.extension import vanished
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.groups import MODELS
 from cosim.diagnosis.heldout import Held, Refused, Step, balanced, borne, reconsider
 from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.naming import find
 from cosim.diagnosis.story import prepare
+from cosim.diagnosis.trials import FREE
+from cosim.diagnosis.verdict import causes
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry
@@ -118,3 +122,26 @@ def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_bett
     reconsider(finding, Held(other, 0), turned_down, 0.01)
     added = {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     assert added == {CRACKING.name}
+    # and the answer says so: what held-out data leave undecided is what cannot be told apart
+    assert CRACKING.name in finding.undecided[COULOMB.name]
+    (cause,) = causes(finding, 0.01)
+    assert set(cause.alike) == set(finding.undecided[COULOMB.name])
+
+
+def test_what_ended_at_its_off_values_is_no_cause_though_held_out_data_liked_it() -> None:
+    """Borne out or not: of an end of the travel out of reach nothing is left. One that is needed may be of doubtful size."""
+    stop = registry.effects()["mechanical.end_stop"]
+    model = SimpleNamespace(
+        nominal=lambda n: {"theta_max": 1e3, "theta_min": -1e3}.get(n.partition(".")[2], 0.0),
+        group=MECHANICS.task.model.group,
+    )
+    finding = SimpleNamespace(task=SimpleNamespace(model=model))
+
+    def fitted(theta_max: float) -> Fit:
+        values = {"mechanical.theta_max": theta_max, "mechanical.theta_min": -1e3, "mechanical.tau_c": 5.0}
+        return replace(FIT, values=values, deviations=dict.fromkeys(values, 1e4))
+
+    gone = partial(vanished, finding, (COULOMB, stop), tolerance=FREE)  # type: ignore[arg-type]
+    assert gone([COULOMB, stop], fitted(1e3)) is stop
+    assert gone([COULOMB, stop], fitted(0.3)) is None
+    assert gone([stop], fitted(0.3)) is COULOMB
