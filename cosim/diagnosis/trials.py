@@ -123,18 +123,6 @@ def unknowns(
     return list(found.values()), starts
 
 
-def confined(wanted: list[Unknown]) -> list[Unknown]:
-    """Unknowns whose trusted parameters stay within their trust, however much the data pull."""
-    found = []
-    for u in wanted:
-        if u.prior is not None:
-            middle, reach = u.prior[0], BEYOND * u.prior[1]
-            low, high = max(u.low, middle - reach), min(u.high, middle + reach)
-            u = replace(u, low=low, high=high, start=float(np.clip(u.start, low, high)))
-        found.append(u)
-    return found
-
-
 def anchored(wanted: list[Unknown], values: Mapping[str, float]) -> list[Unknown]:
     """Unknowns that begin at known values and stay within a typical change of them where nothing else holds them.
 
