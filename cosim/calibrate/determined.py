@@ -16,50 +16,10 @@ from cosim.correlation import correlations
 Array = NDArray[np.float64]
 BLIND = 0.5  # a change of half a parameter's size within one standard deviation is not seen
 MEMBER = 0.2  # share of the largest change from which a parameter counts as part of a direction
-ROUNDING = 1e-8  # share of the largest slope that differences cannot tell from none
 UNSEEN = 100.0  # sizes; so uncertain is a parameter on which nothing depends
 CORRELATED = 0.95
 BLOCKS = 20  # parts of the fitted log by which the intervals are checked
 CHANCE = 1e-3  # probability below which a larger spread between parts is no chance
-
-
-@dataclass(frozen=True)
-class Sight:
-    """What the data alone, without priors, show of some unknowns.
-
-    Attributes:
-        directions: (k, p) orthonormal directions, best seen first.
-        deviations: (k,) standard deviation of a step along each; infinite where nothing moves.
-    """
-
-    directions: Array
-    deviations: Array
-
-    @property
-    def own(self) -> Array:
-        """(p,) standard deviation of each unknown, all others unknown too; infinite where nothing tells."""
-        parts = np.abs(self.directions) > 1e-4
-        seen = np.isfinite(self.deviations)
-        total = np.sum((self.directions[seen] * self.deviations[seen, None]) ** 2, axis=0)
-        return np.where(parts[~seen].any(axis=0), np.inf, np.sqrt(total))
-
-
-def sight(jacobian: Array, others: Array) -> Sight:
-    """What is seen of unknowns.
-
-    Args:
-        jacobian: (rows, p) their whitened slopes, without priors.
-        others: (rows, q) those of what is estimated beside them and may make up for their changes.
-    """
-    p = jacobian.shape[1]
-    q = others.shape[1]
-    upper = np.asarray(np.linalg.qr(np.hstack([others, jacobian]), mode="r"))[q:, q:]
-    _, values, directions = np.linalg.svd(upper)
-    sizes = np.zeros(p)
-    sizes[: values.size] = values
-    largest = max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-300)
-    deviations = np.where(sizes > ROUNDING * largest, 1.0 / np.maximum(sizes, 1e-300), np.inf)
-    return Sight(directions, deviations)
 
 
 def described(direction: Array, deviation: float, names: Sequence[str], parts: Array) -> Undetermined:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cosim.diagnosis.cut import TRUSTED
+from cosim.compare.binding import TRUSTED
 from cosim.errors import UsageError
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import resolve, settable_names

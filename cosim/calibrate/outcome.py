@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.calibrate.noise import Noise
 from cosim.compare.metrics import Score
+from cosim.inference.noise import Noise
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.calibrate.free import Free
-from cosim.calibrate.noise import Noise, quietest
 from cosim.calibrate.twin import Twin
 from cosim.compare import Comparator
 from cosim.errors import DataError, SimulationError, UsageError
+from cosim.inference.noise import Noise, quietest
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.system import Value
 

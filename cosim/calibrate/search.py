@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from cosim.calibrate.noise import Noise, quietest
 from cosim.calibrate.outcome import Start
 from cosim.calibrate.problem import Problem
-from cosim.calibrate.spectrum import bands, learn
 from cosim.errors import SimulationError, UsageError
+from cosim.inference.noise import Noise, quietest
+from cosim.inference.spectrum import bands, learn
 
 Array = NDArray[np.float64]
 SCREENED = 4  # points looked at for each start that is drawn

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cosim.calibrate.determined import BLIND, correlated, described, sight
+from cosim.calibrate.determined import BLIND, correlated, described
 from cosim.calibrate.estimates import at_bound, estimates
 from cosim.calibrate.free import Free
 from cosim.calibrate.outcome import Calibration, Series, SignalFit, Undetermined
@@ -18,6 +18,7 @@ from cosim.calibrate.twin import Twin
 from cosim.compare import Comparator, rms
 from cosim.compare.metrics import Score, score
 from cosim.errors import UsageError
+from cosim.inference.sight import sight
 from cosim.ssp.system import Value
 
 Array = NDArray[np.float64]

@@ -31,6 +31,18 @@ START_PARAMETER, START_SIGNAL = "theta_0", "slew"
 SPEED = "omega_0"
 # what else of a start shows in a log that begins in motion: the velocity as a slope, the others as they are read
 BEGINS = {SPEED: START_SIGNAL, "spool_0": "spool", "p_load_0": "p_load"}
+# parameters trusted to the tolerance only (CONTRACT section 4); all else is taken as exact
+TRUSTED = (
+    "dcv.K",
+    "dcv.w0",
+    "dcv.zeta",
+    "continuity.K_c",
+    "continuity.T",
+    "mechanical.J",
+    "mechanical.b",
+    "simplified.k",
+    "simplified.a",
+)
 # what is measured of a signal that is not measured itself (4.21)
 DERIVED = {"p_load": (("p_a", 1.0), ("p_b", -1.0))}
 

@@ -7,7 +7,7 @@ stands for is known for our own names and otherwise said by the table ``[compare
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cosim.compare.binding import DEFAULTS, DERIVED, START_PARAMETER, START_SIGNAL, gain_between
+from cosim.compare.binding import DEFAULTS, DERIVED, START_PARAMETER, START_SIGNAL, TRUSTED, gain_between
 from cosim.compare.mapping import CompareTable
 from cosim.diagnosis.groups import DYNAMIC, SPEED, Group, Parts
 from cosim.diagnosis.wiring import Wiring
@@ -18,18 +18,6 @@ from cosim.ssp.system import Port
 from cosim.ssp.write import STIMULUS
 from fmus import registry
 
-# parameters trusted to the tolerance only (CONTRACT section 4); all else is taken as exact
-TRUSTED = (
-    "dcv.K",
-    "dcv.w0",
-    "dcv.zeta",
-    "continuity.K_c",
-    "continuity.T",
-    "mechanical.J",
-    "mechanical.b",
-    "simplified.k",
-    "simplified.a",
-)
 HELD = ("dead_zone", "dcv", "simplified")  # blocks whose input is held over a step (docs/design.md)
 HANDED_ON = "driving_pressure"  # slot of a block through which goes what the next one feels
 

@@ -7,7 +7,6 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.calibrate.noise import quietest
 from cosim.diagnosis.crossval import window_numbers
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
@@ -20,6 +19,7 @@ from cosim.diagnosis.rounded import concentration
 from cosim.diagnosis.samples import Mark
 from cosim.diagnosis.trials import CLOSE, Trial, freed
 from cosim.inference.held_out import HeldOutGain
+from cosim.inference.noise import quietest
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from cosim.compare.binding import TRUSTED
 from cosim.compare.mapping import CompareTable
-from cosim.diagnosis.cut import TRUSTED, Bound, bound, cut, start_values
+from cosim.diagnosis.cut import Bound, bound, cut, start_values
 from cosim.diagnosis.groups import COMPONENT_VALUES, MODELS, Group
 from cosim.diagnosis.lexicon import Lexicon, Shown
 from cosim.diagnosis.options import Options

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cosim.calibrate.noise import COMPUTED, SMOOTH
+from cosim.inference.noise import COMPUTED, SMOOTH
 
 Array = NDArray[np.float64]
 

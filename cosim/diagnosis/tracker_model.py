@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import csd, periodogram
 
-from cosim.calibrate.determined import sight
-from cosim.calibrate.noise import Noise, quietest
-from cosim.calibrate.spectrum import bands, learn
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit
+from cosim.inference.noise import Noise, quietest
+from cosim.inference.sight import sight
+from cosim.inference.spectrum import bands, learn
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hidden_logs import off
 
-from cosim.calibrate.noise import quietest
 from cosim.diagnosis.samples import resting, stale_share
 from cosim.diagnosis.story import diagnose
+from cosim.inference.noise import quietest
 from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
 

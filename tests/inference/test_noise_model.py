@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
-from cosim.calibrate.noise import Noise, correlation_times, quietest
-from cosim.calibrate.spectrum import bands, learn
+from cosim.inference.noise import Noise, correlation_times, quietest
+from cosim.inference.spectrum import bands, learn
 from cosim.rig import Noise as RigNoise
 
 

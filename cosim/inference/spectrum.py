@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal.windows import hann
 
-from cosim.calibrate.noise import Noise, correlation_times, density
+from cosim.inference.noise import Noise, correlation_times, density
 
 Array = NDArray[np.float64]
 BANDS = 80
