@@ -302,7 +302,9 @@ def reconsider(
         rest = tuple(e for e in named if e != effect)
         # what holds the kept one was refused in its place already
         turned_down = [
-            r.effect for r in refused if not r.instead and effect not in simpler(finding, r.effect)
+            r.effect
+            for r in refused
+            if not r.instead and r.effect not in chosen.effects and effect not in simpler(finding, r.effect)
         ]
         closest = sorted(finding.rivals.get(effect.name, []), key=lambda t: -t.score)
         beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
