@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 
 AS_WELL = 1.1  # times the error on held-out data: parts of one log have more in common than an interval over them knows
+CANCELLING = 0.98  # correlation of two causes' sizes beyond which their sum is known only, to a fifth of either's deviation
 NEAREST = 3  # rivals of a cause in the fitting log that are held against it on held-out data
 
 
@@ -105,7 +106,8 @@ class Step:
         fit: with them.
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
-        doubtful: names of those whose size is too small to matter, or whose uncertainty holds no cause at all.
+        doubtful: names of those whose size is too small to matter, whose uncertainty holds no cause at all, or of which
+            two make up for each other.
         squares: (windows,) mean square of the error in each window of the held-out data, SI; of logs left out in turn
             (parts,), over that of the signal in the log, so that each log counts alike.
     """
@@ -211,7 +213,10 @@ def stepper(
             fit_ = refitted(finding, effects, tolerance, finding.chosen.fit)
             fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))
             model, trial, rule = finding.task.model, Trial(effects, fit_, 0), finding.task.rules[signal]
-            doubtful = tuple(e.name for e in effects if not worth_naming(trial, e, model, tolerance))
+            apart = cancelling(effects, fit_)
+            doubtful = tuple(
+                e.name for e in effects if e.name in apart or not worth_naming(trial, e, model, tolerance)
+            )
             if held.in_turn:
                 each = left_out_errors(finding, effects, fit_, signal, tolerance)
                 square = np.concatenate(each) ** 2
@@ -235,6 +240,13 @@ def stepper(
         return done[key]
 
     return step
+
+
+def cancelling(effects: tuple[Effect, ...], fit_: Fit) -> set[str]:
+    """Names of the effects of a set of which only the sum of two sizes is known: a shifted valve and a constant load."""
+    keys = {f"{e.component}.{e.key}": e.name for e in effects if e.key in e.free}
+    pairs = [pair for pair, r in fit_.correlations.items() if abs(r) > CANCELLING and set(pair) <= set(keys)]
+    return {keys[name] for pair in pairs for name in pair}
 
 
 def left_out_errors(

@@ -140,9 +140,9 @@ def find(
         task.model = known[1]
         coarse = coarsely(task, null, candidates, tolerance, most)
         if coarse is not None and remaining(task, coarse) < LESS * remaining(task, found[1]):
-            again = searched(tried(task, coarse.effects, tolerance, coarse.fit))
-            if remaining(task, again[1]) < remaining(task, found[1]):
-                found, ended = again, (task.rules, task.model)
+            other = searched(tried(task, coarse.effects, tolerance, coarse.fit))
+            if remaining(task, other[1]) < remaining(task, found[1]):
+                found, ended = other, (task.rules, task.model)
         task.set_rules(ended[0])
         task.model = ended[1]
     null, chosen, single = found

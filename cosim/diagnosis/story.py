@@ -246,7 +246,7 @@ def searched(
     within: bool = True,
     begin: Trial | None = None,
 ) -> Finding:
-    """What is found in a group that `known` blocks drive; `most`, `within` and `begin` as `naming.find` takes them."""
+    """What is found in a group that `known` blocks drive; `most` and what follows as `naming.find` takes them."""
     task = task_for(group, found.record, known)
     settle(task.model, constants or {})
     heard = [f.task.rules[group.drive] for f in found.findings.values() if group.drive in f.task.rules]

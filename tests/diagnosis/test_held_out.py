@@ -11,7 +11,7 @@ from cosim.diagnosis.chain import task_for
 from cosim.diagnosis.extension import vanished
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.heldout import Held, Refused, Step, balanced, borne, reconsider
+from cosim.diagnosis.heldout import Held, Refused, Step, balanced, borne, cancelling, reconsider
 from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.naming import find
 from cosim.diagnosis.story import prepare
@@ -145,3 +145,17 @@ def test_what_ended_at_its_off_values_is_no_cause_though_held_out_data_liked_it(
     assert gone([COULOMB, stop], fitted(1e3)) is stop
     assert gone([COULOMB, stop], fitted(0.3)) is None
     assert gone([stop], fitted(0.3)) is COULOMB
+
+
+def test_of_two_that_make_up_for_each_other_neither_is_sure() -> None:
+    offset, load = registry.effects()["dcv.offset"], registry.effects()["mechanical.constant_load"]
+    names = ["mechanical.J", "dcv.x_0", "mechanical.tau_load"]
+    values = dict.fromkeys(names, 1.0)
+
+    def fitted(correlation: float) -> Fit:
+        covariance = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, correlation], [0.0, correlation, 1.0]])
+        return replace(FIT, values=values, covariance=covariance)
+
+    assert cancelling((offset, load), fitted(-0.999)) == {"dcv.offset", "mechanical.constant_load"}
+    assert cancelling((offset, load), fitted(0.9)) == set()
+    assert cancelling((offset,), fitted(-0.999)) == set()  # a free parameter of the model is no cause
