@@ -206,7 +206,9 @@ def borne_out(
         before = finding
         finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
         finding.held_squares, finding.borne = before.held_squares, before.borne
-    taken = reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
+    taken = finding.chosen.effects
+    with part_of(found.notes, "holding rivals of the causes against the held-out data"):
+        taken = reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
     return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust)
 
 
