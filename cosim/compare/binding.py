@@ -1,6 +1,6 @@
 """Which variables of a system the signals of a log stand for."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ DEFAULTS = {
     "slew_rate_estimate": "observer.slew_rate_estimate",
 }
 START_PARAMETER, START_SIGNAL = "theta_0", "slew"
+ANGLE = "theta"  # output of the block that starts there, and input of the sensor that reads it
 SPEED = "omega_0"
 # what else of a start shows in a log that begins in motion: the velocity as a slope, the others as they are read
 BEGINS = {SPEED: START_SIGNAL, "spool_0": "spool", "p_load_0": "p_load"}
@@ -109,7 +110,7 @@ def bind(system: System, units: dict[str, str], table: CompareTable) -> dict[str
 
 
 def start_values(system: System, table: CompareTable, bindings: dict[str, Binding]) -> dict[str, str]:
-    """``component.parameter`` -> signal whose first value it takes.
+    """``component.parameter`` -> signal whose first value it takes: an angle starts where its signal does.
 
     Raises:
         UsageError: the table names an unknown parameter or signal.
@@ -120,10 +121,38 @@ def start_values(system: System, table: CompareTable, bindings: dict[str, Bindin
             raise UsageError(f"compare.start names '{parameter}', which '{system.name}' does not have")
         if signal not in bindings:
             raise UsageError(f"compare.start names the signal '{signal}'{did_you_mean(signal, bindings)}")
-    if START_SIGNAL not in bindings:
-        return dict(table.start)
-    ours = [c for c, component in system.components.items() if START_PARAMETER in component.fmu.variables]
-    return {f"{c}.{START_PARAMETER}": START_SIGNAL for c in ours} | table.start
+    turning = [c for c, component in system.components.items() if START_PARAMETER in component.fmu.variables]
+    wires = [(w.source, w.target) for w in system.wires]
+    found = angle_signals(turning, wires, {n: b.port for n, b in bindings.items()}, table.signals)
+    return found | table.start
+
+
+def angle_signals(
+    turning: Iterable[str],
+    wires: Collection[tuple[Port, Port]],
+    shown: Mapping[str, Port | None],
+    mapped: Iterable[str],
+) -> dict[str, str]:
+    """``component.theta_0`` -> the signal that measures its angle, at the component or behind its sensor.
+
+    Args:
+        turning: components that have such a start.
+        wires: (source, target) of every connection.
+        shown: signal -> the output that it measures.
+        mapped: signals that the mapping binds: these are in the log, ours may be names the system could have.
+    """
+    listed = [n for n in dict.fromkeys((*mapped, START_SIGNAL, *shown)) if n in shown]
+    found = {}
+    for component in turning:
+        angle = Port(component, ANGLE)
+        ports = {
+            angle,
+            *(Port(target.component, START_SIGNAL) for source, target in wires if source == angle),
+        }
+        own = next((n for n in listed if shown[n] in ports), START_SIGNAL)
+        if own in shown:
+            found[f"{component}.{START_PARAMETER}"] = own
+    return found
 
 
 def _exists(system: System, text: str) -> bool:

@@ -7,7 +7,14 @@ stands for is known for our own names and otherwise said by the table ``[compare
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cosim.compare.binding import DEFAULTS, DERIVED, START_PARAMETER, START_SIGNAL, TRUSTED, gain_between
+from cosim.compare.binding import (
+    DEFAULTS,
+    DERIVED,
+    START_PARAMETER,
+    TRUSTED,
+    angle_signals,
+    gain_between,
+)
 from cosim.compare.mapping import CompareTable
 from cosim.diagnosis.groups import DYNAMIC, SPEED, Group, Parts
 from cosim.diagnosis.wiring import Wiring
@@ -111,16 +118,15 @@ def bound_to(wiring: Wiring, signal: str, unit: str | None, text: str, factor: s
 
 
 def start_values(wiring: Wiring, table: CompareTable | None, signals: Mapping[str, Bound]) -> dict[str, str]:
-    """``component.parameter`` -> the signal whose first value it takes.
+    """``component.parameter`` -> the signal whose first value it takes: an angle starts where its signal does.
 
     Raises:
         UsageError: the table names an unknown parameter or signal.
     """
-    found: dict[str, str] = {}
-    if START_SIGNAL in signals:
-        for component, block in wiring.blocks.items():
-            if START_PARAMETER in registry.block(block).parameters:
-                found[f"{component}.{START_PARAMETER}"] = START_SIGNAL
+    turning = [c for c, b in wiring.blocks.items() if START_PARAMETER in registry.block(b).parameters]
+    wires = [(source, target) for target, source in wiring.wires.items()]
+    mapped = table.signals if table else ()
+    found = angle_signals(turning, wires, {n: b.source for n, b in signals.items()}, mapped)
     for name, signal in (table.start if table else {}).items():
         component, _, parameter = name.partition(".")
         if (

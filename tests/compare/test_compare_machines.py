@@ -90,6 +90,15 @@ def test_a_foreign_system_needs_a_mapping_alone(axis, names):
     assert found.shown("place") == ("mm", pytest.approx(1000.0))
 
 
+def test_the_axis_starts_where_its_signal_does_unasked(axis):
+    mapping = axis()
+    mapping.write_text(mapping.read_text().split("[compare.start]")[0])
+    with opened(mapping) as comparator:
+        found = comparator.run({"mechanical.tau_c": 0.0, "mechanical.tau_load": 0.0})
+    place = found.signals["place"]
+    assert np.max(np.abs(place.measured - place.simulated)) < 1e-6
+
+
 def test_factor_scales_the_drive(axis):
     with opened(axis(factor="2 Pa/N")) as comparator:
         free = {"mechanical.tau_c": 0.0, "mechanical.tau_load": 0.0}

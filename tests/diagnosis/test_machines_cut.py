@@ -75,6 +75,14 @@ def test_a_linear_axis_is_one_group_from_force_to_position() -> None:
     assert found.inputs() == (("p_load",), 1.0)
 
 
+def test_an_angle_starts_where_its_signal_does_whatever_its_name() -> None:
+    # a cylinder that stood at 10.5 cm: from 0 the free run is off by that all the way
+    found = machine("mini_excavator_boom", {"u": "1", "travel": "m"})
+    (group,) = merged(found.groups, ("u", "travel"))
+    assert group.observed == ("travel",)
+    assert group.starts == (("mechanical.theta_0", "travel"),)
+
+
 def test_effects_on_request_are_no_candidates_of_the_crane() -> None:
     names = [e.name for g in MODELS["full_order"] for e in g.effects()]
     assert not {"mechanical.linkage", "continuity.travel_flow"} & set(names)
