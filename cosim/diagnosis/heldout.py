@@ -427,13 +427,21 @@ def balanced(
 def shrunk(
     finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], losses: Mapping[str, float]
 ) -> Step:
-    """The set without what held-out data do not bear out, or with something simpler in its place."""
+    """The set without what held-out data do not bear out, or with something simpler in its place.
+
+    On the way lie sets whose sizes are in doubt; what they lead to must not be clearly worse than the last one that was not.
+    """
+    sure = at
     while at.effects and not current().over:
         smaller = next_smaller(finding, at, step, losses)
         if smaller is None:
             break
         at = smaller
-    return at
+        if at.sure:
+            if sure.clearly_better(at):
+                break
+            sure = at
+    return sure if sure.sure else at
 
 
 def next_smaller(

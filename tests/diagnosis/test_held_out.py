@@ -94,6 +94,24 @@ def test_an_effect_whose_size_is_in_doubt_goes_before_one_that_gains_less() -> N
     assert frozenset({COULOMB.name, BACKLASH.name}) not in tried[: tried.index(frozenset({COULOMB.name}))]
 
 
+def test_a_set_that_is_sure_is_not_left_for_nothing_by_way_of_sets_that_are_not() -> None:
+    """Either of two alone does about as well, but with a size that nothing holds; with none the error is ten times as large."""
+    sets = {
+        (COULOMB, BACKLASH): (1.0, ()),
+        (COULOMB,): (1.0, (COULOMB.name,)),
+        (BACKLASH,): (1.0, (BACKLASH.name,)),
+        (): (10.0, ()),
+    }
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        error, doubtful = next(v for k, v in sets.items() if {e.name for e in k} == {e.name for e in effects})
+        return Step(effects, FIT, 1.0, error, doubtful, np.full(24, error**2))
+
+    named = (COULOMB, BACKLASH)
+    found = balanced(MECHANICS, step(named), named, step, {})  # type: ignore[arg-type]
+    assert {e.name for e in found.effects} == {COULOMB.name, BACKLASH.name}
+
+
 def test_what_is_told_of_a_kept_cause_is_what_has_decided() -> None:
     """The gain on held-out data with and without it, whose interval excludes none where the cause is kept."""
     errors = {frozenset({COULOMB.name, BACKLASH.name}): 4.0, frozenset({COULOMB.name}): 4.001}
