@@ -35,6 +35,7 @@ MAPPINGS = TOP / "examples" / "mappings"
 DUTIES = ("50", "70", "90")
 AXES = ("boom", "stick", "bucket", "swing")
 KILLED = 60.0  # s that a process has to write what it found after SIGTERM
+PROGRAM = (sys.executable, "-m", "cosim")
 WORSE = 1.005  # after over before: three digits are printed
 MISSING = "linear dynamics are missing"
 BETTER = "on data held out a linear model"  # with what is not clear enough to be called missing
@@ -174,26 +175,27 @@ def stratified(found: Sequence[Case], count: int) -> list[Case]:
 
 
 def command(case: Case, budget: str, out: str) -> list[str]:
-    """What a user would type, behind ``python -m``."""
-    words = ["cosim", "diagnose", *(str(DATA / f) for f in case.fit)]
+    """What a user would type behind ``cosim``."""
+    words = ["diagnose", *(str(DATA / f) for f in case.fit)]
     words += ["--mapping", str(MAPPINGS / case.mapping), "--calibrate", "--json", "--out", out]
     words += ["--held-out", str(DATA / case.held)] if case.held else []
     return words + (["--budget", budget] if budget else [])
 
 
-def run(case: Case, budget: str, limit: float) -> Row:
+def run(case: Case, budget: str, limit: float, program: Sequence[str] = PROGRAM) -> Row:
     """Diagnose a case in a process of its own.
 
     Args:
         case: what is fitted and held out.
         budget: as ``--budget`` takes it, or empty.
         limit: s after which the process is asked to end, and later killed.
+        program: what stands for ``cosim``.
     """
     row = Row(case.machine, case.axis, list(case.fit), case.held, budget=budget, version=version())
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder:
         child = subprocess.Popen(
-            [sys.executable, "-m", *command(case, budget, folder)],
+            [*program, *command(case, budget, folder)],
             cwd=TOP,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -20,6 +20,7 @@ from benchmarks.second.strangers import STRANGERS, judged_stranger
 from cosim.compare.metrics import rms
 from cosim.units import base_factor
 
+PROGRAM = (sys.executable, "-m", "cosim")  # the ablation puts another in its place
 ANGULAR = ("phi_r", "theta_g")
 
 
@@ -62,7 +63,7 @@ def shown(case: Case) -> dict[str, float]:
 def diagnose(arguments: list[str], folder: Path) -> tuple[dict[str, Any], str]:
     """What ``cosim diagnose --json`` prints, and what it says on stderr."""
     done = subprocess.run(
-        [sys.executable, "-m", "cosim", "diagnose", *arguments, "--out", str(folder / "out"), "--json"],
+        [*PROGRAM, "diagnose", *arguments, "--out", str(folder / "out"), "--json"],
         capture_output=True,
         text=True,
         env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
