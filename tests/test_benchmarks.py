@@ -7,9 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from benchmarks import real_logs
+from benchmarks import ablation, real_logs
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 
@@ -118,3 +119,40 @@ def test_a_case_that_fails_is_a_row_with_its_reason(excavator):
     assert row.error  # the logs are empty files
     assert row.before is None
     assert row.cpu > 0.0
+
+
+@pytest.mark.parametrize("rule", ablation.RULES, ids=lambda rule: rule.name)
+def test_a_rule_is_switched_off_and_on_again(rule):
+    for target, stand_in in rule.off.items():
+        module, _, name = target.rpartition(".")
+        home = importlib.import_module(module)
+        before = getattr(home, name)  # a rule that has moved is an error here
+        with ablation.without(rule.name):
+            assert getattr(home, name) is stand_in
+        assert getattr(home, name) is before
+
+
+def test_what_a_rule_is_worth_is_counted_log_by_log():
+    rows = {}
+    for case in range(20):
+        for rule, right in ((ablation.ALL, case < 18), ("event", case < 12 or case == 19)):
+            rows["rig", str(case), rule] = {"right": right, "cpu": 1.0 if rule == ablation.ALL else 0.5}
+    found = ablation.worth(rows, "rig", "event")
+    assert (found.count, found.changed) == (20, 7)  # six lost without the rule, one won
+    assert found.value == pytest.approx(0.25)
+    assert found.low < 0.25 < found.high
+    (line,) = ablation.table(rows)
+    assert line[0] == "event"
+    assert line[-1] == "0.50"
+    for case, (with_it, without) in enumerate([(1.0, 2.0), (2.0, 4.0), (3.0, 6.0)]):
+        rows["real", str(case), ablation.ALL] = {"after": with_it, "cpu": 1.0}
+        rows["real", str(case), "event"] = {"after": without, "cpu": 1.0}
+    assert ablation.worth(rows, "real", "event").value == pytest.approx(np.log(2.0))
+    assert "| event |" in ablation.page(rows)
+
+
+def test_a_rules_worth_of_no_change_holds_none():
+    value, low, high = ablation.paired(0, 0, 40)
+    assert value == 0.0
+    assert low < 0.0 < high
+    assert ablation.paired(20, 0, 40)[1] > 0.0
