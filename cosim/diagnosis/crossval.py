@@ -25,10 +25,14 @@ def window_numbers(task: Task) -> NDArray[np.int64]:
     return np.concatenate([np.repeat(np.arange(count), bins) for count, bins in shapes])
 
 
-def repetitions(task: Task) -> NDArray[np.int64]:
+def repetitions(task: Task, walked: bool = False) -> NDArray[np.int64]:
     """The part of the data to which each of a task's whitened values belongs, that is left out as one: a window, or a log.
 
     What a machine, its oil or what the model lacks change from log to log, the windows of one log have in common.
+
+    Args:
+        task: data of the group.
+        walked: with the steps of the first signal's error from window to window behind (`freerun.Drifting`).
     """
     if not task.model.cuts:
         return window_numbers(task)
@@ -36,6 +40,10 @@ def repetitions(task: Task) -> NDArray[np.int64]:
     for signal, rule in task.rules.items():
         count, bins = rule.windows(task.measured[signal]).shape
         rows.append(np.repeat(rule.log_of(task.measured[signal].size)[:count], bins))
+    if walked:
+        signal, rule = next(iter(task.rules.items()))
+        log = rule.log_of(task.measured[signal].size)
+        rows.append(log[:-1][np.diff(log) == 0])
     return np.concatenate(rows)
 
 

@@ -1,6 +1,7 @@
 """The extended model of a diagnosis: its values from all blocks together, its packages, and its gain by the FMUs."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,12 @@ from cosim.diagnosis.extend import closed, fitted_chain, whole_run, write_extend
 from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.freerun import refitted
+from cosim.diagnosis.freerun import errors, onward, refitted
 from cosim.diagnosis.gain import measure, run_package
 from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import standing
 from cosim.diagnosis.groups import Group
-from cosim.diagnosis.heldout import Refused
+from cosim.diagnosis.heldout import Held, Refused, left_out_errors
 from cosim.diagnosis.naming import worth_naming
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED
@@ -55,32 +56,7 @@ def estimate(
     record, cuts = diagnosis.record, diagnosis.record.cuts
     if (diagnosis.held is not None or tolerance >= FREE) and len(findings) == len(groups) == 1:
         (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
-        count = min(r.windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
-        mask = ~held_windows(count) if diagnosis.held is None else None
-        near_fit = (finding.chosen if stands(finding) else finding.null).fit
-        best = refitted(finding, effects, tolerance, near_fit, mask)
-        # what held-out data have borne out stays: they decide
-        needed = [e for e in effects if e.name in finding.borne and finding.borne[e.name].sure]
-        while lost := vanished(finding, effects, needed, best, tolerance):
-            rest = tuple(e for e in effects if e is not lost)
-            fewer = refitted(finding, rest, tolerance, near_fit, mask)
-            less = errs_less(finding.task, best, fewer, demean=False)
-            if less and lost not in needed:  # its parameters may be in doubt, itself it is not
-                needed.append(lost)
-                continue
-            turn_down(diagnosis, finding, lost, best, fewer, tolerance)
-            best, effects = fewer, rest
-        diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
-        diagnosis.correlations = best.correlations
-        if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
-            diagnosis.calibrated = refitted(finding, (), tolerance, finding.null.fit, mask).values
-
-        def run_of(log: int) -> dict[str, tuple[float, float]]:
-            own = replace(finding, task=task_of(finding.task, log))
-            windows = part_of(mask, next(iter(rules.values())), record, log)
-            return estimates(refitted(own, effects, tolerance, fit_of(best, cuts, log), windows))
-
-        diagnosis.between = over_logs(record, best.values, best.deviations, run_of)
+        estimate_alone(diagnosis, finding, effects, tolerance, constants)
         return
     if diagnosis.rests or diagnosis.unjudged or not findings:
 
@@ -121,6 +97,75 @@ def estimate(
         )
 
     diagnosis.between = over_logs(record, diagnosis.values, diagnosis.deviations, chain_of)
+
+
+def estimate_alone(
+    diagnosis: Diagnosis,
+    finding: Finding,
+    effects: tuple[Effect, ...],
+    tolerance: float,
+    constants: dict[str, float],
+) -> None:
+    """Values of the extended model where one group is all that was judged: what makes its free run best on held-out data.
+
+    Of an axis that drifts there are two estimates: from the free run over the log, which that log's course may have bent,
+    and from how the error moves from window to window. Data held out tell which one predicts them better.
+    """
+    record, held, task = diagnosis.record, diagnosis.held, finding.task
+    signal, rule = next(iter(task.rules.items()))
+    mask = ~held_windows(rule.windows(record.signals[signal]).shape[0]) if held is None else None
+    near = (finding.chosen if stands(finding) else finding.null).fit
+    free, walked = partial(refitted, mask=mask), False
+    best = free(finding, effects, tolerance, near)
+    plain = free(finding, (), tolerance, finding.null.fit)
+    if held is not None and signal in held.record.signals and task.model.group.drifts:
+        error = partial(held_error, finding, held, signal, tolerance)
+        other = onward(finding, effects, tolerance, near)
+        in_doubt = vanished(finding, effects, [], best, tolerance) is not None
+        if in_doubt or error(effects, other, True) <= error(effects, best, False):
+            best, walked = other, True
+        other = onward(finding, (), tolerance, finding.null.fit)
+        plain = min((plain, False), (other, True), key=lambda fit: error((), *fit))[0]
+    else:
+        # what held-out data have borne out stays: they decide
+        needed = [e for e in effects if e.name in finding.borne and finding.borne[e.name].sure]
+        while lost := vanished(finding, effects, needed, best, tolerance):
+            rest = tuple(e for e in effects if e is not lost)
+            fewer = free(finding, rest, tolerance, near)
+            less = errs_less(task, best, fewer, demean=False)
+            if less and lost not in needed:  # its parameters may be in doubt, itself it is not
+                needed.append(lost)
+                continue
+            turn_down(diagnosis, finding, lost, best, fewer, tolerance)
+            best, effects = fewer, rest
+    diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
+    diagnosis.correlations = best.correlations
+    if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
+        diagnosis.calibrated = plain.values
+
+    def run_of(log: int) -> dict[str, tuple[float, float]]:
+        own = replace(finding, task=task_of(task, log))
+        begin = fit_of(best, record.cuts, log)
+        if walked:
+            return estimates(onward(own, effects, tolerance, begin))
+        return estimates(refitted(own, effects, tolerance, begin, part_of(mask, rule, record, log)))
+
+    diagnosis.between = over_logs(record, best.values, best.deviations, run_of)
+
+
+def held_error(
+    finding: Finding,
+    held: Held,
+    signal: str,
+    tolerance: float,
+    effects: tuple[Effect, ...],
+    found: Fit,
+    walked: bool,
+) -> float:
+    """RMSE of a free run over data held out with a fit's values, SI; `walked` as `heldout.left_out_errors` takes it."""
+    if held.in_turn:
+        return rms(np.concatenate(left_out_errors(finding, effects, found, signal, tolerance, walked)))
+    return rms(errors(finding, found, held.record)[signal][held.first :])
 
 
 def part_of(

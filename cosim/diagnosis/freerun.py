@@ -1,14 +1,16 @@
-"""Fits to the error over a whole log, drift included: what a free run is judged by."""
+"""Fits to the error over a whole log, drift included, and to what the error of an axis that drifts moves meanwhile."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.compare.metrics import rms
 from cosim.diagnosis.budget import current
+from cosim.diagnosis.crossval import window_numbers
 from cosim.diagnosis.data import Record, fixed_values, is_start
-from cosim.diagnosis.fit import Fit, Task, fit, placed
+from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.naming import Finding, tried, unknowns
@@ -20,6 +22,8 @@ Array = NDArray[np.float64]
 ROUNDS = 6  # of a fit, at most
 GAINED = 1e-3  # of the sum of squares that a further round must take away
 CLUSTERS = 12  # parts of the log that count as independent repetitions in intervals
+WALKS = 4  # times that the size of the walk is learned anew, at most
+SETTLED = 0.95  # of its size, less than which a fit must leave for that to be worth it
 
 
 def whole(task: Task, size: Mapping[str, float], mask: NDArray[np.bool_] | None = None) -> Task:
@@ -67,24 +71,93 @@ def refitted(
         found = fit(task, placed(wanted, found.values), rounds=20)
         if found.log_likelihood < before + GAINED * abs(before) or current().over:
             break
+    numbers = np.arange(found.count) * CLUSTERS // max(found.count, 1)
+    return with_sandwich(found, wanted, task.model, numbers)
+
+
+def with_sandwich(found: Fit, wanted: list[Unknown], model: GroupModel, cluster: NDArray[np.int64]) -> Fit:
+    """A fit with the covariance that parts of the log as independent repetitions give.
+
+    Args:
+        found: the fit.
+        wanted: what was estimated.
+        model: the group.
+        cluster: (count,) number of the part to which each whitened residual belongs, from 0.
+    """
     if not wanted or found.slopes is None or found.rows is None:
         return found
     scales = np.array([u.scale for u in wanted])
     scores = found.slopes[: found.count] * found.rows[: found.count, None]
-    parts = np.stack([part.sum(axis=0) for part in np.array_split(scores, CLUSTERS)])
+    parts = np.zeros((CLUSTERS, scores.shape[1]))
+    np.add.at(parts, cluster, scores)
     bread = np.linalg.pinv(found.slopes.T @ found.slopes)
-    known = found.slopes[
-        found.count :
-    ]  # the priors' rows: what the log does not tell is as uncertain as they leave it
+    # the priors' rows: what the log does not tell is as uncertain as they leave it
+    known = found.slopes[found.count :]
     meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0) + known.T @ known
     covariance = bread @ meat @ bread * np.outer(scales, scales)
     names = [u.name for u in wanted]
     # of what nothing depends on, such as a part of friction larger than the whole, neither its size nor none is known
     for i in np.flatnonzero(~found.slopes.any(axis=0)):
-        off = abs(found.values[names[i]] - task.model.nominal(names[i]))
+        off = abs(found.values[names[i]] - model.nominal(names[i]))
         covariance[i, i] = max(off, scales[i]) ** 2
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     return replace(found, covariance=covariance, deviations=deviations)
+
+
+@dataclass
+class Drifting(Task):
+    """A task in windows, with how the error of its first signal moves from one window to the next as further values.
+
+    Noise as slow as a window hides what a whole stroke is off by: in a window of its own offset that is noise. From
+    window to window it is a random walk, the steps of which are as good as independent.
+
+    Attributes:
+        step: size of a step of that walk, SI.
+    """
+
+    step: float = 1.0
+
+    @property
+    def steps_in(self) -> NDArray[np.int64]:
+        """(steps,) number of the window in which each step of the walk begins."""
+        signal, rule = next(iter(self.rules.items()))
+        log = rule.log_of(self.measured[signal].size)
+        return np.flatnonzero(np.diff(log) == 0)
+
+    def walked(self, residuals: Mapping[str, Array]) -> Array:
+        """(steps,) how far the mean error moves from each window to the next, SI; not from one log to another."""
+        signal, rule = next(iter(self.rules.items()))
+        return np.asarray(np.diff(rule.windows(residuals[signal]).mean(axis=1))[self.steps_in])
+
+    def white(self, residuals: Mapping[str, Array]) -> Array:
+        """As that of a task, and then the steps of the walk."""
+        return np.concatenate([super().white(residuals), self.walked(residuals) / self.step])
+
+
+def onward(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near: Fit) -> Fit:
+    """Trusted parameters and effects fitted to the windows of a log and to how the error moves from one to the next.
+
+    The sum of all such steps, the error at the end of a free run over minutes, is decided by the last per mille of a gain
+    and by what pushed the axis once: a fit to it bends all parameters to one log's course. The steps are many.
+
+    Args:
+        finding: what was named in one group.
+        effects: the causes.
+        tolerance: trust in the nominal parameters.
+        near: a fit in windows of a set nearby.
+    """
+    known = finding.task
+    found = tried(known, effects, tolerance, near).fit
+    task = Drifting(**{f.name: getattr(known, f.name) for f in fields(Task)})
+    wanted, _ = unknowns(task.model, effects, tolerance)
+    for _ in range(WALKS):
+        task.step = max(rms(task.walked(found.residuals)), 1e-300)
+        found = fit(task, placed(wanted, found.values))
+        if rms(task.walked(found.residuals)) > SETTLED * task.step or current().over:
+            break
+    windows = np.concatenate([window_numbers(known), task.steps_in])
+    count = int(windows.max(initial=0)) + 1
+    return with_sandwich(found, wanted, task.model, windows * CLUSTERS // count)
 
 
 def errors(finding: Finding, fit: Fit, record: Record) -> dict[str, Array]:

@@ -94,6 +94,11 @@ class Group:
         return tuple(f"{component}.{parameter}" for parameter in DYNAMIC.get(self.kind, ()))
 
     @property
+    def drifts(self) -> bool:
+        """True if a constant error of the drive moves the prediction away, and the place itself does not count."""
+        return self.integrates and not self.absolute
+
+    @property
     def reading(self) -> str | None:
         """The signal that a sensor of this group reads, if there is one."""
         return self.observed[0] if self.stages and self.stages[-1][1] == "sensor" else None

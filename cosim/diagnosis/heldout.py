@@ -14,12 +14,21 @@ from cosim.diagnosis.budget import current
 from cosim.diagnosis.crossval import moving, repetitions
 from cosim.diagnosis.data import Record, joined
 from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.freerun import errors, refitted
+from cosim.diagnosis.freerun import errors, onward, refitted
 from cosim.diagnosis.grid import of_piece
-from cosim.diagnosis.naming import CLOSE, Finding, Trial, rivals, tried, unknowns, worth_naming
+from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.naming import CLOSE, SIZED, Finding, Trial, rivals, tried, unknowns, worth_naming
+from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.trials import candidates_of, quickly, tried_all, without
-from cosim.inference.held_out import LEAST, HeldOutGain, gain_of_errors, ratio_ci95, steps_without
+from cosim.inference.held_out import (
+    LEAST,
+    HeldOutGain,
+    gain_of_errors,
+    mean_squares,
+    ratio_ci95,
+    steps_without,
+)
 from cosim.logs import Log
 from fmus.contract import Effect
 
@@ -108,8 +117,9 @@ class Step:
         held: RMSE on held-out data, SI.
         doubtful: names of those whose size is too small to matter, whose uncertainty holds no cause at all, or of which
             two make up for each other.
-        squares: (windows,) mean square of the error in each window of the held-out data, SI; of logs left out in turn
-            (parts,), over that of the signal in the log, so that each log counts alike.
+        squares: (parts,) mean square of the error in each part of the held-out data, SI; of logs left out in turn
+            over that of the signal in the log, so that each log counts alike. Where the axis drifts, the prediction
+            begins in each part where the machine stands, and `fitted` and `held` are of the same.
     """
 
     effects: tuple[Effect, ...]
@@ -210,47 +220,62 @@ def stepper(
     def step(effects: tuple[Effect, ...]) -> Step:
         key = frozenset((e.name, *e.free) for e in effects)
         if key not in done:
-            fit_ = refitted(finding, effects, tolerance, finding.chosen.fit)
-            fitted = float(np.sqrt(np.mean(fit_.residuals[signal] ** 2)))
-            model, trial, rule = finding.task.model, Trial(effects, fit_, 0), finding.task.rules[signal]
-            apart = cancelling(effects, fit_)
+            model, rule = finding.task.model, finding.task.rules[signal]
+            anew = model.group.drifts
+            fit_ = (onward if anew else refitted)(finding, effects, tolerance, finding.chosen.fit)
+            fitted = float(np.sqrt(np.mean(parts_of(fit_.residuals[signal], rule, anew, model.cuts))))
+            trial, apart = Trial(effects, fit_, 0), cancelling(effects, fit_, model)
             doubtful = tuple(
                 e.name for e in effects if e.name in apart or not worth_naming(trial, e, model, tolerance)
             )
             if held.in_turn:
-                each = left_out_errors(finding, effects, fit_, signal, tolerance)
-                square = np.concatenate(each) ** 2
+                each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
                 spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
                 # each log counts alike; few logs are cut into as many parts as make an interval
                 count = -(-LEAST // len(each))
-                squares = np.array(
-                    [
-                        np.mean(part) / v
-                        for e, v in zip(each, spread, strict=True)
-                        for part in np.array_split(e**2, count)
-                    ]
-                )
+                own = [mean_squares(e, count, anew) for e in each]
+                square = np.concatenate(own)
+                squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
             else:
-                square = errors(finding, fit_, held.record)[signal][held.first :] ** 2
-                count = max(LEAST, round(square.size / (rule.bins * rule.window)))
-                squares = np.array(
-                    [np.mean(part) for part in np.array_split(square, min(count, square.size))]
-                )
+                gone = errors(finding, fit_, held.record)[signal][held.first :]
+                square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
             done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), doubtful, squares)
         return done[key]
 
     return step
 
 
-def cancelling(effects: tuple[Effect, ...], fit_: Fit) -> set[str]:
-    """Names of the effects of a set of which only the sum of two sizes is known: a shifted valve and a constant load."""
+def parts_of(error: Array, rule: Whitener, anew: bool, cuts: tuple[int, ...] = ()) -> Array:
+    """(parts,) mean square of an error in each part, SI: parts as long as a window, or so short that chance can be told.
+
+    Args:
+        error: (n,) of a free run, SI.
+        rule: of the signal.
+        anew: in each part the prediction begins where the machine stands.
+        cuts: first sample of each log but the first.
+    """
+    count = max(LEAST, round(error.size / (rule.bins * rule.window)))
+    return mean_squares(error, min(count, error.size), anew, cuts)
+
+
+def cancelling(effects: tuple[Effect, ...], fit_: Fit, model: GroupModel) -> set[str]:
+    """Names of the effects of a set of which only the sum of two sizes is known: a shifted valve and a constant load.
+
+    Of two sizes that make up for each other the deviation of either is that of the sum by 1 / sqrt(1 - r^2), and itself as
+    much in doubt as their correlation r: so it counts as many times.
+    """
     keys = {f"{e.component}.{e.key}": e.name for e in effects if e.key in e.free}
-    pairs = [pair for pair, r in fit_.correlations.items() if abs(r) > CANCELLING and set(pair) <= set(keys)]
-    return {keys[name] for pair in pairs for name in pair}
+    found = set()
+    for pair, r in fit_.correlations.items():
+        if abs(r) > CANCELLING and set(pair) <= set(keys):
+            times = SIZED / np.sqrt(max(1.0 - r * r, 1e-12))
+            off = [abs(fit_.values[n] - model.nominal(n)) < times * fit_.deviations[n] for n in pair]
+            found |= {keys[n] for n in pair} if any(off) else set()
+    return found
 
 
 def left_out_errors(
-    finding: Finding, effects: tuple[Effect, ...], fit_: Fit, signal: str, tolerance: float
+    finding: Finding, effects: tuple[Effect, ...], fit_: Fit, signal: str, tolerance: float, walked: bool
 ) -> list[Array]:
     """(n,) error of a signal in each log, simulated with the estimates that the other logs give, SI.
 
@@ -259,16 +284,17 @@ def left_out_errors(
     Args:
         finding: what was named in the group.
         effects: the causes.
-        fit_: the fit to the free run over all logs with these.
+        fit_: the fit to all logs with these.
         signal: the signal.
         tolerance: trust in the nominal parameters.
+        walked: that fit is one of `freerun.onward`, not one to the free run.
     """
     task, model = finding.task, finding.task.model
     names, slopes = moving(fit_)
     steps = np.zeros((len(model.parts), 0))
     if names and fit_.rows is not None:
         scales = np.array([fit_.scales[n] for n in names])
-        steps = steps_without(fit_.rows, slopes, repetitions(task)) * scales
+        steps = steps_without(fit_.rows, slopes, repetitions(task, walked)) * scales
     bounds = {u.name: (u.low, u.high) for u in unknowns(model, effects, tolerance)[0]}
     found = []
     for i, (part, measured) in enumerate(

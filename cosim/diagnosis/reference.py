@@ -14,6 +14,7 @@ from cosim.diagnosis.crossval import held_windows, left_out_steps
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.noise import Whitener, Windows
+from cosim.inference.held_out import mean_squares as begun_anew
 from cosim.inference.held_out import ratio_ci95
 from cosim.inference.linear import Data, LinearModel, reference
 from cosim.inference.pieces import Cuts, by_piece
@@ -242,14 +243,17 @@ def over_logs(task: Task, record: Record, held: Record, first: int, squares: Arr
     signal, drive = next(iter(task.measured)), task.model.group.drive
     if signal not in held.signals or drive not in held.signals:
         return None
-    model, left = free_run(record, held, first, drive, signal, squares.size)
+    model, left = free_run(record, held, first, drive, signal, squares.size, task.model.group.drifts)
     return Reference(model, left, squares)
 
 
 def free_run(
-    record: Record, held: Record, first: int, drive: str, signal: str, parts: int
+    record: Record, held: Record, first: int, drive: str, signal: str, parts: int, anew: bool = False
 ) -> tuple[LinearModel, Array]:
-    """A linear model fitted to one record, and (parts,) mean squares of its error over another from sample `first` on."""
+    """A linear model fitted to one record, and (parts,) mean squares of its error over another from sample `first` on.
+
+    With `anew` the prediction begins in each part where the machine stands.
+    """
     count = record.time.size
     numbers = np.arange(count) * PARTS // count
     pair = evened(
@@ -262,7 +266,11 @@ def free_run(
         held.signals[drive], held.signals[signal], held.time, held.h, window, held.h, cuts=held.cuts
     )
     simulated = by_piece(lambda u, y: model.simulate(u, y, held.h), other.cuts, other.u, other.y)
-    return model, mean_squares(other.y - simulated, other.window, False)
+    error, inside = other.y - simulated, np.flatnonzero(other.window >= 0)
+    if not anew:
+        return model, mean_squares(error, other.window, False)
+    begins = tuple(c - int(inside[0]) for c in other.cuts)
+    return model, begun_anew(error[inside], parts, True, begins)
 
 
 def parted(count: int, first: int, parts: int) -> NDArray[np.int64]:

@@ -6,6 +6,7 @@ had that block been left out: one Gauss-Newton step on the other blocks moves th
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ ANCHOR = 2.0  # standard deviations within which an estimate is held where a blo
 TINY = 1e-9  # of a regressor's square: keeps what is nearly collinear solvable
 MANY = 12  # blocks: of fewer their scatter is itself hardly known
 RESAMPLED = 2000  # times the windows, for the interval of a ratio of errors
+STANDS = 0.02  # of a part, over which it is read where the machine stands at its start
 LEAST = 8  # parts at least into which data held out are cut: of one or two an interval would be empty
 BLOCKS = 24  # parts of the data that count as repetitions at most: the error of a free run is alike in windows side by side
 
@@ -113,6 +115,26 @@ def gain_of_errors(richer: Array, poorer: Array) -> HeldOutGain:
     ratio = float(np.sqrt(richer.sum() / max(float(poorer.sum()), 1e-300)))
     gain, *ends = (-parts * float(np.log(max(r, 1e-300))) for r in (ratio, *ratio_ci95(richer, poorer)))
     return HeldOutGain(gain, ends=(ends[1], ends[0]))
+
+
+def mean_squares(error: Array, parts: int, anew: bool = False, cuts: tuple[int, ...] = ()) -> Array:
+    """(parts,) mean square of the error of a free run in equal parts of the data.
+
+    Args:
+        error: (n,) measured less predicted.
+        parts: how many.
+        anew: the prediction begins anew in each part where the machine stands: the error there is taken off.
+        cuts: first sample of each log but the first: it begins anew there, too.
+    """
+    starts = np.array([part[0] for part in np.array_split(np.arange(error.size), parts)])
+    left = np.asarray(error, float).copy()
+    if anew:
+        edges = np.unique(
+            np.concatenate([starts, [c for c in cuts if 0 < c < error.size], [error.size]])
+        ).astype(int)
+        for low, high in pairwise(edges):
+            left[low:high] -= left[low : low + max(1, round(STANDS * (high - low)))].mean()
+    return np.asarray(np.add.reduceat(left**2, starts) / np.diff(np.append(starts, error.size)))
 
 
 def ratio_ci95(one: Array, other: Array) -> tuple[float, float]:

@@ -95,7 +95,7 @@ def test_an_effect_whose_size_is_in_doubt_goes_before_one_that_gains_less() -> N
 
 
 def test_a_set_that_is_sure_is_not_left_for_nothing_by_way_of_sets_that_are_not() -> None:
-    """Either of two alone does about as well, but with a size that nothing holds; with none the error is ten times as large."""
+    """Either of two alone does as well, but with a size that nothing holds; with none the error is ten times as large."""
     sets = {
         (COULOMB, BACKLASH): (1.0, ()),
         (COULOMB,): (1.0, (COULOMB.name,)),
@@ -168,12 +168,18 @@ def test_what_ended_at_its_off_values_is_no_cause_though_held_out_data_liked_it(
 def test_of_two_that_make_up_for_each_other_neither_is_sure() -> None:
     offset, load = registry.effects()["dcv.offset"], registry.effects()["mechanical.constant_load"]
     names = ["mechanical.J", "dcv.x_0", "mechanical.tau_load"]
-    values = dict.fromkeys(names, 1.0)
+    model = SimpleNamespace(nominal=lambda _: 0.0)
 
-    def fitted(correlation: float) -> Fit:
+    def fitted(correlation: float, size: float = 10.0) -> Fit:
         covariance = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, correlation], [0.0, correlation, 1.0]])
-        return replace(FIT, values=values, covariance=covariance)
+        values = dict.fromkeys(names, size)  # in standard deviations
+        return replace(FIT, values=values, covariance=covariance, deviations=dict.fromkeys(names, 1.0))
 
-    assert cancelling((offset, load), fitted(-0.999)) == {"dcv.offset", "mechanical.constant_load"}
-    assert cancelling((offset, load), fitted(0.9)) == set()
-    assert cancelling((offset,), fitted(-0.999)) == set()  # a free parameter of the model is no cause
+    def both(correlation: float, size: float = 10.0) -> set[str]:
+        return cancelling((offset, load), fitted(correlation, size), model)  # type: ignore[arg-type]
+
+    assert both(-0.999) == {"dcv.offset", "mechanical.constant_load"}
+    assert both(0.9) == set()
+    assert cancelling((offset,), fitted(-0.999), model) == set()  # type: ignore[arg-type]  # J is no cause
+    # each is known to a hundredth, and to a quarter if the correlation spoils its deviation as much again
+    assert both(-0.999, 100.0) == set()

@@ -1,5 +1,6 @@
 """Several logs of one machine: each keeps its start and its noise, and nothing passes from one to the next."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from cosim.diagnosis.crossval import repetitions, window_numbers
 from cosim.diagnosis.data import Record, fixed_values, joined
 from cosim.diagnosis.finding import Finding, lacking, learn_noise
 from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.freerun import errors, refitted
+from cosim.diagnosis.freerun import errors, onward, refitted
 from cosim.diagnosis.gain import measure
 from cosim.diagnosis.grid import Grid, Pieces, grid_of
 from cosim.diagnosis.group_model import GroupModel
@@ -190,7 +191,10 @@ def test_each_log_is_held_out_in_turn(pair: list[Record]) -> None:
     assert leave_one_log_out(pair[0]) == []
 
 
-def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(pair: list[Record]) -> None:
+@pytest.mark.parametrize("estimator", [refitted, onward])
+def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(
+    pair: list[Record], estimator: Callable[..., Fit]
+) -> None:
     """One Gauss-Newton step from the fit to both logs, against fitting the other log alone."""
     effect, record = registry.effects()["mechanical.coulomb_friction"], joined(pair)
 
@@ -198,10 +202,10 @@ def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(pair: list[R
         task = task_for(MECHANICS, record, [])
         null = nominal(task, record, FREE)
         finding = Finding(task, null, tried(task, (effect,), FREE, null.fit), free=True)
-        return finding, refitted(finding, (effect,), FREE, finding.chosen.fit)
+        return finding, estimator(finding, (effect,), FREE, finding.chosen.fit)
 
     finding, both = found(record)
-    each = left_out_errors(finding, (effect,), both, "slew", FREE)
+    each = left_out_errors(finding, (effect,), both, "slew", FREE, estimator is onward)
     fitted = np.split(both.residuals["slew"], record.cuts)
     left_out = leave_one_log_out(record)[:1]
     for own, inside, (other, held) in zip(each, fitted, left_out, strict=False):
