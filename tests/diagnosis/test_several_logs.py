@@ -211,7 +211,8 @@ def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(
     for own, inside, (other, held) in zip(each, fitted, left_out, strict=False):
         alone, fit = found(other)
         assert rms(own) == pytest.approx(rms(errors(alone, fit, held.record)["slew"]), rel=0.15)
-        assert rms(own) > rms(inside)
+        # the free run is what the one estimator makes smallest; of the other it is no more than about as small
+        assert rms(own) > (1.0 if estimator is refitted else 0.99) * rms(inside)
 
 
 def test_of_several_logs_each_is_left_out_as_one(pair: list[Record]) -> None:
