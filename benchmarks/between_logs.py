@@ -7,6 +7,7 @@ estimates lie there. Real refits on both sides, to the free run, as the diagnosi
 
 import argparse
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from cosim.diagnosis.chain import task_for
 from cosim.diagnosis.data import Record, joined
 from cosim.diagnosis.finding import Finding, relearned
 from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.freerun import refitted
+from cosim.diagnosis.freerun import onward, refitted
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.heldout import leave_one_log_out
 from cosim.diagnosis.model import machine_of
@@ -29,6 +30,11 @@ from cosim.diagnosis.naming import nominal, tried
 from cosim.diagnosis.story import UNKNOWN, prepare
 from cosim.logs import load_log
 from fmus.contract import Effect
+
+
+def estimator(group: Group) -> Callable[..., Fit]:
+    """How the diagnosis estimates in such a group."""
+    return onward if group.drifts else refitted
 
 
 def fitted(record: Record, group: Group, effects: tuple[Effect, ...]) -> tuple[Finding, Fit]:
@@ -41,7 +47,7 @@ def fitted(record: Record, group: Group, effects: tuple[Effect, ...]) -> tuple[F
         if relearned(task, record, chosen.fit):
             chosen = tried(task, effects[: count + 1], UNKNOWN, chosen.fit)
     finding = Finding(task, null, chosen, free=True)
-    return finding, refitted(finding, effects, UNKNOWN, chosen.fit)
+    return finding, estimator(group)(finding, effects, UNKNOWN, chosen.fit)
 
 
 def between(record: Record, group: Group, effects: tuple[Effect, ...]) -> dict[str, Between]:
@@ -50,9 +56,12 @@ def between(record: Record, group: Group, effects: tuple[Effect, ...]) -> dict[s
 
     def run_of(log: int) -> dict[str, tuple[float, float]]:
         own = replace(finding, task=task_of(finding.task, log))
-        return estimates(refitted(own, effects, UNKNOWN, fit_of(best, record.cuts, log)))
+        return estimates(estimator(group)(own, effects, UNKNOWN, fit_of(best, record.cuts, log)))
 
-    return over_logs(record, best.values, best.deviations, run_of)
+    def off(name: str) -> float:
+        return 0.0 if name in group.trusted else finding.task.model.nominal(name)
+
+    return over_logs(record, best.values, best.deviations, run_of, off)
 
 
 def main() -> None:

@@ -2,11 +2,12 @@
 
 The noise of one log says how well that log is described, not how the machine, its oil or what the model lacks change until
 the next. So each parameter is estimated in each log by itself, and what these estimates scatter beyond their own
-uncertainty widens the interval of the estimate from all: the random effects of a meta-analysis, the scatter estimated as
-Paule and Mandel do (J. Res. NBS 87(5), 1982), at the median of their statistic, so that of few logs it is as often too
-large as too small (Viechtbauer 2021). It is itself hardly known, so Student's quantile is taken at the freedom that the
-two parts have together (Satterthwaite, Biometrics Bulletin 2(6), 1946): of logs that agree it is the normal one, of logs
-that do not that of K - 1.
+uncertainty widens the interval of the estimate from all: the random effects of a meta-analysis. Two or three logs hardly
+tell that scatter. What is known beforehand is that a parameter of one machine hardly changes by more than its own size,
+and may not change at all: a half-normal prior of half its size (Friede, Roever, Wandel and Neuenschwander, Meta-analysis of
+two studies in the presence of heterogeneity, Biometrical Journal 59(4), 2017) beside a share of none, over which the
+interval is averaged (Gronau et al., A Bayesian model-averaged meta-analysis, Comprehensive Results in Social Psychology
+2(1), 2017).
 """
 
 from collections.abc import Callable, Mapping
@@ -15,8 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import erf
 
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
@@ -24,6 +24,10 @@ from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
 
 Array = NDArray[np.float64]
+
+SPREAD = 0.5  # of a parameter's size: standard deviation from log to log that its prior has
+SAME = 0.25  # chance beforehand that it is the same in all logs
+SCATTERS = np.linspace(0.0, 4.0, 401)  # of that prior: where it is summed
 
 
 @dataclass(frozen=True)
@@ -34,40 +38,52 @@ class Between:
         value: estimate from all logs together.
         values: (k,) estimate from each log.
         deviations: (k,) standard deviation of each by its own log; infinite where a log says nothing.
-        scatter: standard deviation from log to log beyond these.
-        within, between: variance of `value` by the logs' own uncertainty, and by the scatter.
+        within: variance of `value` by the logs' own uncertainty.
+        share: variance of `value` over that from log to log.
+        scatters, chances: (m,) standard deviations from log to log beyond the logs' own, and how likely each is.
     """
 
     value: float
     values: Array = field(repr=False)
     deviations: Array = field(repr=False)
-    scatter: float
     within: float
-    between: float
+    share: float = 0.0
+    scatters: Array = field(default_factory=lambda: np.zeros(1), repr=False)
+    chances: Array = field(default_factory=lambda: np.ones(1), repr=False)
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation from log to log."""
+        return float(np.sqrt(self.chances @ self.scatters**2))
 
     @property
     def ci95(self) -> tuple[float, float]:
         """95 % interval of the machine's value: the mean of all its logs."""
-        return self.around(self.within, self.between)
+        return self.around(self.within + self.share * self.scatters**2)
 
     @property
     def next_ci95(self) -> tuple[float, float]:
         """95 % interval of what another log of the machine, as long as these, would give by itself."""
         known = self.deviations[np.isfinite(self.deviations)]
         own = float(np.median(known)) ** 2 if known.size else 0.0
-        return self.around(self.within + own, self.between + self.scatter**2)
+        return self.around(self.within + own + (1.0 + self.share) * self.scatters**2)
 
-    def around(self, sure: float, guessed: float) -> tuple[float, float]:
-        """95 % interval about the value with a variance that is known and one that the scatter of these logs tells."""
-        total, count = sure + guessed, int(np.isfinite(self.deviations).sum())
-        if total <= 0.0:
+    def around(self, variances: Array) -> tuple[float, float]:
+        """95 % interval about the value, whose variance is one of these, as likely as their scatters."""
+        spread = np.sqrt(2.0 * np.maximum(variances, 0.0))
+        most = 5.0 * float(spread.max())
+        if most <= 0.0:
             return self.value, self.value
-        freedom = np.inf if guessed <= 0.0 else max(count - 1, 1) * (total / guessed) ** 2
-        reach = float(student.ppf(0.975, freedom)) * float(np.sqrt(total))
+
+        def missed(reach: float) -> float:
+            inside = np.divide(reach, spread, out=np.full_like(spread, np.inf), where=spread > 0.0)
+            return float(self.chances @ erf(inside)) - 0.95
+
+        reach = float(brentq(missed, 0.0, most)) if missed(0.0) < 0.0 else 0.0
         return self.value - reach, self.value + reach
 
 
-def combined(value: float, deviation: float, values: Array, deviations: Array) -> Between:
+def combined(value: float, deviation: float, values: Array, deviations: Array, size: float) -> Between:
     """One parameter over several logs.
 
     Args:
@@ -75,21 +91,29 @@ def combined(value: float, deviation: float, values: Array, deviations: Array) -
         deviation: its standard deviation if they were one log.
         values: (k,) estimate from each log.
         deviations: (k,) standard deviation of each; zero or not finite where the log says nothing of it.
+        size: of the parameter: how far it is from where it has no effect.
     """
     known = np.isfinite(deviations) & (deviations > 0.0) & np.isfinite(values)
     told = np.where(known, deviations, np.inf)
-    off, squares = values[known] - value, deviations[known] ** 2
-    if off.size < 2:
-        return Between(value, values, told, 0.0, deviation**2, 0.0)
-
-    def excess(scatter: float) -> float:
-        return float(np.sum(off**2 / (squares + scatter))) - float(chi2.median(off.size - 1))
-
-    most = 10.0 * float(np.sum(off**2))  # beyond any root: the median is more than a tenth of the freedom
-    scatter = float(brentq(excess, 0.0, most)) if excess(0.0) > 0.0 else 0.0
-    weights = 1.0 / squares
-    share = float(np.sum(weights**2) / np.sum(weights) ** 2)
-    return Between(value, values, told, float(np.sqrt(scatter)), deviation**2, scatter * share)
+    each, squares = values[known], deviations[known] ** 2
+    if each.size < 2:
+        return Between(value, values, told, deviation**2)
+    prior = SPREAD * max(size, float(np.sqrt(squares.min())))
+    scatters = prior * SCATTERS
+    variances = squares[:, None] + scatters**2
+    weights = 1.0 / variances
+    mean = (weights * each[:, None]).sum(axis=0) / weights.sum(axis=0)
+    likely = -0.5 * (
+        np.log(variances).sum(axis=0)
+        + np.log(weights.sum(axis=0))
+        + (weights * (each[:, None] - mean) ** 2).sum(axis=0)
+    )
+    before = np.exp(-0.5 * SCATTERS**2)
+    before *= (1.0 - SAME) / before.sum()
+    before[0] += SAME
+    chances = before * np.exp(likely - likely.max())
+    share = float(np.sum(squares**-2) / np.sum(1.0 / squares) ** 2)
+    return Between(value, values, told, deviation**2, share, scatters, chances / chances.sum())
 
 
 def task_of(task: Task, log: int) -> Task:
@@ -124,6 +148,7 @@ def over_logs(
     values: Mapping[str, float],
     deviations: Mapping[str, float],
     fitted: Callable[[int], Mapping[str, tuple[float, float]]],
+    off: Callable[[str], float],
 ) -> dict[str, Between]:
     """Each estimated parameter over the logs of a record; nothing for one log.
 
@@ -132,6 +157,7 @@ def over_logs(
         values: ``component.parameter`` -> estimate from all logs together, SI.
         deviations: standard deviation of those that were estimated.
         fitted: log -> (estimate, standard deviation) of each from that log alone.
+        off: ``component.parameter`` -> where it has no effect, SI.
     """
     if not record.cuts:
         return {}
@@ -139,7 +165,8 @@ def over_logs(
     found = {}
     for name in (n for n in values if n in deviations and all(n in own for own in each)):
         rows = np.array([own[name] for own in each])
-        found[name] = combined(values[name], deviations[name], rows[:, 0], rows[:, 1])
+        size = abs(values[name] - off(name))
+        found[name] = combined(values[name], deviations[name], rows[:, 0], rows[:, 1], size)
     return found
 
 

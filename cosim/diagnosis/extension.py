@@ -1,5 +1,6 @@
 """The extended model of a diagnosis: its values from all blocks together, its packages, and its gain by the FMUs."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,8 +28,11 @@ from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.together import weighed
 from cosim.diagnosis.trials import FREE, Trial, tried, without
 from cosim.diagnosis.verdict import rests, stands
+from cosim.inference.held_out import LEAST, mean_squares, ratio_ci95
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
+
+Array = NDArray[np.float64]
 
 
 def estimate(
@@ -69,7 +73,9 @@ def estimate(
                 found |= estimates(tried(own, named, tolerance, begin).fit)
             return found
 
-        diagnosis.between = over_logs(record, diagnosis.values, deviations, blocks_of)
+        diagnosis.between = over_logs(
+            record, diagnosis.values, deviations, blocks_of, partial(off_value, findings)
+        )
         return
     count = min(whole_run(r).windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
     mask = ~held_windows(count) if diagnosis.held is None else None
@@ -96,7 +102,9 @@ def estimate(
             fitted_chain(groups, record.pieces[log], own, named, near, begin, tolerance, windows, constants)
         )
 
-    diagnosis.between = over_logs(record, diagnosis.values, diagnosis.deviations, chain_of)
+    diagnosis.between = over_logs(
+        record, diagnosis.values, diagnosis.deviations, chain_of, partial(off_value, findings)
+    )
 
 
 def estimate_alone(
@@ -108,8 +116,8 @@ def estimate_alone(
 ) -> None:
     """Values of the extended model where one group is all that was judged: what makes its free run best on held-out data.
 
-    Of an axis that drifts there are two estimates: from the free run over the log, which that log's course may have bent,
-    and from how the error moves from window to window. Data held out tell which one predicts them better.
+    Of an axis that drifts there are two estimates: from how the error moves from window to window, and from the free run
+    over the log, which that log's course may have bent: it is taken where data held out clearly speak for it.
     """
     record, held, task = diagnosis.record, diagnosis.held, finding.task
     signal, rule = next(iter(task.rules.items()))
@@ -119,13 +127,13 @@ def estimate_alone(
     best = free(finding, effects, tolerance, near)
     plain = free(finding, (), tolerance, finding.null.fit)
     if held is not None and signal in held.record.signals and task.model.group.drifts:
-        error = partial(held_error, finding, held, signal, tolerance)
+        squares = partial(held_squares, finding, held, signal, tolerance)
         other = onward(finding, effects, tolerance, near)
         in_doubt = vanished(finding, effects, [], best, tolerance) is not None
-        if in_doubt or error(effects, other, True) <= error(effects, best, False):
+        if in_doubt or ratio_ci95(squares(effects, best, False), squares(effects, other, True))[1] >= 1.0:
             best, walked = other, True
         other = onward(finding, (), tolerance, finding.null.fit)
-        plain = min((plain, False), (other, True), key=lambda fit: error((), *fit))[0]
+        plain = min((plain, False), (other, True), key=lambda fit: float(squares((), *fit).mean()))[0]
     else:
         # what held-out data have borne out stays: they decide
         needed = [e for e in effects if e.name in finding.borne and finding.borne[e.name].sure]
@@ -150,10 +158,21 @@ def estimate_alone(
             return estimates(onward(own, effects, tolerance, begin))
         return estimates(refitted(own, effects, tolerance, begin, part_of(mask, rule, record, log)))
 
-    diagnosis.between = over_logs(record, best.values, best.deviations, run_of)
+    diagnosis.between = over_logs(
+        record, best.values, best.deviations, run_of, partial(off_value, {"": finding})
+    )
 
 
-def held_error(
+def off_value(findings: Mapping[str, Finding], name: str) -> float:
+    """Where ``component.parameter`` has no effect, SI: 0 of a parameter of the nominal model."""
+    for finding in findings.values():
+        model = finding.task.model
+        if name.partition(".")[0] in model.group.components:
+            return 0.0 if name in model.group.trusted else model.nominal(name)
+    return 0.0
+
+
+def held_squares(
     finding: Finding,
     held: Held,
     signal: str,
@@ -161,11 +180,13 @@ def held_error(
     effects: tuple[Effect, ...],
     found: Fit,
     walked: bool,
-) -> float:
-    """RMSE of a free run over data held out with a fit's values, SI; `walked` as `heldout.left_out_errors` takes it."""
+) -> Array:
+    """(parts,) mean square of the error of a free run over data held out, SI; `walked` as `left_out_errors` takes it."""
     if held.in_turn:
-        return rms(np.concatenate(left_out_errors(finding, effects, found, signal, tolerance, walked)))
-    return rms(errors(finding, found, held.record)[signal][held.first :])
+        each = left_out_errors(finding, effects, found, signal, tolerance, walked)
+        return np.concatenate([mean_squares(e, -(-LEAST // len(each))) for e in each])
+    gone = errors(finding, found, held.record)[signal][held.first :]
+    return mean_squares(gone, min(LEAST, gone.size))
 
 
 def part_of(

@@ -247,31 +247,40 @@ def test_a_linear_reference_begins_anew_in_each_log() -> None:
     assert not free[3:, :200].any()
 
 
-@pytest.mark.parametrize("scatter", [0.0, 1.0, 3.0, 10.0])
-@pytest.mark.parametrize("logs", [3, 5])
+@pytest.mark.parametrize("scatter", [0.0, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("logs", [2, 3, 5])
 def test_intervals_between_logs_hold(logs: int, scatter: float) -> None:
-    """Of the machine's value and of the next log's, where logs differ by `scatter` times what one log tells."""
-    rng, repeats = np.random.default_rng(7), 500
-    deviations = np.geomspace(1.0, 2.0, logs)
+    """Of the machine's value, 10, and of the next log's, where logs differ by up to a third of that."""
+    rng, repeats, size = np.random.default_rng(7), 500, 10.0
+    deviations = np.geomspace(0.3, 0.6, logs)
     weights = deviations**-2 / np.sum(deviations**-2)
     inside = np.zeros(2)
     for _ in range(repeats):
-        values = rng.normal(size=logs) * deviations + scatter * rng.normal(size=logs)
-        found = combined(float(weights @ values), float(np.sum(deviations**-2) ** -0.5), values, deviations)
-        following = rng.normal() * float(np.median(deviations)) + scatter * rng.normal()
-        pairs = ((found.ci95, 0.0), (found.next_ci95, following))
+        values = size + rng.normal(size=logs) * deviations + scatter * size * rng.normal(size=logs)
+        told = float(weights @ values)
+        found = combined(told, float(np.sum(deviations**-2) ** -0.5), values, deviations, abs(told))
+        following = size + rng.normal() * float(np.median(deviations)) + scatter * size * rng.normal()
+        pairs = ((found.ci95, size), (found.next_ci95, following))
         inside += [low < value < high for (low, high), value in pairs]
     # 90 % wanted; 500 repeats know it to 1.3 %
-    assert np.all(inside / repeats > 0.88)
+    assert np.all(inside / repeats > 0.87)
+
+
+def test_two_logs_that_differ_by_a_sixth_still_tell_a_size() -> None:
+    """Student's quantile of one degree of freedom would let the interval of any cause include none."""
+    low, high = combined(0.42, 0.005, np.array([0.37, 0.47]), np.array([0.005, 0.005]), 0.42).ci95
+    assert 0.0 < low < 0.35
+    assert high > 0.49
 
 
 def test_logs_that_agree_are_better_than_one_and_logs_that_say_nothing_do_not_count() -> None:
-    agreeing = combined(5.0, 0.07, np.array([5.02, 4.98]), np.array([0.1, 0.1]))
-    assert agreeing.scatter == 0.0
-    assert agreeing.ci95 == pytest.approx((5.0 - 1.96 * 0.07, 5.0 + 1.96 * 0.07), abs=1e-4)
-    unlike = combined(5.0, 0.07, np.array([4.0, 6.0, 99.0]), np.array([0.1, 0.1, 0.0]))
-    # two logs that differ: Student's quantile with one degree of freedom
-    assert unlike.ci95[0] < 5.0 - 10.0
+    agreeing = combined(5.0, 0.07, np.array([5.02, 4.98]), np.array([0.1, 0.1]), 5.0)
+    alone = combined(5.0, 0.1, np.array([5.0]), np.array([0.1]), 5.0)
+    assert alone.ci95 == pytest.approx((5.0 - 1.96 * 0.1, 5.0 + 1.96 * 0.1), abs=1e-4)
+    unlike = combined(5.0, 0.07, np.array([4.0, 6.0, 99.0]), np.array([0.1, 0.1, 0.0]), 5.0)
+    assert agreeing.scatter < 0.5 * unlike.scatter
+    assert unlike.ci95[0] < 4.0
+    assert unlike.ci95[1] - unlike.ci95[0] > 2.0 * (agreeing.ci95[1] - agreeing.ci95[0])
     assert np.isinf(unlike.deviations[2])
 
 
