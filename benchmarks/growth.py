@@ -53,8 +53,8 @@ def compare(log: Path) -> None:
 def diagnose(log: Path, signals: Sequence[str], without: Sequence[str]) -> None:
     """What ``cosim diagnose LOG`` does, with some signals or candidates only."""
     from cosim.diagnosis.groups import left_out
-    from cosim.diagnosis.present import diagnose_into
     from cosim.logs import load_log
+    from cosim.report.deliver import diagnose_into
 
     with tempfile.TemporaryDirectory() as out, left_out(*without):
         loaded = load_log(log, select=signals or None)
@@ -64,7 +64,7 @@ def diagnose(log: Path, signals: Sequence[str], without: Sequence[str]) -> None:
 def child(request: dict[str, Any]) -> None:
     """One point, in a process of its own: prints its figures."""
     import cosim.compare
-    import cosim.diagnosis.present  # noqa: F401
+    import cosim.report.deliver  # noqa: F401
 
     wall, cpu = time.perf_counter(), time.process_time()
     if request["what"] == "make":

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from cosim.diagnosis.present import diagnose_into
 from cosim.errors import CosimError
 from cosim.logs import load_log
+from cosim.report.deliver import diagnose_into
 from cosim.rig import EFFECTS, make_log
 from cosim.rig.write import as_log
 

@@ -4,10 +4,7 @@ A message names the thing that is wrong and, where there is one, the remedy. Eve
 derives from `CosimError`; anything else that escapes is a defect of ours.
 """
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from cosim.results import Result
+from typing import Any
 
 
 class CosimError(Exception):
@@ -38,11 +35,11 @@ class SimulationError(CosimError):
     """A simulation failed while it ran (exit code 4).
 
     Attributes:
-        partial: the result up to there, or None if there is none.
+        partial: the `Result` up to there, or None if there is none.
     """
 
     exit_code = 4
-    partial: "Result | None" = None
+    partial: Any = None
 
 
 class MissingExtraError(CosimError):

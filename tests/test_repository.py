@@ -192,3 +192,48 @@ def test_changelog_has_the_version_or_unreleased() -> None:
 def test_tests_have_unique_names() -> None:
     names = [p.name for p in _tracked() if p.name.startswith("test_") and p.suffix == ".py"]
     assert sorted(names) == sorted(set(names)), "pytest imports test files by base name"
+
+
+# clients of the core: what they need of each other lies below them
+CLIENTS = {
+    f"cosim.{room}"
+    for room in ("compare", "calibrate", "identify", "machines", "master", "ssp", "logs", "inference")
+}
+LEFT = {("cosim.ssp", "fmus")}  # C generation reads wirings
+
+
+def _room(module: str) -> str | None:
+    """The package to which a module belongs: a folder or a file at the top of cosim, or fmus."""
+    first, _, rest = module.partition(".")
+    return (
+        first if first == "fmus" else f"cosim.{rest.partition('.')[0]}" if first == "cosim" and rest else None
+    )
+
+
+def _imports() -> set[tuple[str, str, str]]:
+    """(file, its room, room that it imports), wherever in the file the import stands."""
+    found = set()
+    for path in _sources():
+        parts = path.relative_to(TOP).with_suffix("").parts
+        own = _room(".".join(parts)) if parts[0] in ("cosim", "fmus") else None
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = [f"{node.module}.{a.name}" for a in node.names]
+            for other in map(_room, names):
+                if own and other and other != own:
+                    found.add(("/".join(parts), own, other))
+    return found
+
+
+def test_no_two_packages_import_each_other() -> None:
+    edges = {(own, other) for _, own, other in _imports()}
+    both = {tuple(sorted(edge)) for edge in edges if edge[::-1] in edges}
+    assert both == LEFT
+
+
+def test_the_diagnosis_is_a_client_and_nobody_below_it_knows_it() -> None:
+    wrong = {
+        (file, other) for file, own, other in _imports() if own in CLIENTS and other == "cosim.diagnosis"
+    }
+    assert not wrong

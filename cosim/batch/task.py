@@ -170,9 +170,9 @@ def _load_comparator(job: Job, run: Run, kept: Loaded) -> None:
 
 def _diagnose(job: Job, run: Run, outcome: Outcome) -> None:
     from cosim.diagnosis.model import chosen
-    from cosim.diagnosis.present import delivered
     from cosim.diagnosis.story import diagnose
     from cosim.logs import load_log, load_tracker
+    from cosim.report.deliver import delivered
 
     file = _log(job, run)
     mapping = _present(job.mapping) if job.mapping else None

@@ -10,8 +10,8 @@ from cosim import console
 from cosim.errors import UsageError
 
 if TYPE_CHECKING:
+    from cosim.beside.extras import Extras
     from cosim.compare import CompareTable, Comparison
-    from cosim.compare.extras import Extras
     from cosim.logs import Log, Mapping
     from cosim.ssp.system import System
 
@@ -139,8 +139,8 @@ def compare_log(
     Raises:
         DataError, ModelError, UsageError, SimulationError: whatever is wrong with log, model, request or run.
     """
+    from cosim.beside.extras import Extras
     from cosim.compare import Comparator, CompareTable, load_mapping
-    from cosim.compare.extras import Extras
     from cosim.compare.limits import check_limits, read_limits
     from cosim.compare.present import as_data
     from cosim.logs import load_log

@@ -29,10 +29,10 @@ def demo(
 ) -> None:
     """Build what is missing, compare the nominal model with a synthetic log in which something is hidden, and name it."""
     from cosim.commands.compare import compare_log
-    from cosim.diagnosis.present import diagnose_into, show
     from cosim.diagnosis.story import TOLERANCE
     from cosim.logs import load_log
     from cosim.paths import build_folder, examples_folder
+    from cosim.report.deliver import diagnose_into, show
 
     folder = build_folder()
     messages = console.stderr_console() if as_json else console.stdout_console()

@@ -57,8 +57,8 @@ def diagnose(
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
     from cosim.console import emit_json, warn
     from cosim.diagnosis.budget import parse_budget
-    from cosim.diagnosis.present import diagnose_into, show
     from cosim.logs import load_log, load_tracker
+    from cosim.report.deliver import diagnose_into, show
 
     seconds = parse_budget(budget) if budget is not None else math.inf
     loaded = [load_log(file, mapping) for file in log]

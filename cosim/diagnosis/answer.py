@@ -11,7 +11,6 @@ from cosim.diagnosis.experiment import Proposal
 from cosim.diagnosis.finding import at_first
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.isolability import isolability
-from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.naming import CLOSE, declared
 from cosim.diagnosis.reference import Reference
 from cosim.diagnosis.remarks import (
@@ -47,6 +46,7 @@ from cosim.diagnosis.schema import (
 )
 from cosim.diagnosis.verdict import Cause, local, names_of, size_of
 from cosim.inference.held_out import ratio_ci95
+from cosim.lexicon import current
 from cosim.logs import Log, listed
 from cosim.packages import project_version
 from fmus import registry

@@ -8,10 +8,10 @@ from cosim.compare.binding import TRUSTED
 from cosim.compare.mapping import CompareTable
 from cosim.diagnosis.cut import Bound, bound, cut, start_values
 from cosim.diagnosis.groups import COMPONENT_VALUES, MODELS, Group
-from cosim.diagnosis.lexicon import Lexicon, Shown
 from cosim.diagnosis.options import Options
 from cosim.diagnosis.wiring import Wiring, wiring_of
 from cosim.errors import DataError, ModelError, UsageError
+from cosim.lexicon import Lexicon, Shown
 from cosim.logs import Log
 from cosim.logs.mapping import Mapping as LogMapping
 from cosim.paths import ssp_folder

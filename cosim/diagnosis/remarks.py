@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.grid import Grid, Pieces
 from cosim.diagnosis.heldout import Refused
-from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.schema import (
     RefusedCause,
 )
 from cosim.inference.held_out import ratio_ci95
+from cosim.lexicon import current
 from cosim.logs import Log
 
 Array = NDArray[np.float64]

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim import console
-from cosim.diagnosis.lexicon import current
 from cosim.errors import UsageError
 from cosim.files import write_bytes, write_text
 from cosim.identify.estimate import Quantity
 from cosim.identify.nominal import declared
+from cosim.lexicon import current
 from cosim.ssp.write import values_xml
 
 if TYPE_CHECKING:

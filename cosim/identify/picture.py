@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compare.picture import ERROR, MEASURED, SIMULATED, STYLE
-from cosim.diagnosis.lexicon import Lexicon
 from cosim.files import whole
 from cosim.identify.candidates import Choice
 from cosim.identify.dead_zone import DeadZone
@@ -18,6 +17,7 @@ from cosim.identify.inverse_dynamics import Mechanics
 from cosim.identify.scaling import Channel
 from cosim.identify.state_space import Observer, RootLocus
 from cosim.identify.transfer_function import TransferFunction
+from cosim.lexicon import Lexicon
 from cosim.signals import SIGNALS
 
 if TYPE_CHECKING:

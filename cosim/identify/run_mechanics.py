@@ -1,9 +1,8 @@
 """``cosim identify mechanics``: from a log, and what its mapping says of the machine, to `Answer`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
-from cosim.diagnosis.lexicon import Lexicon, speaking
-from cosim.diagnosis.machine import Machine
 from cosim.errors import DataError, UsageError
 from cosim.identify import picture
 from cosim.identify.answer import COLUMNS, Answer, parameter_table
@@ -11,11 +10,66 @@ from cosim.identify.data import even, measured, travels
 from cosim.identify.inverse_dynamics import Mechanics, Motion, identify_mechanics
 from cosim.identify.nominal import declared
 from cosim.identify.run import log_data
+from cosim.lexicon import Lexicon, speaking
 from cosim.logs import Log
 from cosim.ssp.system import Port
 from cosim.units import parse_quantity
 
 COMPONENT = "mechanical"
+
+
+class Wired(Protocol):
+    """What is known of a machine's wiring."""
+
+    @property
+    def blocks(self) -> Mapping[str, str]:
+        """Component -> block."""
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """``component.parameter`` -> SI."""
+
+
+class Shows(Protocol):
+    """What a signal stands for."""
+
+    @property
+    def source(self) -> Port | None:
+        """The output that it measures."""
+
+    @property
+    def targets(self) -> tuple[Port, ...]:
+        """The inputs that it feeds."""
+
+    @property
+    def gain(self) -> float:
+        """The variable per signal, SI."""
+
+
+class Machine(Protocol):
+    """What must be known of a machine to read its torque and angle."""
+
+    @property
+    def name(self) -> str:
+        """Of its model."""
+
+    @property
+    def wiring(self) -> Wired:
+        """Of its model."""
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """``component.parameter`` -> SI that its mapping adds."""
+
+    @property
+    def signals(self) -> Mapping[str, Shows]:
+        """What its signals stand for."""
+
+    @property
+    def lexicon(self) -> Lexicon:
+        """Its words."""
+
+
 PRESSURE = (Port(COMPONENT, "p_load"),)
 ANGLE = (Port(COMPONENT, "theta"), Port("sensor", "slew"))
 WITHOUT = ("J", "b", "tau_c", "tau_load", "theta_0")  # what is looked for, and the start
@@ -47,7 +101,7 @@ def mechanics_answer(
     }
     answer = Answer("mechanics", data, values, notes=list(log.warnings))
     with speaking(machine.lexicon):
-        before = machine.wiring.values | machine.values
+        before = {**machine.wiring.values, **machine.values}
         title = f"torque and motion up to {found.highest:.3g} Hz, best fit {found.fit:.2f} %"
         answer.tables.append((title, COLUMNS, parameter_table(values, before)))
         answer.lines += _sentences(found, machine.lexicon)
@@ -80,7 +134,7 @@ def known_values(machine: Machine, settings: Sequence[str]) -> dict[str, float]:
         )
     values = {
         name.partition(".")[2]: value
-        for name, value in (machine.wiring.values | machine.values).items()
+        for name, value in {**machine.wiring.values, **machine.values}.items()
         if name.startswith(f"{COMPONENT}.")
     }
     for text in settings:

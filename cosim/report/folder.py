@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.lexicon import Lexicon, Shown, speaking
 from cosim.diagnosis.remarks import shown
 from cosim.diagnosis.schema import Answer
 from cosim.errors import DataError, UsageError
 from cosim.files import whole
+from cosim.lexicon import Lexicon, Shown, speaking
 from cosim.report.material import KINDS, MEASURED, Curve, Experiment, Material, Noise, Part
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.lexicon import current
 from cosim.diagnosis.schema import Answer, NamedCause
+from cosim.lexicon import current
 from fmus import registry
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.diagnosis.chain import WINDOW
-from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.naming import CLOSE
 from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.files import write_text
+from cosim.lexicon import speaking
 from cosim.packages import project_version
 from cosim.report import drive, experiment, overview
 from cosim.report.evidence import free_form, pictures
@@ -38,7 +38,7 @@ from cosim.report.words import (
 if TYPE_CHECKING:
     from cosim.diagnosis.experiment import Proposal
     from cosim.diagnosis.found import Diagnosis
-    from cosim.diagnosis.lexicon import speaking
+    from cosim.lexicon import speaking
 from cosim.diagnosis.schema import Answer
 
 REPORT = "report.html"

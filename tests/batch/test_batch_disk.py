@@ -27,7 +27,10 @@ def coordinates():
     return Coordinates({"run": ([0, 1, 2], "")}, 0.001, 0.0, "time")
 
 
-AWAY = ("Directory not empty", "No such file or directory")  # files come and go under the hands of who clears up
+AWAY = (
+    "Directory not empty",
+    "No such file or directory",
+)  # files come and go under the hands of who clears up
 
 
 def begun(folder):

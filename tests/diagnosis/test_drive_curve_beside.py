@@ -10,11 +10,11 @@ from cosim.diagnosis.curve import curve_of
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import merged
 from cosim.diagnosis.heldout import Held
-from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.model import machine_of
 from cosim.diagnosis.schema import Answer
 from cosim.diagnosis.story import prepare
 from cosim.identify.drive_fit import static
+from cosim.lexicon import speaking
 from cosim.logs import load_log
 from cosim.report import drive
 from cosim.report.material import Material

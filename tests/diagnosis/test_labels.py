@@ -8,9 +8,9 @@ import pytest
 
 from benchmarks.labels import MISTAKES, changed, said
 from cosim.diagnosis.answer import answer
-from cosim.diagnosis.present import delivered
 from cosim.diagnosis.story import diagnose
 from cosim.logs import Log
+from cosim.report.deliver import delivered
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 

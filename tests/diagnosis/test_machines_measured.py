@@ -12,12 +12,12 @@ from cosim.compare.metrics import rms, without_offsets
 from cosim.diagnosis.answer import answer
 from cosim.diagnosis.data import fixed_values
 from cosim.diagnosis.gain import run_package
-from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.model import machine_of
 from cosim.diagnosis.schema import Answer
 from cosim.diagnosis.story import diagnose, prepare
 from cosim.identify.inverse_dynamics import identify_mechanics
 from cosim.identify.run_mechanics import motion_of
+from cosim.lexicon import speaking
 from cosim.logs import load_log
 from cosim.paths import examples_folder
 

@@ -9,8 +9,8 @@ import pytest
 from cosim.diagnosis.experiment import Rehearsal, evidence_of, menu, proposal_for, write_command
 from cosim.diagnosis.groups import MODELS
 from cosim.diagnosis.noise import CORRELATION_TIMES, Whitener
-from cosim.diagnosis.present import delivered
 from cosim.diagnosis.story import diagnose
+from cosim.report.deliver import delivered
 from cosim.rig import as_log, make_log
 
 HIDDEN = ["mechanical.coulomb_friction:tau_c=60 N.m"]

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from benchmarks.odd_logs import Odd, drawn, run_case
-from cosim.diagnosis import present, story
+from cosim.diagnosis import story
 from cosim.diagnosis.experiment import Rehearsal
 from cosim.diagnosis.groups import MODELS
 from cosim.diagnosis.parts import part
 from cosim.errors import DataError
 from cosim.logs import load_log
+from cosim.report import deliver
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 
@@ -38,9 +39,9 @@ def test_the_answer_is_there_though_everything_after_it_fails(
     def broken(*arguments: object, **named: object) -> None:
         raise RuntimeError("broken on purpose")
 
-    for room, name in ((story, "gain_by_fmus"), (present, "proposal_for"), (present, "save_and_report")):
+    for room, name in ((story, "gain_by_fmus"), (deliver, "proposal_for"), (deliver, "save_and_report")):
         monkeypatch.setattr(room, name, broken)
-    answer = present.diagnose_into(tmp_path, load_log(EXAMPLE), None, None, 0.01, False)
+    answer = deliver.diagnose_into(tmp_path, load_log(EXAMPLE), None, None, 0.01, False)
     assert [c.effect for c in answer.causes] == ["mechanical.coulomb_friction"]
     written = json.loads((tmp_path / "diagnosis.json").read_text())
     assert written["verdict"] == "explained"

@@ -14,7 +14,6 @@ from cosim.diagnosis.curve import curve_of
 from cosim.diagnosis.experiment import Proposal, proposal_for, write_command
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.isolability import isolability
-from cosim.diagnosis.lexicon import speaking
 from cosim.diagnosis.machine import Machine
 from cosim.diagnosis.model import machine_of
 from cosim.diagnosis.parts import part
@@ -26,6 +25,7 @@ from cosim.diagnosis.watch import Watch
 from cosim.errors import UsageError
 from cosim.files import write_text
 from cosim.interrupts import stoppable
+from cosim.lexicon import speaking
 from cosim.logs import Log, Tracker, listed
 from cosim.report.folder import keep
 from cosim.report.material import gather

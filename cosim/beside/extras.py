@@ -11,9 +11,9 @@ from cosim.errors import UsageError
 from cosim.ssp.system import Value
 
 if TYPE_CHECKING:
+    from cosim.beside.tracker import TrackerRun
     from cosim.calibrate import Calibration
     from cosim.compare.observer import ObserverRun
-    from cosim.compare.tracker import TrackerRun
     from cosim.logs import Mapping
 
 
@@ -53,8 +53,8 @@ class Extras:
         self.observer = run_observer(self.comparator, self.given)
 
     def track(self, file: Path) -> None:
-        """Hold the tracker's record against the slew sensor; raises as `cosim.compare.tracker.run_tracker`."""
-        from cosim.compare.tracker import run_tracker
+        """Hold the tracker's record against the slew sensor; raises as `cosim.beside.tracker.run_tracker`."""
+        from cosim.beside.tracker import run_tracker
 
         self.tracker = run_tracker(self.comparator.log, file)
 
@@ -70,7 +70,7 @@ class Extras:
 
             found["observer"] = of_observer(self.observer)
         if self.tracker is not None:
-            from cosim.compare.tracker import as_data as of_tracker
+            from cosim.beside.tracker import as_data as of_tracker
 
             found["tracker"] = of_tracker(self.tracker)
         return found
@@ -95,7 +95,7 @@ class Extras:
             for text in observer_present.lines(self.observer):
                 output.print(text, markup=False, soft_wrap=True)
         if self.tracker is not None:
-            from cosim.compare import tracker
+            from cosim.beside import tracker
 
             output.print(console.table("Slew sensor and tracker", tracker.HEADS, tracker.rows(self.tracker)))
             for text in tracker.lines(self.tracker):
@@ -118,7 +118,7 @@ class Extras:
 
                 written["observer"] = draw_observer(self.observer, folder / "observer.png")
             if self.tracker is not None:
-                from cosim.compare.tracker import write_picture as draw_tracker
+                from cosim.beside.tracker import write_picture as draw_tracker
 
                 written["tracker"] = draw_tracker(self.tracker, folder / "tracker.png")
         except OSError as error:

@@ -1,0 +1,1 @@
+"""What a comparison is shown beside: a calibration, the observer, the external tracker."""
