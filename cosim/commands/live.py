@@ -286,6 +286,8 @@ def _played(
     excitation: str | None, file: Path | None, amplitude: float, seed: int, duration: float | None
 ) -> list[float]:
     """The manual command of each slot."""
+    if excitation is None and file is None:
+        return []
     import numpy as np
 
     from cosim.errors import UsageError
@@ -293,8 +295,6 @@ def _played(
 
     if excitation is not None and file is not None:
         raise UsageError("--excitation and --input are two commands: give one")
-    if excitation is None and file is None:
-        return []
     length = duration
     if file is not None:
         length = float(read_command(file)[0][-1])
@@ -329,7 +329,6 @@ def _run(
     host, port = link.address
     away = "whoever sends" if link.peer is None else f"{link.peer[0]}:{link.peer[1]}"
     what = "controller" if isinstance(side, Master) else "crane"
-    console.stderr_console().print(f"{what} at {host}:{port}, peer {away}", markup=False, soft_wrap=True)
     asked: list[str] = []
 
     def ask() -> bool:
@@ -340,6 +339,9 @@ def _run(
     memory = psutil.Process().memory_info
     try:
         with stoppable(ask), _emergency(side), steady(), priority(real_time), _screen(side, link):
+            console.stderr_console().print(
+                f"{what} at {host}:{port}, peer {away}", markup=False, soft_wrap=True
+            )
             first = memory().rss
             if isinstance(side, Master):
                 ended = side.run(Pace(), duration, lambda: asked[0] if asked else None, lines)
@@ -436,11 +438,12 @@ def _show(facts: dict[str, Any], as_json: bool) -> None:
         return
     output = console.stdout_console()
     late = facts["lateness"]
-    title = f"{facts['role']}, {facts['slots']} slots of 1 ms, ended: {facts['ended']}"
+    title = f"{facts['role']}: {facts['slots']} slots of 1 ms"
     always = ("received", "lost", "late")
     rows = [[name.replace("_", " "), n] for name, n in counts.items() if n or name in always]
     output.print(console.table(title, ["datagrams", "number"], [*rows, ["sent", facts["sent"]]]))
     figures = ", ".join(f"{name} {1e3 * late[name]:.3f} ms" for name in ("p50", "p99", "p99.9", "worst"))
+    output.print(f"ended: {facts['ended']}", markup=False)
     output.print(f"lateness: {figures}; {facts['overrun']} slots overrun", markup=False, soft_wrap=True)
     for event in facts.get("events", ()):
         output.print(f"  {event['time']:9.3f} s  {event['what']}", markup=False, soft_wrap=True)

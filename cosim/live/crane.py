@@ -83,6 +83,7 @@ class SystemPlant:
         except BaseException:
             self.close()
             raise
+        self._kept = plan, loop  # the FMUs read and write their arrays by address
         self._ordered, self._values = ordered, loop.values
         self._input, self._copies = plan.n_outputs, list(enumerate(map(int, plan.snapshots)))
         self._read = [
