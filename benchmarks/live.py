@@ -110,8 +110,11 @@ def main() -> None:
             found = both_ends(options.seconds, Path(folder), ["--real-time"] if options.real_time else [])
         for name, facts in found.items():
             counts, memory = facts["datagrams"], facts["memory"]
-            print(f"{name + f', {number} busy':28}{figures(facts['lateness'])}  overrun {facts['overrun']} of {facts['slots']},"
-                  f" lost {counts['lost']}, late {counts['late']}, memory {(memory['last'] - memory['first']) / 1024:+.0f} KiB")  # fmt: skip
+            grown = (memory["last"] - memory["first"]) / 1024
+            print(
+                f"{f'{name}, {number} busy':28}{figures(facts['lateness'])}  overrun {facts['overrun']},"
+                f" lost {counts['lost']}, late {counts['late']} of {facts['slots']}; memory {grown:+.0f} KiB"
+            )
     if options.alone <= 0.0:
         return
     print(f"the clock alone, {options.alone:g} s each" + " " * 37 + "processor")

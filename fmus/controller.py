@@ -24,7 +24,7 @@ class Input(NamedTuple):
     slew: Annotated[float, Variable("rad", "Slew angle, measured or estimated", low=-1e6, high=1e6, display="deg")]  # fmt: skip
     slew_rate: Annotated[float, Variable("rad/s", "Slew velocity", low=-1e6, high=1e6, display="deg/s", nominal=0.01)]  # fmt: skip
     manual: Annotated[float, Variable("1", "Command in manual", low=-100.0, high=100.0)]
-    automatic: Annotated[float, Variable("1", "Share of the automatic law, 0 to 1", low=0.0, high=1.0)]
+    automatic: Annotated[float, Variable("1", "Share of the automatic law, 0 to 1", low=-100.0, high=100.0)]
 
 
 class Output(NamedTuple):
@@ -65,10 +65,17 @@ class Coefficients(NamedTuple):
 
 
 @equation
+def share(u: Input) -> float:
+    """Share of the automatic law, kept within 0 to 1."""
+    return max(0.0, min(1.0, u.automatic))
+
+
+@equation
 def law(u: Input, integral: float, p: Parameters) -> float:
     """The command that the law asks for, before bias and limits, 1."""
     feedback = p.k_p * (u.reference - u.slew) - p.k_d * u.slew_rate
-    return u.automatic * (feedback + p.k_f * u.reference_rate + integral) + (1.0 - u.automatic) * u.manual
+    a = share(u)
+    return a * (feedback + p.k_f * u.reference_rate + integral) + (1.0 - a) * u.manual
 
 
 @equation
@@ -80,7 +87,7 @@ def inverse(v: float, p: Parameters) -> float:
 @equation
 def start(u: Input, p: Parameters) -> State:
     """The law's own command, limited in size."""
-    return State(max(-p.u_max, min(p.u_max, law(u, 0.0, p))), 0.0, 0.0, u.automatic)
+    return State(max(-p.u_max, min(p.u_max, law(u, 0.0, p))), 0.0, 0.0, share(u))
 
 
 @equation
@@ -92,16 +99,17 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 @equation
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
     """One sample: the command for the step that follows."""
-    integral = x.integral if u.automatic > 0.0 else 0.0
+    a = share(u)
+    integral = x.integral if a > 0.0 else 0.0
     wanted = law(u, integral, p)
-    bias = x.v - wanted if u.automatic != x.automatic else c.fading * x.bias
+    bias = x.v - wanted if a != x.automatic else c.fading * x.bias
     free = wanted + bias
     v = max(x.v - p.r_max * c.h, min(x.v + p.r_max * c.h, free))
     v = max(-p.u_max, min(p.u_max, v))
     error = u.reference - u.slew
-    if u.automatic > 0.0 and not (free > v and error > 0.0) and not (free < v and error < 0.0):
+    if a > 0.0 and not (free > v and error > 0.0) and not (free < v and error < 0.0):
         integral += p.k_i * error * c.h
-    return State(v, bias, integral, u.automatic)
+    return State(v, bias, integral, a)
 
 
 @equation
