@@ -1,4 +1,4 @@
-"""Build everything: the FMU of each block, the closed and open packages of the three systems, and the loops (CONTRACT section 1)."""
+"""Build everything: the FMU of each block, closed and open packages of the three systems, the loops (CONTRACT section 1)."""
 
 import os
 from collections.abc import Callable
