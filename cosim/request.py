@@ -46,7 +46,9 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
             f"'{model}' is no model: give an .ssp, .fmu or .toml file, or one of {', '.join(known)}"
         )
     if with_input and model in LOOPS:
-        raise UsageError(f"'{model}' has no input: its controller drives it; build it with --with-stimulus for another")
+        raise UsageError(
+            f"'{model}' has no input: its controller drives it; build it with --with-stimulus for another"
+        )
     built = build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
     if not built.is_file():
         raise ModelError(

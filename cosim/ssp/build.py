@@ -12,7 +12,8 @@ from cosim.ssp.write import STIMULUS, fmu_bytes, write_ssp
 from fmus.registry import BLOCKS
 
 SYSTEMS = ("simplified", "full_order", "physical")
-LOOPS = ("position_loop", "position_loop_observer")  # closed: what a controller drives has no command of its own
+# closed only: what a controller drives has no command of its own
+LOOPS = ("position_loop", "position_loop_observer")
 Report = Callable[[Path], None]
 
 
