@@ -194,7 +194,7 @@ class Crane:
         payloads = link.take(1) if overdue else link.take()
         self.overrun += overdue
         self.slot += 1
-        for payload in self._arrivals.place(self.slot, payloads)[1][-1:]:
+        for payload in self._arrivals.place(self.slot, payloads)[1]:
             self._obey(payload)
         if self._arrivals.down:
             self.applied = 0.0

@@ -35,7 +35,7 @@ class Counts:
         surplus: more than one a slot, where none was missing.
         identical: the same bytes as the sample before, alone in their slot: a quiet sensor or a stale sender.
         short, long: of a wrong length; dropped.
-        nan: with a value that is NaN or infinite; that value is held over.
+        nan: with a value that is NaN or infinite; that value is held over, or all of it dropped where it has nothing else.
         beyond: with a value beyond what the instrument can show; that value is held over.
         foreign: from another host than the peer; dropped.
         held_over: slots in which nothing new came.

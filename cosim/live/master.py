@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from cosim.live.codec import Codec, single
+from cosim.live.codec import Codec, Sample, single
 from cosim.live.link import AHEAD, ROOM, STALE, Arrivals, Link
 from cosim.live.observer import Estimator
 from cosim.live.operator import Operator
@@ -211,7 +211,9 @@ class Master:
             link.send(self._codec.write_command((0.0,) * 6))
             return
         self.slot += 1
-        first, fresh = self._arrivals.place(self.slot, payloads)
+        first, fresh = self._arrivals.place(
+            self.slot, payloads if len(payloads) < 2 else self._usable(payloads)
+        )
         row: Row = [None] * self._width
         if self.recorder is not None:
             self.recorder.add(self.slot, row)
@@ -226,6 +228,22 @@ class Master:
         if not overdue:
             self._send()
         row[0] = self._u
+
+    def _usable(self, payloads: list[bytes]) -> list[bytes]:
+        """Without those of which no value can be used, where there is another: they are no samples."""
+        counts, found = self._link.counts, []
+        bad: list[Sample] = []
+        for payload in payloads:
+            sample = self._codec.read_sample(payload)
+            if any(value is not None for value in sample.values):
+                found.append(payload)
+            else:
+                bad.append(sample)
+        if not found:
+            return payloads
+        counts.nan += sum(sample.nan > 0 for sample in bad)
+        counts.beyond += sum(sample.beyond > 0 for sample in bad)
+        return found
 
     def _take(self, payload: bytes) -> Cells:
         """Holds what is good of a sample; returns its cells: the channels' values and the mark."""

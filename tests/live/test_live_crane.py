@@ -73,6 +73,10 @@ def test_a_disabled_or_bad_command_does_not_move_it(tmp_path) -> None:
             assert crane.applied == applied
         counts = crane.facts()["datagrams"]
         assert (counts["nan"], counts["beyond"]) == (2, 1)
+        for values in ((0.25, 0, 0, 1, 0, 0), (float("nan"), 0, 0, 1, 0, 0)):
+            master._link.send(struct.pack("<6f", *values))
+        crane.tick()
+        assert crane.applied == 0.25, "what is bad does not hide what came before it"
         for _ in range(200):
             crane.tick()
         assert crane.applied == 0.0, "a controller that is silent has let go"

@@ -112,6 +112,24 @@ def test_bad_values_are_held_over_and_counted(tmp_path) -> None:
     assert not log.synthetic
 
 
+def test_nonsense_between_the_samples_moves_none_of_them(tmp_path) -> None:
+    with bench(tmp_path / "log.csv") as (master, crane):
+        for k in range(300):
+            for first in (True, False):
+                if (k % 20 == 10 and first) or (k % 20 == 15 and not first):
+                    crane.send(struct.pack("<7f", *[math.nan] * 7))
+                    crane.send(struct.pack("<7f", *[1e20] * 7))
+                if first:
+                    crane.sample(10.0 + 0.01 * k)
+            master.tick()
+        counts = master.facts()["datagrams"]
+    assert (counts["received"], counts["used"], counts["nan"], counts["beyond"]) == (360, 300, 30, 30)
+    assert (counts["surplus"], counts["late"], counts["lost"]) == (0, 0, 0)
+    log = load_log(tmp_path / "log.csv")
+    assert log.valid_mask("slew").all()
+    assert np.degrees(log["slew"]) == pytest.approx(10.0 + 0.01 * np.arange(300), abs=1e-5)
+
+
 def test_late_samples_stand_in_their_own_rows(tmp_path) -> None:
     with bench(tmp_path / "log.csv") as (master, crane):
         for k in range(300):
