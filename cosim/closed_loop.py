@@ -1,10 +1,16 @@
-"""Margins of a position loop, from the parameters of its components, as a linear loop cut at the command.
+"""Margins of a position loop from the parameters of its components, and the limit cycle that its dead zone makes.
+
+As a linear loop, cut at the command:
 
     G(s) = K w0^2 / (s^2 + 2 zeta w0 s + w0^2)  K_c / (T s + 1)  A r / (s (J s + b))        (4.16), (4.33), (4.28)
     u = -k_p theta - k_d omega,  omega by the observer (2.15), theta by the sensor or by the observer
 
-Compensator and dead zone are taken to cancel, the sensor as exact. Held for 1 ms and half a millisecond old on average, the
-command costs 0.03 deg of phase for each rad/s of crossover, which is left out.
+Compensator and dead zone are taken to cancel there, the sensor as exact. Held for 1 ms and half a millisecond old on
+average, the command costs 0.03 deg of phase for each rad/s of crossover, which is left out.
+
+Where they do not cancel, their joint curve f has the describing function N(A) of a sine of amplitude A, and the loop swings
+by itself at the amplitude at which N(A) uses up the gain margin (Gelb and Vander Velde, Multiple-Input Describing Functions,
+1968, ch. 3): N(A) = 1/(pi A) integral of f(A sin p) sin p over a turn. It is stable where N falls with A.
 """
 
 import math
@@ -14,7 +20,7 @@ import control
 import numpy as np
 
 from cosim.ssp.system import Port, System
-from fmus import observer
+from fmus import controller, dead_zone, observer
 
 BLOCKS = ("controller", "dcv", "continuity", "mechanical", "observer")
 DEG = math.pi / 180.0
@@ -77,3 +83,46 @@ def margins(system: System) -> dict[str, Any]:
         "crossover": crossover,
         "stable": bool(poles.real.max() < 0.0),
     }
+
+
+AMPLITUDES = np.geomspace(1e-4, 1.2, 120)  # of the command, 1
+_TURN = (np.arange(720) + 0.5) * (2.0 * math.pi / 720)
+
+
+def curve(system: System, command: float) -> float:
+    """What the valve's loop gets [1] of a command [1]: the controller's own inverse, the compensator, the dead zone."""
+    gains = controller.Parameters(**values(system, "controller"))
+    found = controller.inverse(command, gains)
+    for name in ("compensator", "dead_zone"):
+        own = values(system, name)
+        found = dead_zone.limited(
+            found, dead_zone.Parameters(**{n: own[n] for n in dead_zone.Parameters._fields})
+        )
+    return found
+
+
+def describing_function(system: System, amplitudes: Any) -> Any:
+    """N of the joint curve for sines of these amplitudes (n,) [1], between which the curve is interpolated."""
+    grid = np.concatenate([-np.geomspace(1.3, 1e-6, 2000), [0.0], np.geomspace(1e-6, 1.3, 2000)])
+    shape = np.array([curve(system, float(u)) for u in grid])
+    sine = np.sin(_TURN)
+    return np.array([2.0 / a * np.mean(np.interp(a * sine, grid, shape) * sine) for a in amplitudes])
+
+
+def limit_cycle(system: System) -> dict[str, float] | None:
+    """The swing that the dead zone and its inverse keep up, or None where they keep up none.
+
+    Returns:
+        Amplitudes of the command ``command`` [1] and of the angle ``angle`` [deg], and ``frequency`` [rad/s].
+    """
+    loop = margins(system)
+    gain = describing_function(system, AMPLITUDES)
+    falling = np.flatnonzero((gain[:-1] >= loop["gain_margin"]) & (gain[1:] < loop["gain_margin"]))
+    if not falling.size or not loop["stable"]:
+        return None
+    k = int(falling[-1])
+    part = (gain[k] - loop["gain_margin"]) / (gain[k] - gain[k + 1])
+    amplitude = float(AMPLITUDES[k] * (AMPLITUDES[k + 1] / AMPLITUDES[k]) ** part)
+    response = abs(complex(drive(system)(1j * loop["limit_frequency"])))
+    angle = loop["gain_margin"] * amplitude * response / DEG
+    return {"command": amplitude, "angle": angle, "frequency": loop["limit_frequency"]}

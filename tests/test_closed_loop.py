@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from cosim.closed_loop import is_loop, margins
+from cosim.closed_loop import describing_function, is_loop, limit_cycle, margins
 from cosim.master import Runner
 from cosim.paths import ssp_folder
 from cosim.ssp.build import LOOPS
@@ -111,6 +111,63 @@ def test_the_fmus_swing_by_themselves_above_the_limit_and_come_to_rest_below(loo
     assert swing(loops["position_loop"], 1.03 * limit) > 1.05
 
 
+def narrower(folder, gain, by):
+    """The proportional loop with a dead zone narrower by `by` on each side than the compensator takes it to be."""
+    times = np.arange(15_001) * 1e-3
+    return write_ssp(
+        ssp_folder() / "position_loop.ssd",
+        folder / "narrower.ssp",
+        stimulus=stimulus_csv(times, np.where(times > 0.5, 0.1, 0.0)),
+        values={"dead_zone": {"b_r": 0.45 - by, "b_l": -0.40 + by}, "controller": {"k_p": gain / DEG}},
+    )
+
+
+@pytest.mark.parametrize(("gain", "by"), [(3.0, 0.1), (3.0, 0.05), (1.0, 0.1)])
+def test_the_limit_cycle_that_is_predicted_is_the_one_that_the_fmus_keep_up(tmp_path, gain, by) -> None:
+    path = narrower(tmp_path, gain, by)
+    system = read_system(path)
+    try:
+        cycle = limit_cycle(system)
+    finally:
+        system.close()
+    with Runner(path) as runner:
+        signals = runner.run(15.0, 1e-3, record=["sensor.slew", "controller.u"]).signals
+    slew, u = (signals[name][9000:] for name in ("sensor.slew", "controller.u"))
+    assert (cycle is not None) == ((gain, by) == (3.0, 0.1))
+    if cycle is None:
+        assert np.ptp(u) < 1e-9
+        return
+    # a describing function knows the first harmonic alone: some per cent
+    assert np.ptp(slew) / 2 / DEG == pytest.approx(cycle["angle"], rel=0.05)
+    assert np.ptp(u) / 2 == pytest.approx(cycle["command"], rel=0.05)
+    centred = slew - slew.mean()
+    rises = np.flatnonzero((centred[:-1] < 0.0) & (centred[1:] >= 0.0))
+    assert 2e3 * math.pi / np.diff(rises).mean() == pytest.approx(cycle["frequency"], rel=0.02)
+
+
+def test_the_describing_function_is_that_of_the_books_for_a_dead_zone(tmp_path) -> None:
+    """Without an inverse: N = 1 - (2/pi)(asin d + d sqrt(1 - d^2)), d = width over amplitude; here two halves."""
+    path = write_ssp(
+        ssp_folder() / "position_loop.ssd",
+        tmp_path / "bare.ssp",
+        stimulus=stimulus_csv(*default_command(0.1)),
+        values={"compensator": {"d_plus": 0.0, "d_minus": 0.0}},
+    )
+    system = read_system(path)
+    try:
+        found = describing_function(system, [0.3, 0.6, 1.0])
+    finally:
+        system.close()
+
+    def half(width, amplitude):
+        d = min(1.0, width / amplitude)
+        return 1.0 - 2.0 / math.pi * (math.asin(d) + d * math.sqrt(1.0 - d * d))
+
+    expected = [0.5 * (half(0.45, a) + half(0.40, a)) for a in (0.3, 0.6, 1.0)]
+    # the mean over 720 points of a curve with two kinks
+    assert found == pytest.approx(expected, abs=2e-5)
+
+
 def run(path, **settings):
     with Runner(path) as runner:
         result = runner.run(20.0, 1e-3, parameters={k.replace("__", "."): v for k, v in settings.items()})
@@ -141,6 +198,7 @@ def test_info_prints_the_margins(command, loops) -> None:
     code, out, _ = command("info", loops["position_loop"])
     assert code == 0
     assert "swings by itself from 6.345 1/deg on" in " ".join(out.split())
+    assert "limit_cycle: none" in out
     code, out, _ = command("info", loops["position_loop_observer"], "--json")
     facts = json.loads(out)
     assert code == 0

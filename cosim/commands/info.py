@@ -179,7 +179,7 @@ def _ssp_facts(path: Path) -> dict[str, Any]:
 
 def _loop_facts(path: Path) -> dict[str, Any]:
     """Margins of a position loop, in one line and as numbers; nothing of any other package."""
-    from cosim.closed_loop import is_loop, margins
+    from cosim.closed_loop import is_loop, limit_cycle, margins
     from cosim.ssp.read import read_system
 
     try:
@@ -189,7 +189,7 @@ def _loop_facts(path: Path) -> dict[str, Any]:
     try:
         if not is_loop(system):
             return {}
-        loop = margins(system)
+        loop, cycle = margins(system), limit_cycle(system)
     finally:
         system.close()
     text = (
@@ -197,4 +197,10 @@ def _loop_facts(path: Path) -> dict[str, Any]:
         f" gain margin {loop['gain_margin_db']:.4g} dB at {loop['limit_frequency']:.4g} rad/s,"
         f" phase margin {loop['phase_margin']:.4g} deg at {loop['crossover']:.4g} rad/s"
     )
-    return {"position_loop": text, "loop": loop}
+    swing = "none"
+    if cycle is not None:
+        swing = (
+            f"{cycle['angle']:.3g} deg and {cycle['command']:.3g} of full command at {cycle['frequency']:.4g} rad/s:"
+            " the inverse gives more than the dead zone takes"
+        )
+    return {"position_loop": text, "limit_cycle": swing, "loop": loop | {"limit_cycle": cycle}}
