@@ -19,6 +19,8 @@ from typing import Any
 import control
 import numpy as np
 
+from cosim.compare.observer import lag_of
+from cosim.results import Result
 from cosim.ssp.system import Port, System
 from fmus import controller, dead_zone, observer
 
@@ -126,3 +128,23 @@ def limit_cycle(system: System) -> dict[str, float] | None:
     response = abs(complex(drive(system)(1j * loop["limit_frequency"])))
     angle = loop["gain_margin"] * amplitude * response / DEG
     return {"command": amplitude, "angle": angle, "frequency": loop["limit_frequency"]}
+
+
+def tracking(result: Result) -> dict[str, float] | None:
+    """How the measured angle follows the reference, or None where a result has not both.
+
+    Returns:
+        ``rmse`` and ``largest`` error [deg], ``lag`` [s] by which the angle trails (NaN where nothing moves), ``effort``,
+        the root mean square of the command [1].
+    """
+    names = ("reference.reference", "sensor.slew", "controller.u")
+    if not all(name in result.signals for name in names) or result.time.size < 8:
+        return None
+    wanted, slew, u = (result.signals[name] for name in names)
+    error = (slew - wanted) / DEG
+    return {
+        "rmse": float(np.sqrt(np.mean(error**2))),
+        "largest": float(np.abs(error).max()),
+        "lag": lag_of(slew, wanted, result.step_size),
+        "effort": float(np.sqrt(np.mean(u**2))),
+    }

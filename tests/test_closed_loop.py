@@ -211,9 +211,16 @@ def test_simulate_runs_a_loop_by_name_and_says_that_it_has_no_input(
     folder = next(iter(loops.values())).parent
     (folder / "ssp").symlink_to(folder, target_is_directory=True)
     monkeypatch.setenv("COSIM_BUILD", str(folder))
-    code, out, _ = command("simulate", "position_loop", "--stop-time", "0.1 s", "--json")
+    code, out, _ = command("simulate", "position_loop", "--stop-time", "12 s", "--json")
+    facts = json.loads(out)
     assert code == 0
-    assert json.loads(out)["signals"]["controller.u"]["unit"] == "1"
+    assert facts["signals"]["controller.u"]["unit"] == "1"
+    # a proportional loop trails a slow reference by one over its velocity gain, 2.27 1/s
+    assert facts["tracking"]["lag"] == pytest.approx(1.0 / 2.268, rel=0.05)
+    assert 0.0 < facts["tracking"]["rmse"] < facts["tracking"]["largest"] < 1.0
+    code, out, _ = command("simulate", "position_loop_observer", "--stop-time", "12 s")
+    assert code == 0
+    assert "tracking: error" in out
     log = tmp_path / "log.csv"
     log.write_text("time [s],u [1]\n0,0\n0.001,0\n")
     code, _, error = command("simulate", "position_loop", "--input", log)
