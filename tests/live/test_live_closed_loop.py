@@ -12,8 +12,9 @@ from cosim.live.operator import Operator
 from cosim.logs import load_log
 from cosim.rig.hidden import Hidden, assemble
 from cosim.rig.noise import Noise
-from cosim.rig.parameters import DEG
+from cosim.rig.parameters import DEG, PARAMETERS
 from cosim.rig.stepping import SteppedCrane
+from cosim.units import factor
 
 GAIN = 2.0 / DEG  # a third of the gain limit: the noise of the angle moves the command
 
@@ -69,7 +70,8 @@ def test_the_cause_is_named_and_its_size_is_right(
     assert answer["verdict"] == "explained"
     assert [cause["effect"] for cause in answer["causes"]] == [effect]
     estimate = answer["causes"][0]["parameters"][parameter]
-    low, high = estimate["ci95"]
+    scale = factor(estimate["unit"], PARAMETERS[f"{effect.partition('.')[0]}.{parameter}"].unit)
+    low, high = (scale * bound for bound in estimate["ci95"])
     # one interval in twenty misses by chance, none of a sound estimate by its own width
     assert low - (high - low) <= value <= high + (high - low)
-    assert estimate["value"] == pytest.approx(value, rel=0.02)
+    assert scale * estimate["value"] == pytest.approx(value, rel=0.02)
