@@ -33,7 +33,9 @@ Excitation = Annotated[
 ]
 Played = Annotated[
     Path | None,
-    typer.Option("--input", help="Manual command: CSV with 'time [s]' and 'u [1]'.", metavar="FILE"),
+    typer.Option(
+        "--input", "--stimulus", help="Manual command: CSV with 'time [s]' and 'u [1]'.", metavar="FILE"
+    ),
 ]
 Amplitude = Annotated[float, typer.Option(help="Of the excitation or the played command, 0 to 1.")]
 Seed = Annotated[int, typer.Option(help="Of the excitation, or of the crane's noise.")]
