@@ -194,7 +194,8 @@ class Arrivals:
     - The same bytes as the datagram before, beside another one in the slot: repeated, dropped. Where most datagrams are as
       the one before anyhow (a held command, a sensor without noise) equal bytes say nothing: late if a slot was empty.
     - Several left: they make up for the last empty slots (late); else they belong to the next ones (early, at most
-      `AHEAD`, not counted); else they are surplus, and the oldest is dropped.
+      `AHEAD`, not counted); else they are surplus, and the oldest is dropped. So is an early one that no empty slot follows
+      within `LATE` slots: all samples behind it would stand in the row of a later command.
     - None: the slot is held over. It is lost when nothing makes up for it within `LATE` slots; where nothing at all came
       for `STALE` slots the link is down, and they are silent instead.
 
@@ -202,6 +203,7 @@ class Arrivals:
 
     Attributes:
         down: nothing has come for `STALE` slots, or yet.
+        ahead: how many of the datagrams that were placed belong to slots to come.
     """
 
     def __init__(self, counts: Counts) -> None:
@@ -209,7 +211,7 @@ class Arrivals:
         self._counts = counts
         self._last: bytes | None = None
         self._empty = deque[int]()
-        self._quiet = self._ahead = 0
+        self._quiet = self.ahead = self._led = 0
 
     def place(self, slot: int, payloads: list[bytes]) -> tuple[int, list[bytes]]:
         """What to use in a slot.
@@ -226,9 +228,15 @@ class Arrivals:
             self._miss(slot)
             return slot, []
         fresh = self._without_repeats(payloads)
-        served = self._ahead > 0
+        self._led = self._led + 1 if self.ahead else 0
+        if self._led > LATE:
+            self._led = 0
+            self.ahead -= 1
+            counts.used -= 1
+            counts.surplus += 1
+        served = self.ahead > 0
         late = 0 if served else min(len(fresh) - 1, len(self._empty))
-        early = self._ahead - served + len(fresh) - late - (not served)
+        early = self.ahead - served + len(fresh) - late - (not served)
         for _ in range(early - AHEAD):
             if fresh.pop(0) == fresh[-1]:
                 counts.repeated += 1
@@ -237,7 +245,7 @@ class Arrivals:
         first = slot
         for _ in range(late):
             first = self._empty.pop()
-        self._ahead, self._quiet, self.down = min(AHEAD, early), 0, False
+        self.ahead, self._quiet, self.down = min(AHEAD, early), 0, False
         counts.late += late
         counts.used += len(fresh)
         return first, fresh
@@ -249,8 +257,8 @@ class Arrivals:
 
     def _miss(self, slot: int) -> None:
         counts = self._counts
-        if self._ahead:
-            self._ahead -= 1
+        if self.ahead:
+            self.ahead -= 1
             return
         counts.held_over += 1
         self._quiet += 1

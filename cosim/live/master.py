@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from cosim.live.codec import Codec, Sample, single
-from cosim.live.link import AHEAD, ROOM, STALE, Arrivals, Link
+from cosim.live.link import ROOM, STALE, Arrivals, Link
 from cosim.live.observer import Estimator
 from cosim.live.operator import Operator
 from cosim.live.pace import PERIOD, Lateness, Pace
@@ -266,11 +266,13 @@ class Master:
             rows = [*(r for r in older if r is not None), row]
         mark = self._places[-1]
         known = [[r[k] for k in self._places] for r in rows if r[mark] is not None]
-        waiting = [*known, *self._ahead, *samples]
+        room = len(rows) - len(known) + self._arrivals.ahead
+        new = [*self._ahead, *samples]
+        waiting = [*known, *new[max(0, len(new) - room) :]]
         for target, cells in zip(rows, waiting, strict=False):
             for place, value in zip(self._places, cells, strict=True):
                 target[place] = value
-        self._ahead = waiting[len(rows) :][-AHEAD:]
+        self._ahead = waiting[len(rows) :]
 
     def _watch(self) -> None:
         down = self._blind >= STALE

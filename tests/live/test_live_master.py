@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from live_bench import bench
 
-from cosim.live.link import STALE
+from cosim.live.link import LATE, STALE
 from cosim.live.master import Controller
 from cosim.live.operator import Operator
 from cosim.logs import load_log
@@ -142,6 +142,21 @@ def test_late_samples_stand_in_their_own_rows(tmp_path) -> None:
     log = load_log(tmp_path / "log.csv")
     assert log.valid_mask("slew").all()
     assert np.degrees(log["slew"]) == pytest.approx(10.0 + 0.01 * np.arange(300), abs=1e-5)
+
+
+def test_one_too_many_shifts_no_sample_for_long(tmp_path) -> None:
+    """Each sample stands in the row of the command that was decided on it, but for a few after the extra one."""
+    with bench(tmp_path / "log.csv") as (master, crane):
+        for k in range(300):
+            crane.sample(10.0 + 0.01 * k)
+            if k == 100:
+                crane.sample(11.005)
+            master.tick()
+        assert master.facts()["datagrams"]["surplus"] == 1
+    angle = np.degrees(load_log(tmp_path / "log.csv")["slew"])
+    off = np.flatnonzero(np.abs(angle - (10.0 + 0.01 * np.arange(300))) > 1e-5)
+    assert off.min() > 100
+    assert off.max() <= 101 + LATE
 
 
 def test_overdue_slots_take_one_sample_each_and_send_nothing(tmp_path) -> None:
