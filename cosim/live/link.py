@@ -17,7 +17,7 @@ ROOM = (
 )
 FLOOD = 10  # datagrams more than are due in a slot, above which it is called flooded
 STALE = 100  # slots without a usable datagram after which the link counts as down
-LATE = 20  # slots by which a datagram may be late, beside the pause that it ends
+LATE = 20  # slots in which none was empty or late, after which nothing makes up for an empty one any more
 AHEAD = 2  # datagrams that may have come before their slot, as where we woke late or the other clock jitters
 Address = tuple[str, int]
 
@@ -196,8 +196,8 @@ class Arrivals:
     - Several left: they make up for the last empty slots (late); else they belong to the next ones (early, at most
       `AHEAD`, not counted); else they are surplus, and the oldest is dropped. So is an early one that no empty slot follows
       within `LATE` slots: all samples behind it would stand in the row of a later command.
-    - None: the slot is held over. It is lost when nothing makes up for it within `LATE` slots; where nothing at all came
-      for `STALE` slots the link is down, and they are silent instead.
+    - None: the slot is held over. It is lost when nothing makes up for it until `LATE` slots in a row were in order, or
+      for `STALE` slots; where nothing at all came for `STALE` slots the link is down, and they are silent instead.
 
     Two datagrams exchanged on the way look like any others.
 
@@ -211,7 +211,7 @@ class Arrivals:
         self._counts = counts
         self._last: bytes | None = None
         self._empty = deque[int]()
-        self._quiet = self.ahead = self._led = 0
+        self._quiet = self.ahead = self._led = self._unsteady = 0
 
     def place(self, slot: int, payloads: list[bytes]) -> tuple[int, list[bytes]]:
         """What to use in a slot.
@@ -221,8 +221,9 @@ class Arrivals:
             their order, of which the last `AHEAD` may belong to the slots after this one).
         """
         counts = self._counts
-        while self._empty and self._empty[0] <= slot - LATE - self._quiet:
-            self._empty.popleft()
+        empty = self._empty
+        while empty and (empty[0] <= slot - STALE or slot - self._unsteady > LATE):
+            empty.popleft()
             counts.lost += 1
         if not payloads:
             self._miss(slot)
@@ -244,7 +245,7 @@ class Arrivals:
                 counts.surplus += 1
         first = slot
         for _ in range(late):
-            first = self._empty.pop()
+            first, self._unsteady = self._empty.pop(), slot
         self.ahead, self._quiet, self.down = min(AHEAD, early), 0, False
         counts.late += late
         counts.used += len(fresh)
@@ -266,6 +267,7 @@ class Arrivals:
             counts.silent += 1
             return
         self._empty.append(slot)
+        self._unsteady = slot
         if self._quiet == STALE:
             self.down = True
             counts.interruptions += 1

@@ -43,6 +43,14 @@ def test_several_that_a_pause_held_up_are_late() -> None:
     assert placed[51] == (1, list(range(1, 52)))
 
 
+def test_what_a_pause_held_up_may_come_in_portions() -> None:
+    counts, placed = played(
+        [[0], *[[]] * 50, *[[*range(k, k + 10)] for k in range(1, 51, 10)], [51, 52, 53, 54, 55, 56], [57]]
+    )
+    assert counts == Counts(used=58, late=50, held_over=50)
+    assert [first for first, _ in placed[51:57]] == [42, 33, 24, 15, 6, 1]
+
+
 def test_after_a_late_one_the_next_ones_may_each_come_a_slot_late() -> None:
     """A slot shifted by jitter: 1 comes in slot 2, 2 in slot 3, then 3 and 4 together."""
     counts, placed = played([[0], [], [1], [2], [3, 4], [5]])
