@@ -12,7 +12,7 @@ from cosim.master.inputs import Series
 from cosim.paths import build_folder
 from cosim.signals import LOG_SIGNALS
 from cosim.ssp import System, read_ssv
-from cosim.ssp.build import SYSTEMS
+from cosim.ssp.build import LOOPS, SYSTEMS
 from cosim.ssp.fmu import parse_value
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import fitted
@@ -33,7 +33,8 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
         ModelError: our systems are not built.
     """
     path = Path(model)
-    if model not in SYSTEMS:
+    known = (*SYSTEMS, *LOOPS)
+    if model not in known:
         if path.suffix.lower() in (".ssp", ".fmu"):
             return path
         if path.suffix.lower() == ".toml":
@@ -42,7 +43,11 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
 
             return open_model(str(made_for(path, None if log is None else load_log(log, path)).ssd))
         raise UsageError(
-            f"'{model}' is no model: give an .ssp, .fmu or .toml file, or one of {', '.join(SYSTEMS)}"
+            f"'{model}' is no model: give an .ssp, .fmu or .toml file, or one of {', '.join(known)}"
+        )
+    if with_input and model in LOOPS:
+        raise UsageError(
+            f"'{model}' has no input: its controller drives it; build it with --with-stimulus for another"
         )
     built = build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
     if not built.is_file():

@@ -19,6 +19,8 @@ BLOCKS = (
     "simplified",
     "sensor",
     "observer",
+    "reference",
+    "controller",
 )
 FMU_OF_COMPONENT = {"compensator": "dead_zone"}  # components that run another block's FMU
 

@@ -174,4 +174,33 @@ def _ssp_facts(path: Path) -> dict[str, Any]:
         files = [{"file": item.filename, "bytes": item.file_size} for item in package.infolist()]
     if not any(item["file"] == "SystemStructure.ssd" for item in files):
         raise ModelError(f"{path}: holds no SystemStructure.ssd, so it is no SSP package")
-    return {"file": path, "kind": "ssp", "files": files}
+    return {"file": path, "kind": "ssp", **_loop_facts(path), "files": files}
+
+
+def _loop_facts(path: Path) -> dict[str, Any]:
+    """Margins of a position loop, in one line and as numbers; nothing of any other package."""
+    from cosim.closed_loop import is_loop, limit_cycle, margins
+    from cosim.ssp.read import read_system
+
+    try:
+        system = read_system(path)
+    except ModelError:
+        return {}  # a package that no master would run can still be looked at
+    try:
+        if not is_loop(system):
+            return {}
+        loop, cycle = margins(system), limit_cycle(system)
+    finally:
+        system.close()
+    text = (
+        f"gain {loop['gain']:.4g} 1/deg, swings by itself from {loop['gain_limit']:.4g} 1/deg on;"
+        f" gain margin {loop['gain_margin_db']:.4g} dB at {loop['limit_frequency']:.4g} rad/s,"
+        f" phase margin {loop['phase_margin']:.4g} deg at {loop['crossover']:.4g} rad/s"
+    )
+    swing = "none"
+    if cycle is not None:
+        swing = (
+            f"{cycle['angle']:.3g} deg and {cycle['command']:.3g} of full command at {cycle['frequency']:.4g} rad/s:"
+            " the inverse gives more than the dead zone takes"
+        )
+    return {"position_loop": text, "limit_cycle": swing, "loop": loop | {"limit_cycle": cycle}}

@@ -209,6 +209,7 @@ def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
             error = result.errors[name]
             row |= {"error": error.largest * abs(factor), "order": error.order}
         rows.append(row)
+    follows = _tracking(result)
     if as_json:
         console.emit_json(
             {
@@ -221,6 +222,7 @@ def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
                 "wall_time": result.wall_time,
                 "parameters": result.parameters,
                 "signals": {row.pop("signal"): row for row in rows},
+                **({} if follows is None else {"tracking": follows}),
                 "notes": result.notes,
                 "messages": result.messages,
                 "path": out,
@@ -234,5 +236,20 @@ def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
     output.print(
         console.table(title, list(rows[0]) if rows else ["signal"], [list(row.values()) for row in rows])
     )
+    if follows is not None:
+        output.print(
+            f"tracking: error {follows['rmse']:.3g} deg rms, {follows['largest']:.3g} deg at most,"
+            f" {follows['lag']:.3g} s late",
+            soft_wrap=True,
+        )
     if out is not None:
         output.print(f"written: {out}", markup=False, soft_wrap=True)
+
+
+def _tracking(result: "Result") -> dict[str, float] | None:
+    """How a position loop follows its reference; None for any other model."""
+    if "reference.reference" not in result.signals:
+        return None
+    from cosim.closed_loop import tracking
+
+    return tracking(result)

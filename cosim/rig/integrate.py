@@ -147,22 +147,53 @@ def _span(s: State, t: float, length: float, count: int, held: Moment, p: Plant)
 
 
 @compiled
+def _demand(u: float, dragged: float, p: Plant) -> tuple[float, float]:
+    """What reaches the spool loop [1] for one command, and the play's own value [1] before and after it."""
+    c, z = p.compensator, p.dead_zone
+    jump = c.d_plus if u > 0.0 else c.d_minus
+    dragged = play(u + jump * math.tanh(c.S * u), dragged, p.dcv.play)
+    if dragged >= z.b_r:
+        value = z.m_r * (dragged - z.b_r)
+    elif dragged <= z.b_l:
+        value = z.m_l * (dragged - z.b_l)
+    else:
+        value = 0.0
+    return clip(value, -z.limit, z.limit), dragged
+
+
+@compiled
 def valve_demand(u: NDArray[np.float64], p: Plant) -> NDArray[np.float64]:
     """What reaches the spool loop [1]: compensator (4.9), play, dead zone (2.2), limit; `u` (n,) is held each ms."""
-    c, z = p.compensator, p.dead_zone
     out = np.empty(u.size)
     dragged = 0.0
     for k in range(u.size):
-        jump = c.d_plus if u[k] > 0.0 else c.d_minus
-        dragged = play(u[k] + jump * math.tanh(c.S * u[k]), dragged, p.dcv.play)
-        if dragged >= z.b_r:
-            value = z.m_r * (dragged - z.b_r)
-        elif dragged <= z.b_l:
-            value = z.m_l * (dragged - z.b_l)
-        else:
-            value = 0.0
-        out[k] = clip(value, -z.limit, z.limit)
+        out[k], dragged = _demand(u[k], dragged, p)
     return out
+
+
+@compiled
+def _lag(p: Plant) -> tuple[int, float]:
+    """The delay between demand and spool loop: whole milliseconds, and the rest as a share of one."""
+    late = round(p.dcv.tau_d / STEP * 1e9) / 1e9  # whole milliseconds stay whole
+    whole = int(late)
+    return whole, late - whole
+
+
+@compiled
+def _millisecond(s: State, start: float, older: float, newer: float, part: float, substeps: int, held: Moment,
+                 p: Plant) -> tuple[State, float]:  # fmt: skip
+    """A millisecond from `start` [s], in which the demand `older` holds for the share `part`, then `newer`."""
+    seen = held.seen
+    for piece in range(2):
+        share = part if piece == 0 else 1.0 - part
+        if share == 0.0:
+            continue
+        value = older if piece == 0 else newer
+        now = start + (0.0 if piece == 0 else part * STEP)
+        count = max(1, math.ceil(substeps * share - 1e-9))
+        moment = Moment(value, seen, held.slide, held.sigma0, held.sigma1)
+        s, seen = _span(s, now, share * STEP, count, moment, p)
+    return s, seen
 
 
 @compiled
@@ -188,23 +219,16 @@ def _compile_march(digest: int) -> Callable[..., NDArray[np.float64]]:
               p: Plant) -> NDArray[np.float64]:  # fmt: skip
         demand = valve_demand(u, p)
         rows = np.empty((u.size, 8))
-        late = round(p.dcv.tau_d / STEP * 1e9) / 1e9  # whole milliseconds stay whole
-        whole = int(late) if digest >= 0 else 0
-        part = late - whole
+        whole, part = _lag(p) if digest >= 0 else (0, 0.0)
         s = _at_rest(p)
         seen = s.theta
         for k in range(u.size):
             rows[k, :5] = s.x, s.p_load, s.p_supply, s.theta, s.omega
             rows[k, 5:] = seen, s.sensed, s.boom
-            for piece in range(2):
-                share = part if piece == 0 else 1.0 - part
-                if share == 0.0:
-                    continue
-                source = k - whole - 1 + piece
-                value = demand[source] if source >= 0 else 0.0
-                start = k * STEP + (0.0 if piece == 0 else part * STEP)
-                count = max(1, math.ceil(substeps * share - 1e-9))
-                s, seen = _span(s, start, share * STEP, count, Moment(value, seen, slide, sigma0, sigma1), p)
+            older = demand[k - whole - 1] if k - whole - 1 >= 0 else 0.0
+            newer = demand[k - whole] if k - whole >= 0 else 0.0
+            held = Moment(0.0, seen, slide, sigma0, sigma1)
+            s, seen = _millisecond(s, k * STEP, older, newer, part, substeps, held, p)
         return rows
 
     return march
@@ -232,16 +256,8 @@ def _fastest_rate(p: Plant, friction: str) -> float:
     return max(found)
 
 
-def simulate(
-    u: NDArray[np.float64], plant: Plant, *, friction: str = "sharp", substeps: int = SUBSTEPS
-) -> dict[str, NDArray[np.float64]]:
-    """The drive's true signals (SI) at every millisecond, for a command `u` (n,) [1] held over each.
-
-    `friction` is the form that dry friction takes: ``sharp``, ``lugre`` or ``smooth``.
-
-    Returns:
-        COLUMNS -> (n,) arrays; row 0 is the state at rest, row k the state at k ms. `seen` [rad] is the angle behind the
-        backlash, `sensed` [rad] the same through the sensor's lag (only where tau_l > 0).
+def friction_form(plant: Plant, friction: str, substeps: int) -> tuple[int, float, float]:
+    """What the dry friction does at the start, and the stiffness [N.m/rad] and damping [N.m.s/rad] of its bristles.
 
     Raises:
         UsageError: the crane is too fast for the substeps, or the bristle friction has no Coulomb level.
@@ -267,6 +283,24 @@ def simulate(
         sigma1 = math.sqrt(sigma0 * m.J)
     elif dry:
         slide = STUCK
+    return slide, sigma0, sigma1
+
+
+def simulate(
+    u: NDArray[np.float64], plant: Plant, *, friction: str = "sharp", substeps: int = SUBSTEPS
+) -> dict[str, NDArray[np.float64]]:
+    """The drive's true signals (SI) at every millisecond, for a command `u` (n,) [1] held over each.
+
+    `friction` is the form that dry friction takes: ``sharp``, ``lugre`` or ``smooth``.
+
+    Returns:
+        COLUMNS -> (n,) arrays; row 0 is the state at rest, row k the state at k ms. `seen` [rad] is the angle behind the
+        backlash, `sensed` [rad] the same through the sensor's lag (only where tau_l > 0).
+
+    Raises:
+        UsageError: the crane is too fast for the substeps, or the bristle friction has no Coulomb level.
+    """
+    slide, sigma0, sigma1 = friction_form(plant, friction, substeps)
     with uninterrupted():
         rows = _march(u, substeps, slide, sigma0, sigma1, plant)
     return {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(COLUMNS)}

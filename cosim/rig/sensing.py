@@ -16,16 +16,21 @@ TRACKER_STEP = 1.0 / 80.0  # s on the tracker's own clock (SYSTEM section 1)
 SEAM_ANGLE = 12.0 * DEG  # below it marker model 1, above it model 2 (Table 3.4)
 
 
+def reading(angle: Array, time: Array, plant: Plant) -> Array:
+    """What the slew sensor shows [rad] of the angle [rad] behind its lag at `time` [s]: scale, bias, drift, range."""
+    q = plant.sensor
+    return np.clip(q.gain * angle + q.bias + q.drift * time, q.low, q.high)
+
+
 def slew_signal(true: dict[str, Array], plant: Plant, noise: Noise, seed: int) -> Array:
     """The logged slew angle (n,) [rad]: lag, then scale, bias and drift, its range, then noise, rounding, lost packets.
 
     `true` holds `seen` and `sensed` [rad] of `cosim.rig.integrate.simulate`, at each millisecond.
     """
     q = plant.sensor
-    time = np.arange(true["seen"].size) * STEP
+    time = np.arange(true["seen"].size, dtype=np.float64) * STEP
     angle = true["sensed"] if q.tau_l > 0.0 else true["seen"]
-    slew = np.clip(q.gain * angle + q.bias + q.drift * time, q.low, q.high)
-    slew = slew + noise.draw("slew", time.size, seed)
+    slew = reading(angle, time, plant) + noise.draw("slew", time.size, seed)
     if q.quantum > 0.0:
         slew = q.quantum * np.round(slew / q.quantum)
     if q.p_drop > 0.0:

@@ -1,4 +1,4 @@
-"""Build everything: the FMU of each block, and the closed and open packages of the three systems (CONTRACT section 1)."""
+"""Build everything: the FMU of each block, closed and open packages of the three systems, the loops (CONTRACT section 1)."""
 
 import os
 from collections.abc import Callable
@@ -12,6 +12,8 @@ from cosim.ssp.write import STIMULUS, fmu_bytes, write_ssp
 from fmus.registry import BLOCKS
 
 SYSTEMS = ("simplified", "full_order", "physical")
+# closed only: what a controller drives has no command of its own
+LOOPS = ("position_loop", "position_loop_observer")
 Report = Callable[[Path], None]
 
 
@@ -53,8 +55,8 @@ def _build(out: Path, stimulus: bytes, report: Report, files: dict[str, list[Pat
         for name, fmu in fmus.items():
             files["fmus"].append(write_file(out / "fmus" / f"{name}.fmu", fmu))
             report(files["fmus"][-1])
-    for name in SYSTEMS:
-        for suffix, is_open in (("", False), ("_open", True)):
+    for name in (*SYSTEMS, *LOOPS):
+        for suffix, is_open in (("", False), ("_open", True))[: 1 if name in LOOPS else 2]:
             package = out / "ssp" / f"{name}{suffix}.ssp"
             write_ssp(
                 ssp_folder() / f"{name}.ssd", package, stimulus=None if is_open else stimulus, open=is_open

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cosim.errors import UsageError
 from cosim.paths import ssp_folder
-from cosim.ssp.build import SYSTEMS, write_file
+from cosim.ssp.build import LOOPS, SYSTEMS, write_file
 from cosim.ssp.write import STIMULUS
 from fmus.native.build import compiler, write_fmu
 from fmus.native.container import container
@@ -65,4 +65,9 @@ def build_everything_native(
         wiring = ssp_folder() / f"{name}.ssd"
         done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}.ssp", stimulus=stimulus))
         done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}_open.ssp", open=True))
+    for name in LOOPS:
+        done(
+            "ssp",
+            write_native_ssp(ssp_folder() / f"{name}.ssd", top / "ssp" / f"{name}.ssp", stimulus=stimulus),
+        )
     return found

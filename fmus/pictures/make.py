@@ -161,6 +161,30 @@ def observer(ax: Axes) -> None:
     axes_cross(ax, "t", "angle and its estimate")
 
 
+def reference(ax: Axes) -> None:
+    """A target that jumps, and the reference that goes there."""
+    h = 2e-3
+    t = np.arange(0, 5.0, h)
+    command = np.where(t < 0.4, 0.0, 0.5)
+    found = play("reference", np.column_stack([command, 0 * t, t]), h)
+    ax.plot(t, 10.0 * command, color=INK, lw=1.2, ls="--")
+    ax.plot(t, np.degrees(found[:, 0]), color=ACCENT, lw=2.4)
+    ax.set_ylim(-0.5, 6.2)
+    axes_cross(ax, "t", "target and reference")
+
+
+def controller(ax: Axes) -> None:
+    """The command while automatic takes over from manual and gives it back: no jump."""
+    h = 2e-3
+    t = np.arange(0, 6.0, h)
+    automatic = np.where((t > 1.5) & (t < 4.0), 1.0, 0.0)
+    rows = np.column_stack([0 * t + 0.0105, 0 * t, 0 * t, 0 * t, 0 * t + 0.2, automatic])
+    ax.plot(t, np.where(automatic > 0.0, 0.6, 0.2), color=INK, lw=1.2, ls="--")
+    ax.plot(t, play("controller", rows, h)[:, 0], color=ACCENT, lw=2.4)
+    ax.set_ylim(-0.08, 0.8)
+    axes_cross(ax, "t", "law and command")
+
+
 DRAWINGS: dict[str, Callable[[Axes], None]] = {
     f.__name__: f
     for f in (
@@ -173,6 +197,8 @@ DRAWINGS: dict[str, Callable[[Axes], None]] = {
         simplified,
         sensor,
         observer,
+        reference,
+        controller,
     )
 }
 

@@ -26,6 +26,8 @@ SIGNALS = {
     "full_order": (*DRIVE, *CHAIN, *SENSED),
     "physical": (*DRIVE, *CHAIN, *SENSED),
     "simplified": (*DRIVE, "simplified.theta", *SENSED),
+    "position_loop": ("reference.reference", "controller.u", *DRIVE, *CHAIN, *SENSED),
+    "position_loop_observer": ("reference.reference", "controller.u", *DRIVE, *CHAIN, *SENSED),
 }
 # every parameter differs from its nominal value and matters in the 1.2 s; each effect is on
 CHANGED = {

@@ -80,6 +80,25 @@ INPUTS: dict[str, Rows] = {
         (3.0, 1.0, 10 * DEG),
         (4.0, 0.0, 10.5 * DEG),
     ],
+    # there and back at full rate, while the measured angle lags behind
+    "reference": [
+        (0.0, 0.0, 0.0),
+        (0.2, 0.0, 0.0),
+        (0.2, 0.3, 0.0),
+        (2.5, 0.3, 3 * DEG),
+        (2.5, -0.2, 3 * DEG),
+        (5.0, -0.2, -1 * DEG),
+    ],
+    # manual, then automatic with a ramp and a limit, then manual again
+    "controller": [
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (1.0, 1 * DEG, 1 * DEG, 0.5 * DEG, 1 * DEG, 0.4, 0.0),
+        (1.0, 1 * DEG, 1 * DEG, 0.5 * DEG, 1 * DEG, 0.4, 1.0),
+        (3.0, 3 * DEG, 1 * DEG, 2.8 * DEG, 1 * DEG, 0.4, 1.0),
+        (3.5, 8 * DEG, 0.0, 3 * DEG, 0.0, -0.2, 1.0),
+        (3.5, 8 * DEG, 0.0, 3 * DEG, 0.0, -0.2, 0.0),
+        (5.0, 8 * DEG, 0.0, 3 * DEG, 0.0, 0.3, 0.0),
+    ],
 }
 STOP = {name: rows[-1][0] for name, rows in INPUTS.items()} | {"stimulus": 4.0}
 

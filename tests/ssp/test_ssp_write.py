@@ -12,7 +12,7 @@ from lxml import etree
 
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.paths import ssp_folder
-from cosim.ssp.build import SYSTEMS
+from cosim.ssp.build import LOOPS, SYSTEMS
 from cosim.ssp.stimulus import default_command, stimulus_csv
 from cosim.ssp.write import NAMESPACES, OUTPUTS, fmu_bytes, write_ssp
 from fmus import registry
@@ -42,15 +42,18 @@ COMPONENTS = {
     ],
     "simplified": ["stimulus", "compensator", "dead_zone", "simplified", "sensor", "observer"],
 }
+for loop in LOOPS:
+    COMPONENTS[loop] = ["stimulus", "reference", "controller", *COMPONENTS["full_order"][1:]]
 # where a component is meant to differ from the declarations of its block
 ON_PURPOSE = {
     "nominal/compensator.ssv": {"form": 3.0, "limit": 2.0},
     "physical/mechanical.ssv": {"b": 33102.35190191385},
+    "position_loop/controller.ssv": {"k_f": 0.0, "k_d": 0.0},
 }
 BLOCK_OF = {"nominal/compensator.ssv": "dead_zone", "physical/continuity.ssv": "continuity_physical"}
 
 
-EVERY = [(name, is_open) for name in SYSTEMS for is_open in (False, True)]
+EVERY = [(name, is_open) for name in SYSTEMS for is_open in (False, True)] + [(name, False) for name in LOOPS]
 
 
 @pytest.fixture(scope="module", params=EVERY, ids=[f"{n}-{'open' if o else 'closed'}" for n, o in EVERY])
@@ -97,7 +100,7 @@ def test_nominal_values_are_the_declared_ones_but_for_those_on_purpose(file):
         assert parameters[n].type == "Integer" or parameters[n].unit == variable.unit
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", [*SYSTEMS, *LOOPS])
 def test_wiring_as_committed_is_valid_and_complete(name):
     root = etree.parse(ssp_folder() / f"{name}.ssd").getroot()
     validate_tree(root, "SystemStructureDescription.xsd")
