@@ -28,7 +28,6 @@ from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.together import weighed
 from cosim.diagnosis.trials import FREE, Trial, tried, without
 from cosim.diagnosis.verdict import rests, stands
-from cosim.inference.held_out import LEAST, mean_squares, ratio_ci95
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
 
@@ -117,7 +116,7 @@ def estimate_alone(
     """Values of the extended model where one group is all that was judged: what makes its free run best on held-out data.
 
     Of an axis that drifts there are two estimates: from how the error moves from window to window, and from the free run
-    over the log, which that log's course may have bent: it is taken where data held out clearly speak for it.
+    over the log, which that log's course may have bent. Data held out tell which one predicts them better.
     """
     record, held, task = diagnosis.record, diagnosis.held, finding.task
     signal, rule = next(iter(task.rules.items()))
@@ -127,13 +126,13 @@ def estimate_alone(
     best = free(finding, effects, tolerance, near)
     plain = free(finding, (), tolerance, finding.null.fit)
     if held is not None and signal in held.record.signals and task.model.group.drifts:
-        squares = partial(held_squares, finding, held, signal, tolerance)
+        error = partial(held_error, finding, held, signal, tolerance)
         other = onward(finding, effects, tolerance, near)
         in_doubt = vanished(finding, effects, [], best, tolerance) is not None
-        if in_doubt or ratio_ci95(squares(effects, best, False), squares(effects, other, True))[1] >= 1.0:
+        if in_doubt or error(effects, other, True) <= error(effects, best, False):
             best, walked = other, True
         other = onward(finding, (), tolerance, finding.null.fit)
-        plain = min((plain, False), (other, True), key=lambda fit: float(squares((), *fit).mean()))[0]
+        plain = min((plain, False), (other, True), key=lambda fit: error((), *fit))[0]
     else:
         # what held-out data have borne out stays: they decide
         needed = [e for e in effects if e.name in finding.borne and finding.borne[e.name].sure]
@@ -172,7 +171,7 @@ def off_value(findings: Mapping[str, Finding], name: str) -> float:
     return 0.0
 
 
-def held_squares(
+def held_error(
     finding: Finding,
     held: Held,
     signal: str,
@@ -180,13 +179,11 @@ def held_squares(
     effects: tuple[Effect, ...],
     found: Fit,
     walked: bool,
-) -> Array:
-    """(parts,) mean square of the error of a free run over data held out, SI; `walked` as `left_out_errors` takes it."""
+) -> float:
+    """RMSE of a free run over data held out with a fit's values, SI; `walked` as `left_out_errors` takes it."""
     if held.in_turn:
-        each = left_out_errors(finding, effects, found, signal, tolerance, walked)
-        return np.concatenate([mean_squares(e, -(-LEAST // len(each))) for e in each])
-    gone = errors(finding, found, held.record)[signal][held.first :]
-    return mean_squares(gone, min(LEAST, gone.size))
+        return rms(np.concatenate(left_out_errors(finding, effects, found, signal, tolerance, walked)))
+    return rms(errors(finding, found, held.record)[signal][held.first :])
 
 
 def part_of(

@@ -88,8 +88,8 @@ def test_the_axis_has_friction_that_falls_with_speed_and_an_offset(tmp_path: Pat
     assert load.ci95[0] < -3.165 < load.ci95[1] < 0.0
     low, high = result.nominal["mechanical.J"].ci95
     assert low < 95.109 < high
-    # free run in mm: linear state space 5.53, polynomial NARX 5.17
-    assert result.gain["position"].rmse_after < 5.17
+    # free run in mm: linear with a constant load 6.56, linear state space 5.53
+    assert result.gain["position"].rmse_after < 5.53
 
 
 @pytest.mark.slow
