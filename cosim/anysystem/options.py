@@ -44,7 +44,7 @@ class AnyOptions(BaseModel):
             return dict.fromkeys(map(str, value))
         if not isinstance(value, dict):
             raise ValueError('write a list of parameters, or a table such as { "valve.K" = "2 %" }')
-        return {str(name): _share(tolerance) for name, tolerance in value.items()}
+        return {str(n): None if tolerance is None else _share(tolerance) for n, tolerance in value.items()}
 
     @field_validator("sample", mode="before")
     @classmethod
