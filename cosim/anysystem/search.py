@@ -33,6 +33,8 @@ WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further ca
 SCREENED = 7  # candidates fitted at each stage
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
+EARLY = 1.0  # samples, at most
+SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause (CONTRACT section 4)
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
 OUTER = 0.5  # of a start's effect: a projection beyond is no small step
 
@@ -296,14 +298,14 @@ class Search:
                 moved = [model({**at, name: s}) for s in (1.0, -1.0)]
             except SimulationError:
                 continue
-            nuisances.append(Unknown(name, -2.0, 2.0, 1.0, JITTER))
+            nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))
             rows.append({n: 0.5 * (moved[0][n] - moved[1][n]) for n in problem.names})
         for signal, _ in model.group.judged:
             shifted = {
                 n: np.gradient(here[n]) if n.partition("#")[0] == signal else np.zeros_like(here[n])
                 for n in problem.names
             }
-            nuisances.append(Unknown(f"{SHIFT}:{signal}", -2.0, 2.0, 1.0, JITTER))
+            nuisances.append(Unknown(f"{SHIFT}:{signal}", -EARLY, EARLY, 1.0, JITTER))
             rows.append(shifted)
         for name, (value, deviation) in self.trusted.items():
             key = f"{PARAMETER}|{name}"
@@ -314,7 +316,7 @@ class Search:
                 moved_one = model({**at, key: value + step})
             except SimulationError:
                 continue
-            add(Unknown(key, -np.inf, np.inf, 1.0, 1.0), moved_one, 1.0)
+            add(Unknown(key, -SURE, SURE, 1.0, 1.0), moved_one, 1.0)
         for name in self.free:
             key = f"{PARAMETER}|{name}"
             step = 0.02 * (abs(at[key]) or 1.0)

@@ -35,7 +35,7 @@ class Fit:
         values: name -> estimate.
         covariance: (k, k) of the unknowns, sandwich estimator over windows (White 1982), nuisances unknown too.
         unknowns: in the order of the covariance.
-        rows: (n,) whitened residuals of all signals, nuisances eliminated.
+        rows: (n + k,) whitened residuals of all signals, nuisances eliminated, then the nuisances over their priors.
         log_likelihood: of the fitted part, up to a constant, priors included.
     """
 
@@ -59,7 +59,7 @@ class Problem:
         fitted: name -> (n,) mask of the part that fits use; the rest is held out.
         window: name -> (n,) number of the window of each sample, over all names.
         noise: name -> noise.
-        mask: (n,) what fits use of all signals behind one another; the rest is held out.
+        mask: (n + k,) what fits use of all signals behind one another and of the nuisances; the rest is held out.
         failures: what the model said where it could not be run, each once.
     """
 
@@ -90,17 +90,21 @@ class Problem:
         self.names = list(self.measured)
         self.noise: dict[str, Noise] = {n: Noise(max(least[n], 1e-12) ** 2) for n in self.names}
         self.failures: list[str] = []
-        self.mask = np.concatenate([self.fitted[n] for n in self.names])
-        self.windows = np.concatenate([self.window[n] for n in self.names])
+        self._data = np.concatenate([self.fitted[n] for n in self.names])
+        self._numbers = np.concatenate([self.window[n] for n in self.names])
+        self.mask, self.windows = self._data, self._numbers
         self._slopes: dict[str, Array] = {n: np.zeros((0, self.measured[n].size)) for n in self.names}
         self._nuisances: tuple[Unknown, ...] = ()
-        self._projected: tuple[Array, Array] | None = None
+        self._projected: tuple[Array, Array, Array] | None = None
 
     # Nuisances and noise
 
     def share(self, nuisances: Sequence[Unknown], slopes: Mapping[str, Array]) -> None:
         """Nuisances (k) with the slopes (k, n) of each signal, per unit of the nuisance."""
         self._nuisances, self._slopes, self._projected = tuple(nuisances), dict(slopes), None
+        more = len(self._nuisances)
+        self.mask = np.concatenate([self._data, np.ones(more, dtype=bool)])
+        self.windows = np.concatenate([self._numbers, np.zeros(more, dtype=np.int64)])
 
     def learn(self, residuals: Mapping[str, Array]) -> None:
         """Learn the noise of each signal from what some hypothesis leaves."""
@@ -118,21 +122,40 @@ class Problem:
             parts.append(self.noise[name].whiten(rows, np.arange(rows.shape[1])))
         return np.concatenate(parts, axis=1)
 
-    def _project(self) -> tuple[Array, Array]:
-        """Whitened nuisance slopes (n, k) and the matrix (k, n_fitted) that estimates the nuisances."""
+    def _project(self) -> tuple[Array, Array, Array]:
+        """Whitened nuisance slopes (n, k), those of the fitted part, and their information with the priors (k, k)."""
         if self._projected is None:
-            slopes = self.whitened(self._slopes).T if self._nuisances else np.zeros((self.mask.size, 0))
-            inside = slopes[self.mask]
+            slopes = self.whitened(self._slopes).T if self._nuisances else np.zeros((self._data.size, 0))
+            inside = slopes[self._data]
             prior = np.diag([u.prior**-2 for u in self._nuisances]) if self._nuisances else np.zeros((0, 0))
-            gram = inside.T @ inside + prior
-            self._projected = slopes, np.linalg.solve(gram + 1e-12 * np.eye(len(gram)), inside.T)
+            self._projected = slopes, inside, inside.T @ inside + prior + 1e-12 * np.eye(len(prior))
         return self._projected
 
     def eliminated(self, rows: Array) -> tuple[Array, Array]:
-        """Rows (n,) without what nuisances explain of them, and the nuisances (k,)."""
-        slopes, estimate = self._project()
-        found = estimate @ rows[self.mask]
+        """Rows (n,) without what nuisances explain of them, and the nuisances (k,), within their bounds."""
+        slopes, inside, information = self._project()
+        if not self._nuisances:
+            return rows, np.zeros(0)
+        wanted = inside.T @ rows[self._data]
+        found = np.linalg.solve(information, wanted)
+        low = np.array([u.low for u in self._nuisances])
+        high = np.array([u.high for u in self._nuisances])
+        free = np.ones(found.size, dtype=bool)
+        # what goes beyond its bound stays there, and the others are solved for again
+        while (beyond := free & ((found < low) | (found > high))).any():
+            found[beyond] = np.clip(found[beyond], low[beyond], high[beyond])
+            free &= ~beyond
+            if not free.any():
+                break
+            rest = wanted[free] - information[np.ix_(free, ~free)] @ found[~free]
+            found[free] = np.linalg.solve(information[np.ix_(free, free)], rest)
         return rows - slopes @ found, found
+
+    def _judged(self, series: Mapping[str, Array]) -> Array:
+        """Rows of a model's series: residuals, then how far the nuisances are from what is believed of them."""
+        raw = {n: self.measured[n] - series[n] for n in self.names}
+        rows, nuisances = self.eliminated(self.whitened(raw)[0])
+        return np.concatenate([rows, [v / u.prior for u, v in zip(self._nuisances, nuisances, strict=True)]])
 
     # Hypotheses
 
@@ -144,7 +167,7 @@ class Problem:
         return {n: raw[n] - nuisances @ self._slopes[n] for n in self.names}
 
     def rows(self, values: Mapping[str, float]) -> Array | None:
-        """(n,) whitened residuals, nuisances eliminated; None where the model cannot be run."""
+        """(n + k,) whitened residuals, nuisances eliminated, and the k nuisances over their priors; None where the model cannot be run."""
         try:
             series = self.model(values)
         except SimulationError as error:
@@ -153,8 +176,7 @@ class Problem:
             return None
         if not all(np.isfinite(series[n]).all() for n in self.names):
             return None
-        raw = {n: self.measured[n] - series[n] for n in self.names}
-        return self.eliminated(self.whitened(raw)[0])[0]
+        return self._judged(series)
 
     def log_likelihood(self, rows: Array, values: Mapping[str, float], unknowns: Sequence[Unknown]) -> float:
         """Of the fitted part, up to a constant."""
