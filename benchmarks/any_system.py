@@ -34,9 +34,9 @@ H, COUNT, NOISE = 0.01, 3000, 0.01
 CLASSES = ("port", "parameter", "two", "none", "outside")
 EFFECTS = (
     "port.gain", "port.offset", "port.delay", "port.lag", "port.saturation", "port.dead_zone", "port.play",
-    "port.rate_limit", "port.quantisation", "port.drift",
+    "port.rate_limit", "port.quantisation", "port.drift", "port.dropout",
 )  # fmt: skip
-READINGS = ("port.quantisation", "port.drift")
+READINGS = ("port.quantisation", "port.drift", "port.dropout")
 OUTSIDE = ("strange.square", "strange.product", "strange.rectified", "strange.disturbance")
 
 
@@ -80,15 +80,21 @@ def values_of(kind: str, rng: np.random.Generator) -> dict[str, float]:
     return {n: round(found[n], 4) for n in parts.USES[kind]}
 
 
-def system(rng: np.random.Generator, most: int) -> tuple[dict[str, str], dict[str, dict[str, float]], list[tuple[str, str]]]:
+def system(
+    rng: np.random.Generator, most: int
+) -> tuple[dict[str, str], dict[str, dict[str, float]], list[tuple[str, str]]]:
     """Components and wires: each new one follows an earlier one; sums join two, or close a loop."""
     count = int(rng.integers(2, most + 1))
     names = [f"part{k + 1}" for k in range(count)]
     kinds, wires = {}, []
     for k, name in enumerate(names):
-        source = "command" if k == 0 else f"{names[k - 1 if rng.random() < 0.75 else int(rng.integers(0, k))]}.y"
+        source = (
+            "command" if k == 0 else f"{names[k - 1 if rng.random() < 0.75 else int(rng.integers(0, k))]}.y"
+        )
         join = rng.random() < 0.25 and count > 2
-        kinds[name] = "sum" if join else str(rng.choice(["lag", "second", "saturating", "damped", "stiffening"]))
+        kinds[name] = (
+            "sum" if join else str(rng.choice(["lag", "second", "saturating", "damped", "stiffening"]))
+        )
         wires.append((source, f"{name}.u"))
     values = {n: values_of(kind, rng) for n, kind in kinds.items()}
     for k, name in enumerate(names):
@@ -117,7 +123,10 @@ def size(effect: str, series: np.ndarray, rng: np.random.Generator) -> dict[str,
         return {effect.partition(".")[2]: float(max(rng.uniform(0.1, 0.4) * pace, 4 * H))}
     if effect == "port.saturation":
         centre = 0.5 * (low + high)
-        return {"low": float(centre - rng.uniform(0.4, 0.75) * a), "high": float(centre + rng.uniform(0.4, 0.75) * a)}
+        return {
+            "low": float(centre - rng.uniform(0.4, 0.75) * a),
+            "high": float(centre + rng.uniform(0.4, 0.75) * a),
+        }
     if effect == "port.dead_zone":
         return {"low": float(-rng.uniform(0.08, 0.25) * a), "high": float(rng.uniform(0.08, 0.25) * a)}
     if effect == "port.play":
@@ -128,17 +137,30 @@ def size(effect: str, series: np.ndarray, rng: np.random.Generator) -> dict[str,
         return {"quantum": float(rng.uniform(0.06, 0.2) * a)}
     if effect == "port.drift":
         return {"rate": float(sign * rng.uniform(0.15, 0.4) * a / (H * COUNT))}
+    if effect == "port.dropout":
+        return {"probability": float(rng.uniform(0.05, 0.4))}
     if effect == "strange.square":
         return {"size": float(rng.uniform(0.2, 0.4) / a)}
-    return {"size": float(rng.uniform(0.2, 0.4) * (a if effect == "strange.disturbance" else 1.0)), "pace": float(rng.uniform(3, 9))}
+    return {
+        "size": float(rng.uniform(0.2, 0.4) * (a if effect == "strange.disturbance" else 1.0)),
+        "pace": float(rng.uniform(3, 9)),
+    }
 
 
-def place(effect: str, case_wires: list[tuple[str, str]], kinds: dict[str, str], measured: list[str], rng: np.random.Generator) -> tuple[str, str]:
+def place(
+    effect: str,
+    case_wires: list[tuple[str, str]],
+    kinds: dict[str, str],
+    measured: list[str],
+    rng: np.random.Generator,
+) -> tuple[str, str]:
     """A connector and where."""
     outputs = [f"{n}.y" for n in kinds]
     if effect in READINGS:
         return str(rng.choice([m for m in measured if m != "command"])), "sensor"
-    where = str(rng.choice(["input", "output"] if effect.startswith("strange") else ["input", "output", "sensor"]))
+    where = str(
+        rng.choice(["input", "output"] if effect.startswith("strange") else ["input", "output", "sensor"])
+    )
     if where == "input":
         return case_wires[int(rng.integers(0, len(case_wires)))][1], where
     return str(rng.choice(outputs if where == "output" else [m for m in measured if m != "command"])), where
@@ -189,7 +211,11 @@ def run(case: Case, fmus: dict[str, Path], folder: Path) -> tuple[Answer, float,
     )
     signals = log_of(case)
     columns = {n: Column(n, n, "1", 1.0, 0.0) for n in signals}
-    trusted = {f"{n}.{p}": None for n, v in case.values.items() for p in v} if case.kind in ("parameter", "none") else {}
+    trusted = (
+        {f"{n}.{p}": None for n, v in case.values.items() for p in v}
+        if case.kind in ("parameter", "none")
+        else {}
+    )
     begun = time.perf_counter()
     with read_system(package) as loaded, Runs(loaded) as runs:
         log = Recording(folder / "log.csv", H * np.arange(COUNT), signals, columns)
@@ -222,7 +248,11 @@ def score(case: Case, found: Answer) -> dict[str, bool]:
     result["exact"] = len(sets) == len(wanted) and all(any(w in s for s in sets) for w in wanted)
     result["named"] = all(any(w in s for s in sets) for w in wanted)
     result["component"] = bool(sets) and all(
-        any(w.split(" at ")[-1].removeprefix("parameter ").partition(".")[0] in {t.split(" at ")[-1].removeprefix("parameter ").partition(".")[0] for t in s} for s in sets)
+        any(
+            w.split(" at ")[-1].removeprefix("parameter ").partition(".")[0]
+            in {t.split(" at ")[-1].removeprefix("parameter ").partition(".")[0] for t in s}
+            for s in sets
+        )
         for w in wanted
     )
     result["kind"] = all(any(w.split(" ")[0] in {t.split(" ")[0] for t in s} for s in sets) for w in wanted)
@@ -267,23 +297,44 @@ def main() -> None:
                 totals[f"{case.kind}: {key}"] += 1
                 right[f"{case.kind}: {key}"] += bool(value)
             wrong = [k for k, v in result.items() if not v]
-            hidden = [(h.effect, h.port, h.where, {n: round(v, 4) for n, v in h.values.items()}) for h in case.hidden]
-            said = [(sorted(told(c)), {n: round(p.value, 4) for n, p in c.parameters.items()}) for c in found.causes]
-            line = f"{seed} {case.kind} {len(case.kinds)} parts {seconds:.0f} s {runs} runs: {'wrong: ' + ', '.join(wrong) if wrong else 'right'}"
+            hidden = [
+                (h.effect, h.port, h.where, {n: round(v, 4) for n, v in h.values.items()})
+                for h in case.hidden
+            ]
+            said = [
+                (sorted(told(c)), {n: round(p.value, 4) for n, p in c.parameters.items()})
+                for c in found.causes
+            ]
+            line = f"{seed} {case.kind} {len(case.kinds)} parts {seconds:.0f} s {runs} runs: "
+            line += f"wrong: {', '.join(wrong)}" if wrong else "right"
             print(line, flush=True)
             if wrong:
-                print("   hidden", hidden or case.parameter, "\n   wires", case.wires, case.kinds, "measured", case.measured)
-                print("   said", found.verdict, said, [(u.block, u.what) for u in found.unexplained], flush=True)
+                print(
+                    "   hidden",
+                    hidden or case.parameter,
+                    "\n   wires",
+                    case.wires,
+                    case.kinds,
+                    "measured",
+                    case.measured,
+                )
+                print(
+                    "   said", found.verdict, said, [(u.block, u.what) for u in found.unexplained], flush=True
+                )
                 print("   refused", [(r.effect, r.why) for r in found.refused])
             if options.rows:
                 with options.rows.open("a") as file:
                     file.write(json.dumps({"seed": seed, "kind": case.kind, **result}) + "\n")
     for key, count in sorted(totals.items()):
         interval = binomtest(right[key], count).proportion_ci(method="wilson")
-        print(f"{key:28s} {right[key]:4d} of {count:4d} ({100 * interval.low:.0f} to {100 * interval.high:.0f} %)")
+        print(
+            f"{key:28s} {right[key]:4d} of {count:4d} ({100 * interval.low:.0f} to {100 * interval.high:.0f} %)"
+        )
     for parts_ in sorted({t[0] for t in times}):
         own = [t for t in times if t[0] == parts_]
-        print(f"{parts_} components: {np.median([t[1] for t in own]):.1f} s, {np.median([t[2] for t in own]):.0f} runs of FMUs")
+        print(
+            f"{parts_} components: {np.median([t[1] for t in own]):.1f} s, {np.median([t[2] for t in own]):.0f} runs of FMUs"
+        )
 
 
 if __name__ == "__main__":

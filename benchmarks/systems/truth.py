@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+AFTER_NOISE = ("port.quantisation", "port.dropout")
 FINE = 5  # steps in a sample
 
 
@@ -143,12 +144,16 @@ def read(
     for name, series in true.items():
         reading = series
         for e in hidden:
-            if e.where == "sensor" and e.port == name and e.effect != "port.quantisation":
+            if e.where == "sensor" and e.port == name and e.effect not in AFTER_NOISE:
                 wire = Wire(e.effect, e.values, h)
                 reading = np.array([wire(float(x)) for x in reading])
         if "." in name:
             reading = reading + noise * float(np.std(series)) * rng.standard_normal(series.size)
         for e in hidden:
+            if e.where == "sensor" and e.port == name and e.effect == "port.dropout":
+                stale = rng.random(reading.size) < e.values["probability"]
+                stale[0] = False
+                reading = reading[np.maximum.accumulate(np.where(stale, 0, np.arange(reading.size)))]
             if e.where == "sensor" and e.port == name and e.effect == "port.quantisation":
                 reading = e.values["quantum"] * np.floor(reading / e.values["quantum"] + 0.5)
         found[name] = reading

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.model import place
+from cosim.anysystem.readings import ON, Grid, Stale
 from cosim.anysystem.search import CLOSE, Finding
 from cosim.anysystem.story import AnyDiagnosis
 from cosim.compare.metrics import fit_percent, rms
@@ -147,6 +148,8 @@ def reason(behind: float) -> str:
 
 def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, Parameter]:
     """The parameters of a cause with their intervals, in the log's units."""
+    if action in finding.read:
+        return read_numbers(found, action, finding.read[action])
     fit = finding.chosen.fit
     known = {u.name: u for u in fit.unknowns}
     result = {}
@@ -175,6 +178,21 @@ def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, 
             ci95=tuple(sorted(((low - offset) / scale, (high - offset) / scale))),  # type: ignore[arg-type]
         )
     return result
+
+
+def read_numbers(found: AnyDiagnosis, action: Action, shown: Grid | Stale) -> dict[str, Parameter]:
+    """The same of what a reading shows by itself."""
+    if isinstance(shown, Grid):
+        unit, factor, _ = unit_at(found, action)
+        step = shown.step / abs(factor)
+        reach = ON * step
+        return {"quantum": Parameter(value=step, unit=unit, ci95=(step - reach, step + reach))}
+    reach = 1.96 * shown.deviation
+    return {
+        "probability": Parameter(
+            value=shown.share, unit="1", ci95=(max(shown.share - reach, 0.0), shown.share + reach)
+        )
+    }
 
 
 def judged_signals(found: AnyDiagnosis) -> list[tuple[Finding, str]]:

@@ -53,6 +53,7 @@ class GroupModel:
         group: what is between the cuts.
         segments: the logs.
         base: values that hold unless a call says otherwise: ``component.parameter`` of free parameters.
+        held: signal -> for each log the places whose values its samples hold, where some are stale.
         drives: signal -> series of each segment that drives instead of the measured ones.
     """
 
@@ -60,6 +61,7 @@ class GroupModel:
         self.group, self.system, self.runs, self.segments = group, system, runs, list(segments)
         self.base: dict[str, float] = {}
         self.drives: dict[str, list[Array]] = {}
+        self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
         self._within = {
             (w.source.component, w.target.component)
             for u in group.units
@@ -118,7 +120,8 @@ class GroupModel:
         for port, series in entering.items():
             found[f"in:{port}"] = series
         for signal, port in self.group.judged:
-            found[signal] = acted(found[f"out:{port}"], h, port, "sensor", places)
+            reading = acted(found[f"out:{port}"], h, port, "sensor", places)
+            found[signal] = reading[self.held[signal][k]] if signal in self.held else reading
         return found
 
     def _driving(self, signal: str, k: int) -> Array:

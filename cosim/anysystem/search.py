@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, Reach, starts, unknowns
 from cosim.anysystem.model import SHIFT, GroupModel, place
+from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
 from cosim.errors import SimulationError
 from cosim.inference.freeform import Told, told
@@ -75,6 +76,7 @@ class Finding:
         free: free parameters -> (value, standard deviation).
         unexplained: signals that stay wrong, with words.
         never: effects that the log does not exercise.
+        read: causes that the readings show by themselves.
         refused: causes that the fitted windows ask for and the held-out ones do not bear out, with words.
     """
 
@@ -93,12 +95,13 @@ class Finding:
     free: dict[str, tuple[float, float]] = field(default_factory=dict)
     unexplained: dict[str, str] = field(default_factory=dict)
     never: list[str] = field(default_factory=list)
+    read: dict[Action, Grid | Stale] = field(default_factory=dict)
     refused: list[tuple[Action, str]] = field(default_factory=list)
 
     @property
     def named(self) -> tuple[Action, ...]:
         """The causes."""
-        return self.chosen.actions
+        return (*self.chosen.actions, *self.read)
 
 
 class Search:
@@ -139,6 +142,7 @@ class Search:
         first = model({**self.base})  # raises where the system itself cannot be run
         self._check(first)
         self.reaches = self._reaches()
+        self.read = self._read(first)
         self._learn_white()
         self.estimated: dict[str, tuple[float, float]] = {}
         self.null = self._null()
@@ -146,6 +150,22 @@ class Search:
         self.moved: dict[Action, Action] = {}  # causes at an output that are as good at an input
 
     # What is given
+
+    def _read(self, first: Mapping[str, Array]) -> dict[Action, Grid | Stale]:
+        """What the readings show by themselves; stale samples are then modelled."""
+        found: dict[Action, Grid | Stale] = {}
+        count = len(self.model.segments)
+        for signal, port in self.model.group.judged:
+            series = [s.signals[signal] for s in self.model.segments]
+            grid = grid_of(series)
+            stale = None if grid else stale_of(series, [first[place(signal, k)] for k in range(count)])
+            if grid is not None and "port.quantisation" not in self.exclude:
+                found[Action("port.quantisation", port, "sensor")] = grid
+            if stale is not None:
+                self.model.held[signal] = stale.held
+                if "port.dropout" not in self.exclude:
+                    found[Action("port.dropout", port, "sensor")] = stale
+        return found
 
     def _check(self, series: Mapping[str, Array]) -> None:
         for name, values in series.items():
@@ -191,7 +211,7 @@ class Search:
         for port in dict.fromkeys(outputs):
             found += [Action(e, port, "output") for e, effect in EFFECTS.items() if not effect.reading]
         for port in judged:
-            found += [Action(e, port, "sensor") for e in ("port.quantisation", "port.drift")]
+            found.append(Action("port.drift", port, "sensor"))
         return [a for a in found if a.effect not in self.exclude]
 
     def _only_wire(self, port: Port, fans: Sequence[Port], judged: set[Port]) -> bool:
@@ -218,24 +238,7 @@ class Search:
             name, value = str(action.port), self.trusted[str(action.port)][0]
             size = abs(value) or 1.0
             return [{f"{PARAMETER}|{name}": value + part * size} for part in (0.2, -0.2, 0.8)]
-        if action.effect == "port.quantisation":
-            grid = self._grid(action.port)
-            if grid is not None:
-                return [{action.key("quantum"): grid}]
         return starts(action, self.reach(action))
-
-    def _grid(self, port: Port) -> float | None:
-        """The step of which all readings at a port are whole multiples, where it is not tiny."""
-        signal = next(s for s, p in self.model.group.judged if p == port)
-        values = np.unique(np.concatenate([s.signals[signal] for s in self.model.segments]))
-        if values.size < 3 or values.size > 2000:
-            return None
-        gaps = np.diff(values)
-        step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-        if step < 2.0 * SIZE * float(np.ptp(values)):
-            return None
-        ratio = gaps / step
-        return step if float(np.max(np.abs(ratio - np.round(ratio)))) < 0.02 else None
 
     # The null model
 
@@ -413,11 +416,11 @@ class Search:
         if rest is None:
             return []
         inside = problem.mask
-        ranked: list[tuple[float, Action, dict[str, float]]] = []
+        ranked: list[tuple[float, Action, list[dict[str, float]]]] = []
         for action in self.candidates():
             if action in base.actions or self._twice(action, base.actions):
                 continue
-            best: tuple[float, dict[str, float] | None] = (0.0, None)
+            own: list[tuple[float, dict[str, float]]] = []
             for start in self.begins(action):
                 rows = problem.rows({**base.fit.values, **start})
                 if rows is None:
@@ -429,19 +432,24 @@ class Search:
                 # how far the shape of this effect goes along with what is left, and what it reaches as it is
                 along = float(change @ rest[inside])
                 drop = max(0.5 * along * abs(along) / size, along - 0.5 * size)
-                if drop > best[0]:
-                    best = (drop, start)
-            if best[1] is not None:
-                ranked.append((best[0], action, best[1]))
+                if drop > 0.0:
+                    own.append((drop, start))
+            if own:
+                own.sort(key=lambda item: -item[0])
+                ranked.append((own[0][0], action, [start for _, start in own[: self._tries(action)]]))
         ranked.sort(key=lambda item: -item[0])
         found = []
-        for drop, action, start in ranked[:SCREENED]:
+        for drop, action, begins in ranked[:SCREENED]:
             if drop < max(2.0, 0.02 * ranked[0][0]):
                 break
-            fit = self._fitted(base, action, start)
-            if fit is not None:
-                found.append(fit)
+            fits = [fit for start in begins if (fit := self._fitted(base, action, start)) is not None]
+            if fits:
+                found.append(max(fits, key=lambda c: c.score))
         return found
+
+    def _tries(self, action: Action) -> int:
+        """Starts from which a cause is fitted: one side of two may hold a search that begins on the other."""
+        return 1 if action.effect == PARAMETER or len(EFFECTS[action.effect].parameters) == 1 else 3
 
     def _twice(self, action: Action, others: Sequence[Action]) -> bool:
         """The same effect at the same port already."""
@@ -573,6 +581,11 @@ class Search:
                 left = self._told(residual, null)
                 wrong = self._wrong(left, residual) or wrong
         finding.chosen, finding.told = best, left
+        for action, shown in self.read.items():
+            part = float(np.mean(~problem.mask))
+            finding.read[action], finding.gains[action] = shown, shown.gain
+            finding.held[action] = HeldOutGain(part * shown.gain, 0.0)
+            finding.alike[action], finding.rivals[action] = [], []
         finding.unexplained = wrong
         finding.floors = {s: self._floor(s, best) for s, _ in self.model.group.judged}
         self._rivals(finding, best, singles, null)

@@ -167,7 +167,7 @@ class Problem:
         return {n: raw[n] - nuisances @ self._slopes[n] for n in self.names}
 
     def rows(self, values: Mapping[str, float]) -> Array | None:
-        """(n + k,) whitened residuals, nuisances eliminated, and the k nuisances over their priors; None where the model cannot be run."""
+        """(n + k,) whitened residuals, nuisances eliminated, then these over their priors; None where the model fails."""
         try:
             series = self.model(values)
         except SimulationError as error:
