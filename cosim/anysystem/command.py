@@ -16,6 +16,7 @@ from cosim.errors import CosimError, UsageError
 from cosim.files import write_text
 from cosim.logs.load import open_source
 from cosim.logs.mapping import load_mapping
+from cosim.ssp.fmu import MENDED
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
 from cosim.system.graph import port_of
@@ -139,5 +140,9 @@ def unlisted(system: System) -> list[str]:
         if outputs and "<InitialUnknowns" not in text:
             found[component.fmu.source] = (
                 f"{component.fmu.source}: no InitialUnknowns, which FMI 2.0 demands for its outputs; it is run all the same"
+            )
+        if (component.fmu.folder / MENDED).is_file():
+            found[component.fmu.source + MENDED] = (
+                f"{component.fmu.source}: parameters of a variability that FMI 2.0 does not allow are taken as tunable"
             )
     return list(found.values())

@@ -15,7 +15,7 @@ from cosim.logs.load import load_log, open_source
 from cosim.logs.mapping import Mapping as LogMapping
 from cosim.logs.mapping import SignalColumn, TimeColumn
 from cosim.logs.source import Label
-from cosim.signals import SYNTHETIC_COLUMN, conversion
+from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
 from cosim.ssp.quantities import UnitDefinition, definition
 from cosim.ssp.system import Port, System
 from cosim.system.graph import connectors, port_of
@@ -87,7 +87,10 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
             others.append(label.text)
             continue
         unit, own = _column_unit(path, label, _unit(system, port))
-        found[label.name] = SignalColumn(column=label.text, unit=unit, text=OWN if own else "")
+        # our own signals have units and ranges that another system's need not have
+        name = f"system.{label.name}" if label.name in SIGNALS and not port.component else label.name
+        name = str(port) if port.component else name
+        found[name] = SignalColumn(column=label.text, unit=unit, text=OWN if own else "")
     if not found:
         raise DataError(
             f"{path}: no column is a connector of the system ({', '.join(connectors(system)[:20])}); found "
@@ -209,7 +212,7 @@ def _recording(
         time = time * options.sample
     found = Recording(log.source, time, {}, {}, list(log.warnings), log.sha256, log.synthetic)
     for name, values in log.signals.items():
-        connector, stated = targets.get(name, (name, None))
+        connector, stated = targets.get(name, (name.removeprefix("system."), None))
         port = port_of(system, connector)
         unit, shown = _unit(system, port), log.display[name]
         column = mapping.signals[name]
