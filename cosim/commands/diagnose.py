@@ -25,7 +25,8 @@ def diagnose(
     model: Annotated[
         str | None,
         typer.Option(
-            help="full_order, simplified, a package (.ssp) or a wiring (.ssd) [default: the mapping's or full_order]."
+            help="full_order, simplified, a package (.ssp) or a wiring (.ssd) of our blocks, or any .ssp or .fmu "
+            "[default: the mapping's or full_order]."
         ),
     ] = None,
     mapping: Annotated[Path | None, typer.Option(help="TOML that names the columns.")] = None,
@@ -55,12 +56,26 @@ def diagnose(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
+    from cosim.anysystem.command import any_system, diagnose_any
     from cosim.console import emit_json, warn
     from cosim.diagnosis.budget import parse_budget
+    from cosim.errors import UsageError
     from cosim.logs import load_log, load_tracker
     from cosim.report.deliver import diagnose_into, show
 
     seconds = parse_budget(budget) if budget is not None else math.inf
+    foreign = any_system(model, mapping, log[0])
+    if foreign is not None:
+        if external is not None:
+            raise UsageError(
+                "--external goes with our crane; give the tracker's signal as a column of the log"
+            )
+        result = diagnose_any(out, log, foreign, mapping, held_out or (), tolerance, calibrate)
+        if as_json:
+            emit_json(result.model_dump())
+        else:
+            show(result, out)
+        return
     loaded = [load_log(file, mapping) for file in log]
     tracker = load_tracker(external) if external is not None else None
     others = [load_log(file, mapping) for file in held_out or ()]

@@ -63,10 +63,14 @@ class Rival(Model):
 
 
 class NamedCause(Model):
-    """A named cause."""
+    """A named cause; `component` and what follows it: where, in a system of any FMUs (CONTRACT section 7)."""
 
     effect: str
     block: str
+    component: str | None = None
+    connector: str | None = None
+    parameter: str | None = None
+    where: Literal["input", "output", "sensor"] | None = None
     parameters: dict[str, Parameter]
     evidence: dict[str, float]
     rivals: list[Rival]

@@ -182,7 +182,8 @@ class Mapping(_Strict):
     @classmethod
     def _names(cls, signals: dict[str, SignalColumn]) -> dict[str, SignalColumn]:
         for name, column in signals.items():
-            if not name.isidentifier() or name in _RESERVED:
+            # a dot, as in "valve.spool", names a connector of any system
+            if not all(part.isidentifier() for part in name.split(".")) or name in _RESERVED:
                 raise ValueError(f"'{name}' cannot be the name of a signal: use letters, digits and _")
             if name in SIGNALS and column.unit is not None:
                 _convertible(column.unit, SIGNALS[name].si, f"signal '{name}': ")

@@ -11,13 +11,16 @@ from typing import Any
 
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
+from lxml import etree
 
 from cosim.errors import ModelError
 from cosim.ssp import binary
 from cosim.ssp.archive import read_entry, unpack
 from cosim.ssp.quantities import UnitDefinition, from_xml
 from cosim.ssp.system import Fmu, Value, Variable
-from cosim.ssp.xml import number, parse
+from cosim.ssp.xml import number, parse, safe_parser
+
+MENDED = "modelDescription.mended.xml"  # in an unpacked FMU: what was read where the original breaks a rule
 
 # FMI 2.0 table in section 2.2.7: the default of `initial` by causality, then variability
 _INITIAL = {
@@ -81,7 +84,28 @@ def described(folder: Path, source: str) -> ModelDescription:
     try:
         return fmpy.read_model_description(str(folder), validate=False)
     except Exception as error:  # fmpy raises bare exceptions
+        if "illegal combination" in str(error) and (mended := _mended(folder)) is not None:
+            return mended
         raise ModelError(f"{source}: the model description cannot be read: {error}") from None
+
+
+def _mended(folder: Path) -> ModelDescription | None:
+    """The description with a variability that FMI allows for each parameter, or None if that does not help.
+
+    Plain pythonfmu writes ``continuous`` for a parameter whose script names none.
+    """
+    tree = etree.parse(folder / "modelDescription.xml", safe_parser())
+    for variable in tree.iterfind("ModelVariables/ScalarVariable"):
+        if variable.get("causality") in ("parameter", "calculatedParameter") and variable.get(
+            "variability", "continuous"
+        ) not in ("fixed", "tunable"):
+            variable.set("variability", "tunable")
+    file = folder / MENDED
+    tree.write(file)
+    try:
+        return fmpy.read_model_description(str(file), validate=False)
+    except Exception:  # fmpy raises bare exceptions
+        return None
 
 
 def _units(root: Any, source: str) -> dict[str, UnitDefinition]:

@@ -1,0 +1,311 @@
+"""The diagnosis of any system in the contract's form, in the units of the log."""
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.anysystem.actions import PARAMETER, Action
+from cosim.anysystem.model import place
+from cosim.anysystem.readings import ON, Grid, Stale
+from cosim.anysystem.search import CLOSE, Finding
+from cosim.anysystem.story import AnyDiagnosis
+from cosim.compare.metrics import fit_percent, rms
+from cosim.diagnosis.schema import (
+    Answer,
+    Location,
+    NamedCause,
+    Packages,
+    Parameter,
+    RefusedCause,
+    Rival,
+    Separable,
+    Signal,
+    SignalGain,
+    Unexplained,
+)
+from cosim.inference.held_out import ratio_ci95
+from cosim.packages import project_version
+from cosim.system.effects import EFFECTS
+
+Array = NDArray[np.float64]
+SHOWN_RIVALS = 8
+
+
+def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
+    """The answer."""
+    classes, advice = found.isolability
+    return Answer(
+        verdict=found.verdict,  # type: ignore[arg-type]
+        synthetic=all(log.synthetic for log in found.logs),
+        model=str(found.system.path),
+        signals=signals(found),
+        localisation=localisation(found),
+        causes=[named(found, group, action) for group, action in found.causes()],
+        extended=package,
+        gain=gains(found),
+        unexplained=unexplained(found),
+        next_experiment=None,
+        not_exercised=sorted({e for f in found.findings.values() for e in f.never}),
+        not_judged=found.unjudged,
+        isolability=[Separable(residual=list(where), effects=list(names)) for where, names in classes],
+        helpful_signals=list(advice),
+        nominal=nominal(found),
+        warnings=[*(w for log in found.logs for w in log.warnings), *found.notes],
+        held_out="the logs given to --held-out" if found.held else "every third window of the log",
+        refused=[
+            RefusedCause(effect=a.words, block=block_of(f, a), why=why)
+            for f in found.findings.values()
+            for a, why in f.refused
+        ],
+        made={
+            "cosim": project_version(),
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("numpy", "scipy", "numba", "fmpy")},
+            **{log.source.name: log.sha256 for log in found.logs if log.sha256},
+            "runs of FMUs": str(found.runs),
+            "steps of FMUs": str(found.steps),
+        },
+    )
+
+
+def block_of(finding: Finding, action: Action) -> str:
+    """The component of a cause."""
+    return action.port.component or finding.model.group.name
+
+
+def column_scale(found: AnyDiagnosis, connector: str) -> tuple[str, float, float]:
+    """Unit in which people read a connector, and factor and offset of (value - offset) / factor."""
+    column = found.logs[0].columns.get(connector)
+    return (column.unit, column.factor, column.offset) if column else ("1", 1.0, 0.0)
+
+
+def unit_at(found: AnyDiagnosis, action: Action) -> tuple[str, float, float]:
+    """The same of the port at which an effect acts: as the log has it, or its FMU's unit."""
+    if str(action.port) in found.logs[0].columns:
+        return column_scale(found, str(action.port))
+    for finding in found.findings.values():
+        for drive in finding.model.group.drives:
+            if drive.port == action.port and (drive.factor, drive.offset) == (1.0, 0.0):
+                return column_scale(found, drive.signal)
+        for signal, port in finding.model.group.judged:
+            if port == action.port:
+                return column_scale(found, signal)
+    return found.system.variable(action.port).unit or "1", 1.0, 0.0
+
+
+def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
+    """One cause."""
+    finding = found.findings[group]
+    gain = finding.held[action]
+    low, high = gain.ci95
+    told = shown_action(found, group, action)
+    alike = [a.words for a in finding.alike.get(action, []) if not ruled_out(found, group, action, a)]
+    alike += [w for w in found.undecided.get((group, action), []) if w not in alike]
+    rivals = [
+        Rival(effect=a.words, why_not=reason(behind))
+        for a, behind in finding.rivals.get(action, [])[:SHOWN_RIVALS]
+    ]
+    return NamedCause(
+        effect=action.effect,
+        block=action.port.component,
+        component=action.port.component,
+        connector=action.port.variable if action.effect != PARAMETER else None,
+        parameter=action.port.variable if action.effect == PARAMETER else None,
+        where=told.where or None,
+        parameters=numbers(found, finding, action),
+        evidence={
+            "log_likelihood_gain": finding.gains[action],
+            "held_out_gain": gain.gain,
+            "held_out_gain_low": low,
+            "held_out_gain_high": high,
+        },
+        rivals=rivals,
+        indistinguishable_from=alike,
+    )
+
+
+def shown_action(found: AnyDiagnosis, group: str, action: Action) -> Action:
+    """The cause as its neighbours have it."""
+    where = found.where.get((group, action), action.where)
+    return Action(action.effect, action.port, where)  # type: ignore[arg-type]
+
+
+def ruled_out(found: AnyDiagnosis, group: str, action: Action, other: Action) -> bool:
+    """Whether what the reading drives has shown that another place of the same effect is not it."""
+    where = found.where.get((group, action))
+    return where == "sensor" and other.where == "input" and other.effect == action.effect
+
+
+def reason(behind: float) -> str:
+    """Words for how far a rival lies behind."""
+    if behind < CLOSE:
+        return f"only {max(behind, 0.0):.1f} in log-likelihood behind: this log cannot tell the two apart"
+    return f"explains the log worse by {behind:.0f} in log-likelihood (less the price of its parameters)"
+
+
+def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, Parameter]:
+    """The parameters of a cause with their intervals, in the log's units."""
+    if action in finding.read:
+        return read_numbers(found, action, finding.read[action])
+    fit = finding.chosen.fit
+    known = {u.name: u for u in fit.unknowns}
+    result = {}
+    if action.effect == PARAMETER:
+        name = f"{PARAMETER}|{action.port}"
+        reach = 1.96 * fit.deviation(name)
+        value = fit.values[name]
+        unit = found.system.variable(action.port).unit or "1"
+        return {"value": Parameter(value=value, unit=unit, ci95=(value - reach, value + reach))}
+    signal, factor, _ = unit_at(found, action)
+    for parameter, declared in EFFECTS[action.effect].parameters.items():
+        key = action.key(parameter)
+        scale = factor if declared.kind in ("signal", "signal/s") else 1.0
+        offset = 0.0
+        if action.effect == "port.saturation":
+            offset = unit_at(found, action)[2]
+        value = fit.values[key]
+        reach = 1.96 * fit.deviation(key)
+        unknown = known[key]
+        if action.effect == "port.saturation" and not unknown.low < value < unknown.high:
+            continue  # beyond what the signal reaches
+        low, high = max(value - reach, unknown.low), min(value + reach, unknown.high)
+        result[parameter] = Parameter(
+            value=(value - offset) / scale,
+            unit=EFFECTS[action.effect].unit(parameter, signal),
+            ci95=tuple(sorted(((low - offset) / scale, (high - offset) / scale))),  # type: ignore[arg-type]
+        )
+    return result
+
+
+def read_numbers(found: AnyDiagnosis, action: Action, shown: Grid | Stale) -> dict[str, Parameter]:
+    """The same of what a reading shows by itself."""
+    if isinstance(shown, Grid):
+        unit, factor, _ = unit_at(found, action)
+        step = shown.step / abs(factor)
+        reach = ON * step
+        return {"quantum": Parameter(value=step, unit=unit, ci95=(step - reach, step + reach))}
+    reach = 1.96 * shown.deviation
+    return {
+        "probability": Parameter(
+            value=shown.share, unit="1", ci95=(max(shown.share - reach, 0.0), shown.share + reach)
+        )
+    }
+
+
+def judged_signals(found: AnyDiagnosis) -> list[tuple[Finding, str]]:
+    """Findings and the connectors by which they are judged."""
+    return [(f, s) for f in found.findings.values() for s, _ in f.model.group.judged]
+
+
+def series(found: AnyDiagnosis, finding: Finding, connector: str, values: Mapping[str, float]) -> list[Array]:
+    """Residual of a connector in each log."""
+    left = finding.problem.residuals(values)
+    return [left[place(connector, k)] for k in range(len(found.segments))]
+
+
+def signals(found: AnyDiagnosis) -> dict[str, Signal]:
+    """Errors of the nominal model, each group driven by what was measured."""
+    result = {}
+    for finding, connector in judged_signals(found):
+        unit, scale, _ = column_scale(found, connector)
+        left = np.concatenate(series(found, finding, connector, finding.null.fit.values))
+        measured = np.concatenate([s.signals[connector] for s in found.segments])
+        result[connector] = Signal(
+            rmse=rms(left) / abs(scale),
+            fit_percent=fit_percent(measured, measured - left) or 0.0,
+            unit=unit,
+            noise_floor=finding.floors[connector] / abs(scale),
+        )
+    return result
+
+
+def localisation(found: AnyDiagnosis) -> list[Location]:
+    """Groups by how far their residual is above the noise; shares add up to one."""
+    rows = []
+    for finding, connector in judged_signals(found):
+        left = rms(np.concatenate(series(found, finding, connector, finding.null.fit.values)))
+        floor = finding.floors[connector]
+        wrong = bool(finding.named) or connector in finding.unexplained
+        weight = max((left / max(floor, 1e-300)) ** 2 - 1.0, 0.0) if wrong else 0.0
+        rows.append((finding.model.group.name, connector, weight, left, floor))
+    total = sum(row[2] for row in rows)
+    result = []
+    for name, connector, weight, left, floor in sorted(rows, key=lambda row: -row[2]):
+        unit, scale, _ = column_scale(found, connector)
+        result.append(
+            Location(
+                block=name,
+                signal=connector,
+                share=weight / total if total > 0.0 else 0.0,
+                residual_rms=left / abs(scale),
+                noise_floor=floor / abs(scale),
+                unit=unit,
+            )
+        )
+    return result
+
+
+def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
+    """Errors on held-out windows without and with the causes, from runs of the FMUs."""
+    result = {}
+    for finding, connector in judged_signals(found):
+        if not finding.named:
+            continue
+        before, after = (
+            np.concatenate(series(found, finding, connector, c.fit.values))
+            for c in (finding.null, finding.chosen)
+        )
+        measured = np.concatenate([s.signals[connector] for s in found.segments])
+        out = ~np.concatenate([s.fitted for s in found.segments])
+        windows = np.concatenate([s.windows for s in found.segments])[out]
+        numbers_ = np.unique(windows, return_inverse=True)[1]
+        squares = [
+            np.asarray(np.bincount(numbers_, weights=e[out] ** 2), dtype=float) for e in (after, before)
+        ]
+        unit, scale, _ = column_scale(found, connector)
+        result[connector] = SignalGain(
+            rmse_before=rms(before[out]) / abs(scale),
+            rmse_after=rms(after[out]) / abs(scale),
+            unit=unit,
+            noise_floor=finding.floors[connector] / abs(scale),
+            fit_percent_before=fit_percent(measured[out], (measured - before)[out]) or 0.0,
+            fit_percent_after=fit_percent(measured[out], (measured - after)[out]) or 0.0,
+            ci95_of_ratio=ratio_ci95(squares[0], squares[1]),
+        )
+    return result
+
+
+def unexplained(found: AnyDiagnosis) -> list[Unexplained]:
+    """What stays wrong, with what it depends on."""
+    result = []
+    for finding, connector in judged_signals(found):
+        if connector not in finding.unexplained:
+            continue
+        unit, scale, _ = column_scale(found, connector)
+        left = rms(np.concatenate(series(found, finding, connector, finding.chosen.fit.values)))
+        port = dict(finding.model.group.judged)[connector]
+        result.append(
+            Unexplained(
+                block=port.component,
+                what=f"{connector}: {finding.unexplained[connector]}",
+                residual_rms=left / abs(scale),
+                unit=unit,
+            )
+        )
+    return result
+
+
+def nominal(found: AnyDiagnosis) -> dict[str, Parameter]:
+    """Free parameters as estimated."""
+    result = {}
+    for finding in found.findings.values():
+        for name, (value, deviation) in finding.free.items():
+            component, _, variable = name.partition(".")
+            unit = found.system.components[component].fmu.variables[variable].unit or "1"
+            result[name] = Parameter(
+                value=value, unit=unit, ci95=(value - 1.96 * deviation, value + 1.96 * deviation)
+            )
+    return result

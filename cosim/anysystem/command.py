@@ -1,0 +1,148 @@
+"""`cosim diagnose` for any system: whether a model is one, and the diagnosis handed to people and programs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from cosim.anysystem.answer import answer
+from cosim.anysystem.read import read
+from cosim.anysystem.story import diagnose_system
+from cosim.console import stderr_console, warn
+from cosim.diagnosis.groups import MODELS
+from cosim.diagnosis.schema import Answer
+from cosim.errors import CosimError, UsageError
+from cosim.files import write_text
+from cosim.logs.load import open_source
+from cosim.logs.mapping import load_mapping
+from cosim.report.deliver import make_folder
+from cosim.ssp.fmu import MENDED
+from cosim.ssp.read import read_system
+from cosim.ssp.system import System
+from cosim.system.graph import port_of
+from cosim.system.runs import Runs
+
+SUFFIXES = (".ssp", ".fmu")
+
+
+def any_system(asked: str | None, mapping: Path | None, log: Path) -> Path | None:
+    """The file of the model if it is to be diagnosed as any system; None for a chain of our blocks.
+
+    A package of ours with a log of our signals goes the way of our blocks; the same package with columns named
+    ``component.connector`` goes this one.
+    """
+    named = asked
+    if named is None and mapping is not None:
+        named = load_mapping(mapping).model_reference
+    if named is None or not named.lower().endswith(SUFFIXES):
+        return None
+    path = Path(named)
+    if not path.is_file():
+        raise UsageError(f"there is no file '{named}'")
+    if path.suffix.lower() == ".fmu":
+        return path
+    with read_system(path) as system:
+        if chain_of_ours(system) and not dotted(log, mapping, system):
+            return None
+    return path
+
+
+def chain_of_ours(system: System) -> bool:
+    """Whether it has the components of one of our models, run by our blocks."""
+    for groups in MODELS.values():
+        stages = dict(stage for group in groups for stage in group.stages)
+        if all(
+            n in system.components and system.components[n].fmu.identifier == b for n, b in stages.items()
+        ):
+            return True
+    return False
+
+
+def dotted(log: Path, mapping: Path | None, system: System) -> bool:
+    """Whether a log's signals are called ``component.connector``."""
+    try:
+        names = (
+            list(load_mapping(mapping).signals)
+            if mapping
+            else [label.name for label in open_source(log).labels]
+        )
+        for name in names:
+            if "." in name and port_of(system, name).component:
+                return True
+    except CosimError:
+        return False
+    return False
+
+
+def diagnose_any(
+    folder: Path,
+    logs: Sequence[Path],
+    model: Path,
+    mapping: Path | None,
+    held_out: Sequence[Path],
+    tolerance: float,
+    calibrate: bool,
+) -> Answer:
+    """Run the diagnosis of any system and write its folder.
+
+    Args:
+        folder: where it goes.
+        logs: of one machine.
+        model: .ssp or .fmu.
+        mapping: which column is what.
+        held_out: further logs that are not fitted.
+        tolerance: of trusted parameters, relative standard deviation.
+        calibrate: trusted parameters are fitted freely.
+
+    Raises:
+        CosimError: as `cosim.anysystem.story.diagnose_system`.
+    """
+    with read_system(model) as system, threadpool_limits(1):
+        recordings, options, others = read([*logs, *held_out], system, mapping)
+        for recording in recordings:
+            for text in recording.warnings:
+                warn(f"{recording.source.name}: {text}")
+        if others:
+            recordings[0].warnings.append(f"no connector of the system, left alone: {', '.join(others)}")
+            warn(recordings[0].warnings[-1])
+        notes = unlisted(system)
+        for text in notes:
+            warn(text)
+        make_folder(folder)
+        with Runs(system) as runs:
+
+            def watch(text: str) -> None:
+                stderr_console().print(f"judging {text}", markup=False)
+
+            found = diagnose_system(
+                system,
+                recordings,
+                runs,
+                options,
+                held=len(held_out),
+                tolerance=tolerance,
+                calibrate=calibrate,
+                watch=watch,
+            )
+            found.notes = [*notes, *found.notes]
+            result = answer(found)
+    write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
+    return result
+
+
+def unlisted(system: System) -> list[str]:
+    """Warnings for FMUs that a strict reader refuses and that run all the same."""
+    found = {}
+    for component in system.components.values():
+        file = component.fmu.folder / "modelDescription.xml"
+        text = file.read_text(encoding="utf-8", errors="replace")
+        outputs = any(v.causality == "output" for v in component.fmu.variables.values())
+        if outputs and "<InitialUnknowns" not in text:
+            found[component.fmu.source] = (
+                f"{component.fmu.source}: no InitialUnknowns, which FMI 2.0 demands for its outputs; it is run all the same"
+            )
+        if (component.fmu.folder / MENDED).is_file():
+            found[component.fmu.source + MENDED] = (
+                f"{component.fmu.source}: parameters of a variability that FMI 2.0 does not allow are taken as tunable"
+            )
+    return list(found.values())

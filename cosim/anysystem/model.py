@@ -1,0 +1,154 @@
+"""One group of a system as a function values -> signals: driven by what was measured, its FMUs run, effects at its ports."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.anysystem.actions import PARAMETER, acted, placed
+from cosim.ssp.system import Port, System
+from cosim.system.graph import CutGroup, Unit
+from cosim.system.runs import Runs
+
+Array = NDArray[np.float64]
+SHIFT = "shift"
+
+
+@dataclass
+class Segment:
+    """One log on a uniform grid.
+
+    Attributes:
+        start: first stamp [s].
+        h: interval [s].
+        signals: measured name -> (n,), in the unit of the FMU's variable.
+        driving: the same made smooth, for what they drive.
+        fitted: (n,) mask of what fits use.
+        windows: (n,) number of the window, over all segments.
+    """
+
+    start: float
+    h: float
+    signals: dict[str, Array]
+    fitted: NDArray[np.bool_]
+    windows: NDArray[np.int64]
+    driving: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Samples."""
+        return int(self.fitted.size)
+
+
+def place(signal: str, segment: int) -> str:
+    """Name of a signal in one of several logs."""
+    return f"{signal}#{segment}"
+
+
+class GroupModel:
+    """The model of one group.
+
+    Attributes:
+        group: what is between the cuts.
+        segments: the logs.
+        base: values that hold unless a call says otherwise: ``component.parameter`` of free parameters.
+        held: signal -> for each log the places whose values its samples hold, where some are stale.
+        drives: signal -> series of each segment that drives instead of the measured ones.
+    """
+
+    def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
+        self.group, self.system, self.runs, self.segments = group, system, runs, list(segments)
+        self.base: dict[str, float] = {}
+        self.drives: dict[str, list[Array]] = {}
+        self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
+        self._within = {
+            (w.source.component, w.target.component)
+            for u in group.units
+            for w in group.inner
+            if w.source.component in u.components and w.target.component in u.components
+        }
+
+    def __call__(self, values: Mapping[str, float]) -> dict[str, Array]:
+        """The judged signals of all logs, `place`(signal, k) -> (n,)."""
+        found = {}
+        for k in range(len(self.segments)):
+            series = self.ports(values, k)
+            for signal, _ in self.group.judged:
+                found[place(signal, k)] = series[signal]
+        return found
+
+    def ports(self, values: Mapping[str, float], k: int) -> dict[str, Array]:
+        """Readings of the judged signals, and what leaves (``out:port``) and enters (``in:port``) each component."""
+        segment = self.segments[k]
+        h = segment.h
+        everything = {**self.base, **values}
+        places = placed(everything)
+        parameters = {n.split("|")[1]: v for n, v in everything.items() if n.startswith(PARAMETER)}
+        parameters |= {n: v for n, v in everything.items() if "|" not in n and ":" not in n}
+        found: dict[str, Array] = {}
+        entering: dict[Port, Array] = {}
+        for drive in self.group.drives:
+            series = self._driving(drive.signal, k)
+            shift = everything.get(f"{SHIFT}:{drive.signal}>{drive.port}", 0.0)
+            if shift:
+                at = np.arange(series.size, dtype=np.float64)
+                series = np.interp(at + shift, at, series)
+            if (drive.factor, drive.offset) != (1.0, 0.0):
+                series = drive.factor * series + drive.offset
+            entering[drive.port] = acted(series, h, drive.port, "input", places)
+        judged = {port for _, port in self.group.judged}
+        for unit in self.group.units:
+            wanted = tuple(
+                dict.fromkeys([*self._leaving(unit), *(p for p in judged if p.component in unit.components)])
+            )
+            inputs = {p: _central(s) for p, s in entering.items() if p.component in unit.components}
+            if not wanted:
+                continue
+            if inputs:
+                outputs = self.runs.run(unit, segment.start, h, inputs, wanted, parameters)
+            else:
+                outputs = self.runs.free_run(unit, segment.start, h, segment.count, wanted, parameters)
+            for port, series in outputs.items():
+                found[f"pure:{port}"] = series
+                series = acted(series, h, port, "output", places)
+                found[f"out:{port}"] = series
+                for wire in self.group.inner:
+                    if wire.source == port and wire.target.component not in unit.components:
+                        handed = wire.factor * series + wire.offset
+                        entering[wire.target] = acted(handed, h, wire.target, "input", places)
+        for port, series in entering.items():
+            found[f"in:{port}"] = series
+        for signal, port in self.group.judged:
+            reading = acted(found[f"out:{port}"], h, port, "sensor", places)
+            found[signal] = reading[self.held[signal][k]] if signal in self.held else reading
+        return found
+
+    def _driving(self, signal: str, k: int) -> Array:
+        if signal in self.drives:
+            return self.drives[signal][k]
+        segment = self.segments[k]
+        return segment.driving.get(signal, segment.signals[signal])
+
+    def _leaving(self, unit: Unit) -> list[Port]:
+        return [
+            w.source
+            for w in self.group.inner
+            if w.source.component in unit.components and w.target.component not in unit.components
+        ]
+
+    def looped(self, port: Port) -> bool:
+        """Whether a port's wire lies within a loop that is stepped as one, where no effect can be put on a series."""
+        for unit in self.group.units:
+            for wire in self.group.inner:
+                inside = wire.source.component in unit.components and wire.target.component in unit.components
+                if inside and port in (wire.source, wire.target):
+                    return True
+        return False
+
+
+def _central(series: Array) -> Array:
+    """What an input is set to in each step: the mean of the values at its two ends, so that a held input is not early."""
+    found = series.copy()
+    found[1:] = 0.5 * (series[1:] + series[:-1])
+    return found

@@ -1,0 +1,258 @@
+"""Logs of any system: which column is which connector, in the unit of the FMU's variable."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.anysystem.options import AnyOptions, options_of
+from cosim.compare.mapping import load_mapping
+from cosim.errors import DataError, UsageError
+from cosim.logs import Log
+from cosim.logs.load import load_log, open_source
+from cosim.logs.mapping import Mapping as LogMapping
+from cosim.logs.mapping import SignalColumn, TimeColumn
+from cosim.logs.source import Label
+from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
+from cosim.ssp.quantities import UnitDefinition, definition
+from cosim.ssp.system import Port, System
+from cosim.system.graph import connectors, port_of
+
+Array = NDArray[np.float64]
+OWN = "in the unit of the FMU"
+ANGLE = 7  # place of the radian among the base units: exporters disagree whether it is one
+
+
+@dataclass(frozen=True)
+class Column:
+    """A measured connector.
+
+    Attributes:
+        name: of the signal: what the log or the mapping calls it.
+        connector: ``component.connector`` as `port_of` takes it.
+        unit: in which people read it.
+        factor, offset: shown = (value - offset) / factor, the value being in the unit of the FMU's variable.
+    """
+
+    name: str
+    connector: str
+    unit: str
+    factor: float
+    offset: float
+
+
+@dataclass
+class Recording:
+    """One log as the diagnosis takes it.
+
+    Attributes:
+        source: the file.
+        time: (n,) stamps [s].
+        signals: connector -> (n,), in the unit of the FMU's variable.
+        columns: connector -> what it was.
+        warnings: what was done to the log.
+    """
+
+    source: Path
+    time: Array
+    signals: dict[str, Array]
+    columns: dict[str, Column]
+    warnings: list[str] = field(default_factory=list)
+    sha256: str = ""
+    synthetic: bool = False
+
+
+def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
+    """A mapping for a log whose columns are called ``component.connector``.
+
+    Returns:
+        (mapping, headings that are no connector).
+
+    Raises:
+        DataError: there is no time column, no connector, or a connector without unit.
+    """
+    source = open_source(path)
+    clock, others, found = None, [], {}
+    for label in source.labels:
+        if label.name.lower() in ("time", "t") and clock is None:
+            clock = TimeColumn(column=label.text, unit=label.unit or "s")
+            continue
+        if label.name == SYNTHETIC_COLUMN:
+            continue
+        try:
+            port = port_of(system, label.name)
+        except DataError:
+            others.append(label.text)
+            continue
+        unit, own = _column_unit(path, label, _unit(system, port))
+        # our own signals have units and ranges that another system's need not have
+        name = f"system.{label.name}" if label.name in SIGNALS and not port.component else label.name
+        name = str(port) if port.component else name
+        found[name] = SignalColumn(column=label.text, unit=unit, text=OWN if own else "")
+    if not found:
+        raise DataError(
+            f"{path}: no column is a connector of the system ({', '.join(connectors(system)[:20])}); found "
+            f"{', '.join(others[:20]) or 'none'}: name them component.connector, or give a mapping ('cosim init' writes one)"
+        )
+    if clock is None:
+        raise DataError(f"{path}: there is no time column: add 'time [s]', or name the column in a mapping")
+    return LogMapping.model_construct(
+        time=clock, signals=found, file=LogMapping.model_fields["file"].default, sha256={}, path=None, model=None,
+        compare={}, diagnose={}, machine={}, name="", description="",
+    ), others  # fmt: skip
+
+
+def _column_unit(path: Path, label: Label, unit: str) -> tuple[str, bool]:
+    """Unit to read a column in, and whether its numbers are taken as they are.
+
+    So they are where the variable has no unit, or one that only its FMU knows.
+    """
+    if label.unit is None:
+        if unit:
+            raise DataError(
+                f"{path}: column '{label.text}' has no unit: write it into the header, such as '{label.name} [{unit}]'"
+            )
+        return "1", True
+    if not unit:
+        return "1", True
+    if label.unit == unit and definition(unit, {}) is None:
+        return "1", True
+    return label.unit, False
+
+
+def _unit(system: System, port: Port) -> str:
+    if not port.component:
+        return system.inputs[port.variable].unit
+    return system.variable(port).unit
+
+
+def _known(system: System, port: Port) -> Mapping[str, UnitDefinition]:
+    if port.component:
+        return system.components[port.component].fmu.units
+    targets = system.inputs[port.variable].targets
+    return system.components[targets[0].target.component].fmu.units if targets else {}
+
+
+def read(
+    paths: Sequence[Path], system: System, mapping: Path | None
+) -> tuple[list[Recording], AnyOptions, list[str]]:
+    """The logs, what the mapping says, and headings that were left alone.
+
+    Raises:
+        DataError: a log or the mapping is bad, or a column does not fit its connector.
+    """
+    options, others = AnyOptions(), list[str]()
+    targets: dict[str, tuple[str, str | None]] = {}
+    plain: LogMapping | None = None
+    if mapping is not None:
+        plain, table = load_mapping(mapping)
+        options = options_of(plain.diagnose, mapping)
+        lacking = []
+        for name in plain.signals:
+            target = table.signals.get(name)
+            targets[name] = (target.variable if target else name, target.factor if target else None)
+            try:
+                port_of(system, targets[name][0])
+            except DataError as error:
+                lacking.append(f"signal '{name}': {error}")
+        lacking += _bad_parameters(system, options)
+        if lacking:
+            raise DataError(f"{mapping}: " + "; ".join(lacking))
+    logs = []
+    for path in paths:
+        chosen = plain
+        if chosen is None:
+            chosen, others = named_columns(path, system)
+        logs.append(_recording(load_log(path, chosen), chosen, targets, system, options))
+    return logs, options, others
+
+
+def _bad_parameters(system: System, options: AnyOptions) -> list[str]:
+    found = []
+    for name in (*options.trusted, *options.free):
+        component, _, parameter = name.partition(".")
+        variable = (
+            system.components[component].fmu.variables.get(parameter)
+            if component in system.components
+            else None
+        )
+        if variable is None:
+            found.append(f"parameter '{name}': the system has none of this name")
+        elif variable.kind != "Real" or not variable.can_be_set or variable.causality == "input":
+            found.append(f"parameter '{name}': a {variable.kind} {variable.causality} cannot be estimated")
+        elif not isinstance(value_of(system, name), float):
+            found.append(f"parameter '{name}': it has no start value")
+    return found
+
+
+def value_of(system: System, name: str) -> float | None:
+    """Value of ``component.parameter`` as the system sets it."""
+    component, _, parameter = name.partition(".")
+    part = system.components[component]
+    value = part.starts.get(parameter, part.fmu.variables[parameter].start)
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def _recording(
+    log: Log,
+    mapping: LogMapping,
+    targets: Mapping[str, tuple[str, str | None]],
+    system: System,
+    options: AnyOptions,
+) -> Recording:
+    time = log.time
+    if log.time_unit != "s":
+        if options.sample is None:
+            raise DataError(
+                f"{log.source}: the log counts samples: say in the mapping what one counts as, such as "
+                '[diagnose] sample = "10 ms"'
+            )
+        time = time * options.sample
+    found = Recording(log.source, time, {}, {}, list(log.warnings), log.sha256, log.synthetic)
+    for name, values in log.signals.items():
+        connector, stated = targets.get(name, (name.removeprefix("system."), None))
+        port = port_of(system, connector)
+        unit, shown = _unit(system, port), log.display[name]
+        column = mapping.signals[name]
+        own = column.text == OWN or not unit
+        factor, offset = (1.0, 0.0) if own else _conversion(log, name, log.units[name], port, system, stated)
+        scale = conversion(shown, log.units[name]) if not own else 1.0
+        text = column.unit if own and column.unit not in (None, "1") else shown
+        if own and unit:
+            text = unit
+        found.signals[connector] = factor * values + offset
+        found.columns[connector] = Column(name, connector, text or "1", factor * scale, offset)
+    return found
+
+
+def _conversion(
+    log: Log, name: str, si: str, port: Port, system: System, stated: str | None
+) -> tuple[float, float]:
+    """Factor and offset from a log's SI value to the FMU's number.
+
+    Raises:
+        DataError: the dimensions differ.
+    """
+    unit = _unit(system, port)
+    if stated is not None:
+        from cosim.units import parse_quantity
+
+        try:
+            return parse_quantity(stated.split()[0], "1"), 0.0
+        except UsageError as error:
+            raise DataError(f"compare.signals.{name}.factor: {error}") from None
+    if not unit or si == unit:
+        return 1.0, 0.0
+    one, other = definition(si, {}), definition(unit, _known(system, port))
+    label = log.display[name]
+    if one is None or other is None or _dimension(one) != _dimension(other):
+        raise DataError(
+            f"{log.source}: '{name}' is in '{label}', but {port} in '{unit}': correct the heading or the mapping"
+        )
+    return one.factor / other.factor, (one.offset - other.offset) / other.factor
+
+
+def _dimension(unit: UnitDefinition) -> tuple[int, ...]:
+    return tuple(e for k, e in enumerate(unit.exponents) if k != ANGLE)

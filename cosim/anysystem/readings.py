@@ -1,0 +1,87 @@
+"""What a reading shows by itself, without a model: a grid on which all its values lie, samples that repeat the last one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.anysystem.smooth import white
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+COARSE = 4e-3  # of the range: a finer grid is the file's decimals
+ON = 0.02  # of the step: so near to the grid a value lies on it
+FEW = 0.2  # distinct values per sample at most
+STALE = 0.01  # share of repeated samples from which they are no accident
+NOISY = 3e-4  # of the spread: with this much noise no two samples are alike
+
+
+@dataclass(frozen=True)
+class Grid:
+    """All values are multiples of a step."""
+
+    step: float
+    samples: int
+
+    @property
+    def gain(self) -> float:
+        """Log-likelihood against values anywhere."""
+        return -self.samples * float(np.log(2.0 * ON))
+
+
+@dataclass(frozen=True)
+class Stale:
+    """Samples that repeat the last one.
+
+    Attributes:
+        held: for each log the (n,) places whose values the samples hold.
+        share: of repeated samples.
+        samples: their number.
+    """
+
+    held: tuple[Index, ...]
+    share: float
+    samples: int
+
+    @property
+    def gain(self) -> float:
+        """Log-likelihood against samples of which no two are alike."""
+        return self.share * self.samples * 5.0
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the share."""
+        return float(np.sqrt(self.share * (1.0 - self.share) / self.samples))
+
+
+def grid_of(series: list[Array]) -> Grid | None:
+    """The grid of a reading in one or several logs."""
+    whole = np.concatenate(series)
+    values = np.unique(whole)
+    if values.size < 3 or values.size > FEW * whole.size:
+        return None
+    gaps = np.diff(values)
+    near = gaps[gaps < 1.5 * gaps.min()]
+    step = float(np.median(near))
+    if step < COARSE * float(np.ptp(values)):
+        return None
+    ratio = gaps / step
+    return Grid(step, whole.size) if float(np.max(np.abs(ratio - np.round(ratio)))) < ON else None
+
+
+def stale_of(series: list[Array], model: list[Array]) -> Stale | None:
+    """Repeated samples of a reading that is noisy, or whose model moves meanwhile."""
+    repeats = [np.concatenate([[False], np.diff(s) == 0.0]) for s in series]
+    count = sum(r.size for r in repeats)
+    share = sum(int(r.sum()) for r in repeats) / count
+    if not STALE < share < 0.9:
+        return None
+    kept = np.concatenate([s[~r] for s, r in zip(series, repeats, strict=True)])
+    noisy = white(kept) > NOISY * float(np.std(kept))
+    speed = [np.abs(np.diff(m, prepend=m[:1])) for m in model]
+    moving = np.median(np.concatenate([v[r] for v, r in zip(speed, repeats, strict=True)]))
+    usual = np.median(np.concatenate(speed))
+    if np.unique(kept).size < 0.5 * kept.size or not (noisy or moving > 0.5 * usual > 0.0):
+        return None
+    held = tuple(np.maximum.accumulate(np.where(r, 0, np.arange(r.size))) for r in repeats)
+    return Stale(held, share, count)

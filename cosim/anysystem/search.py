@@ -1,0 +1,724 @@
+"""What is wrong in one group: screening by the shape of each effect, fits, evidence, held-out windows, adequacy."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, Reach, starts, unknowns
+from cosim.anysystem.model import SHIFT, GroupModel, place
+from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
+from cosim.anysystem.smooth import white
+from cosim.errors import SimulationError
+from cosim.inference.freeform import Told, told
+from cosim.inference.held_out import HeldOutGain
+from cosim.inference.noise import quietest
+from cosim.inference.problem import DIFFERENCE, FINE, Fit, Problem
+from cosim.inference.unknowns import Unknown
+from cosim.ssp.system import Port
+from cosim.system.effects import EFFECTS
+
+Array = NDArray[np.float64]
+
+# thresholds, each with its reason
+NAMED = 10.0  # log-likelihood beyond the price of the parameters: the best of some hundred candidates on clean data
+CLOSE = 6.0  # log-likelihood within which two hypotheses cannot be told apart (DIAGNOSIS.md, 7)
+LEAST = 1e-3  # of a signal's spread: two programs that integrate the same model differ by that
+SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
+TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
+UNTOLD = 0.025  # of a signal's spread, and
+LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
+BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic
+WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
+SCREENED = 7  # candidates fitted at each stage
+KEPT = 3  # of them from which a second cause is looked for
+MOST = 3  # causes in a group
+EARLY = 1.0  # samples, at most
+SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause (CONTRACT section 4)
+JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
+OUTER = 0.5  # of a start's effect: a projection beyond is no small step
+
+
+@dataclass
+class Candidate:
+    """A set of causes with its fit."""
+
+    actions: tuple[Action, ...]
+    fit: Fit
+    price: float
+    score: float = 0.0
+
+
+@dataclass
+class Trust:
+    """What is known of the parameters: trusted ``component.parameter`` -> (value, relative deviation), and free ones."""
+
+    trusted: dict[str, tuple[float, float]] = field(default_factory=dict)
+    free: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass
+class Finding:
+    """What was found in a group.
+
+    Attributes:
+        model, problem: how it was judged.
+        null: without causes.
+        chosen: with those that are named.
+        alike: for each named cause, others that explain the log alike.
+        rivals: for each, (action, log-likelihood behind).
+        held: for each, what it gains on windows held out.
+        told: signal of each log -> what inputs still tell of the residual with the causes.
+        before: the same without causes.
+        floors: signal -> noise floor.
+        spreads: signal -> standard deviation of its reading.
+        free: free parameters -> (value, standard deviation).
+        unexplained: signals that stay wrong, with words.
+        never: effects that the log does not exercise.
+        read: causes that the readings show by themselves.
+        refused: causes that the fitted windows ask for and the held-out ones do not bear out, with words.
+    """
+
+    model: GroupModel
+    problem: Problem
+    null: Candidate
+    chosen: Candidate
+    alike: dict[Action, list[Action]] = field(default_factory=dict)
+    rivals: dict[Action, list[tuple[Action, float]]] = field(default_factory=dict)
+    held: dict[Action, HeldOutGain] = field(default_factory=dict)
+    gains: dict[Action, float] = field(default_factory=dict)
+    told: dict[str, Told] = field(default_factory=dict)
+    before: dict[str, Told] = field(default_factory=dict)
+    floors: dict[str, float] = field(default_factory=dict)
+    spreads: dict[str, float] = field(default_factory=dict)
+    free: dict[str, tuple[float, float]] = field(default_factory=dict)
+    unexplained: dict[str, str] = field(default_factory=dict)
+    never: list[str] = field(default_factory=list)
+    read: dict[Action, Grid | Stale] = field(default_factory=dict)
+    refused: list[tuple[Action, str]] = field(default_factory=list)
+
+    @property
+    def named(self) -> tuple[Action, ...]:
+        """The causes."""
+        return (*self.chosen.actions, *self.read)
+
+
+class Search:
+    """The search in one group."""
+
+    def __init__(
+        self, model: GroupModel, trust: Trust, exclude: Sequence[str] = (), most: int = MOST
+    ) -> None:
+        """Run the group as it is.
+
+        Args:
+            model: the group.
+            trust: what is known of the system's parameters.
+            exclude: effects that are no candidates.
+            most: causes looked for.
+
+        Raises:
+            SimulationError: it cannot be run at all.
+        """
+        self.model, self.exclude, self.most = model, tuple(exclude), most
+        segments = model.segments
+        inside = set(model.group.components)
+        self.trusted = {n: t for n, t in trust.trusted.items() if n.partition(".")[0] in inside}
+        self.free = {n: v for n, v in trust.free.items() if n.partition(".")[0] in inside}
+        measured, fitted, windows, least = {}, {}, {}, {}
+        self.spreads = {}
+        for signal, _ in model.group.judged:
+            whole = np.concatenate([s.signals[signal] for s in segments])
+            spread = max(float(np.std(whole)), 1e-9 * max(1.0, float(np.abs(whole).max())))
+            self.spreads[signal] = spread
+            for k, segment in enumerate(segments):
+                name = place(signal, k)
+                measured[name] = segment.signals[signal]
+                fitted[name], windows[name] = segment.fitted, segment.windows
+                least[name] = max(quietest(whole), LEAST * spread)
+        self.problem = Problem(measured, fitted, windows, model, least)
+        self.base: dict[str, float] = {PARAMETER + "|" + n: v for n, v in self.free.items()}
+        first = model({**self.base})  # raises where the system itself cannot be run
+        self._check(first)
+        self.reaches = self._reaches()
+        self.read = self._read(first)
+        self._learn_white()
+        self.estimated: dict[str, tuple[float, float]] = {}
+        self.null = self._null()
+        self.learned = False
+        self.moved: dict[Action, Action] = {}  # causes at an output that are as good at an input
+
+    # What is given
+
+    def _read(self, first: Mapping[str, Array]) -> dict[Action, Grid | Stale]:
+        """What the readings show by themselves; stale samples are then modelled."""
+        found: dict[Action, Grid | Stale] = {}
+        count = len(self.model.segments)
+        for signal, port in self.model.group.judged:
+            series = [s.signals[signal] for s in self.model.segments]
+            grid = grid_of(series)
+            stale = None if grid else stale_of(series, [first[place(signal, k)] for k in range(count)])
+            if grid is not None and "port.quantisation" not in self.exclude:
+                found[Action("port.quantisation", port, "sensor")] = grid
+            if stale is not None:
+                self.model.held[signal] = stale.held
+                if "port.dropout" not in self.exclude:
+                    found[Action("port.dropout", port, "sensor")] = stale
+        return found
+
+    def _check(self, series: Mapping[str, Array]) -> None:
+        for name, values in series.items():
+            if not np.isfinite(values).all():
+                raise SimulationError(
+                    f"'{name.partition('#')[0]}' is not a finite number in the model's own run"
+                )
+
+    def _reaches(self) -> dict[str, Reach]:
+        """Reach of each place where an effect may act, as the model has it."""
+        found: dict[str, list[Array]] = {}
+        for k in range(len(self.model.segments)):
+            for name, series in self.model.ports(self.base, k).items():
+                if name.startswith(("pure:", "in:")):
+                    found.setdefault(name, []).append(series)
+        h = self.model.segments[0].h
+        return {name: Reach.of(np.concatenate(parts), h) for name, parts in found.items()}
+
+    def reach(self, action: Action) -> Reach:
+        """What the signal reaches on which an effect acts."""
+        return self.reaches[f"{'in' if action.where == 'input' else 'pure'}:{action.port}"]
+
+    def candidates(self) -> list[Action]:
+        """Everything that may be wrong in this group."""
+        group, found = self.model.group, []
+        found += [Action(PARAMETER, Port(*n.split(".", 1))) for n in self.trusted]
+        driven = {d.port for d in group.drives}
+        judged = {p for _, p in group.judged}
+        inputs = [
+            p
+            for p in [*(d.port for d in group.drives), *(w.target for w in group.inner)]
+            if not self.model.looped(p)
+        ]
+        outputs = [
+            p
+            for p in [*(p for _, p in group.judged), *(w.source for w in group.inner)]
+            if not self.model.looped(p)
+        ]
+        fans = [w.source for w in group.inner]
+        for port in dict.fromkeys(inputs):
+            if port in driven or not self._only_wire(port, fans, judged):
+                found += [Action(e, port, "input") for e, effect in EFFECTS.items() if not effect.reading]
+        for port in dict.fromkeys(outputs):
+            found += [Action(e, port, "output") for e, effect in EFFECTS.items() if not effect.reading]
+        for port in judged:
+            found.append(Action("port.drift", port, "sensor"))
+        return [a for a in found if a.effect not in self.exclude]
+
+    def _only_wire(self, port: Port, fans: Sequence[Port], judged: set[Port]) -> bool:
+        """Whether an unmeasured wire into this port is the only one of its source: then both of its ends are one place."""
+        source = next(w.source for w in self.model.group.inner if w.target == port)
+        return fans.count(source) == 1 and source not in judged
+
+    def numbers(self, action: Action) -> list[Unknown]:
+        """Unknowns of a cause."""
+        if action.effect == PARAMETER:
+            name = str(action.port)
+            value = self.trusted[name][0]
+            variable = self.model.system.variable(action.port)
+            size = abs(value) or 1.0
+            low, high = max(variable.low, value - 20.0 * size), min(variable.high, value + 20.0 * size)
+            if value > 0.0:
+                low = max(low, 1e-3 * value)  # a sign that turns is another model
+            return [Unknown(f"{PARAMETER}|{name}", low, high, 0.2 * size)]
+        return unknowns(action, self.reach(action))
+
+    def begins(self, action: Action) -> list[dict[str, float]]:
+        """Where its search begins."""
+        if action.effect == PARAMETER:
+            name, value = str(action.port), self.trusted[str(action.port)][0]
+            size = abs(value) or 1.0
+            return [{f"{PARAMETER}|{name}": value + part * size} for part in (0.2, -0.2, 0.8)]
+        return starts(action, self.reach(action))
+
+    # The null model
+
+    def _learn_white(self) -> None:
+        """A first idea of the noise: what is independent from sample to sample."""
+        from cosim.inference.noise import Noise
+
+        for name, values in self.problem.measured.items():
+            self.problem.noise[name] = Noise(max(white(values), self.problem.least[name]) ** 2)
+
+    def _null(self) -> Candidate:
+        problem = self.problem
+        if self.free:
+            wide = []
+            for name, value in self.free.items():
+                variable = self.model.system.variable(Port(*name.split(".", 1)))
+                size = abs(value) or 1.0
+                low, high = max(variable.low, value - 50.0 * size), min(variable.high, value + 50.0 * size)
+                wide.append(
+                    Unknown(
+                        f"{PARAMETER}|{name}",
+                        max(low, 1e-3 * value) if value > 0.0 else low,
+                        high,
+                        0.2 * size,
+                    )
+                )
+            best: Fit | None = None
+            for factor in (1.0, 0.5, 2.0):
+                begin = {**self.base, **{u.name: u.within(factor * self.base[u.name]) for u in wide}}
+                fit = problem.fit(wide, begin, 25)
+                if fit is not None and (best is None or fit.log_likelihood > best.log_likelihood):
+                    best = fit
+            if best is not None:
+                self.base = best.values
+                self.estimated = {
+                    n: (best.values[f"{PARAMETER}|{n}"], best.deviation(f"{PARAMETER}|{n}"))
+                    for n in self.free
+                }
+        self._share(self.base)
+        fit = problem.fit((), self.base)
+        if fit is None:
+            raise SimulationError(
+                problem.failures[0] if problem.failures else "the model gives no finite numbers"
+            )
+        return Candidate((), fit, 0.0)
+
+    def _share(self, at: Mapping[str, float]) -> None:
+        """Slopes of the nuisances around some values."""
+        model, problem = self.model, self.problem
+        here = model(at)
+        nuisances, rows = [], []
+
+        def add(unknown: Unknown, moved: Mapping[str, Array], step: float) -> None:
+            nuisances.append(unknown)
+            rows.append({n: (moved[n] - here[n]) / step for n in problem.names})
+
+        for drive in model.group.drives:
+            name = f"{SHIFT}:{drive.signal}>{drive.port}"
+            try:
+                moved = [model({**at, name: s}) for s in (1.0, -1.0)]
+            except SimulationError:
+                continue
+            nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))
+            rows.append({n: 0.5 * (moved[0][n] - moved[1][n]) for n in problem.names})
+        for signal, _ in model.group.judged:
+            shifted = {
+                n: np.gradient(here[n]) if n.partition("#")[0] == signal else np.zeros_like(here[n])
+                for n in problem.names
+            }
+            nuisances.append(Unknown(f"{SHIFT}:{signal}", -EARLY, EARLY, 1.0, JITTER))
+            rows.append(shifted)
+        for name, (value, deviation) in self.trusted.items():
+            key = f"{PARAMETER}|{name}"
+            if any(k == key for k in at):
+                continue  # it is a cause here
+            step = deviation * (abs(value) or 1.0)
+            try:
+                moved_one = model({**at, key: value + step})
+            except SimulationError:
+                continue
+            add(Unknown(key, -SURE, SURE, 1.0, 1.0), moved_one, 1.0)
+        for name in self.free:
+            key = f"{PARAMETER}|{name}"
+            step = 0.02 * (abs(at[key]) or 1.0)
+            try:
+                moved_one = model({**at, key: at[key] + step})
+            except SimulationError:
+                continue
+            add(Unknown(key, -np.inf, np.inf, 1.0, 1e3), moved_one, 1.0)
+        problem.share(
+            nuisances, {n: np.array([r[n] for r in rows]).reshape(len(rows), -1) for n in problem.names}
+        )
+
+    # The search
+
+    def run(self) -> Finding:
+        """Causes, rivals, what stays."""
+        finding = Finding(
+            self.model, self.problem, self.null, self.null, spreads=self.spreads, free=self.estimated
+        )
+        residual = self.problem.residuals(self.null.fit.values)
+        finding.before = self._told(residual, self.null)
+        best, pool = self.null, [self.null]
+        singles: list[Candidate] = []
+        for count in range(1, self.most + 1):
+            if not self._systematic(best, count):
+                break
+            found: list[Candidate] = []
+            for base in pool[:KEPT]:
+                found += self._stage(base)
+            found = self._unique(found)
+            if not found:
+                break
+            found = self._relearned(found, [best, *singles])
+            if count == 1:
+                singles = found
+            richer = found[0]
+            poorer = self._scored(best)
+            if richer.score < poorer.score + NAMED:
+                break
+            rows = self._rms(best.fit), self._rms(richer.fit)
+            if count > 1 and min(b / max(a, 1e-300) for a, b in zip(*rows, strict=True)) > WORTH:
+                break
+            best, pool = richer, found
+        if self.learned:  # a stage that failed has learned its own
+            self._settle(best)
+            for other in singles:
+                self._scored(other)
+        best = self._pruned(best)
+        self._decide(finding, best, singles)
+        return finding
+
+    def _settle(self, best: Candidate) -> None:
+        """Nuisances and noise as the best set leaves them."""
+        self._share(best.fit.values)
+        self.problem.learn(self.problem.residuals(best.fit.values))
+        self._scored(best)
+
+    def _scored(self, candidate: Candidate) -> Candidate:
+        """The candidate's score under the noise as it is known now."""
+        rows = self.problem.rows(candidate.fit.values)
+        if rows is None:
+            candidate.score = -np.inf
+        else:
+            likelihood = self.problem.log_likelihood(rows, candidate.fit.values, ())
+            candidate.fit = replace(candidate.fit, rows=rows, log_likelihood=likelihood)
+            candidate.score = likelihood - candidate.price
+        return candidate
+
+    def _rms(self, fit: Fit) -> list[float]:
+        residual = self.problem.residuals(fit.values)
+        return [
+            float(
+                np.sqrt(
+                    np.mean(
+                        np.concatenate([residual[place(s, k)] for k in range(len(self.model.segments))]) ** 2
+                    )
+                )
+            )
+            for s, _ in self.model.group.judged
+        ]
+
+    def _systematic(self, candidate: Candidate, count: int) -> bool:
+        """Whether there may be anything (more) to find."""
+        if count == 1:
+            return True
+        residual = self.problem.residuals(candidate.fit.values)
+        left = self._told(residual, candidate)
+        return bool(self._wrong(left, residual))
+
+    def _stage(self, base: Candidate) -> list[Candidate]:
+        """The set with each promising cause more."""
+        problem = self.problem
+        rest = problem.rows(base.fit.values)
+        if rest is None:
+            return []
+        inside = problem.mask
+        ranked: list[tuple[float, Action, list[dict[str, float]]]] = []
+        for action in self.candidates():
+            if action in base.actions or self._twice(action, base.actions):
+                continue
+            own: list[tuple[float, dict[str, float]]] = []
+            for start in self.begins(action):
+                rows = problem.rows({**base.fit.values, **start})
+                if rows is None:
+                    continue
+                change = (rest - rows)[inside]
+                size = float(change @ change)
+                if size <= 0.0:
+                    continue
+                # how far the shape of this effect goes along with what is left, and what it reaches as it is
+                along = float(change @ rest[inside])
+                drop = max(0.5 * along * abs(along) / size, along - 0.5 * size)
+                if drop > 0.0:
+                    own.append((drop, start))
+            if own:
+                own.sort(key=lambda item: -item[0])
+                ranked.append((own[0][0], action, [start for _, start in own[: self._tries(action)]]))
+        ranked.sort(key=lambda item: -item[0])
+        found = []
+        for drop, action, begins in ranked[:SCREENED]:
+            if drop < max(2.0, 0.02 * ranked[0][0]):
+                break
+            fits = [fit for start in begins if (fit := self._fitted(base, action, start)) is not None]
+            if fits:
+                found.append(max(fits, key=lambda c: c.score))
+        return found
+
+    def _tries(self, action: Action) -> int:
+        """Starts from which a cause is fitted: one side of two may hold a search that begins on the other."""
+        return 1 if action.effect == PARAMETER or len(EFFECTS[action.effect].parameters) == 1 else 3
+
+    def _twice(self, action: Action, others: Sequence[Action]) -> bool:
+        """The same effect at the same port already."""
+        return any(a.effect == action.effect and a.port == action.port for a in others)
+
+    def _fitted(
+        self, base: Candidate, action: Action, start: Mapping[str, float], evaluations: int = 14
+    ) -> Candidate | None:
+        actions = (*base.actions, action)
+        numbers = [u for a in actions for u in self.numbers(a)]
+        fit = self.problem.fit(numbers, {**base.fit.values, **start}, evaluations)
+        if fit is None:
+            return None
+        candidate = Candidate(actions, fit, self._price(actions))
+        return self._scored(candidate)
+
+    def _price(self, actions: Sequence[Action]) -> float:
+        count = float(self.problem.mask.sum())
+        return 0.5 * float(np.log(count)) * sum(len(self.numbers(a)) for a in actions)
+
+    @staticmethod
+    def _unique(found: list[Candidate]) -> list[Candidate]:
+        seen: dict[frozenset[Action], Candidate] = {}
+        for candidate in sorted(found, key=lambda c: -c.score):
+            seen.setdefault(frozenset(candidate.actions), candidate)
+        return list(seen.values())
+
+    def _relearned(self, found: list[Candidate], others: Sequence[Candidate]) -> list[Candidate]:
+        """The candidates fitted again with the noise that the best of them leaves; twice, since the best may change."""
+        for _ in range(2):
+            best = max(found, key=lambda c: c.score)
+            self._settle(best)
+            self.learned = True
+            again = []
+            for rank, candidate in enumerate(sorted(found, key=lambda c: -c.score)):
+                if rank < 4:
+                    numbers = [u for a in candidate.actions for u in self.numbers(a)]
+                    fit = self.problem.fit(numbers, candidate.fit.values, 8)
+                    candidate = Candidate(candidate.actions, fit or candidate.fit, candidate.price)
+                again.append(self._scored(candidate))
+            found = sorted(again, key=lambda c: -c.score)
+            if found[0].actions == best.actions:
+                break
+        for other in others:
+            self._scored(other)
+        return found
+
+    def _pruned(self, best: Candidate) -> Candidate:
+        """Without causes that the others make up for."""
+        while len(best.actions) > 1:
+            poorer = []
+            for k in range(len(best.actions)):
+                actions = best.actions[:k] + best.actions[k + 1 :]
+                numbers = [u for a in actions for u in self.numbers(a)]
+                dropped = {u.name for u in self.numbers(best.actions[k])}
+                begin = {n: v for n, v in best.fit.values.items() if n not in dropped}
+                fit = self.problem.fit(numbers, begin)
+                if fit is not None:
+                    poorer.append(self._scored(Candidate(actions, fit, self._price(actions))))
+            if not poorer:
+                break
+            top = max(poorer, key=lambda c: c.score)
+            if top.score < best.score - NAMED:
+                break
+            best = top
+        return best
+
+    # Conclusions
+
+    def _decide(self, finding: Finding, best: Candidate, singles: list[Candidate]) -> None:
+        problem = self.problem
+        null = self._scored(self.null)
+        kept: list[Action] = []
+        if best.actions:
+            fine = problem.fit(
+                [u for a in best.actions for u in self.numbers(a)], best.fit.values, 10, DIFFERENCE * FINE
+            )
+            if fine is not None and fine.log_likelihood >= best.fit.log_likelihood - 1.0:
+                best = self._scored(Candidate(best.actions, fine, best.price))
+            best = self._at_outputs(best)
+        for action in best.actions:
+            poorer = self._without(best, action, null)
+            if poorer is None:
+                continue
+            gain = problem.held_out(best.fit.rows, self._scored(poorer).fit.rows)
+            rows = self._rms(poorer.fit), self._rms(best.fit)
+            matters = any(
+                np.sqrt(max(a**2 - b**2, 0.0)) > SIZE * self.spreads[s]
+                for (s, _), a, b in zip(self.model.group.judged, *rows, strict=True)
+            )
+            finding.held[action] = gain
+            finding.gains[action] = best.fit.log_likelihood - poorer.fit.log_likelihood
+            if not gain.sure:
+                finding.refused.append(
+                    (
+                        action,
+                        f"gains {gain.gain:.1f} in log-likelihood on the windows held out, "
+                        f"95 % interval {gain.ci95[0]:.1f} to {gain.ci95[1]:.1f}",
+                    )
+                )
+            elif not matters or self._small(action, best.fit):
+                finding.refused.append((action, "is too small to matter"))
+            else:
+                kept.append(action)
+        if tuple(kept) != best.actions:
+            numbers = [u for a in kept for u in self.numbers(a)]
+            names = {u.name for a in best.actions if a not in kept for u in self.numbers(a)}
+            fit = problem.fit(numbers, {n: v for n, v in best.fit.values.items() if n not in names})
+            best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
+        residual = problem.residuals(best.fit.values)
+        left = self._told(residual, best)
+        wrong = self._wrong(left, residual)
+        if best.actions and wrong:
+            before = self._rms(self.null.fit)
+            after = self._rms(best.fit)
+            floors = [
+                problem.noise[place(s, 0)].rms if not wrong else self._white(s)
+                for s, _ in self.model.group.judged
+            ]
+            ratio = max(
+                np.sqrt(max(b**2 - f**2, 0.0) / max(a**2 - f**2, 1e-300)) if s in wrong else 0.0
+                for (s, _), a, b, f in zip(self.model.group.judged, before, after, floors, strict=True)
+            )
+            if ratio > BETTER:
+                for action in best.actions:
+                    finding.refused.append((action, f"leaves {100 * ratio:.0f} % of what is systematic"))
+                best = null
+                residual = problem.residuals(null.fit.values)
+                left = self._told(residual, null)
+                wrong = self._wrong(left, residual) or wrong
+        finding.chosen, finding.told = best, left
+        for action, shown in self.read.items():
+            part = float(np.mean(~problem.mask))
+            finding.read[action], finding.gains[action] = shown, shown.gain
+            finding.held[action] = HeldOutGain(part * shown.gain, 0.0)
+            finding.alike[action], finding.rivals[action] = [], []
+        finding.unexplained = wrong
+        finding.floors = {s: self._floor(s, best) for s, _ in self.model.group.judged}
+        self._rivals(finding, best, singles, null)
+        finding.never = self._never()
+
+    def _at_outputs(self, best: Candidate) -> Candidate:
+        """Causes at inputs moved to a judged output where that is as good: there the reading can be asked."""
+        for action in best.actions:
+            if action.where != "input":
+                continue
+            for _, port in self.model.group.judged:
+                other = Action(action.effect, port, "output")
+                if other in best.actions or other.effect == "port.offset":
+                    continue
+                actions = tuple(other if a == action else a for a in best.actions)
+                begin = dict(best.fit.values)
+                for parameter in EFFECTS[action.effect].parameters:
+                    begin[other.key(parameter)] = begin.pop(action.key(parameter))
+                fit = self.problem.fit([u for a in actions for u in self.numbers(a)], begin, 8)
+                moved = None if fit is None else self._scored(Candidate(actions, fit, best.price))
+                if moved is not None and moved.score > best.score - 1.0:
+                    self.moved[other] = action
+                    best = moved
+                    break
+        return best
+
+    def _without(self, best: Candidate, action: Action, null: Candidate) -> Candidate | None:
+        actions = tuple(a for a in best.actions if a != action)
+        if not actions:
+            return null
+        numbers = [u for a in actions for u in self.numbers(a)]
+        dropped = {u.name for u in self.numbers(action)}
+        fit = self.problem.fit(numbers, {n: v for n, v in best.fit.values.items() if n not in dropped})
+        return None if fit is None else Candidate(actions, fit, self._price(actions))
+
+    def _small(self, action: Action, fit: Fit) -> bool:
+        """Too small to be told from the way a log is sampled, or within three deviations of what is trusted."""
+        if action.effect in ("port.delay", "port.lag"):
+            (unknown,) = self.numbers(action)
+            return fit.values[unknown.name] < LEAST_DELAY * self.model.segments[0].h
+        if action.effect == PARAMETER:
+            name = str(action.port)
+            value, deviation = self.trusted[name]
+            return abs(fit.values[f"{PARAMETER}|{name}"] - value) <= 3.0 * deviation * (abs(value) or 1.0)
+        return False
+
+    def _white(self, signal: str) -> float:
+        return max(white(s.signals[signal]) for s in self.model.segments)
+
+    def _floor(self, signal: str, best: Candidate) -> float:
+        """Noise of a reading: what is left by the best, where that is noise."""
+        residual = self.problem.residuals(best.fit.values)
+        own = np.concatenate([residual[place(signal, k)] for k in range(len(self.model.segments))])
+        return (
+            float(np.std(own))
+            if signal not in self._wrong(self._told(residual, best), residual)
+            else self._white(signal)
+        )
+
+    def _told(self, residual: Mapping[str, Array], candidate: Candidate) -> dict[str, Told]:
+        """What inputs and outputs of the group tell of a residual, signal by signal of the longest log."""
+        found = {}
+        k = int(np.argmax([s.count for s in self.model.segments]))
+        segment = self.model.segments[k]
+        if not (~segment.fitted).any() or not segment.fitted.any():
+            k = next(
+                (i for i, s in enumerate(self.model.segments) if s.fitted.any() and (~s.fitted).any()), k
+            )
+            segment = self.model.segments[k]
+        ports = self.model.ports(candidate.fit.values, k)
+        shown = {n.partition(":")[2]: v for n, v in ports.items() if n.startswith(("in:", "out:"))}
+        fitted = segment.fitted
+        if not (~fitted).any() or not fitted.any():  # whole logs are held out: windows of this one are
+            fitted = segment.windows % 3 != 1
+        for signal, _ in self.model.group.judged:
+            found[signal] = told(residual[place(signal, k)], shown, fitted, segment.windows, segment.h)
+        return found
+
+    def _wrong(self, left: Mapping[str, Told], residual: Mapping[str, Array]) -> dict[str, str]:
+        """Signals whose residual is systematic, with words."""
+        found = {}
+        for signal, item in left.items():
+            spread = self.spreads[signal]
+            share = 1.0 - (item.after / max(item.before, 1e-300)) ** 2
+            if item.sure and share > TOLD and item.size > SIZE * spread:
+                top = sorted(item.by.items(), key=lambda pair: -pair[1])[:2]
+                names = " and ".join(n for n, part in top if part > 0.2) or top[0][0]
+                found[signal] = (
+                    f"the residual depends on {names}: {100 * share:.0f} % of its variance on windows held out"
+                )
+                continue
+            own = np.concatenate([residual[place(signal, k)] for k in range(len(self.model.segments))])
+            rms = float(np.std(own))
+            if rms > UNTOLD * spread and rms > LOUD * max(self._white(signal), 1e-300):
+                found[signal] = (
+                    "the residual is far above the reading's noise and depends on nothing that was measured"
+                )
+        return found
+
+    def _rivals(
+        self, finding: Finding, best: Candidate, singles: Sequence[Candidate], null: Candidate
+    ) -> None:
+        """Other causes in the place of each named one."""
+        for action in best.actions:
+            others: list[tuple[Action, float]] = []
+            alike: list[Action] = []
+            rest = tuple(a for a in best.actions if a != action)
+            for single in singles:
+                (rival,) = single.actions
+                if rival == action or rival in rest:
+                    continue
+                if rest:
+                    numbers = [u for a in (*rest, rival) for u in self.numbers(a)]
+                    own = {u.name for u in self.numbers(action)}
+                    begin = {n: v for n, v in best.fit.values.items() if n not in own}
+                    begin |= {u.name: single.fit.values[u.name] for u in self.numbers(rival)}
+                    fit = self.problem.fit(numbers, begin, 8)
+                    if fit is None:
+                        continue
+                    score = self._scored(Candidate((*rest, rival), fit, self._price((*rest, rival)))).score
+                else:
+                    score = self._scored(single).score
+                behind = self._scored(best).score - score
+                others.append((rival, behind))
+                if behind < CLOSE:
+                    alike.append(rival)
+            same = self.moved.get(action)
+            if same is not None and same not in alike:
+                alike.insert(0, same)
+                others = [(same, 0.0), *(o for o in others if o[0] != same)]
+            finding.rivals[action] = sorted(others, key=lambda item: item[1])
+            finding.alike[action] = alike
+
+    def _never(self) -> list[str]:
+        """Effects that no candidate start can show: what they would do is within the noise."""
+        return []

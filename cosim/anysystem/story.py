@@ -1,0 +1,304 @@
+"""The diagnosis of any system, on one page: cut, drive each group by what was measured, name, ask the neighbours."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.anysystem.actions import Action
+from cosim.anysystem.model import GroupModel, Segment, place
+from cosim.anysystem.options import AnyOptions
+from cosim.anysystem.read import Recording, value_of
+from cosim.anysystem.search import CLOSE, Finding, Search, Trust
+from cosim.anysystem.smooth import followed, still
+from cosim.errors import DataError
+from cosim.inference.problem import Problem
+from cosim.ssp.system import Port, System
+from cosim.system.graph import CutGroup, cut, measured_ports
+from cosim.system.runs import Runs
+
+Array = NDArray[np.float64]
+Watch = Callable[[str], None]
+WINDOWS = 30  # a log is cut into, of which every third is held out
+FEWEST = 60  # samples of a log
+UNEVEN = 0.01  # of an interval
+
+
+@dataclass
+class AnyDiagnosis:
+    """Everything that was found.
+
+    Attributes:
+        system: the model.
+        logs: as read; those held out last.
+        segments: the same on uniform grids.
+        groups: of the cut.
+        findings: by name of the group.
+        where: cause -> where it is, once its neighbours were asked: input, output or sensor.
+        votes: cause -> group driven by the reading -> what it gains if the quantity drives it.
+        undecided: cause -> other places at which it would look the same.
+        unjudged: group -> why.
+        held: how many of the logs, the last ones, are held out.
+        notes: what the user should know.
+        runs, steps: runs of units and communication steps made.
+    """
+
+    system: System
+    logs: list[Recording]
+    segments: list[Segment]
+    groups: tuple[CutGroup, ...]
+    findings: dict[str, Finding] = field(default_factory=dict)
+    where: dict[tuple[str, Action], str] = field(default_factory=dict)
+    undecided: dict[tuple[str, Action], list[str]] = field(default_factory=dict)
+    unjudged: dict[str, str] = field(default_factory=dict)
+    held: int = 0
+    votes: dict[tuple[str, Action], dict[str, float]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    verdict: str = ""
+    isolability: tuple[list[tuple[tuple[str, ...], tuple[str, ...]]], list[str]] = ((), ())  # type: ignore[assignment]
+    runs: int = 0
+    steps: int = 0
+
+    def causes(self) -> list[tuple[str, Action]]:
+        """Group and cause, the one that explains most first."""
+        found = [(name, a) for name, f in self.findings.items() for a in f.named]
+        return sorted(found, key=lambda item: -self.findings[item[0]].gains.get(item[1], 0.0))
+
+
+def segments_of(logs: Sequence[Recording], held: int) -> tuple[list[Segment], list[str]]:
+    """The logs on uniform grids, in windows of which every third is held out, or with whole logs held out.
+
+    Raises:
+        DataError: a log is too short.
+    """
+    found, notes, number = [], list[str](), 0
+    for k, log in enumerate(logs):
+        count = log.time.size
+        if count < FEWEST:
+            raise DataError(
+                f"{log.source}: the log has {count} samples; a diagnosis needs at least {FEWEST}: record longer, or faster"
+            )
+        intervals = np.diff(log.time)
+        h = float(f"{np.median(intervals):.12g}")
+        signals = log.signals
+        if float(np.max(np.abs(intervals - h))) > UNEVEN * h:
+            grid = log.time[0] + h * np.arange(int(np.floor((log.time[-1] - log.time[0]) / h + 1e-9)) + 1)
+            signals = {n: np.interp(grid, log.time, v) for n, v in signals.items()}
+            count = grid.size
+            notes.append(f"{log.source}: uneven intervals: brought to {h:g} s by straight lines")
+        windows = np.minimum(np.arange(count) * WINDOWS // count, WINDOWS - 1) + number
+        number += WINDOWS
+        fitted = np.full(count, k < len(logs) - held) if held else windows % 3 != 1
+        found.append(Segment(float(log.time[0]), h, dict(signals), fitted, windows.astype(np.int64)))
+    return found, notes
+
+
+def diagnose_system(
+    system: System,
+    logs: Sequence[Recording],
+    runs: Runs,
+    options: AnyOptions,
+    *,
+    held: int = 0,
+    tolerance: float = 0.01,
+    calibrate: bool = False,
+    watch: Watch = lambda text: None,
+) -> AnyDiagnosis:
+    """Judge every group of a system, and say where each cause is.
+
+    Args:
+        system: the model.
+        logs: of one machine; the last `held` of them are held out.
+        runs: its FMUs.
+        options: what the mapping says.
+        held: see `logs`.
+        tolerance: relative standard deviation of trusted parameters for which the mapping gives none.
+        calibrate: trusted parameters are fitted freely.
+        watch: told about each stage.
+
+    Raises:
+        DataError: nothing can be judged.
+        SimulationError: a component cannot be run as it is.
+    """
+    names = set.intersection(*(set(log.signals) for log in logs))
+    if not names:
+        raise DataError("the logs have no connector in common")
+    segments, notes = segments_of(logs, held)
+    groups = cut(system, sorted(names))
+    found = AnyDiagnosis(system, list(logs), segments, groups, held=held, notes=notes)
+    trust = Trust()
+    for name, own in options.trusted.items():
+        value = value_of(system, name) or 0.0
+        if calibrate:
+            trust.free[name] = value
+        else:
+            trust.trusted[name] = (value, own or tolerance)
+    for name in options.free:
+        trust.free[name] = value_of(system, name) or 0.0
+    for segment in segments:
+        for name in names:
+            segment.driving[name] = still(segment.signals[name])
+    for group in groups:
+        judge(found, group, runs, trust, options, watch)
+    for name in list(found.findings):
+        locate(found, name)
+    if not found.findings:
+        reasons = "; ".join(f"{g}: {why}" for g, why in found.unjudged.items())
+        raise DataError(f"no component can be judged: {reasons}")
+    found.verdict = verdict_of(found)
+    found.runs, found.steps = runs.count, runs.steps
+    return found
+
+
+def judge(
+    found: AnyDiagnosis, group: CutGroup, runs: Runs, trust: Trust, options: AnyOptions, watch: Watch
+) -> None:
+    """Judge one group; its model, where it fits, then gives the quantity behind the reading to what comes after."""
+    if not group.judged:
+        found.unjudged[group.name] = "none of its outputs was measured"
+        return
+    if group.missing:
+        found.unjudged[group.name] = f"its input {' and '.join(group.missing)} was not measured"
+        return
+    watch(group.name)
+    model = GroupModel(group, found.system, runs, found.segments)
+    search = Search(model, trust, options.exclude, options.causes)
+    if heard(found, search):
+        search = Search(model, trust, options.exclude, options.causes)
+    finding = search.run()
+    if group.source and len(found.groups) > 1 and finding.unexplained and not finding.named:
+        found.unjudged[group.name] = (
+            "nothing enters it, and the log holds something else than it plays: taken as given"
+        )
+        return
+    found.findings[group.name] = finding
+    found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
+    if finding.unexplained:
+        return
+    left = search.problem.residuals(finding.chosen.fit.values)
+    for signal, _ in group.judged:
+        for k, segment in enumerate(found.segments):
+            reading = segment.signals[signal]
+            segment.driving[signal] = followed(reading - left[place(signal, k)], reading)
+
+
+def heard(found: AnyDiagnosis, search: Search) -> bool:
+    """Ask whether a reading that is off drives this group: then the quantity before the effect drives it from here on."""
+    changed = False
+    for drive in search.model.group.drives:
+        for name, finding in found.findings.items():
+            port = dict(finding.model.group.judged).get(drive.signal)
+            own = [a for a in finding.named if a.port == port and a.where in ("output", "sensor")]
+            for action in own:
+                series = before_effect(found, finding, action, drive.signal)
+                vote = vote_of(search.problem, search.model, search.null.fit.values, drive.signal, series)
+                if vote is None:
+                    continue
+                found.votes.setdefault((name, action), {})[search.model.group.name] = vote
+                if vote > CLOSE or (action.where == "sensor" and vote > -CLOSE):
+                    search.model.drives[drive.signal] = series
+                    changed = True
+    return changed
+
+
+def locate(found: AnyDiagnosis, name: str) -> None:
+    """Whether what shows at an output is the output's or the reading's: what the reading drives knows.
+
+    A group that the reading drives is run with the quantity before the effect as well. If it fits better so, the reading is
+    wrong; if worse, the quantity itself is; if nothing depends on the reading, nobody can tell.
+    """
+    finding = found.findings[name]
+    ports = {port: signal for signal, port in finding.model.group.judged}
+    for action in finding.named:
+        if (
+            action.where not in ("output", "sensor")
+            or action.port not in ports
+            or action.effect in ("port.drift", "port.quantisation", "port.dropout")
+        ):
+            if action.where == "sensor":
+                found.where[name, action] = "sensor"
+            elif action.where == "input":
+                _drive(found, name, action)
+            continue
+        signal = ports[action.port]
+        for n, user in found.findings.items():  # groups of a loop were judged before
+            asked = found.votes.setdefault((name, action), {})
+            if n == name or n in asked or all(d.signal != signal for d in user.model.group.drives):
+                continue
+            series = before_effect(found, finding, action, signal)
+            vote = vote_of(user.problem, user.model, user.null.fit.values, signal, series)
+            if vote is not None:
+                asked[n] = vote
+        votes = list(found.votes[name, action].values())
+        total = sum(votes)
+        if votes and abs(total) > CLOSE:
+            found.where[name, action] = "sensor" if total > 0.0 else "output"
+        else:
+            found.where[name, action] = "output"
+            found.undecided[name, action] = [Action(action.effect, action.port, "sensor").words]
+
+
+def _drive(found: AnyDiagnosis, name: str, action: Action) -> None:
+    """An effect at the only input of a measured signal from outside may be one of its reading as well."""
+    group = found.findings[name].model.group
+    drive = next((d for d in group.drives if d.port == action.port), None)
+    if drive is None:
+        return
+    feeds = [
+        g
+        for g in found.groups
+        for d in g.drives
+        if d.signal == drive.signal and (g.name != name or d.port != action.port)
+    ]
+    judged = any(s == drive.signal for g in found.groups if g.name in found.findings for s, _ in g.judged)
+    if not feeds and not judged:
+        found.undecided.setdefault((name, action), []).append(
+            Action(action.effect, port_behind(found.system, drive.signal, drive.port), "sensor").words
+        )
+
+
+def port_behind(system: System, signal: str, port: Port) -> Port:
+    """The port whose reading a signal is."""
+    sources, _ = measured_ports(system, [signal])
+    found = sources.get(signal, port)
+    return found if found.component else port
+
+
+def before_effect(found: AnyDiagnosis, finding: Finding, action: Action, signal: str) -> list[Array]:
+    """The quantity that a reading would be without an effect, in each log."""
+    values = finding.chosen.fit.values
+    before = {n: v for n, v in values.items() if not n.startswith(f"{action.effect}|{action.port}|")}
+    left = finding.problem.residuals(values)
+    series = []
+    for k, segment in enumerate(found.segments):
+        whole, pure = (finding.model.ports(v, k)[signal] for v in (values, before))
+        reading = segment.signals[signal]
+        # what the model's own slow errors and its timing make out, but not the effect
+        series.append(pure - whole + followed(reading - left[place(signal, k)], reading))
+    return series
+
+
+def vote_of(
+    problem: Problem, model: GroupModel, values: Mapping[str, float], signal: str, series: list[Array]
+) -> float | None:
+    """Log-likelihood that a group gains if other series drive it; None where it cannot be run."""
+    with_reading = problem.rows(values)
+    kept = model.drives
+    model.drives = {**kept, signal: series}
+    try:
+        with_quantity = problem.rows(values)
+    finally:
+        model.drives = kept
+    if with_reading is None or with_quantity is None:
+        return None
+    return 0.5 * float(with_reading @ with_reading - with_quantity @ with_quantity)
+
+
+def verdict_of(found: AnyDiagnosis) -> str:
+    """The verdict over all groups."""
+    named = any(f.named for f in found.findings.values())
+    left = any(f.unexplained for f in found.findings.values())
+    if not named:
+        return "unexplained" if left else "adequate"
+    return "partly_explained" if left else "explained"

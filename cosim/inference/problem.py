@@ -1,0 +1,280 @@
+"""Signals held against a model, with noise and nuisances: what every hypothesis is judged by.
+
+A model is a function of named values to named series. Small unknowns that every hypothesis shares (nuisances, such as the
+moment within a sampling interval at which an input acted) enter by their slopes and are eliminated from each residual by
+linear least squares with their priors (variable projection: Golub and Pereyra 1973).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from cosim.errors import SimulationError
+from cosim.inference.held_out import HeldOutGain, gain_between
+from cosim.inference.noise import Noise
+from cosim.inference.spectrum import bands, learn
+from cosim.inference.unknowns import Unknown
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Model = Callable[[Mapping[str, float]], Mapping[str, Array]]
+DIFFERENCE = 0.02  # of an unknown's scale, for slopes: large enough for what acts on few samples only
+FINE = 0.2  # of that in the last fit
+EVALUATIONS = 14  # of one search
+FAILED = 1e6  # whitened residual where the model cannot be run
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A hypothesis at its best values.
+
+    Attributes:
+        values: name -> estimate.
+        covariance: (k, k) of the unknowns, sandwich estimator over windows (White 1982), nuisances unknown too.
+        unknowns: in the order of the covariance.
+        rows: (n + k,) whitened residuals of all signals, nuisances eliminated, then the nuisances over their priors.
+        log_likelihood: of the fitted part, up to a constant, priors included.
+    """
+
+    values: dict[str, float]
+    covariance: Array
+    unknowns: tuple[Unknown, ...]
+    rows: Array = field(repr=False)
+    log_likelihood: float
+
+    def deviation(self, name: str) -> float:
+        """Standard deviation of an estimate."""
+        at = [u.name for u in self.unknowns].index(name)
+        return float(np.sqrt(max(self.covariance[at, at], 0.0)))
+
+
+class Problem:
+    """Measured series, a model of them, and what is known of the noise.
+
+    Attributes:
+        measured: name -> (n,).
+        fitted: name -> (n,) mask of the part that fits use; the rest is held out.
+        window: name -> (n,) number of the window of each sample, over all names.
+        noise: name -> noise.
+        mask: (n + k,) what fits use of all signals behind one another and of the nuisances; the rest is held out.
+        failures: what the model said where it could not be run, each once.
+    """
+
+    def __init__(
+        self,
+        measured: Mapping[str, Array],
+        fitted: Mapping[str, Mask],
+        window: Mapping[str, NDArray[np.int64]],
+        model: Model,
+        least: Mapping[str, float],
+    ) -> None:
+        """Take the data; the noise is learned from residuals later.
+
+        Args:
+            measured: name -> (n,).
+            fitted: name -> (n,) mask of the part that fits use.
+            window: name -> (n,) number of the window.
+            model: values -> series of the same names.
+            least: name -> smallest noise that a signal is taken to have.
+        """
+        self.measured, self.fitted, self.window, self.model = (
+            dict(measured),
+            dict(fitted),
+            dict(window),
+            model,
+        )
+        self.least = dict(least)
+        self.names = list(self.measured)
+        self.noise: dict[str, Noise] = {n: Noise(max(least[n], 1e-12) ** 2) for n in self.names}
+        self.failures: list[str] = []
+        self._data = np.concatenate([self.fitted[n] for n in self.names])
+        self._numbers = np.concatenate([self.window[n] for n in self.names])
+        self.mask, self.windows = self._data, self._numbers
+        self._slopes: dict[str, Array] = {n: np.zeros((0, self.measured[n].size)) for n in self.names}
+        self._nuisances: tuple[Unknown, ...] = ()
+        self._projected: tuple[Array, Array, Array] | None = None
+
+    # Nuisances and noise
+
+    def share(self, nuisances: Sequence[Unknown], slopes: Mapping[str, Array]) -> None:
+        """Nuisances (k) with the slopes (k, n) of each signal, per unit of the nuisance."""
+        self._nuisances, self._slopes, self._projected = tuple(nuisances), dict(slopes), None
+        more = len(self._nuisances)
+        self.mask = np.concatenate([self._data, np.ones(more, dtype=bool)])
+        self.windows = np.concatenate([self._numbers, np.zeros(more, dtype=np.int64)])
+
+    def learn(self, residuals: Mapping[str, Array]) -> None:
+        """Learn the noise of each signal from what some hypothesis leaves."""
+        for name in self.names:
+            rest = residuals[name]
+            table = bands(rest, np.zeros((1, rest.size)), self.least[name])
+            self.noise[name] = learn({name: table}, np.eye(1))[name]
+        self._projected = None
+
+    def whitened(self, series: Mapping[str, Array]) -> Array:
+        """(m, n) rows of all signals behind one another, (m, n_signal) each, made white."""
+        parts = []
+        for name in self.names:
+            rows = np.atleast_2d(series[name])
+            parts.append(self.noise[name].whiten(rows, np.arange(rows.shape[1])))
+        return np.concatenate(parts, axis=1)
+
+    def _project(self) -> tuple[Array, Array, Array]:
+        """Whitened nuisance slopes (n, k), those of the fitted part, and their information with the priors (k, k)."""
+        if self._projected is None:
+            slopes = self.whitened(self._slopes).T if self._nuisances else np.zeros((self._data.size, 0))
+            inside = slopes[self._data]
+            prior = np.diag([u.prior**-2 for u in self._nuisances]) if self._nuisances else np.zeros((0, 0))
+            self._projected = slopes, inside, inside.T @ inside + prior + 1e-12 * np.eye(len(prior))
+        return self._projected
+
+    def eliminated(self, rows: Array) -> tuple[Array, Array]:
+        """Rows (n,) without what nuisances explain of them, and the nuisances (k,), within their bounds."""
+        slopes, inside, information = self._project()
+        if not self._nuisances:
+            return rows, np.zeros(0)
+        wanted = inside.T @ rows[self._data]
+        found = np.linalg.solve(information, wanted)
+        low = np.array([u.low for u in self._nuisances])
+        high = np.array([u.high for u in self._nuisances])
+        free = np.ones(found.size, dtype=bool)
+        # what goes beyond its bound stays there, and the others are solved for again
+        while (beyond := free & ((found < low) | (found > high))).any():
+            found[beyond] = np.clip(found[beyond], low[beyond], high[beyond])
+            free &= ~beyond
+            if not free.any():
+                break
+            rest = wanted[free] - information[np.ix_(free, ~free)] @ found[~free]
+            found[free] = np.linalg.solve(information[np.ix_(free, free)], rest)
+        return rows - slopes @ found, found
+
+    def _judged(self, series: Mapping[str, Array]) -> Array:
+        """Rows of a model's series: residuals, then how far the nuisances are from what is believed of them."""
+        raw = {n: self.measured[n] - series[n] for n in self.names}
+        rows, nuisances = self.eliminated(self.whitened(raw)[0])
+        return np.concatenate([rows, [v / u.prior for u, v in zip(self._nuisances, nuisances, strict=True)]])
+
+    # Hypotheses
+
+    def residuals(self, values: Mapping[str, float]) -> dict[str, Array]:
+        """Measured minus model, nuisances eliminated, each signal in its unit."""
+        series = self.model(values)
+        raw = {n: self.measured[n] - series[n] for n in self.names}
+        _, nuisances = self.eliminated(self.whitened(raw)[0])
+        return {n: raw[n] - nuisances @ self._slopes[n] for n in self.names}
+
+    def rows(self, values: Mapping[str, float]) -> Array | None:
+        """(n + k,) whitened residuals, nuisances eliminated, then these over their priors; None where the model fails."""
+        try:
+            series = self.model(values)
+        except SimulationError as error:
+            if str(error) not in self.failures:
+                self.failures.append(str(error))
+            return None
+        if not all(np.isfinite(series[n]).all() for n in self.names):
+            return None
+        return self._judged(series)
+
+    def log_likelihood(self, rows: Array, values: Mapping[str, float], unknowns: Sequence[Unknown]) -> float:
+        """Of the fitted part, up to a constant."""
+        inside = rows[self.mask]
+        beliefs = sum(((values[u.name] - u.centre) / u.prior) ** 2 for u in unknowns if np.isfinite(u.prior))
+        return -0.5 * (float(inside @ inside) + beliefs)
+
+    def fit(
+        self,
+        unknowns: Sequence[Unknown],
+        start: Mapping[str, float],
+        evaluations: int = EVALUATIONS,
+        difference: float = DIFFERENCE,
+    ) -> Fit | None:
+        """The best values of a hypothesis from a start; None where its model cannot be run there."""
+        whole = dict(start)
+        if not unknowns:
+            rows = self.rows(whole)
+            if rows is None:
+                return None
+            return Fit(whole, np.zeros((0, 0)), (), rows, self.log_likelihood(rows, whole, ()))
+        low = np.array([u.low / u.scale for u in unknowns])
+        high = np.array([u.high / u.scale for u in unknowns])
+        begin = np.array([u.within(start[u.name]) / u.scale for u in unknowns])
+        begin = np.clip(
+            begin, low + 1e-9 * (high - low).clip(max=1.0), high - 1e-9 * (high - low).clip(max=1.0)
+        )
+        first = self.rows(whole | self._named(unknowns, begin))
+        if first is None:
+            return None
+
+        def beliefs(x: Array) -> Array:
+            return np.array(
+                [
+                    (x[k] * u.scale - u.centre) / u.prior
+                    for k, u in enumerate(unknowns)
+                    if np.isfinite(u.prior)
+                ]
+            )
+
+        def rows_of(x: Array) -> Array:
+            rows = self.rows(whole | self._named(unknowns, x))
+            return np.full(self.mask.size, FAILED) if rows is None else rows
+
+        def cost(x: Array) -> Array:
+            return np.concatenate([rows_of(x)[self.mask], beliefs(x)])
+
+        def slopes(x: Array) -> Array:
+            here = cost(x)
+            return np.stack(
+                [(cost(moved) - here) / step for moved, step in self._moves(x, low, high, difference)], axis=1
+            )
+
+        found = least_squares(
+            cost, begin, slopes, bounds=(low, high), method="trf", max_nfev=evaluations, xtol=1e-4, ftol=1e-7
+        )
+        values = whole | self._named(unknowns, found.x)
+        rows = rows_of(found.x)
+        return Fit(
+            values,
+            self._covariance(unknowns, found.x, rows, slopes(found.x)),
+            tuple(unknowns),
+            rows,
+            self.log_likelihood(rows, values, unknowns),
+        )
+
+    @staticmethod
+    def _named(unknowns: Sequence[Unknown], x: Array) -> dict[str, float]:
+        return {u.name: float(v) * u.scale for u, v in zip(unknowns, x, strict=True)}
+
+    @staticmethod
+    def _moves(x: Array, low: Array, high: Array, difference: float) -> list[tuple[Array, float]]:
+        found = []
+        for k in range(x.size):
+            step = difference if x[k] + difference <= high[k] else -difference
+            if x[k] + step < low[k]:
+                step = 0.5 * (high[k] - low[k]) or difference
+            moved = x.copy()
+            moved[k] += step
+            found.append((moved, step))
+        return found
+
+    def _covariance(self, unknowns: Sequence[Unknown], x: Array, rows: Array, slopes: Array) -> Array:
+        """Sandwich over the windows that were fitted, never smaller than what white noise gives."""
+        scales = np.array([u.scale for u in unknowns])
+        gram = slopes.T @ slopes
+        inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+        count = int(self.mask.sum())
+        inside, numbers = rows[self.mask], self.windows[self.mask]
+        scores = np.stack(
+            [np.bincount(numbers, weights=slopes[:count, k] * inside) for k in range(len(unknowns))]
+        )
+        sandwich = inverse @ (scores @ scores.T) @ inverse
+        own = np.sqrt(np.maximum(np.diag(sandwich), np.diag(inverse)))
+        plain = np.sqrt(np.maximum(np.diag(sandwich), 1e-300))
+        return np.asarray(sandwich * np.outer(own / plain, own / plain) * np.outer(scales, scales))
+
+    def held_out(self, richer: Array, poorer: Array) -> HeldOutGain:
+        """What one hypothesis gains over another on the windows that neither was fitted to; rows (n,) of both."""
+        out = ~self.mask
+        return gain_between(richer[out], poorer[out], self.windows[out])

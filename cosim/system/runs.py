@@ -1,0 +1,180 @@
+"""Runs the units of a system over series: what enters on a uniform grid, what leaves on the same grid.
+
+Each unit has FMU instances of its own, made once and reset between runs; those of others live in a watched process
+(`cosim.master`). A run that was made before is not made again.
+"""
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import replace
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.master import Limits, Runner
+from cosim.ssp.system import Port, System, Value
+from cosim.system.graph import Unit
+
+Array = NDArray[np.float64]
+Series = Mapping[Port, Array]
+KEPT = 64  # runs whose outputs are remembered
+MOST_SUBSTEPS = 20  # of one interval of the log
+PART = 1.5  # an interval up to this many times the FMU's own step is made in one
+
+
+class Runs:
+    """All units of a system; a context manager.
+
+    Attributes:
+        count: runs of units that were made.
+        steps: communication steps that they took.
+        runners: made so far.
+    """
+
+    def __init__(self, system: System, limits: Limits | None = None) -> None:
+        """Nothing is loaded before it is run.
+
+        Args:
+            system: what is cut into units; it must outlive this.
+            limits: of the processes in which FMUs of others run.
+        """
+        self.system, self.limits = system, limits
+        self.count = self.steps = 0
+        self.runners: dict[tuple[str, ...], Runner] = {}
+        self._kept: OrderedDict[bytes, dict[Port, Array]] = OrderedDict()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free all FMUs."""
+        for runner in self.runners.values():
+            runner.close()
+        self.runners.clear()
+
+    def substeps(self, unit: Unit, h: float) -> int:
+        """Communication steps in one interval of the log [s]: FMUs that declare a step are not asked for longer ones."""
+        own = [self.system.components[c].fmu.step_size for c in unit.components]
+        least = min((s for s in own if s), default=h)
+        if h <= PART * least:
+            return 1
+        return min(int(np.ceil(h / least - 1e-6)), MOST_SUBSTEPS)
+
+    def run(
+        self,
+        unit: Unit,
+        start: float,
+        h: float,
+        inputs: Series,
+        outputs: tuple[Port, ...],
+        parameters: Mapping[str, Value],
+    ) -> dict[Port, Array]:
+        """Outputs of a unit at the n points of the grid.
+
+        Args:
+            unit: what is run.
+            start: first point [s].
+            h: interval of the grid [s].
+            inputs: port -> values (n,); where there are none, `outputs` of no input need a length: give at least one, or
+                use `free_run`.
+            outputs: ports to record.
+            parameters: ``component.parameter`` -> value.
+
+        Raises:
+            SimulationError: a component failed; the message holds its own words.
+        """
+        count = next(iter(inputs.values())).size
+        return self._run(unit, start, h, count, inputs, outputs, parameters)
+
+    def free_run(
+        self,
+        unit: Unit,
+        start: float,
+        h: float,
+        count: int,
+        outputs: tuple[Port, ...],
+        parameters: Mapping[str, Value],
+    ) -> dict[Port, Array]:
+        """As `run`, for a unit that nothing drives, at `count` points."""
+        return self._run(unit, start, h, count, {}, outputs, parameters)
+
+    def _run(
+        self,
+        unit: Unit,
+        start: float,
+        h: float,
+        count: int,
+        inputs: Series,
+        outputs: tuple[Port, ...],
+        parameters: Mapping[str, Value],
+    ) -> dict[Port, Array]:
+        own = {n: v for n, v in parameters.items() if n.partition(".")[0] in unit.components}
+        key = self._key(unit, start, h, count, inputs, outputs, own)
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        parts = self.substeps(unit, h)
+        stop = start + (count - 1) * h
+        stamps = start + np.arange(count) * h
+        stamps[-1] = stop
+        runner = self._runner(unit)
+        self.count += 1
+        self.steps += (count - 1) * parts
+        result = runner.run(
+            stop,
+            h / parts,
+            start_time=start,
+            parameters=own,
+            inputs={str(port): (stamps, values) for port, values in inputs.items()},
+            hold=(),
+            record=[str(port) for port in outputs],
+        )
+        found = {port: np.ascontiguousarray(result.signals[str(port)][::parts]) for port in outputs}
+        self._kept[key] = found
+        if len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
+        return found
+
+    def _runner(self, unit: Unit) -> Runner:
+        if unit.components not in self.runners:
+            inside = set(unit.components)
+            part = replace(
+                self.system,
+                components={n: c for n, c in self.system.components.items() if n in inside},
+                wires=tuple(
+                    w
+                    for w in self.system.wires
+                    if w.source.component in inside and w.target.component in inside
+                ),
+                inputs={},
+                outputs={},
+                parameters={},
+                notes=[],
+                folder=None,
+            )
+            self.runners[unit.components] = Runner(part, limits=self.limits)
+        return self.runners[unit.components]
+
+    def _key(
+        self,
+        unit: Unit,
+        start: float,
+        h: float,
+        count: int,
+        inputs: Series,
+        outputs: tuple[Port, ...],
+        parameters: Mapping[str, Value],
+    ) -> bytes:
+        digest = hashlib.blake2b(repr((unit, start, h, count, outputs, sorted(parameters.items()))).encode())
+        for port, values in inputs.items():
+            digest.update(str(port).encode())
+            digest.update(np.ascontiguousarray(values).tobytes())
+        return digest.digest()
