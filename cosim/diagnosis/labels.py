@@ -5,18 +5,20 @@ unit change what a block seems to do far beyond any fault: its gain against the 
 shape is right all the same. Each such mistake is tried, and told if it alone makes all blocks plausible.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.bounds import absurd
 from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.machine import Machine
+from cosim.diagnosis.verdict import Cause
 from cosim.errors import CosimError
 from cosim.logs import Log
 from cosim.signals import SIGNALS
@@ -30,6 +32,16 @@ SHAPE = 0.8  # correlation with the nominal prediction from which the shape is r
 CLOCK = 0.9  # the same where the clock itself is in question: nothing but the truth comes so near
 MOVES = 0.01  # of a signal's plausible range that the model must predict where a signal is said never to move
 BALANCE = (0.05, 0.2)  # relative error of p_a + p_b = p_supply that is as it should be, and that is not
+FEWEST_BLOCKS = (
+    2  # of which none answers as the model's does, before the log is said to be of another machine
+)
+FEWEST_AT_END = 20  # samples
+AT_END = 0.005  # of all samples: fewer at one end are chance
+REPEATED = (
+    0.02  # of the other samples that may repeat the one before: more are readings in steps, or stale ones
+)
+NOISY = 0.2  # of the other steps that turn back: fewer are a signal without noise
+NEARLY = 0.2  # of a known factor between tracker and sensor, which may have an error of its own beside it
 WRAPS = 2  # jumps by a whole turn that make an angle one that wraps
 UNITS = {
     "rad": ("deg", "rad", "rev"),
@@ -80,7 +92,7 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
         machine: the model.
         trusted: its nominal parameters are known; of one whose gains are not only the signs can be held against the log.
     """
-    found = [*still(record, machine), *wrapping(record)]
+    found = [*still(record, machine), *wrapping(record), *saturated(log)]
     if found:
         return found
     groups = merged(machine.groups, record.signals)
@@ -97,7 +109,9 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
         mistakes += [*units(log, record)]
     tried = ((m, shapes(record, m.undone(record.signals), groups)) for m in mistakes)
     right = [(min(abs(r) for _, r in each), m) for m, each in tried if plausible(each, shape)]
-    return [max(right, key=lambda item: item[0])[1].told] if right else exchanged_with_supply(record.signals)
+    if right:
+        return [max(right, key=lambda item: item[0])[1].told]
+    return exchanged_with_supply(record.signals) or (stranger(as_labelled) if trusted else [])
 
 
 def in_range(record: Record, name: str) -> bool:
@@ -233,6 +247,44 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
             yield Contradiction(name, f"{name} never moves", remedy)
 
 
+def stranger(each: list[tuple[float, float]]) -> list[Contradiction]:
+    """A log of another machine: not one of its blocks answers as the model's, however wrong a single one may be."""
+    if len(each) < FEWEST_BLOCKS or any(USUAL[0] <= gain <= USUAL[1] for gain, _ in each):
+        return []
+    gains = ", ".join(f"{gain:.3g}" for gain, _ in each)
+    finding = f"no block answers as the model's does (gain over the model's, block by block: {gains})"
+    return [Contradiction("all", finding, "check that log, mapping and model are of one machine")]
+
+
+def saturated(log: Log) -> Iterator[Contradiction]:
+    """Readings without a stop of their own that end at one value, exactly, while elsewhere each sample has noise.
+
+    A spool on its stop or a pressure at its relief still shows the noise of its sensor. The slew sensor's own
+    saturation is a cause of the library.
+    """
+    for name in ("spool", "p_a", "p_b"):
+        values = log.signals.get(name)
+        if values is None or values.size < FEWEST_AT_END:
+            continue
+        steps = np.diff(values)
+        ends = (values == values.max()) | (values == values.min())
+        moving = steps[~(ends[1:] & ends[:-1])]
+        for side, end in (("highest", values.max()), ("lowest", values.min())):
+            at = values == end
+            held = at[1:] & at[:-1]
+            if held.sum() < max(FEWEST_AT_END, AT_END * values.size) or moving.size < FEWEST_AT_END:
+                continue
+            # neither readings in steps, nor stale ones, nor a simulation without noise
+            turns = np.mean(np.sign(moving[1:]) * np.sign(moving[:-1]) < 0.0)
+            if np.mean(moving == 0.0) < REPEATED and turns > NOISY:
+                share = 100.0 * float(at.mean())
+                yield Contradiction(
+                    name,
+                    f"{name} saturates: {share:.3g} % of its samples are its {side} value, without noise",
+                    "record with a larger range of the sensor, or leave the column out",
+                )
+
+
 def wrapping(record: Record) -> Iterator[Contradiction]:
     """Angles that jump by a whole turn."""
     for name, values in record.signals.items():
@@ -282,4 +334,31 @@ def clock(
                     "time", f"time looks like {said}", f"label the column time [{true}]", 1.0 / scale
                 )
             ]
+    return []
+
+
+def against_tracker(causes: Iterable[Cause]) -> list[Contradiction]:
+    """An external tracker in another unit, of another sign or with another clock than the log, by what the two ask for.
+
+    Args:
+        causes: what the comparison of the two names.
+    """
+    for cause in causes:
+        sizes = {p: value for p, (value, _) in cause.parameters.items()}
+        if not absurd(cause.effect, sizes, {"gain": 1.0, "rate": 1.0}):
+            continue
+        if "gain" not in sizes:
+            finding = f"the tracker's clock runs at {1.0 / sizes['rate']:.3g} times the log's"
+            return [Contradiction("slew_external", finding, "check the unit of time in both files")]
+        gain = sizes["gain"]
+        for said, by in (("rad labelled deg", np.pi / 180.0), ("deg labelled rad", 180.0 / np.pi)):
+            if abs(by * gain - 1.0) < NEARLY:
+                remedy = f"label slew_external [{said.partition(' ')[0]}]"
+                return [Contradiction("slew_external", f"slew_external: looks like {said}", remedy, by)]
+        finding = (
+            "slew_external looks reversed in sign against slew"
+            if abs(gain + 1.0) < NEARLY
+            else f"slew reads {gain:.3g} times slew_external"
+        )
+        return [Contradiction("slew_external", finding, "check units and signs of both columns")]
     return []

@@ -2,17 +2,22 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.labels import MISTAKES, changed, said
 from cosim.diagnosis.answer import answer
+from cosim.diagnosis.labels import against_tracker, saturated, stranger
 from cosim.diagnosis.present import delivered
 from cosim.diagnosis.story import diagnose
-from cosim.logs import Log
+from cosim.diagnosis.verdict import Cause
+from cosim.inference.held_out import HeldOutGain
+from cosim.logs import Log, Tracker
 from cosim.rig import make_log
 from cosim.rig.write import as_log
+from fmus import registry
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +75,53 @@ def test_signs_are_all_that_is_asked_of_a_machine_whose_gains_are_not_known(log:
 
     machine = our_machine("full_order")
     assert contradictions(scaled, prepare(scaled, machine), machine, trusted=False) == []
+
+
+@pytest.mark.parametrize(
+    ("gain", "finding"),
+    [
+        (180.0 / np.pi, "slew_external: looks like rad labelled deg"),
+        (np.pi / 180.0, "slew_external: looks like deg labelled rad"),
+        (-1.02, "slew_external looks reversed in sign against slew"),
+    ],
+)
+def test_a_tracker_with_a_wrong_label_is_told_by_the_gain_it_asks_for(gain: float, finding: str) -> None:
+    cause = Cause(
+        registry.effects()["sensor.gain"], "tracker", {"gain": (gain, 1e-3)}, 1.0, HeldOutGain(1.0, 0.0)
+    )
+    (told,) = against_tracker([cause])
+    assert (told.signal, told.finding) == ("slew_external", finding)
+    plain = replace(cause, parameters={"gain": (1.08, 1e-3)})
+    assert against_tracker([plain]) == []
+
+
+def test_a_tracker_with_a_wrong_label_is_the_verdict(log: Log) -> None:
+    time = np.arange(2.0, 19.0, 0.04)
+    angle = np.interp(time, log.time, log.signals["slew"]) * np.pi / 180.0
+    tracker = Tracker(
+        time=time,
+        slew_external=angle,
+        valid=np.ones(time.size, bool),
+        source=Path("t.csv"),
+        warnings=(),
+        synthetic=True,
+        sha256="",
+    )
+    found = diagnose(log, tracker=tracker)
+    assert found.verdict == "implausible_data"
+    assert [d.finding for d in found.data] == ["slew_external: looks like rad labelled deg"]
+    assert found.causes == []
+
+
+@pytest.mark.parametrize(
+    "hidden", ["dcv.stroke_limit:x_max=1.0 mm,x_min=-1.0 mm", "sensor.dropout:p_drop=0.4"]
+)
+def test_a_stop_with_a_noisy_sensor_and_stale_samples_are_no_saturation(hidden: str) -> None:
+    assert list(saturated(as_log(make_log("mixed", 21.0, [hidden], seed=6)))) == []
+
+
+def test_a_log_all_of_whose_blocks_are_off_is_of_another_machine_and_one_of_them_is_not() -> None:
+    (told,) = stranger([(5.0, 0.9), (0.1, 0.99), (12.0, 0.95)])
+    assert told.signal == "all"
+    assert stranger([(5.0, 0.9), (1.1, 0.99), (12.0, 0.95)]) == []
+    assert stranger([(5.0, 0.9)]) == []
