@@ -5,7 +5,7 @@ unit change what a block seems to do far beyond any fault: its gain against the 
 shape is right all the same. Each such mistake is tried, and told if it alone makes all blocks plausible.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
@@ -18,9 +18,10 @@ from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.machine import Machine
+from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.diagnosis.verdict import Cause
-from cosim.errors import CosimError
-from cosim.logs import Log
+from cosim.errors import CosimError, DataError
+from cosim.logs import Log, Tracker
 from cosim.signals import SIGNALS
 from cosim.units import factor
 
@@ -41,7 +42,7 @@ REPEATED = (
     0.02  # of the other samples that may repeat the one before: more are readings in steps, or stale ones
 )
 NOISY = 0.2  # of the other steps that turn back: fewer are a signal without noise
-NEARLY = 0.2  # of a known factor between tracker and sensor, which may have an error of its own beside it
+APART = 0.1  # of its motion that the comparison with a tracker may leave before its label is doubted
 WRAPS = 2  # jumps by a whole turn that make an angle one that wraps
 UNITS = {
     "rad": ("deg", "rad", "rev"),
@@ -249,7 +250,7 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
 
 def stranger(each: list[tuple[float, float]]) -> list[Contradiction]:
     """A log of another machine: not one of its blocks answers as the model's, however wrong a single one may be."""
-    if len(each) < FEWEST_BLOCKS or any(USUAL[0] <= gain <= USUAL[1] for gain, _ in each):
+    if len(each) < FEWEST_BLOCKS or any(USUAL[0] <= abs(gain) <= USUAL[1] for gain, _ in each):
         return []
     gains = ", ".join(f"{gain:.3g}" for gain, _ in each)
     finding = f"no block answers as the model's does (gain over the model's, block by block: {gains})"
@@ -337,28 +338,42 @@ def clock(
     return []
 
 
-def against_tracker(causes: Iterable[Cause]) -> list[Contradiction]:
-    """An external tracker in another unit, of another sign or with another clock than the log, by what the two ask for.
+def against_tracker(record: Record, tracker: Tracker, seen: TrackerFinding) -> list[Contradiction]:
+    """An external tracker in another unit, of another sign or with another clock than the log.
 
     Args:
-        causes: what the comparison of the two names.
+        record: the log.
+        tracker: the tracker's record.
+        seen: how the two compare as labelled.
     """
-    for cause in causes:
-        sizes = {p: value for p, (value, _) in cause.parameters.items()}
-        if not absurd(cause.effect, sizes, {"gain": 1.0, "rate": 1.0}):
+    strange = next((c for c in seen.causes if impossible_of(c)), None)
+    left = misfit(seen)
+    if strange is None and left < APART:
+        return []
+    for finding, remedy, by in (
+        ("slew_external: looks like rad labelled deg", "label slew_external [rad]", np.pi / 180.0),
+        ("slew_external: looks like deg labelled rad", "label slew_external [deg]", 180.0 / np.pi),
+        ("slew_external looks reversed in sign against slew", "give one of the two the other sign", -1.0),
+    ):
+        try:
+            other = compare_tracker(record, replace(tracker, slew_external=tracker.slew_external / by))
+        except DataError:
             continue
-        if "gain" not in sizes:
-            finding = f"the tracker's clock runs at {1.0 / sizes['rate']:.3g} times the log's"
-            return [Contradiction("slew_external", finding, "check the unit of time in both files")]
-        gain = sizes["gain"]
-        for said, by in (("rad labelled deg", np.pi / 180.0), ("deg labelled rad", 180.0 / np.pi)):
-            if abs(by * gain - 1.0) < NEARLY:
-                remedy = f"label slew_external [{said.partition(' ')[0]}]"
-                return [Contradiction("slew_external", f"slew_external: looks like {said}", remedy, by)]
-        finding = (
-            "slew_external looks reversed in sign against slew"
-            if abs(gain + 1.0) < NEARLY
-            else f"slew reads {gain:.3g} times slew_external"
-        )
-        return [Contradiction("slew_external", finding, "check units and signs of both columns")]
-    return []
+        if misfit(other) < min(APART, 0.5 * left) and not any(map(impossible_of, other.causes)):
+            return [Contradiction("slew_external", finding, remedy, by)]
+    if strange is None:
+        return []
+    sizes = ", ".join(f"{p} = {v:.3g}" for p, (v, _) in strange.parameters.items())
+    finding = f"slew and slew_external do not fit together: {strange.effect.name} would be {sizes}"
+    return [Contradiction("slew_external", finding, "check units, signs and clocks of both files")]
+
+
+def impossible_of(cause: Cause) -> bool:
+    """True if what a tracker shows of the slew sensor or its own clock has a size that cannot be."""
+    sizes = {p: value for p, (value, _) in cause.parameters.items()}
+    return absurd(cause.effect, sizes, {"gain": 1.0, "rate": 1.0})
+
+
+def misfit(seen: TrackerFinding) -> float:
+    """What the comparison with a tracker leaves, in parts of how far the tracker sees it move."""
+    return float(np.std(seen.measured - seen.predicted) / max(np.std(seen.measured), 1e-300))

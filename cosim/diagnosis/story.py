@@ -460,10 +460,11 @@ def stages(
     watch.plan(planned(found, tracker is not None, folder is not None))
     if tracker is not None:
         enter(found, watch, "tracker", "slew sensor against tracker")
-        take_over(found, compare_tracker(found.record, tracker))
-        if told := against_tracker(found.causes):
+        seen = compare_tracker(found.record, tracker)
+        if told := against_tracker(found.record, tracker, seen):
             contradicted(found, told)
             return
+        take_over(found, seen)
     constants = known_of(found)
     judge(found, trust, constants, watch)
     if tracker is not None and clear_of_lag(found, tracker):

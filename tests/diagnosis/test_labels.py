@@ -9,15 +9,14 @@ import pytest
 
 from benchmarks.labels import MISTAKES, changed, said
 from cosim.diagnosis.answer import answer
-from cosim.diagnosis.labels import against_tracker, saturated, stranger
+from cosim.diagnosis.labels import against_tracker, contradictions, saturated, stranger
+from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.present import delivered
-from cosim.diagnosis.story import diagnose
-from cosim.diagnosis.verdict import Cause
-from cosim.inference.held_out import HeldOutGain
+from cosim.diagnosis.story import diagnose, prepare
+from cosim.diagnosis.tracker import compare_tracker
 from cosim.logs import Log, Tracker
 from cosim.rig import make_log
 from cosim.rig.write import as_log
-from fmus import registry
 
 
 @pytest.fixture(scope="module")
@@ -69,48 +68,43 @@ def test_the_finding_is_the_verdict_and_nothing_physical_stands_beside_it(log: L
 
 def test_signs_are_all_that_is_asked_of_a_machine_whose_gains_are_not_known(log: Log) -> None:
     scaled = replace(log, signals=log.signals | {"slew": 30.0 * log.signals["slew"]})
-    from cosim.diagnosis.labels import contradictions
-    from cosim.diagnosis.machine import our_machine
-    from cosim.diagnosis.story import prepare
-
     machine = our_machine("full_order")
     assert contradictions(scaled, prepare(scaled, machine), machine, trusted=False) == []
 
 
-@pytest.mark.parametrize(
-    ("gain", "finding"),
-    [
-        (180.0 / np.pi, "slew_external: looks like rad labelled deg"),
-        (np.pi / 180.0, "slew_external: looks like deg labelled rad"),
-        (-1.02, "slew_external looks reversed in sign against slew"),
-    ],
-)
-def test_a_tracker_with_a_wrong_label_is_told_by_the_gain_it_asks_for(gain: float, finding: str) -> None:
-    cause = Cause(
-        registry.effects()["sensor.gain"], "tracker", {"gain": (gain, 1e-3)}, 1.0, HeldOutGain(1.0, 0.0)
-    )
-    (told,) = against_tracker([cause])
-    assert (told.signal, told.finding) == ("slew_external", finding)
-    plain = replace(cause, parameters={"gain": (1.08, 1e-3)})
-    assert against_tracker([plain]) == []
-
-
-def test_a_tracker_with_a_wrong_label_is_the_verdict(log: Log) -> None:
+def tracker_of(log: Log, by: float) -> Tracker:
+    """A tracker's record of a log in which every angle is larger by a factor."""
     time = np.arange(2.0, 19.0, 0.04)
-    angle = np.interp(time, log.time, log.signals["slew"]) * np.pi / 180.0
-    tracker = Tracker(
+    return Tracker(
         time=time,
-        slew_external=angle,
+        slew_external=by * np.interp(time, log.time, log.signals["slew"]),
         valid=np.ones(time.size, bool),
-        source=Path("t.csv"),
+        source=Path("tracker.csv"),
         warnings=(),
         synthetic=True,
         sha256="",
     )
-    found = diagnose(log, tracker=tracker)
+
+
+@pytest.mark.parametrize(
+    ("by", "finding"),
+    [
+        (np.pi / 180.0, "slew_external: looks like rad labelled deg"),
+        (180.0 / np.pi, "slew_external: looks like deg labelled rad"),
+        (-1.0, "slew_external looks reversed in sign against slew"),
+    ],
+)
+def test_a_tracker_with_a_wrong_label_is_the_verdict(log: Log, by: float, finding: str) -> None:
+    found = diagnose(log, tracker=tracker_of(log, by))
     assert found.verdict == "implausible_data"
-    assert [d.finding for d in found.data] == ["slew_external: looks like rad labelled deg"]
+    assert [(d.signal, d.finding) for d in found.data] == [("slew_external", finding)]
     assert found.causes == []
+
+
+def test_a_tracker_with_a_right_label_is_left_alone(log: Log) -> None:
+    record = prepare(log, our_machine("full_order"))
+    tracker = tracker_of(log, 1.06)
+    assert against_tracker(record, tracker, compare_tracker(record, tracker)) == []
 
 
 @pytest.mark.parametrize(
@@ -125,3 +119,4 @@ def test_a_log_all_of_whose_blocks_are_off_is_of_another_machine_and_one_of_them
     assert told.signal == "all"
     assert stranger([(5.0, 0.9), (1.1, 0.99), (12.0, 0.95)]) == []
     assert stranger([(5.0, 0.9)]) == []
+    assert stranger([(0.255, 0.9), (-1.05, 0.99), (-0.93, 0.99)]) == []
