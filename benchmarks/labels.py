@@ -62,6 +62,27 @@ def wrapped(log: Log, rng: np.random.Generator) -> Log:
     return changed(log, slew=np.mod(turned, 2.0 * np.pi))
 
 
+def saturating(name: str) -> Wrong:
+    """A reading that ends at two thirds of its reach on either side."""
+
+    def made(log: Log, rng: np.random.Generator) -> Log:
+        values = log.signals[name]
+        middle, reach = float(np.mean(values)), float(np.max(np.abs(values - np.mean(values))))
+        return changed(log, **{name: np.clip(values, middle - 0.66 * reach, middle + 0.66 * reach)})
+
+    return made
+
+
+def of_another(log: Log, rng: np.random.Generator) -> Log:
+    """A machine whose spool travels further, whose pressures are lower and which turns faster, or the other way round."""
+    by = rng.uniform(4.0, 8.0, 3)
+    way = rng.choice([1.0, -1.0])
+    spool, pressure, slew = by[0] ** way, by[1] ** -way, by[2] ** way
+    ports = {n: pressure * log.signals[n] for n in ("p_a", "p_b", "p_supply") if n in log.signals}
+    own = {"spool": spool * log.signals["spool"], "slew": slew * log.signals["slew"]}
+    return changed(log, **ports, **own)
+
+
 # mistake -> how it is made, and the signal that must be named
 MISTAKES: dict[str, tuple[Wrong, set[str]]] = {
     "deg labelled rad": (times("slew", 180.0 / np.pi), {"slew"}),
@@ -83,6 +104,9 @@ MISTAKES: dict[str, tuple[Wrong, set[str]]] = {
     "ms labelled s": (clocked(1e3), {"time"}),
     "s labelled ms": (clocked(1e-3), {"time"}),
     "wrapped": (wrapped, {"slew"}),
+    "spool saturates": (saturating("spool"), {"spool"}),
+    "port saturates": (saturating("p_a"), {"p_a"}),
+    "another machine": (of_another, {"all"}),
 }
 
 

@@ -177,6 +177,28 @@ class Free:
     phase: bool = False
 
 
+@dataclass(frozen=True)
+class Range:
+    """Where a parameter of a cause can physically be, on any machine: beyond it something else is wrong, a label or the law.
+
+    Attributes:
+        low, high: its edges, SI, or in parts of what `of` says.
+        reason: why it ends there.
+        of: "nominal": in parts of its nominal value; "torque": of the greatest torque with which the log drives the machine.
+    """
+
+    low: float
+    high: float
+    reason: str
+    of: Literal["", "nominal", "torque"] = ""
+
+    def edges(self, nominal: float, torque: float = math.nan) -> tuple[float, float]:
+        """Lowest and highest value, SI, by the nominal value and the greatest torque; NaN where the latter is not known."""
+        whole = {"": 1.0, "nominal": nominal, "torque": torque}[self.of]
+        low, high = sorted((self.low * whole, self.high * whole))
+        return low, high
+
+
 @dataclass(frozen=True, eq=False)
 class Effect:
     """One physical effect of the library. Effects of one name are equal, whatever is free in them.
@@ -200,6 +222,7 @@ class Effect:
         helpers: further equations that these call.
         asked: the diagnosis considers it only where a mapping file asks for it.
         sole_form: its law can have no other form (an offset, a factor, an inertia): what it leaves is none of its own.
+        ranges: where those of its parameters can physically be whose declaration admits more.
         along: signal of which its torque is a function, whatever its form: omega or p_load; empty for no such law.
         prior: log odds against the other effects before a log is seen.
     """
@@ -221,6 +244,7 @@ class Effect:
     helpers: tuple[Callable[..., Any], ...] = ()
     asked: bool = False
     sole_form: bool = False
+    ranges: dict[str, Range] = field(default_factory=dict)
     along: str = ""
     prior: float = 0.0
 

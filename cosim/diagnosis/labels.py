@@ -12,13 +12,16 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.bounds import absurd
 from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.machine import Machine
-from cosim.errors import CosimError
-from cosim.logs import Log
+from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
+from cosim.diagnosis.verdict import Cause
+from cosim.errors import CosimError, DataError
+from cosim.logs import Log, Tracker
 from cosim.signals import SIGNALS
 from cosim.units import factor
 
@@ -30,6 +33,16 @@ SHAPE = 0.8  # correlation with the nominal prediction from which the shape is r
 CLOCK = 0.9  # the same where the clock itself is in question: nothing but the truth comes so near
 MOVES = 0.01  # of a signal's plausible range that the model must predict where a signal is said never to move
 BALANCE = (0.05, 0.2)  # relative error of p_a + p_b = p_supply that is as it should be, and that is not
+FEWEST_BLOCKS = (
+    2  # of which none answers as the model's does, before the log is said to be of another machine
+)
+FEWEST_AT_END = 20  # samples
+AT_END = 0.005  # of all samples: fewer at one end are chance
+REPEATED = (
+    0.02  # of the other samples that may repeat the one before: more are readings in steps, or stale ones
+)
+NOISY = 0.2  # of the other steps that turn back: fewer are a signal without noise
+APART = 0.1  # of its motion that the comparison with a tracker may leave before its label is doubted
 WRAPS = 2  # jumps by a whole turn that make an angle one that wraps
 UNITS = {
     "rad": ("deg", "rad", "rev"),
@@ -80,7 +93,7 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
         machine: the model.
         trusted: its nominal parameters are known; of one whose gains are not only the signs can be held against the log.
     """
-    found = [*still(record, machine), *wrapping(record)]
+    found = [*still(record, machine), *wrapping(record), *saturated(log)]
     if found:
         return found
     groups = merged(machine.groups, record.signals)
@@ -97,7 +110,9 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
         mistakes += [*units(log, record)]
     tried = ((m, shapes(record, m.undone(record.signals), groups)) for m in mistakes)
     right = [(min(abs(r) for _, r in each), m) for m, each in tried if plausible(each, shape)]
-    return [max(right, key=lambda item: item[0])[1].told] if right else exchanged_with_supply(record.signals)
+    if right:
+        return [max(right, key=lambda item: item[0])[1].told]
+    return exchanged_with_supply(record.signals) or (stranger(as_labelled) if trusted else [])
 
 
 def in_range(record: Record, name: str) -> bool:
@@ -233,6 +248,44 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
             yield Contradiction(name, f"{name} never moves", remedy)
 
 
+def stranger(each: list[tuple[float, float]]) -> list[Contradiction]:
+    """A log of another machine: not one of its blocks answers as the model's, however wrong a single one may be."""
+    if len(each) < FEWEST_BLOCKS or any(USUAL[0] <= abs(gain) <= USUAL[1] for gain, _ in each):
+        return []
+    gains = ", ".join(f"{gain:.3g}" for gain, _ in each)
+    finding = f"no block answers as the model's does (gain over the model's, block by block: {gains})"
+    return [Contradiction("all", finding, "check that log, mapping and model are of one machine")]
+
+
+def saturated(log: Log) -> Iterator[Contradiction]:
+    """Readings without a stop of their own that end at one value, exactly, while elsewhere each sample has noise.
+
+    A spool on its stop or a pressure at its relief still shows the noise of its sensor. The slew sensor's own
+    saturation is a cause of the library.
+    """
+    for name in ("spool", "p_a", "p_b"):
+        values = log.signals.get(name)
+        if values is None or values.size < FEWEST_AT_END:
+            continue
+        steps = np.diff(values)
+        ends = (values == values.max()) | (values == values.min())
+        moving = steps[~(ends[1:] & ends[:-1])]
+        for side, end in (("highest", values.max()), ("lowest", values.min())):
+            at = values == end
+            held = at[1:] & at[:-1]
+            if held.sum() < max(FEWEST_AT_END, AT_END * values.size) or moving.size < FEWEST_AT_END:
+                continue
+            # neither readings in steps, nor stale ones, nor a simulation without noise
+            turns = np.mean(np.sign(moving[1:]) * np.sign(moving[:-1]) < 0.0)
+            if np.mean(moving == 0.0) < REPEATED and turns > NOISY:
+                share = 100.0 * float(at.mean())
+                yield Contradiction(
+                    name,
+                    f"{name} saturates: {share:.3g} % of its samples are its {side} value, without noise",
+                    "record with a larger range of the sensor, or leave the column out",
+                )
+
+
 def wrapping(record: Record) -> Iterator[Contradiction]:
     """Angles that jump by a whole turn."""
     for name, values in record.signals.items():
@@ -283,3 +336,44 @@ def clock(
                 )
             ]
     return []
+
+
+def against_tracker(record: Record, tracker: Tracker, seen: TrackerFinding) -> list[Contradiction]:
+    """An external tracker in another unit, of another sign or with another clock than the log.
+
+    Args:
+        record: the log.
+        tracker: the tracker's record.
+        seen: how the two compare as labelled.
+    """
+    strange = next((c for c in seen.causes if impossible_of(c)), None)
+    left = misfit(seen)
+    if strange is None and left < APART:
+        return []
+    for finding, remedy, by in (
+        ("slew_external: looks like rad labelled deg", "label slew_external [rad]", np.pi / 180.0),
+        ("slew_external: looks like deg labelled rad", "label slew_external [deg]", 180.0 / np.pi),
+        ("slew_external looks reversed in sign against slew", "give one of the two the other sign", -1.0),
+    ):
+        try:
+            other = compare_tracker(record, replace(tracker, slew_external=tracker.slew_external / by))
+        except DataError:
+            continue
+        if misfit(other) < min(APART, 0.5 * left) and not any(map(impossible_of, other.causes)):
+            return [Contradiction("slew_external", finding, remedy, by)]
+    if strange is None:
+        return []
+    sizes = ", ".join(f"{p} = {v:.3g}" for p, (v, _) in strange.parameters.items())
+    finding = f"slew and slew_external do not fit together: {strange.effect.name} would be {sizes}"
+    return [Contradiction("slew_external", finding, "check units, signs and clocks of both files")]
+
+
+def impossible_of(cause: Cause) -> bool:
+    """True if what a tracker shows of the slew sensor or its own clock has a size that cannot be."""
+    sizes = {p: value for p, (value, _) in cause.parameters.items()}
+    return absurd(cause.effect, sizes, {"gain": 1.0, "rate": 1.0})
+
+
+def misfit(seen: TrackerFinding) -> float:
+    """What the comparison with a tracker leaves, in parts of how far the tracker sees it move."""
+    return float(np.std(seen.measured - seen.predicted) / max(float(np.std(seen.measured)), 1e-300))

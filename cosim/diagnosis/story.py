@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from cosim.diagnosis.bounds import absurd, greatest_torque
 from cosim.diagnosis.budget import NAMED, SEARCHED, Budget, current
 from cosim.diagnosis.budget import within as within_budget
 from cosim.diagnosis.carried import carried
@@ -21,7 +22,7 @@ from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group, merged
 from cosim.diagnosis.heldout import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
-from cosim.diagnosis.labels import Contradiction, clock, contradictions, rescaled
+from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
 from cosim.diagnosis.naming import Finding, find, rivals, tried
@@ -299,6 +300,30 @@ def concluded(found: Diagnosis) -> None:
         found.verdict = "partly_explained" if found.causes else "interrupted"
 
 
+def not_physical(found: Diagnosis, trust: float) -> bool:
+    """Take the causes of a group back of which one has a size that cannot be; True if there was any."""
+    taken = False
+    for name, finding in found.findings.items():
+        model = finding.task.model
+        own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
+        sizes = [
+            {p: found.values.get(f"{c.effect.component}.{p}", v) for p, (v, _) in c.parameters.items()}
+            for c in own
+        ]
+        off = [{p: model.nominal(f"{c.effect.component}.{p}") for p in c.parameters} for c in own]
+        torque = greatest_torque(model, finding.chosen.fit.values)
+        each = zip(own, sizes, off, strict=True)
+        if not any(absurd(c.effect, size, nominal, torque) for c, size, nominal in each):
+            continue
+        taken = True
+        finding.accept(finding.null, found.record)
+        finding.rivals, finding.confirmed = {}, False
+        found.causes = [c for c in found.causes if c not in own]
+        found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
+    concluded(found)
+    return taken
+
+
 def taken_back(found: Diagnosis, folder: Path, trust: float) -> None:
     """Leave the model as it was where its extension predicts data held out worse: such causes are refused."""
     for name, finding in found.findings.items():
@@ -396,8 +421,7 @@ def diagnose(
     found.held = held
     found.data = list(dict.fromkeys(data))
     if found.data:
-        found.verdict = "implausible_data"
-        found.before = by_twin(found, record, machine.base)
+        contradicted(found, found.data)
         return found
     watch, found.budget = watch or Watch(), budget or Budget()
     try:
@@ -407,6 +431,13 @@ def diagnose(
     except KeyboardInterrupt:
         raise Interrupted(found) from None
     return found
+
+
+def contradicted(found: Diagnosis, data: list[Contradiction]) -> None:
+    """End with labels that the data contradict: no physical cause stands beside them (CONTRACT section 9)."""
+    found.data, found.causes, found.rests, found.never = data, [], [], []
+    found.verdict, found.tracker, found.stage = "implausible_data", None, ""
+    found.before = by_twin(found, found.record, found.machine.base)
 
 
 def used_part(log: Log, machine: Machine, from_start: bool) -> Log:
@@ -429,7 +460,11 @@ def stages(
     watch.plan(planned(found, tracker is not None, folder is not None))
     if tracker is not None:
         enter(found, watch, "tracker", "slew sensor against tracker")
-        take_over(found, compare_tracker(found.record, tracker))
+        seen = compare_tracker(found.record, tracker)
+        if told := against_tracker(found.record, tracker, seen):
+            contradicted(found, told)
+            return
+        take_over(found, seen)
     constants = known_of(found)
     judge(found, trust, constants, watch)
     if tracker is not None and clear_of_lag(found, tracker):
@@ -439,11 +474,13 @@ def stages(
         missing = sorted({s for names in found.unjudged.values() for s in names})
         raise DataError(f"{logs[0].source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
-    concluded(found)
+    not_physical(found, trust)
     current().allow(1.0)
     enter(found, watch, "extended", "extended model")
     with part_of(found.notes, "the fit of all blocks together"):
         estimate(found, found.groups, trust, constants)
+        while not_physical(found, trust):  # what is left stands without them
+            estimate(found, found.groups, trust, constants)
     concluded(found)
     rest = [p for log, part in zip(logs, parts, strict=True) if part is not log for p in others(log, part)]
     if rest and found.budget.gone:

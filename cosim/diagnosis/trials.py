@@ -106,10 +106,15 @@ def unknowns(
             # an effect seen in the samples stays where it was seen: a scale this small holds it there
             scale = 1e-12 if effect.name in SAMPLED else free.scale
             low, high = variable.low, variable.high
+            known = name in model.group.trusted
             # however wrong, it has the order of magnitude that it is trusted to have
-            if name in model.group.trusted:
+            if known:
                 _, least, most = model.trust(name, tolerance)
                 low, high = max(low, least), min(high, most)
+            # where nobody knows the nominal value, parts of it are no bound
+            if parameter in effect.ranges and not (known and tolerance >= FREE):
+                least, most = effect.ranges[parameter].edges(nominal)
+                low, high = float(np.fmax(low, least)), float(np.fmin(high, most))
             if parameter in effect.forms:
                 low, high = max(low, nominal - FORMED * free.scale), min(high, nominal + FORMED * free.scale)
             # where the period is sought, too, it goes straight with the phase, and bent with sine and cosine
@@ -118,8 +123,8 @@ def unknowns(
             found[name] = Unknown(name, nominal, scale, low, high, amplitude=amplitude)
             # a small size is always tried: from there a weak effect, or none, is soon found
             off = nominal if free.floor == 0.0 else nominal + SMALL * free.scale
-            known = parameter in effect.parameters and free.floor == 0.0
-            starts[name] = free.starts if known else tuple(dict.fromkeys((off, *free.starts)))
+            listed = parameter in effect.parameters and free.floor == 0.0
+            starts[name] = free.starts if listed else tuple(dict.fromkeys((off, *free.starts)))
     return list(found.values()), starts
 
 

@@ -1,6 +1,6 @@
 """Lower effective bulk modulus."""
 
-from fmus.contract import Effect, Free, Variable, equation
+from fmus.contract import Effect, Free, Range, Variable, equation
 
 
 @equation
@@ -28,4 +28,11 @@ EFFECT = Effect(
     },
     free={"c_beta": Free(starts=(0.2, 1.0), scale=0.3, floor=0.01)},
     fills={"time_constant": compressibility_time_constant},
+    ranges={
+        "c_beta": Range(
+            -0.5,
+            20.0,
+            "without air and hoses oil is about twice as stiff; with a tenth of air by volume some twenty times softer: Merritt, Hydraulic Control Systems, 1967, section 2-5",
+        )
+    },
 )

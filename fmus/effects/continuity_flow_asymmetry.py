@@ -1,6 +1,6 @@
 """The flow gain differs between the two directions."""
 
-from fmus.contract import Effect, Free, Variable, equation
+from fmus.contract import Effect, Free, Range, Variable, equation
 
 
 @equation
@@ -30,4 +30,5 @@ EFFECT = Effect(
     free={"a_q": Free(starts=(-0.1, 0.1), scale=0.1, floor=0.003)},
     fills={"opening": asymmetry_opening},
     sole_form=True,
+    ranges={"a_q": Range(-0.6, 0.6, "areas and edges of a pair of ports differ by a factor of four at most")},
 )

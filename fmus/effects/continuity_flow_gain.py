@@ -1,6 +1,6 @@
 """Pressure per spool opening differs from nominal."""
 
-from fmus.contract import Effect, Free
+from fmus.contract import Effect, Free, Range
 
 EFFECT = Effect(
     name="continuity.flow_gain",
@@ -10,4 +10,5 @@ EFFECT = Effect(
     key="K_c",
     free={"K_c": Free(starts=(4.5e8, 6.2e8), scale=0.6e8)},
     sole_form=True,
+    ranges={"K_c": Range(0.2, 5.0, "beyond it is another valve or another unit", of="nominal")},
 )

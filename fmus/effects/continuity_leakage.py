@@ -2,7 +2,7 @@
 
 import math
 
-from fmus.contract import Effect, Free, Variable, equation
+from fmus.contract import Effect, Free, Range, Variable, equation
 
 
 @equation
@@ -53,4 +53,11 @@ EFFECT = Effect(
     free={"c_l": Free(starts=(0.1, 0.4), scale=0.2, floor=0.01)},
     forms={"k_t": Free(starts=(1e-6, 1e-5, 1e-4), scale=1e-5, floor=1e-7)},
     fills={"static_gain": leakage_gain, "time_constant": leakage_time_constant, "lost_opening": leakage_lost},
+    ranges={
+        "c_l": Range(
+            0.0,
+            10.0,
+            "a gap adds to the leakage there is; with eleven times that no pressure is left to drive with",
+        )
+    },
 )

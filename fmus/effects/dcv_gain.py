@@ -1,6 +1,6 @@
 """The valve's spool travel per command differs from nominal."""
 
-from fmus.contract import Effect, Free
+from fmus.contract import Effect, Free, Range
 
 EFFECT = Effect(
     name="dcv.gain",
@@ -10,4 +10,5 @@ EFFECT = Effect(
     key="K",
     free={"K": Free(starts=(2.2e-3, 2.6e-3), scale=0.2e-3, floor=0.0)},
     sole_form=True,
+    ranges={"K": Range(0.2, 5.0, "beyond it is another valve or another unit", of="nominal")},
 )

@@ -1,6 +1,6 @@
 """A torque that is always there, in one direction."""
 
-from fmus.contract import Effect, Free
+from fmus.contract import Effect, Free, Range
 
 EFFECT = Effect(
     name="mechanical.constant_load",
@@ -11,4 +11,12 @@ EFFECT = Effect(
     free={"tau_load": Free(starts=(-100.0, 100.0), scale=100.0, floor=3.0)},
     sole_form=True,
     prior=-1.0,  # where viscous friction alone holds the drive, a drift of the sensor looks the same and is met more often
+    ranges={
+        "tau_load": Range(
+            -5.0,
+            5.0,
+            "a drive holds its load: beyond a few times its greatest torque it would be carried off",
+            of="torque",
+        )
+    },
 )

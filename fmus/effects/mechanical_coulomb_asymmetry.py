@@ -2,7 +2,7 @@
 
 import math
 
-from fmus.contract import Effect, Free, Variable, equation
+from fmus.contract import Effect, Free, Range, Variable, equation
 
 
 @equation
@@ -33,4 +33,12 @@ EFFECT = Effect(
     free={"tau_d": Free(starts=(-30.0, 30.0), scale=30.0, floor=3.0)},
     fills={"friction_level": asymmetric_level},
     asked=True,
+    ranges={
+        "tau_d": Range(
+            -5.0,
+            5.0,
+            "a drive that moves overcomes it: beyond a few times its greatest torque it would stand",
+            of="torque",
+        )
+    },
 )

@@ -1,6 +1,6 @@
 """Constant friction torque against motion, with true sticking."""
 
-from fmus.contract import Effect, Free
+from fmus.contract import Effect, Free, Range
 
 EFFECT = Effect(
     name="mechanical.coulomb_friction",
@@ -14,4 +14,12 @@ EFFECT = Effect(
         "z_s": Free(starts=(2e-5, 1e-4), scale=2e-5, floor=2e-6),
     },
     along="omega",
+    ranges={
+        "tau_c": Range(
+            -5.0,
+            5.0,
+            "a drive that moves overcomes it: beyond a few times its greatest torque it would stand",
+            of="torque",
+        )
+    },
 )

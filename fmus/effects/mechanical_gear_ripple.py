@@ -2,7 +2,7 @@
 
 import math
 
-from fmus.contract import QUARTER, Effect, Free, Variable, equation
+from fmus.contract import QUARTER, Effect, Free, Range, Variable, equation
 
 
 @equation
@@ -52,4 +52,12 @@ EFFECT = Effect(
         "phi_r": Free(starts=(0.0, QUARTER), scale=1.0, phase=True),
     },
     fills={"load_torque": ripple_torque},
+    ranges={
+        "tau_r": Range(
+            -5.0,
+            5.0,
+            "a drive holds its load: beyond a few times its greatest torque it would be carried off",
+            of="torque",
+        )
+    },
 )

@@ -2,7 +2,7 @@
 
 import math
 
-from fmus.contract import QUARTER, Effect, Free, Variable, equation
+from fmus.contract import QUARTER, Effect, Free, Range, Variable, equation
 
 
 @equation
@@ -43,4 +43,12 @@ EFFECT = Effect(
     },
     fills={"load_torque": gravity_torque},
     sole_form=True,
+    ranges={
+        "tau_g": Range(
+            -5.0,
+            5.0,
+            "a drive holds its load: beyond a few times its greatest torque it would be carried off",
+            of="torque",
+        )
+    },
 )

@@ -2,7 +2,7 @@
 
 import math
 
-from fmus.contract import Effect, Free, Variable, equation
+from fmus.contract import Effect, Free, Range, Variable, equation
 from fmus.effects.mechanical_coulomb_friction import EFFECT as COULOMB
 
 
@@ -59,4 +59,18 @@ EFFECT = Effect(
     forms={**COULOMB.forms, "delta": Free(starts=(1.0, 0.6), scale=0.5, floor=0.1)},
     along="omega",
     fills={"friction_level": stribeck_level},
+    ranges={
+        "tau_c": Range(
+            -5.0,
+            5.0,
+            "a drive that moves overcomes it: beyond a few times its greatest torque it would stand",
+            of="torque",
+        ),
+        "tau_s": Range(
+            -5.0,
+            5.0,
+            "a drive that moves overcomes it: beyond a few times its greatest torque it would stand",
+            of="torque",
+        ),
+    },
 )

@@ -1,6 +1,6 @@
 """A wrong scale of the slew sensor."""
 
-from fmus.contract import Effect, Free
+from fmus.contract import Effect, Free, Range
 
 EFFECT = Effect(
     name="sensor.gain",
@@ -10,4 +10,12 @@ EFFECT = Effect(
     key="gain",
     free={"gain": Free(starts=(0.95, 1.05), scale=0.05, floor=0.002)},
     sole_form=True,
+    ranges={
+        "gain": Range(
+            0.5,
+            2.0,
+            "a sensor is scaled to show its range; beyond it is another unit, and below zero another sign",
+            of="nominal",
+        )
+    },
 )

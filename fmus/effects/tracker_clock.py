@@ -1,6 +1,6 @@
 """The tracker's clock has its own zero and rate."""
 
-from fmus.contract import Effect, Free, Variable
+from fmus.contract import Effect, Free, Range, Variable
 
 EFFECT = Effect(
     name="tracker.clock",
@@ -24,5 +24,12 @@ EFFECT = Effect(
     free={
         "offset": Free(starts=(-0.5, 0.0, 0.5), scale=0.2, floor=0.001),
         "rate": Free(starts=(1.0,), scale=1e-4),
+    },
+    ranges={
+        "rate": Range(
+            0.9,
+            1.1,
+            "clocks agree to parts in ten thousand, frame rates to a few per cent; beyond it is another unit",
+        )
     },
 )

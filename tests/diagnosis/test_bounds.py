@@ -5,10 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cosim.diagnosis.bounds import beyond, impossible
+from benchmarks.labels import MISTAKES
+from cosim.diagnosis import story
+from cosim.diagnosis.bounds import absurd, beyond, impossible
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import left_out
 from cosim.diagnosis.naming import tried
+from cosim.rig import make_log
+from cosim.rig.write import as_log
 from fmus import registry
 from tests.diagnosis.hidden_logs import told
 
@@ -48,3 +52,39 @@ def test_an_effect_that_ends_at_its_off_value_is_only_absent() -> None:
     trial = tried(finding.task, (friction,), 0.01, finding.null.fit)
     assert np.isfinite(trial.fit.log_likelihood)
     assert impossible(trial, finding.task.model) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "sizes", "nominal", "wanted"),
+    [
+        ("continuity.leakage", {"c_l": -0.46}, {"c_l": 0.0}, True),
+        ("continuity.leakage", {"c_l": 0.0}, {"c_l": 0.0}, False),
+        ("continuity.leakage", {"c_l": 0.7}, {"c_l": 0.0}, False),
+        ("sensor.gain", {"gain": 0.069}, {"gain": 1.0}, True),
+        ("sensor.gain", {"gain": 57.3}, {"gain": 1.0}, True),
+        ("sensor.gain", {"gain": -1.0}, {"gain": 1.0}, True),
+        ("sensor.gain", {"gain": 2.0}, {"gain": 1.0}, True),
+        ("sensor.gain", {"gain": 1.12}, {"gain": 1.0}, False),
+        ("mechanical.coulomb_friction", {"tau_c": 14670.0}, {"tau_c": 0.0}, True),
+        ("mechanical.coulomb_friction", {"tau_c": 280.0}, {"tau_c": 0.0}, False),
+    ],
+)
+def test_a_size_beyond_or_at_the_edge_of_its_range_cannot_be(name, sizes, nominal, wanted) -> None:
+    assert absurd(registry.effects()[name], sizes, nominal, torque=470.0) == wanted
+
+
+def test_a_torque_is_held_against_nothing_where_the_drive_is_not_known() -> None:
+    assert not absurd(registry.effects()["mechanical.coulomb_friction"], {"tau_c": 1e6}, {"tau_c": 0.0})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", ["psi labelled bar", "deg labelled rad", "rad labelled deg"])
+def test_no_absurd_cause_is_named_even_where_nobody_looks_at_the_labels(
+    mistake: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for check in ("contradictions", "clock"):
+        monkeypatch.setattr(story, check, lambda *_: [])
+    log = as_log(make_log("mixed", 21.0, [], seed=3))
+    found = story.diagnose(MISTAKES[mistake][0](log, np.random.default_rng(0)))
+    assert found.verdict == "unexplained"
+    assert found.causes == []

@@ -2,14 +2,18 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.labels import MISTAKES, changed, said
 from cosim.diagnosis.answer import answer
-from cosim.diagnosis.story import diagnose
-from cosim.logs import Log
+from cosim.diagnosis.labels import against_tracker, contradictions, saturated, stranger
+from cosim.diagnosis.machine import our_machine
+from cosim.diagnosis.story import diagnose, prepare
+from cosim.diagnosis.tracker import compare_tracker
+from cosim.logs import Log, Tracker
 from cosim.report.deliver import delivered
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -64,9 +68,55 @@ def test_the_finding_is_the_verdict_and_nothing_physical_stands_beside_it(log: L
 
 def test_signs_are_all_that_is_asked_of_a_machine_whose_gains_are_not_known(log: Log) -> None:
     scaled = replace(log, signals=log.signals | {"slew": 30.0 * log.signals["slew"]})
-    from cosim.diagnosis.labels import contradictions
-    from cosim.diagnosis.machine import our_machine
-    from cosim.diagnosis.story import prepare
-
     machine = our_machine("full_order")
     assert contradictions(scaled, prepare(scaled, machine), machine, trusted=False) == []
+
+
+def tracker_of(log: Log, by: float) -> Tracker:
+    """A tracker's record of a log in which every angle is larger by a factor."""
+    time = np.arange(2.0, 19.0, 0.04)
+    return Tracker(
+        time=time,
+        slew_external=by * np.interp(time, log.time, log.signals["slew"]),
+        valid=np.ones(time.size, bool),
+        source=Path("tracker.csv"),
+        warnings=(),
+        synthetic=True,
+        sha256="",
+    )
+
+
+@pytest.mark.parametrize(
+    ("by", "finding"),
+    [
+        (np.pi / 180.0, "slew_external: looks like rad labelled deg"),
+        (180.0 / np.pi, "slew_external: looks like deg labelled rad"),
+        (-1.0, "slew_external looks reversed in sign against slew"),
+    ],
+)
+def test_a_tracker_with_a_wrong_label_is_the_verdict(log: Log, by: float, finding: str) -> None:
+    found = diagnose(log, tracker=tracker_of(log, by))
+    assert found.verdict == "implausible_data"
+    assert [(d.signal, d.finding) for d in found.data] == [("slew_external", finding)]
+    assert found.causes == []
+
+
+def test_a_tracker_with_a_right_label_is_left_alone(log: Log) -> None:
+    record = prepare(log, our_machine("full_order"))
+    tracker = tracker_of(log, 1.06)
+    assert against_tracker(record, tracker, compare_tracker(record, tracker)) == []
+
+
+@pytest.mark.parametrize(
+    "hidden", ["dcv.stroke_limit:x_max=1.0 mm,x_min=-1.0 mm", "sensor.dropout:p_drop=0.4"]
+)
+def test_a_stop_with_a_noisy_sensor_and_stale_samples_are_no_saturation(hidden: str) -> None:
+    assert list(saturated(as_log(make_log("mixed", 21.0, [hidden], seed=6)))) == []
+
+
+def test_a_log_all_of_whose_blocks_are_off_is_of_another_machine_and_one_of_them_is_not() -> None:
+    (told,) = stranger([(5.0, 0.9), (0.1, 0.99), (12.0, 0.95)])
+    assert told.signal == "all"
+    assert stranger([(5.0, 0.9), (1.1, 0.99), (12.0, 0.95)]) == []
+    assert stranger([(5.0, 0.9)]) == []
+    assert stranger([(0.255, 0.9), (-1.05, 0.99), (-0.93, 0.99)]) == []
