@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from cosim.master import Runner
+from cosim.native.package import swapped
 from cosim.paths import ssp_folder
 from cosim.ssp.write import write_ssp
-from fmus.native.package import swapped
 
 STEP = 1e-3  # s
 

@@ -23,12 +23,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks.runner import machine
 from cosim.console import stdout_console, table
 from cosim.master import Runner, engine
+from cosim.native.build import FLAGS, OPTIMISED, compiler, write_fmu
+from cosim.native.container import container
+from cosim.native.package import write_native_ssp
 from cosim.paths import ssp_folder
 from cosim.ssp.stimulus import default_command
 from cosim.ssp.write import write_ssp
-from fmus.native.build import FLAGS, OPTIMISED, compiler, write_fmu
-from fmus.native.container import container
-from fmus.native.package import write_native_ssp
 
 Array = NDArray[np.float64]
 H = 1e-3

@@ -51,7 +51,7 @@ def build(
         messages.print(f"  {file.relative_to(folder)}  {size:.0f} KiB", markup=False, soft_wrap=True)
 
     if native:
-        from fmus.native.everything import build_everything_native as build_everything
+        from cosim.native.everything import build_everything_native as build_everything
     files = build_everything(folder, stimulus, report)
     seconds = time.perf_counter() - began
     number = sum(map(len, files.values()))

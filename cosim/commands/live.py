@@ -187,8 +187,8 @@ def _system(stack: contextlib.ExitStack, model: str, settings: list[str]) -> "Pl
     """A system of FMUs, native ones where there is a compiler."""
     from cosim.commands.simulate import native_or_not
     from cosim.live.crane import SystemPlant
+    from cosim.native.build import MissingCompilerError, compiler
     from cosim.request import model_path
-    from fmus.native.build import MissingCompilerError, compiler
 
     path = model_path(model, with_input=True)
     try:

@@ -183,8 +183,8 @@ def native_or_not(path: Path, native: bool) -> "Iterator[Path]":
     if not native:
         yield path
         return
+    from cosim.native.package import swapped
     from cosim.ssp.archive import scratch_folder
-    from fmus.native.package import swapped
 
     folder, _ = scratch_folder()
     with folder:

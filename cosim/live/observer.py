@@ -38,9 +38,9 @@ class NativeObserver:
 
     def __init__(self) -> None:
         from cosim.master.instance import DoStep, Instance, SetGetReal
+        from cosim.native.build import build_native
         from cosim.ssp.read import read_system
         from fmus.build import composed_block
-        from fmus.native.build import build_native
 
         self._folder = tempfile.mkdtemp(prefix="live_")
         self._system: Any = None

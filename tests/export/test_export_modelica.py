@@ -218,9 +218,9 @@ def test_command_writes_package_and_script(built, tmp_path, capsys):
 @pytest.fixture(scope="session")
 def native(tmp_path_factory):
     """A closed package of native FMUs, which need no Python."""
+    from cosim.native.package import write_native_ssp
     from cosim.paths import ssp_folder
     from cosim.ssp.stimulus import stimulus_csv
-    from fmus.native.package import write_native_ssp
 
     if shutil.which("cc") is None:
         pytest.skip("there is no C compiler")

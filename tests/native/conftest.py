@@ -13,12 +13,12 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "clients"))
 from fmpy import extract
 from fmu_raw import STIMULUS
 
+from cosim.native import build as native_build
+from cosim.native.build import MissingCompilerError, build_native, compiler, write_fmu
+from cosim.native.container import container
 from cosim.paths import ssp_folder
 from fmus import registry
 from fmus.build import composed_block
-from fmus.native import build as native_build
-from fmus.native.build import MissingCompilerError, build_native, compiler, write_fmu
-from fmus.native.container import container
 
 QUICK = "-O1 -Wall -Wextra -pedantic -Werror"
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from fmus.native.build import FLAGS, compiler
-from fmus.native.function import Function
-from fmus.native.kinds import ARRAY, REAL, Kind, Struct
+from cosim.native.build import FLAGS, compiler
+from cosim.native.function import Function
+from cosim.native.kinds import ARRAY, REAL, Kind, Struct
 
-SOURCE = Path(__file__).resolve().parents[2] / "fmus" / "native" / "c"
+SOURCE = Path(__file__).resolve().parents[2] / "cosim" / "native" / "c"
 RAISES = {
     ZeroDivisionError: "PY_DIVISION",
     OverflowError: "PY_RANGE",

@@ -10,10 +10,10 @@ from fmu_raw import ERROR, OK, Instance
 
 from cosim.errors import ModelError, UsageError
 from cosim.master import Runner
+from cosim.native.build import write_fmu
+from cosim.native.container import LONGEST, container
+from cosim.native.package import write_native_ssp
 from cosim.paths import ssp_folder
-from fmus.native.build import write_fmu
-from fmus.native.container import LONGEST, container
-from fmus.native.package import write_native_ssp
 
 H = 1e-3
 STEPS = 1500

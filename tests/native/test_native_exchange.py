@@ -12,9 +12,9 @@ from fmpy.fmi2 import FMU2Model, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmu_raw import ERROR, OK, Instance
 from scipy.integrate import solve_ivp
 
+from cosim.native.exchange import EXCHANGE
 from fmus import registry
 from fmus.build import composed_block
-from fmus.native.exchange import EXCHANGE
 
 
 class Exchanged:

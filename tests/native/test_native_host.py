@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description
 
-from fmus.native.build import compiler
+from cosim.native.build import compiler
 
 HOST = Path(__file__).resolve().parent / "host.c"
 CHECKED = ["-std=c99", "-O1", "-g", "-ffp-contract=off", "-Wall", "-Wextra", "-pedantic", "-Werror"]

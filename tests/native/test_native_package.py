@@ -21,12 +21,12 @@ from typer.testing import CliRunner, Result
 from cosim.cli import make_app
 from cosim.errors import ModelError, UsageError
 from cosim.master import Runner
+from cosim.native import build as native_build
+from cosim.native.container import container
+from cosim.native.package import swapped, values_of, write_native_ssp
 from cosim.paths import ssp_folder
 from cosim.ssp.stimulus import stimulus_csv
 from cosim.ssp.write import write_archive, write_ssp
-from fmus.native import build as native_build
-from fmus.native.container import container
-from fmus.native.package import swapped, values_of, write_native_ssp
 
 __all__ = [
     "engine",

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_fmu_refusals import SAYS
 
+from cosim.native.build import build_native
 from fmus.build import composed_block
-from fmus.native.build import build_native
 
 # states of the twin are JSON; here they are damaged byte by byte
 USES = {

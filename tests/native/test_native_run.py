@@ -27,10 +27,10 @@ from test_fmu_run import (  # the tests themselves, with this folder's fixtures
 )
 
 from cosim.errors import UsageError
+from cosim.native.build import build_native, entries
+from cosim.native.model import single
 from fmus.build import composed_block
 from fmus.describe import model_description
-from fmus.native.build import build_native, entries
-from fmus.native.model import single
 
 __all__ = [
     "test_a_state_restored_continues_bit_for_bit",

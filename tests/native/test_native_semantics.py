@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from native_bench import Library, translated
 
 from cosim.errors import ModelError
+from cosim.native.kinds import ARRAY, REAL
+from cosim.native.translate import Program
 from fmus import registry
 from fmus.compose import compose
 from fmus.contract import Effect, Variable, equation
-from fmus.native.kinds import ARRAY, REAL
-from fmus.native.translate import Program
 
 # functions of two numbers, written as an author of effects might
 

@@ -9,8 +9,8 @@ import pytest
 from fmpy import read_model_description
 from test_native_host import CHECKED, sanitizers
 
+from cosim.native.build import compiler
 from fmus import registry
-from fmus.native.build import compiler
 
 PROGRAM = Path(__file__).resolve().parent / "sequences.c"
 CALLS = 20_000

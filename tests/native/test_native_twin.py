@@ -16,13 +16,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.master import Runner
+from cosim.native.package import write_native_ssp
 from cosim.paths import ssp_folder
 from cosim.ssp.stimulus import default_command, stimulus_csv
 from cosim.ssp.write import write_ssp
 from fmus import registry
 from fmus.build import composed_block
 from fmus.compose import Composed
-from fmus.native.package import write_native_ssp
 
 EXACT = 1e-12  # of the range; the compiler keeps every operation, so that the numbers are the same but for libm's last bit
 ROWS = [[float(cell) for cell in row.split(",")] for row in STIMULUS.decode().splitlines()[1:]]

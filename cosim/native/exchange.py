@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from lxml import etree
 from lxml.builder import E
 
+from cosim.native.glue import function
+from cosim.native.kinds import c_name, real_text
+from cosim.native.model import Model, buffers
+from cosim.native.translate import Program
 from cosim.units import base_exponents
 from fmus.contract import Variable
 from fmus.describe import scalar_variable, unit_definitions
-from fmus.native.glue import function
-from fmus.native.kinds import c_name, real_text
-from fmus.native.model import Model, buffers
-from fmus.native.translate import Program
 
 
 @dataclass(frozen=True)

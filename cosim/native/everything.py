@@ -6,12 +6,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from cosim.errors import UsageError
+from cosim.native.build import compiler, write_fmu
+from cosim.native.container import container
+from cosim.native.package import native_bytes, write_native_ssp
 from cosim.paths import ssp_folder
 from cosim.ssp.build import LOOPS, SYSTEMS, write_file
 from cosim.ssp.write import STIMULUS
-from fmus.native.build import compiler, write_fmu
-from fmus.native.container import container
-from fmus.native.package import native_bytes, write_native_ssp
 from fmus.registry import BLOCKS
 
 Report = Callable[[Path], None]

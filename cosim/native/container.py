@@ -11,13 +11,13 @@ from lxml import etree
 
 from cosim.errors import ModelError, UsageError
 from cosim.master.order import Order, step_order
+from cosim.native.model import Model, Part, Row, Wire
 from cosim.ssp import system
 from cosim.ssp.write import NAMESPACES, STIMULUS, Values, read_values, read_xml
 from fmus import registry
 from fmus.build import checked_starts, composed_block
 from fmus.compose import Composed
 from fmus.contract import Variable
-from fmus.native.model import Model, Part, Row, Wire
 
 LONGEST = 55  # characters that Simulink takes for a parameter
 

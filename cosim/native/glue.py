@@ -1,7 +1,7 @@
 """The C functions between the FMI calls and the translated equations: initialisation, a step, saving and restoring."""
 
-from fmus.native.kinds import c_name, real_text
-from fmus.native.model import Model, Part, buffers, numbers
+from cosim.native.kinds import c_name, real_text
+from cosim.native.model import Model, Part, buffers, numbers
 
 MOST_SWEEPS = 200  # as in cosim.master.engine
 

@@ -4,9 +4,9 @@ import ast
 from collections import Counter
 from collections.abc import Sequence
 
-from fmus.native.calls import Calls
-from fmus.native.expressions import RefusedError
-from fmus.native.kinds import AND, ATOM, NONE, NUMBERS, WHOLE, Kind, Struct, Value, c_name, joined
+from cosim.native.calls import Calls
+from cosim.native.expressions import RefusedError
+from cosim.native.kinds import AND, ATOM, NONE, NUMBERS, WHOLE, Kind, Struct, Value, c_name, joined
 from fmus.syntax import parsed
 
 

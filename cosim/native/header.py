@@ -1,9 +1,9 @@
 """The C text of a model: model.h, which the rest of the sources builds upon."""
 
-from fmus.native import exchange
-from fmus.native.glue import Glue
-from fmus.native.kinds import c_name, real_text
-from fmus.native.model import HELD, Model, buffers, inner_inputs, numbers, room
+from cosim.native import exchange
+from cosim.native.glue import Glue
+from cosim.native.kinds import c_name, real_text
+from cosim.native.model import HELD, Model, buffers, inner_inputs, numbers, room
 
 
 def header(model: Model, guid: str) -> str:

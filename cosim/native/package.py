@@ -11,13 +11,13 @@ from lxml import etree
 
 from cosim.errors import ModelError, UsageError
 from cosim.files import write_bytes
+from cosim.native.build import TOOL, build_native
 from cosim.ssp.archive import open_archive, read_entry
 from cosim.ssp.write import NAMESPACES, STIMULUS, Values, changed, values_xml, write_archive, write_ssp
 from cosim.ssp.xml import parse
 from fmus import registry
 from fmus.build import checked_starts, composed_block
 from fmus.compose import Composed
-from fmus.native.build import TOOL, build_native
 
 PYTHON_TOOL = "slew-cosim with pythonfmu"
 

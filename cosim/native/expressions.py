@@ -4,7 +4,7 @@ import ast
 import math
 from collections.abc import Callable, Sequence
 
-from fmus.native.kinds import (
+from cosim.native.kinds import (
     AND,
     ARRAY,
     ARRAYS,

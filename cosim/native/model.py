@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from cosim.native.kinds import c_name
+from cosim.native.translate import Program
 from fmus.compose import Composed
 from fmus.contract import Buffer, Variable
 from fmus.describe import table
-from fmus.native.kinds import c_name
-from fmus.native.translate import Program
 
 # inputs that the equations hold over a step; all others reach their value at the step's end
 HELD = {"dcv": ("demand",), "simplified": ("command",), "observer": ("u",)}

@@ -21,14 +21,14 @@ from lxml.builder import E
 from cosim import trust
 from cosim.errors import CosimError, ModelError
 from cosim.files import whole, write_bytes
+from cosim.native.exchange import extended
+from cosim.native.header import header
+from cosim.native.model import Model, single
+from cosim.native.page import page
 from cosim.paths import cache_folder
 from fmus.build import ARCHIVE_DATE, PICTURES, checked_starts
 from fmus.compose import Composed
 from fmus.describe import described
-from fmus.native.exchange import extended
-from fmus.native.header import header
-from fmus.native.model import Model, single
-from fmus.native.page import page
 
 TOOL = "slew-cosim, native"
 OWN = ("fmu.c", "exchange.h", "instance.h", "rates.h", "saved.h", "semantics.h", "stepping.h", "tables.h")
@@ -76,7 +76,7 @@ def release(command: tuple[str, ...]) -> str:
 
 def sources(model: Model, guid: str) -> dict[str, bytes]:
     """C files of an FMU by name."""
-    own = {name: (files("fmus.native") / "c" / name).read_bytes() for name in OWN}
+    own = {name: (files("cosim.native") / "c" / name).read_bytes() for name in OWN}
     folder = Path(fmpy.__file__).parent / "c-code"
     standard = {name: (folder / name).read_bytes().replace(b"\r\n", b"\n") for name in STANDARD}
     return own | standard | {"model.h": header(model, guid).encode()}

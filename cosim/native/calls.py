@@ -4,8 +4,8 @@ import ast
 import math
 from collections.abc import Sequence
 
-from fmus.native.expressions import FAILING, SAFE, TESTS, Expressions, RefusedError
-from fmus.native.kinds import ARRAY, EQUALITY, PRODUCT, REAL, TRUTH, WHOLE, Value, real_text
+from cosim.native.expressions import FAILING, SAFE, TESTS, Expressions, RefusedError
+from cosim.native.kinds import ARRAY, EQUALITY, PRODUCT, REAL, TRUTH, WHOLE, Value, real_text
 
 
 class Calls(Expressions):

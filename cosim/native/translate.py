@@ -11,11 +11,11 @@ import re
 from collections.abc import Sequence
 
 from cosim.errors import ModelError
+from cosim.native.expressions import FAILING, SAFE, TESTS, RefusedError
+from cosim.native.function import Function
+from cosim.native.kinds import ARRAY, ARRAYS, REAL, Kind, Struct, c_name
 from fmus.compose import Composed
 from fmus.contract import Buffer
-from fmus.native.expressions import FAILING, SAFE, TESTS, RefusedError
-from fmus.native.function import Function
-from fmus.native.kinds import ARRAY, ARRAYS, REAL, Kind, Struct, c_name
 from fmus.syntax import parsed
 
 LAYOUTS = ("Input", "Output", "State", "Memory", "Parameters", "Coefficients")

@@ -4,9 +4,9 @@ import ast
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from fmus.native.expressions import RefusedError
-from fmus.native.kinds import NONE, Kind, Struct, Value, c_name
-from fmus.native.statements import Statements
+from cosim.native.expressions import RefusedError
+from cosim.native.kinds import NONE, Kind, Struct, Value, c_name
+from cosim.native.statements import Statements
 
 PASSES = 12  # kinds settle in two or three
 

@@ -3,8 +3,8 @@
 from lxml import etree, html
 from lxml.builder import E
 
+from cosim.native.model import Model
 from fmus.describe import documentation
-from fmus.native.model import Model
 
 COMPILE = (
     "No Python is needed. To compile for another platform, in the folder sources: "
