@@ -45,11 +45,11 @@ def diagnosed(logs, tmp_path_factory):
 
 
 @pytest.fixture(params=["diagnose", "report", "export", "identify", "calibrate", "rig"])
-def words(request, logs, diagnosed, packages, tmp_path):
+def words(request, logs, packages, tmp_path):
     """A command line, and the folder into which it writes."""
     out = tmp_path / "out"
     if request.param == "report":
-        shutil.copytree(diagnosed, out)
+        shutil.copytree(request.getfixturevalue("diagnosed"), out)
     return {
         "diagnose": ["diagnose", logs["wrong"], "--out", out],
         "report": ["report", out],
@@ -129,7 +129,8 @@ def test_ended_at_any_moment_each_file_is_old_or_new(words, how):
     line, out = words
     begun = time.monotonic()
     process = child(line)
-    assert process.wait(300) == 0, process.communicate()[1]
+    _, said = process.communicate(timeout=300)
+    assert process.returncode == 0, said
     lasted = time.monotonic() - begun
     good = sizes(out)
     chance = random.Random(f"{line[0]} {how}")
