@@ -74,6 +74,19 @@ def test_refused_then_no_step_then_reset(unpacked, block, use) -> None:
     slave.close()
 
 
+@pytest.mark.parametrize(
+    ("variable", "value"), [("form", 6.8e38), ("form", 4.0), ("m_r", -1.0), ("command", 1e6)]
+)
+def test_a_state_with_what_no_setter_takes_is_refused(unpacked, variable, value) -> None:
+    """An Integer of 6.8e38 would be undefined behaviour where it is read."""
+    slave = Instance(unpacked["dead_zone"], "bounds", logging=False)
+    slave.initialise()
+    restore = damaged(VALUES + 8 * slave.vr[variable], struct.pack("d", value))
+    assert restore(slave) == ERROR
+    assert "it holds values beyond their bounds" in slave.messages[0]
+    slave.close()
+
+
 def test_integers_have_calls_of_their_own(unpacked) -> None:
     slave = Instance(unpacked["dead_zone"])
     form = [slave.vr["form"]]

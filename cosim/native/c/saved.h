@@ -33,7 +33,7 @@ static void save(Instance *I, Saved *s) {
 /* What keeps a saved state from being restored, or NULL. */
 static const char *flaw(const Saved *s) {
     const double *d = s->derivatives[0];
-    int k, bad = !isfinite(s->time) || !isfinite(s->step) || s->step <= 0.0;
+    int k, beyond = 0, bad = !isfinite(s->time) || !isfinite(s->step) || s->step <= 0.0;
     if (s->magic != MAGIC || strcmp(s->guid, MODEL_GUID) != 0) {
         return "it was not saved by " MODEL_NAME " " MODEL_GUID " on a platform like this";
     }
@@ -42,6 +42,9 @@ static const char *flaw(const Saved *s) {
     }
     for (k = 0; k < N_VARIABLES; k++) {
         bad = bad || !isfinite(s->values[k]);
+        /* what no setter takes no state may bring in either: an Integer is read back as one */
+        beyond = beyond || ((model_kinds[k] == INPUT || model_kinds[k] == PARAMETER) &&
+                            !(model_lows[k] <= s->values[k] && s->values[k] <= model_highs[k]));
     }
     for (k = 0; k < (N_INPUTS + 1) * ORDERS; k++) {
         bad = bad || !isfinite(d[k]);
@@ -49,7 +52,7 @@ static const char *flaw(const Saved *s) {
     for (k = 0; k < N_NUMBERS; k++) {
         bad = bad || !isfinite(s->numbers[k]);
     }
-    return bad ? "it holds values that are no numbers" : NULL;
+    return bad ? "it holds values that are no numbers" : beyond ? "it holds values beyond their bounds" : NULL;
 }
 
 /* Everything is checked before anything is changed, so that a damaged state changes nothing. */
