@@ -112,7 +112,7 @@ def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
         effect=action.effect,
         block=action.port.component,
         component=action.port.component,
-        connector=action.port.variable if action.effect != PARAMETER else None,
+        connector=action.port.variable,
         parameter=action.port.variable if action.effect == PARAMETER else None,
         where=told.where or None,
         parameters=numbers(found, finding, action),
@@ -158,7 +158,7 @@ def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, 
         reach = 1.96 * fit.deviation(name)
         value = fit.values[name]
         unit = found.system.variable(action.port).unit or "1"
-        return {"value": Parameter(value=value, unit=unit, ci95=(value - reach, value + reach))}
+        return {action.port.variable: Parameter(value=value, unit=unit, ci95=(value - reach, value + reach))}
     signal, factor, _ = unit_at(found, action)
     for parameter, declared in EFFECTS[action.effect].parameters.items():
         key = action.key(parameter)

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from cosim.anysystem.answer import answer
+from cosim.anysystem.answer import answer, shown_action
+from cosim.anysystem.extend import write_extended
 from cosim.anysystem.read import read
 from cosim.anysystem.story import diagnose_system
 from cosim.console import stderr_console, warn
@@ -125,7 +126,8 @@ def diagnose_any(
                 watch=watch,
             )
             found.notes = [*notes, *found.notes]
-            result = answer(found)
+            package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
+            result = answer(found, package)
     write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
     return result
 
