@@ -172,7 +172,8 @@ def make_case(seed: int, most: int = 8, kind: str | None = None) -> Case:
     kind = kind or CLASSES[seed % len(CLASSES)]
     kinds, values, wires = system(rng, most)
     outputs = [f"{n}.y" for n in kinds]
-    measured = ["command", *(o for o in outputs if rng.random() < 0.85 or o == outputs[-1])]
+    handed_on = {source for source, _ in wires}
+    measured = ["command", *(o for o in outputs if rng.random() < 0.85 or o not in handed_on)]
     case = Case(seed, kind, kinds, values, wires, measured)
     series = simulate(kinds, values, wires, {"command": command(rng)}, H, [])
     feeds = {end: source for source, end in wires}

@@ -22,6 +22,7 @@ from cosim.ssp.read import read_system
 from cosim.ssp.system import System
 from cosim.system.graph import port_of
 from cosim.system.runs import Runs
+from cosim.system.structure import structure
 
 SUFFIXES = (".ssp", ".fmu")
 
@@ -106,6 +107,8 @@ def diagnose_any(
         if others:
             recordings[0].warnings.append(f"no connector of the system, left alone: {', '.join(others)}")
             warn(recordings[0].warnings[-1])
+        for advice in structure(system, sorted(recordings[0].signals)).advice:
+            stderr_console().print(advice, markup=False)
         notes = unlisted(system)
         for text in notes:
             warn(text)

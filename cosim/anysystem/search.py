@@ -32,6 +32,7 @@ LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if 
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 SCREENED = 7  # candidates fitted at each stage
+SCANNED = 9  # values of a limit over its range
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
@@ -445,7 +446,31 @@ class Search:
             fits = [fit for start in begins if (fit := self._fitted(base, action, start)) is not None]
             if fits:
                 found.append(max(fits, key=lambda c: c.score))
-        return found
+        found.sort(key=lambda c: -c.score)
+        return [self._both_sides(c) if k < KEPT else c for k, c in enumerate(found)]
+
+    def _both_sides(self, candidate: Candidate) -> Candidate:
+        """A cause of two limits, each looked for over its whole range: from beyond what a signal reaches no slope leads back."""
+        action = candidate.actions[-1]
+        numbers = self.numbers(action)
+        if len(numbers) != 2:
+            return candidate
+        best, values = candidate.score, dict(candidate.fit.values)
+        for unknown in numbers:
+            for part in np.linspace(0.02, 0.98, SCANNED):
+                moved = values | {unknown.name: unknown.low + float(part) * (unknown.high - unknown.low)}
+                rows = self.problem.rows(moved)
+                if rows is None:
+                    continue
+                score = self.problem.log_likelihood(rows, moved, ()) - candidate.price
+                if score > best:
+                    best, values = score, moved
+        if best <= candidate.score:
+            return candidate
+        every = [u for a in candidate.actions for u in self.numbers(a)]
+        fit = self.problem.fit(every, values)
+        again = None if fit is None else self._scored(Candidate(candidate.actions, fit, candidate.price))
+        return again if again is not None and again.score > candidate.score else candidate
 
     def _tries(self, action: Action) -> int:
         """Starts from which a cause is fitted: one side of two may hold a search that begins on the other."""

@@ -17,6 +17,7 @@ from cosim.inference.problem import Problem
 from cosim.ssp.system import Port, System
 from cosim.system.graph import CutGroup, cut, measured_ports
 from cosim.system.runs import Runs
+from cosim.system.structure import Structure, structure
 
 Array = NDArray[np.float64]
 Watch = Callable[[str], None]
@@ -36,6 +37,7 @@ class AnyDiagnosis:
         groups: of the cut.
         findings: by name of the group.
         where: cause -> where it is, once its neighbours were asked: input, output or sensor.
+        structure: what the graph alone can tell apart.
         votes: cause -> group driven by the reading -> what it gains if the quantity drives it.
         undecided: cause -> other places at which it would look the same.
         unjudged: group -> why.
@@ -56,7 +58,7 @@ class AnyDiagnosis:
     votes: dict[tuple[str, Action], dict[str, float]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     verdict: str = ""
-    isolability: tuple[list[tuple[tuple[str, ...], tuple[str, ...]]], list[str]] = ((), ())  # type: ignore[assignment]
+    structure: Structure = field(default_factory=lambda: Structure((), ()))
     runs: int = 0
     steps: int = 0
 
@@ -127,6 +129,7 @@ def diagnose_system(
     segments, notes = segments_of(logs, held)
     groups = cut(system, sorted(names))
     found = AnyDiagnosis(system, list(logs), segments, groups, held=held, notes=notes)
+    found.structure = structure(system, sorted(names), tuple(options.trusted))
     trust = Trust()
     for name, own in options.trusted.items():
         value = value_of(system, name) or 0.0
@@ -139,6 +142,8 @@ def diagnose_system(
     for segment in segments:
         for name in names:
             segment.driving[name] = still(segment.signals[name])
+    runs.load([unit for group in groups if group.judged and not group.missing for unit in group.units])
+    runs.load([unit for group in groups if group.judged and not group.missing for unit in group.units])
     for group in groups:
         judge(found, group, runs, trust, options, watch)
     for name in list(found.findings):
