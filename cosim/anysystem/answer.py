@@ -268,7 +268,7 @@ def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
             continue
         before, after = (
             np.concatenate(series(found, finding, connector, c.fit.values))
-            for c in (finding.null, finding.chosen)
+            for c in (finding.null, finding.fitted or finding.chosen)
         )
         measured = np.concatenate([s.signals[connector] for s in found.segments])
         out = ~np.concatenate([s.fitted for s in found.segments])
