@@ -172,7 +172,8 @@ def make_case(seed: int, most: int = 8, kind: str | None = None) -> Case:
     kind = kind or CLASSES[seed % len(CLASSES)]
     kinds, values, wires = system(rng, most)
     outputs = [f"{n}.y" for n in kinds]
-    measured = ["command", *(o for o in outputs if rng.random() < 0.85 or o == outputs[-1])]
+    handed_on = {source for source, _ in wires}
+    measured = ["command", *(o for o in outputs if rng.random() < 0.85 or o not in handed_on)]
     case = Case(seed, kind, kinds, values, wires, measured)
     series = simulate(kinds, values, wires, {"command": command(rng)}, H, [])
     feeds = {end: source for source, end in wires}
@@ -258,7 +259,11 @@ def score(case: Case, found: Answer) -> dict[str, bool]:
     result["kind"] = all(any(w.split(" ")[0] in {t.split(" ")[0] for t in s} for s in sets) for w in wanted)
     if case.kind in ("port", "parameter") and result["exact"]:
         (cause,) = found.causes
-        true = case.hidden[0].values if case.hidden else {"value": case.parameter[1] * case.parameter[2]}
+        true = (
+            case.hidden[0].values
+            if case.hidden
+            else {case.parameter[0].partition(".")[2]: case.parameter[1] * case.parameter[2]}
+        )
         if set(true) >= set(cause.parameters) and cause.effect == wanted[0].split(" ")[0]:
             errors = [abs(p.value - true[n]) / max(abs(true[n]), 1e-12) for n, p in cause.parameters.items()]
             result["size 5 %"] = max(errors, default=1.0) < 0.05

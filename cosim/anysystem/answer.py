@@ -36,7 +36,6 @@ SHOWN_RIVALS = 8
 
 def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
     """The answer."""
-    classes, advice = found.isolability
     return Answer(
         verdict=found.verdict,  # type: ignore[arg-type]
         synthetic=all(log.synthetic for log in found.logs),
@@ -50,8 +49,10 @@ def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
         next_experiment=None,
         not_exercised=sorted({e for f in found.findings.values() for e in f.never}),
         not_judged=found.unjudged,
-        isolability=[Separable(residual=list(where), effects=list(names)) for where, names in classes],
-        helpful_signals=list(advice),
+        isolability=[
+            Separable(residual=list(where), effects=list(names)) for where, names in found.structure.classes
+        ],
+        helpful_signals=list(found.structure.advice),
         nominal=nominal(found),
         warnings=[*(w for log in found.logs for w in log.warnings), *found.notes],
         held_out="the logs given to --held-out" if found.held else "every third window of the log",
@@ -103,6 +104,7 @@ def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
     low, high = gain.ci95
     told = shown_action(found, group, action)
     alike = [a.words for a in finding.alike.get(action, []) if not ruled_out(found, group, action, a)]
+    alike += [w for w in behind_wire(finding, action) if w not in alike]
     alike += [w for w in found.undecided.get((group, action), []) if w not in alike]
     rivals = [
         Rival(effect=a.words, why_not=reason(behind))
@@ -112,7 +114,7 @@ def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
         effect=action.effect,
         block=action.port.component,
         component=action.port.component,
-        connector=action.port.variable if action.effect != PARAMETER else None,
+        connector=action.port.variable,
         parameter=action.port.variable if action.effect == PARAMETER else None,
         where=told.where or None,
         parameters=numbers(found, finding, action),
@@ -125,6 +127,16 @@ def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
         rivals=rivals,
         indistinguishable_from=alike,
     )
+
+
+def behind_wire(finding: Finding, action: Action) -> list[str]:
+    """The other end of a wire that was not measured, where it has two ends only."""
+    if action.where != "output" or EFFECTS[action.effect].reading:
+        return []
+    ends = [w.target for w in finding.model.group.inner if w.source == action.port]
+    if len(ends) != 1 or action.port in [p for _, p in finding.model.group.judged]:
+        return []
+    return [Action(action.effect, ends[0], "input").words]
 
 
 def shown_action(found: AnyDiagnosis, group: str, action: Action) -> Action:
@@ -158,7 +170,7 @@ def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, 
         reach = 1.96 * fit.deviation(name)
         value = fit.values[name]
         unit = found.system.variable(action.port).unit or "1"
-        return {"value": Parameter(value=value, unit=unit, ci95=(value - reach, value + reach))}
+        return {action.port.variable: Parameter(value=value, unit=unit, ci95=(value - reach, value + reach))}
     signal, factor, _ = unit_at(found, action)
     for parameter, declared in EFFECTS[action.effect].parameters.items():
         key = action.key(parameter)
@@ -256,7 +268,7 @@ def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
             continue
         before, after = (
             np.concatenate(series(found, finding, connector, c.fit.values))
-            for c in (finding.null, finding.chosen)
+            for c in (finding.null, finding.fitted or finding.chosen)
         )
         measured = np.concatenate([s.signals[connector] for s in found.segments])
         out = ~np.concatenate([s.fitted for s in found.segments])

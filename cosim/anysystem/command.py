@@ -5,7 +5,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from cosim.anysystem.answer import answer
+from cosim.anysystem.answer import answer, shown_action
+from cosim.anysystem.extend import write_extended
 from cosim.anysystem.read import read
 from cosim.anysystem.story import diagnose_system
 from cosim.console import stderr_console, warn
@@ -21,6 +22,7 @@ from cosim.ssp.read import read_system
 from cosim.ssp.system import System
 from cosim.system.graph import port_of
 from cosim.system.runs import Runs
+from cosim.system.structure import structure
 
 SUFFIXES = (".ssp", ".fmu")
 
@@ -105,6 +107,8 @@ def diagnose_any(
         if others:
             recordings[0].warnings.append(f"no connector of the system, left alone: {', '.join(others)}")
             warn(recordings[0].warnings[-1])
+        for advice in structure(system, sorted(recordings[0].signals)).advice:
+            stderr_console().print(advice, markup=False)
         notes = unlisted(system)
         for text in notes:
             warn(text)
@@ -125,7 +129,8 @@ def diagnose_any(
                 watch=watch,
             )
             found.notes = [*notes, *found.notes]
-            result = answer(found)
+            package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
+            result = answer(found, package)
     write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
     return result
 

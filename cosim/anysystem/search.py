@@ -32,6 +32,7 @@ LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if 
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 SCREENED = 7  # candidates fitted at each stage
+SCANNED = 9  # values of a limit over its range
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
@@ -65,7 +66,8 @@ class Finding:
     Attributes:
         model, problem: how it was judged.
         null: without causes.
-        chosen: with those that are named.
+        chosen: with those that are named, estimated on the whole log.
+        fitted: the same as the fitted windows alone have it, by which gains are measured.
         alike: for each named cause, others that explain the log alike.
         rivals: for each, (action, log-likelihood behind).
         held: for each, what it gains on windows held out.
@@ -84,6 +86,7 @@ class Finding:
     problem: Problem
     null: Candidate
     chosen: Candidate
+    fitted: Candidate | None = None
     alike: dict[Action, list[Action]] = field(default_factory=dict)
     rivals: dict[Action, list[tuple[Action, float]]] = field(default_factory=dict)
     held: dict[Action, HeldOutGain] = field(default_factory=dict)
@@ -377,6 +380,19 @@ class Search:
         self.problem.learn(self.problem.residuals(best.fit.values))
         self._scored(best)
 
+    def worth(self, finding: Finding) -> float:
+        """How well a finding's causes explain the group's readings, less the price of what they take; for another drive.
+
+        Every tenth sample counts as independent: what is left is coloured.
+        """
+        count = sum(s.count for s in self.model.segments) / 10.0
+        rms = self._rms(finding.chosen.fit)
+        size = sum(
+            float(np.log(max(r, 1e-9 * self.spreads[s])))
+            for r, (s, _) in zip(rms, self.model.group.judged, strict=True)
+        )
+        return -count * size - finding.chosen.price
+
     def _scored(self, candidate: Candidate) -> Candidate:
         """The candidate's score under the noise as it is known now."""
         rows = self.problem.rows(candidate.fit.values)
@@ -445,7 +461,31 @@ class Search:
             fits = [fit for start in begins if (fit := self._fitted(base, action, start)) is not None]
             if fits:
                 found.append(max(fits, key=lambda c: c.score))
-        return found
+        found.sort(key=lambda c: -c.score)
+        return [self._both_sides(c) if k < KEPT else c for k, c in enumerate(found)]
+
+    def _both_sides(self, candidate: Candidate) -> Candidate:
+        """A cause of two limits, each looked for over its whole range: from beyond the signal no slope leads back."""
+        action = candidate.actions[-1]
+        numbers = self.numbers(action)
+        if len(numbers) != 2:
+            return candidate
+        best, values = candidate.score, dict(candidate.fit.values)
+        for unknown in numbers:
+            for part in np.linspace(0.02, 0.98, SCANNED):
+                moved = values | {unknown.name: unknown.low + float(part) * (unknown.high - unknown.low)}
+                rows = self.problem.rows(moved)
+                if rows is None:
+                    continue
+                score = self.problem.log_likelihood(rows, moved, ()) - candidate.price
+                if score > best:
+                    best, values = score, moved
+        if best <= candidate.score:
+            return candidate
+        every = [u for a in candidate.actions for u in self.numbers(a)]
+        fit = self.problem.fit(every, values)
+        again = None if fit is None else self._scored(Candidate(candidate.actions, fit, candidate.price))
+        return again if again is not None and again.score > candidate.score else candidate
 
     def _tries(self, action: Action) -> int:
         """Starts from which a cause is fitted: one side of two may hold a search that begins on the other."""
@@ -559,6 +599,11 @@ class Search:
             names = {u.name for a in best.actions if a not in kept for u in self.numbers(a)}
             fit = problem.fit(numbers, {n: v for n, v in best.fit.values.items() if n not in names})
             best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
+        finding.fitted = best
+        if best.actions and len(self.model.segments) == len(
+            {id(s) for s in self.model.segments if s.fitted.any()}
+        ):
+            best = self._on_all(best)
         residual = problem.residuals(best.fit.values)
         left = self._told(residual, best)
         wrong = self._wrong(left, residual)
@@ -581,6 +626,8 @@ class Search:
                 left = self._told(residual, null)
                 wrong = self._wrong(left, residual) or wrong
         finding.chosen, finding.told = best, left
+        if not best.actions or finding.fitted is None:
+            finding.fitted = best
         for action, shown in self.read.items():
             part = float(np.mean(~problem.mask))
             finding.read[action], finding.gains[action] = shown, shown.gain
@@ -611,6 +658,16 @@ class Search:
                     best = moved
                     break
         return best
+
+    def _on_all(self, best: Candidate) -> Candidate:
+        """The last estimate, of the whole log: what only a window held out shows counts as well."""
+        numbers = [u for a in best.actions for u in self.numbers(a)]
+        with self.problem.whole():
+            self._scored(best)
+            starts = [self._both_sides(best)] if len(best.actions) == 1 else [best]
+            fits = [self.problem.fit(numbers, c.fit.values, 10, DIFFERENCE * FINE) for c in starts]
+        fit = next((f for f in fits if f is not None), None)
+        return best if fit is None else self._scored(Candidate(best.actions, fit, best.price))
 
     def _without(self, best: Candidate, action: Action, null: Candidate) -> Candidate | None:
         actions = tuple(a for a in best.actions if a != action)

@@ -17,6 +17,7 @@ from cosim.inference.problem import Problem
 from cosim.ssp.system import Port, System
 from cosim.system.graph import CutGroup, cut, measured_ports
 from cosim.system.runs import Runs
+from cosim.system.structure import Structure, structure
 
 Array = NDArray[np.float64]
 Watch = Callable[[str], None]
@@ -36,6 +37,7 @@ class AnyDiagnosis:
         groups: of the cut.
         findings: by name of the group.
         where: cause -> where it is, once its neighbours were asked: input, output or sensor.
+        structure: what the graph alone can tell apart.
         votes: cause -> group driven by the reading -> what it gains if the quantity drives it.
         undecided: cause -> other places at which it would look the same.
         unjudged: group -> why.
@@ -56,7 +58,7 @@ class AnyDiagnosis:
     votes: dict[tuple[str, Action], dict[str, float]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     verdict: str = ""
-    isolability: tuple[list[tuple[tuple[str, ...], tuple[str, ...]]], list[str]] = ((), ())  # type: ignore[assignment]
+    structure: Structure = field(default_factory=lambda: Structure((), ()))
     runs: int = 0
     steps: int = 0
 
@@ -127,6 +129,7 @@ def diagnose_system(
     segments, notes = segments_of(logs, held)
     groups = cut(system, sorted(names))
     found = AnyDiagnosis(system, list(logs), segments, groups, held=held, notes=notes)
+    found.structure = structure(system, sorted(names), tuple(options.trusted))
     trust = Trust()
     for name, own in options.trusted.items():
         value = value_of(system, name) or 0.0
@@ -139,6 +142,7 @@ def diagnose_system(
     for segment in segments:
         for name in names:
             segment.driving[name] = still(segment.signals[name])
+    runs.load([unit for group in groups if group.judged and not group.missing for unit in group.units])
     for group in groups:
         judge(found, group, runs, trust, options, watch)
     for name in list(found.findings):
@@ -164,9 +168,15 @@ def judge(
     watch(group.name)
     model = GroupModel(group, found.system, runs, found.segments)
     search = Search(model, trust, options.exclude, options.causes)
-    if heard(found, search):
+    doubted = doubtful(found, search)
+    heard(found, search, doubted)
+    if model.drives:
         search = Search(model, trust, options.exclude, options.causes)
     finding = search.run()
+    if doubted and (
+        finding.named or finding.unexplained
+    ):  # the group's own causes may have swayed it: ask it again with them
+        search, finding = asked_again(found, search, finding, doubted, trust, options)
     if group.source and len(found.groups) > 1 and finding.unexplained and not finding.named:
         found.unjudged[group.name] = (
             "nothing enters it, and the log holds something else than it plays: taken as given"
@@ -183,23 +193,54 @@ def judge(
             segment.driving[signal] = followed(reading - left[place(signal, k)], reading)
 
 
-def heard(found: AnyDiagnosis, search: Search) -> bool:
-    """Ask whether a reading that is off drives this group: then the quantity before the effect drives it from here on."""
-    changed = False
+Doubted = list[tuple[str, Action, str, list[Array]]]
+"""Group, its cause, the signal that drives this group, the quantity that it would be without the cause."""
+
+
+def doubtful(found: AnyDiagnosis, search: Search) -> Doubted:
+    """Drives of a group whose reading, or the quantity itself, is off by a cause that was found before."""
+    doubted: Doubted = []
     for drive in search.model.group.drives:
         for name, finding in found.findings.items():
             port = dict(finding.model.group.judged).get(drive.signal)
-            own = [a for a in finding.named if a.port == port and a.where in ("output", "sensor")]
-            for action in own:
-                series = before_effect(found, finding, action, drive.signal)
-                vote = vote_of(search.problem, search.model, search.null.fit.values, drive.signal, series)
-                if vote is None:
-                    continue
-                found.votes.setdefault((name, action), {})[search.model.group.name] = vote
-                if vote > CLOSE or (action.where == "sensor" and vote > -CLOSE):
-                    search.model.drives[drive.signal] = series
-                    changed = True
-    return changed
+            for action in finding.chosen.actions:
+                known = any((d[1], d[2]) == (action, drive.signal) for d in doubted)
+                if action.port == port and action.where in ("output", "sensor") and not known:
+                    series = before_effect(found, finding, action, drive.signal)
+                    doubted.append((name, action, drive.signal, series))
+    return doubted
+
+
+def heard(found: AnyDiagnosis, search: Search, doubted: Doubted) -> None:
+    """Ask whether it is the reading that is off: then the quantity before the effect drives the group from here on."""
+    for name, action, signal, series in doubted:
+        vote = vote_of(search.problem, search.model, search.null.fit.values, signal, series)
+        if vote is None:
+            continue
+        found.votes.setdefault((name, action), {})[search.model.group.name] = vote
+        if vote > CLOSE or (action.where == "sensor" and vote > -CLOSE):
+            search.model.drives[signal] = series
+
+
+def asked_again(
+    found: AnyDiagnosis, search: Search, finding: Finding, doubted: Doubted, trust: Trust, options: AnyOptions
+) -> tuple[Search, Finding]:
+    """The search with each doubted drive the other way as well; what explains the group better stands, and is its vote."""
+    for name, action, signal, series in doubted:
+        model = GroupModel(search.model.group, found.system, search.model.runs, found.segments)
+        model.drives = {s: v for s, v in search.model.drives.items() if s != signal}
+        quantity = signal not in search.model.drives
+        if quantity:
+            model.drives[signal] = series
+        other = Search(model, trust, options.exclude, options.causes)
+        theirs = other.run()
+        better = other.worth(theirs) - search.worth(finding)
+        found.votes.setdefault((name, action), {})[model.group.name] = 10.0 * (
+            better if quantity else -better
+        )
+        if better > 0.0:
+            search, finding = other, theirs
+    return search, finding
 
 
 def locate(found: AnyDiagnosis, name: str) -> None:

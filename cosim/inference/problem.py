@@ -5,7 +5,8 @@ moment within a sampling interval at which an input acted) enter by their slopes
 linear least squares with their priors (variable projection: Golub and Pereyra 1973).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -156,6 +157,18 @@ class Problem:
         raw = {n: self.measured[n] - series[n] for n in self.names}
         rows, nuisances = self.eliminated(self.whitened(raw)[0])
         return np.concatenate([rows, [v / u.prior for u, v in zip(self._nuisances, nuisances, strict=True)]])
+
+    @contextmanager
+    def whole(self) -> Iterator[None]:
+        """Within this, fits use what is held out as well: for the last estimate, once all is decided."""
+        before = self._data
+        self._data = np.ones_like(before)
+        self.share(self._nuisances, self._slopes)
+        try:
+            yield
+        finally:
+            self._data = before
+            self.share(self._nuisances, self._slopes)
 
     # Hypotheses
 

@@ -210,7 +210,7 @@ def show(result: Answer, out: Path) -> None:
             f"{n} = {p.value:.6g} {p.unit} ({p.ci95[0]:.6g} to {p.ci95[1]:.6g})"
             for n, p in cause.parameters.items()
         )
-        place = f" of {cause.component}.{cause.connector or cause.parameter}" if cause.component else ""
+        place = f" of {cause.component}.{cause.connector}" if cause.component else ""
         place += f" ({cause.where})" if cause.where else ""
         stdout_console().print(f"cause: {cause.effect}{place}: {numbers}", markup=False)
         if cause.indistinguishable_from:

@@ -6,7 +6,8 @@ Each unit has FMU instances of its own, made once and reset between runs; those 
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import TracebackType
 from typing import Self
@@ -21,6 +22,7 @@ from cosim.system.graph import Unit
 Array = NDArray[np.float64]
 Series = Mapping[Port, Array]
 KEPT = 64  # runs whose outputs are remembered
+LOADED = 2  # processes that start at a time
 MOST_SUBSTEPS = 20  # of one interval of the log
 PART = 1.5  # an interval up to this many times the FMU's own step is made in one
 
@@ -59,6 +61,15 @@ class Runs:
         for runner in self.runners.values():
             runner.close()
         self.runners.clear()
+
+    def load(self, units: Sequence[Unit]) -> None:
+        """Load the FMUs of some units side by side: each process of its own takes seconds to start.
+
+        Raises:
+            ModelError, SimulationError: one cannot be loaded.
+        """
+        with ThreadPoolExecutor(LOADED) as pool:
+            list(pool.map(self._runner, units))
 
     def substeps(self, unit: Unit, h: float) -> int:
         """Communication steps in one interval of the log [s]: FMUs that declare a step are not asked for longer ones."""

@@ -1,0 +1,226 @@
+"""The extended model: the user's own package with a small FMU in each wire that a cause is in, and the parameters as found.
+
+An effect at an output stands behind it for everybody; one at an input before that input only; one of a reading feeds an
+output of the system of its own and changes nothing else. Written twice: with Python FMUs, and with native ones where
+there is a C compiler.
+"""
+
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from lxml import etree
+
+from cosim.anysystem.actions import PARAMETER, Action
+from cosim.anysystem.story import AnyDiagnosis
+from cosim.diagnosis.schema import Packages
+from cosim.files import write_bytes
+from cosim.ssp.system import System
+from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, write_archive, xml_bytes
+from cosim.ssp.xml import parse
+from fmus.build import build_fmu
+from fmus.compose import Composed, compose
+from fmus.native.build import MissingCompilerError, build_native
+from fmus.port_effect import BLOCK
+
+Starts = Mapping[str, float]
+Maker = Callable[[Composed, Path, Starts], Path]
+DESCRIPTION = "SystemStructure.ssd"
+SET = "diagnosis"
+# parameters of an effect that are called otherwise where one FMU holds all effects
+NAMES = {
+    ("port.dead_zone", "low"): "zone_low",
+    ("port.dead_zone", "high"): "zone_high",
+    ("port.drift", "rate"): "drift",
+}
+
+
+def starts_of(found: AnyDiagnosis, group: str, action: Action) -> dict[str, float]:
+    """Start values of the FMU of one effect, in the units of the FMUs beside it."""
+    finding = found.findings[group]
+    if action in finding.read:
+        shown = finding.read[action]
+        return {"quantum": shown.step} if hasattr(shown, "step") else {}
+    values = finding.chosen.fit.values
+    prefix = action.key("")
+    return {
+        NAMES.get((action.effect, n.removeprefix(prefix)), n.removeprefix(prefix)): v
+        for n, v in values.items()
+        if n.startswith(prefix)
+    }
+
+
+def write_extended(
+    found: AnyDiagnosis, folder: Path, where: Callable[[str, Action], Action]
+) -> Packages | None:
+    """Write ``extended.ssp``, ``extended_native.ssp`` and ``extended.ssv``; None if nothing was named.
+
+    Args:
+        found: the diagnosis.
+        folder: where they go.
+        where: group and cause -> the cause as its neighbours have it.
+    """
+    placed = [(g, a, where(g, a)) for g, a in found.causes()]
+    effects = [(told, starts_of(found, g, a)) for g, a, told in placed if a.effect != PARAMETER]
+    numbers = {
+        str(a.port): found.findings[g].chosen.fit.values[f"{PARAMETER}|{a.port}"]
+        for g, a, _ in placed
+        if a.effect == PARAMETER
+    }
+    if not placed:
+        return None
+    package = write_package(found.system, effects, numbers, folder / "extended.ssp", build_fmu)
+    try:
+        write_package(found.system, effects, numbers, folder / "extended_native.ssp", build_native)
+    except MissingCompilerError as error:
+        found.notes.append(f"no native extended package: {error}")
+    everything = numbers | {
+        f"{element_name(a)}.{n}": v for a, starts in effects if starts for n, v in starts.items()
+    }
+    ssv = write_bytes(folder / "extended.ssv", parameter_set(everything))
+    return Packages(ssp=str(package), ssv=str(ssv))
+
+
+def element_name(action: Action) -> str:
+    """Name of the component that holds an effect."""
+    kind = "".join(c if c.isalnum() else "_" for c in f"{action.port.component}_{action.port.variable}")
+    return f"{action.effect.partition('.')[2]}_{kind}_{action.where}"
+
+
+def write_package(
+    system: System,
+    effects: Sequence[tuple[Action, Starts]],
+    numbers: Mapping[str, float],
+    destination: Path,
+    make: Maker,
+) -> Path:
+    """A system's package with effects in its wires.
+
+    Args:
+        system: as it was read; of an FMU a package is made around it.
+        effects: with the start values of their FMUs; those without are left out.
+        numbers: ``component.parameter`` -> value.
+        destination: the file.
+        make: makes the FMU of an effect.
+    """
+    entries, root = opened(system)
+    node = root.find("ssd:System", NAMESPACES)
+    with tempfile.TemporaryDirectory(prefix="extended_") as scratch:
+        for action, starts in effects:
+            if not starts:
+                continue
+            name = element_name(action)
+            file = make(compose(BLOCK), Path(scratch, f"{name}.fmu"), starts)
+            entries[f"resources/{name}.fmu"] = file.read_bytes()
+            insert(node, action, name)
+    for full, value in numbers.items():
+        component, _, parameter = full.partition(".")
+        element = node.find(f"ssd:Elements/ssd:Component[@name='{component}']", NAMESPACES)
+        bind(element, {parameter: value})
+    entries[DESCRIPTION] = xml_bytes(root)
+    return write_archive(entries, destination)
+
+
+def opened(system: System) -> tuple[dict[str, bytes], etree._Element]:
+    """Entries of a system's package, and its description; of an FMU those of a package around it."""
+    if system.path.suffix.lower() == ".ssp":
+        with zipfile.ZipFile(system.path) as archive:
+            entries = {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
+        return entries, parse(entries.pop(DESCRIPTION), DESCRIPTION)
+    (name, component), *_ = system.components.items()
+    root = etree.Element(
+        f"{{{SSD}}}SystemStructureDescription",
+        nsmap={p: NAMESPACES[p] for p in ("ssd", "ssc", "ssv")},
+        version="1.0",
+        name=name,
+    )
+    node = etree.SubElement(root, f"{{{SSD}}}System", name=name)
+    outer = etree.SubElement(node, f"{{{SSD}}}Connectors")
+    elements = etree.SubElement(node, f"{{{SSD}}}Elements")
+    wires = etree.SubElement(node, f"{{{SSD}}}Connections")
+    file = f"resources/{system.path.name}"
+    element = etree.SubElement(
+        elements, f"{{{SSD}}}Component", name=name, type="application/x-fmu-sharedlibrary", source=file
+    )
+    inner = etree.SubElement(element, f"{{{SSD}}}Connectors")
+    for variable in component.fmu.variables.values():
+        if variable.kind == "Real" and variable.causality in ("input", "output"):
+            for place in (outer, inner):
+                connector(place, variable.name, variable.causality, variable.unit)
+            inside = {"Element": name, "Connector": variable.name}
+            ends = [{"Connector": variable.name}, inside]
+            connect(wires, *(ends if variable.causality == "input" else reversed(ends)))
+    return {file: system.path.read_bytes()}, root
+
+
+def connector(parent: etree._Element, name: str, kind: str, unit: str = "") -> None:
+    """Add a connector."""
+    one = etree.SubElement(parent, f"{{{SSD}}}Connector", name=name, kind=kind)
+    etree.SubElement(one, f"{{{SSC}}}Real", {"unit": unit} if unit else {})
+
+
+def connect(wires: etree._Element, start: Mapping[str, str], end: Mapping[str, str]) -> None:
+    """Add a connection; masters that convert units leave it alone: the effect has its neighbours' unit."""
+    attributes = {f"start{n}": v for n, v in start.items()} | {f"end{n}": v for n, v in end.items()}
+    etree.SubElement(wires, f"{{{SSD}}}Connection", attributes, suppressUnitConversion="true")
+
+
+def insert(system: etree._Element, action: Action, name: str) -> None:
+    """Put the FMU of an effect into the wires at its port."""
+    elements = system.find("ssd:Elements", NAMESPACES)
+    wires = system.find("ssd:Connections", NAMESPACES)
+    if wires is None:
+        wires = etree.SubElement(system, f"{{{SSD}}}Connections")
+    element = etree.SubElement(
+        elements,
+        f"{{{SSD}}}Component",
+        name=name,
+        type="application/x-fmu-sharedlibrary",
+        source=f"resources/{name}.fmu",
+    )
+    own = etree.SubElement(element, f"{{{SSD}}}Connectors")
+    connector(own, "u", "input")
+    connector(own, "y", "output")
+    port = {"Element": action.port.component, "Connector": action.port.variable}
+    if action.where == "sensor":
+        shown = f"{name}_reading"
+        outer = system.find("ssd:Connectors", NAMESPACES)
+        if outer is None:
+            outer = etree.Element(f"{{{SSD}}}Connectors")
+            system.insert(0, outer)
+        connector(outer, shown, "output")
+        connect(wires, port, {"Element": name, "Connector": "u"})
+        connect(wires, {"Element": name, "Connector": "y"}, {"Connector": shown})
+        return
+    other = "u" if action.where == "input" else "y"
+    for wire in wires.findall("ssd:Connection", NAMESPACES):
+        for end in ("start", "end"):
+            if (wire.get(f"{end}Element", ""), wire.get(f"{end}Connector")) == tuple(port.values()):
+                wire.set(f"{end}Element", name)
+                wire.set(f"{end}Connector", other)
+                wire.set("suppressUnitConversion", "true")
+    inside = {"Element": name, "Connector": "y" if action.where == "input" else "u"}
+    connect(wires, *((inside, port) if action.where == "input" else (port, inside)))
+
+
+def bind(element: etree._Element, values: Mapping[str, float]) -> None:
+    """Bind values to a component, after those that it has: the last one counts."""
+    bindings = element.find("ssd:ParameterBindings", NAMESPACES)
+    if bindings is None:
+        bindings = etree.Element(f"{{{SSD}}}ParameterBindings")
+        ports = element.find("ssd:Connectors", NAMESPACES)
+        element.insert(0 if ports is None else list(element).index(ports) + 1, bindings)
+    binding = etree.SubElement(bindings, f"{{{SSD}}}ParameterBinding")
+    inside = etree.SubElement(binding, f"{{{SSD}}}ParameterValues")
+    inside.append(etree.fromstring(parameter_set(values)))
+
+
+def parameter_set(values: Mapping[str, float]) -> bytes:
+    """A parameter set of numbers in the FMUs' units."""
+    root = etree.Element(f"{{{SSV}}}ParameterSet", nsmap={"ssv": SSV, "ssc": SSC}, version="1.0", name=SET)
+    parent = etree.SubElement(root, f"{{{SSV}}}Parameters")
+    for name, value in values.items():
+        node = etree.SubElement(parent, f"{{{SSV}}}Parameter", name=name)
+        etree.SubElement(node, f"{{{SSV}}}Real", value=repr(value))
+    return xml_bytes(root)

@@ -1,0 +1,121 @@
+"""Models and mappings of all sorts: plain pythonfmu, a single FMU, other names and units, what does not fit."""
+
+import copy
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import systems
+
+from benchmarks.systems import parts
+from benchmarks.systems.truth import Hidden
+
+MAPPING = """
+[time]
+column = "Zeit"
+unit = "ms"
+
+[signals."command"]
+column = "Cmd"
+unit = "1"
+
+[signals.first]
+column = "Out1"
+unit = "1"
+
+[signals."plant.y"]
+column = "Out2"
+unit = "1"
+
+[compare.signals.first]
+variable = "valve.y"
+
+[diagnose]
+trusted = {{ "plant.W" = "2 %", "plant.K" = "1 %", "{third}" = "1 %" }}
+"""
+
+
+def renamed(source: Path, target: Path) -> Path:
+    """A log with headings of a stranger and time in ms."""
+    rows = source.read_text().splitlines()
+    changed = [f"{1000 * float(r.partition(',')[0])!r},{r.partition(',')[2]}" for r in rows[1:]]
+    target.write_text("\n".join(["Zeit,Cmd,Out1,Out2", *changed]) + "\n")
+    return target
+
+
+def test_plain_pythonfmu_with_a_mapping_names_a_trusted_parameter(
+    plain: Path, command, tmp_path: Path
+) -> None:
+    values = copy.deepcopy(systems.VALUES)
+    values["plant"]["W"] = 6.0
+    log = renamed(systems.log(tmp_path / "a.csv", [], 6, values=values), tmp_path / "b.csv")
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(MAPPING.format(third="valve.T"))
+    code, out, err = command(
+        "diagnose", log, "--model", plain, "--mapping", mapping, "--out", tmp_path / "o", "--json"
+    )
+    assert code == 0, err
+    found = json.loads(out)
+    assert "InitialUnknowns" in err
+    (cause,) = found["causes"]
+    assert (cause["effect"], cause["component"], cause["connector"]) == ("parameter", "plant", "W")
+    assert cause["parameters"]["W"]["value"] == pytest.approx(6.0, rel=0.01)
+
+
+def test_all_that_a_mapping_has_wrong_is_told_at_once(native: Path, command, tmp_path: Path) -> None:
+    log = renamed(systems.log(tmp_path / "a.csv", [], 6), tmp_path / "b.csv")
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(MAPPING.format(third="valve.tau").replace('"valve.y"', '"valve.out"'))
+    code, _, err = command("diagnose", log, "--model", native, "--mapping", mapping, "--out", tmp_path / "o")
+    assert code == 3
+    said = " ".join(err.split())
+    assert "valve.out" in said
+    assert "valve.tau" in said
+
+
+def test_a_log_without_any_connector_of_the_system_is_refused_with_the_remedy(
+    native, command, tmp_path: Path
+) -> None:
+    log = renamed(systems.log(tmp_path / "a.csv", [], 6), tmp_path / "b.csv")
+    code, _, err = command("diagnose", log, "--model", native, "--out", tmp_path / "o")
+    assert code == 3
+    assert "cosim init" in " ".join(err.split())
+
+
+def test_a_single_fmu_is_diagnosed_by_the_names_of_its_connectors(command, tmp_path: Path) -> None:
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    fmu = parts.native("lag", tmp_path)
+    rng = np.random.default_rng(3)
+    u = systems.command(rng)
+    x = np.zeros(u.size)
+    for k in range(1, u.size):  # T = K = 1, exact for the mean of the step; the FMU hears 1.2 u
+        x[k] = x[k - 1] + (1.0 - np.exp(-systems.H)) * (1.2 * 0.5 * (u[k] + u[k - 1]) - x[k - 1])
+    y = x + 0.003 * rng.standard_normal(u.size)
+    log = tmp_path / "log.csv"
+    rows = [
+        f"{k * systems.H!r},{a!r},{b!r}" for k, (a, b) in enumerate(zip(u.tolist(), y.tolist(), strict=True))
+    ]
+    log.write_text("\n".join(["time [s],u [1],y [1]", *rows]) + "\n")
+    code, out, err = command("diagnose", log, "--model", fmu, "--out", tmp_path / "o", "--json")
+    assert code == 0, err
+    (cause,) = json.loads(out)["causes"]
+    assert cause["effect"] == "port.gain"
+    assert cause["parameters"]["gain"]["value"] == pytest.approx(1.2, rel=0.02)
+    assert any("(input)" in other for other in cause["indistinguishable_from"])
+
+
+def test_a_reading_in_steps_and_one_with_stale_samples_are_named(
+    native: Path, command, tmp_path: Path
+) -> None:
+    for hidden, key in (
+        (Hidden("port.quantisation", "plant.y", "sensor", {"quantum": 0.05}), "quantum"),
+        (Hidden("port.dropout", "plant.y", "sensor", {"probability": 0.2}), "probability"),
+    ):
+        log = systems.log(tmp_path / "log.csv", [hidden], 8)
+        code, out, err = command("diagnose", log, "--model", native, "--out", tmp_path / "o", "--json")
+        assert code == 0, err
+        (cause,) = json.loads(out)["causes"]
+        assert (cause["effect"], cause["where"]) == (hidden.effect, "sensor")
+        assert cause["parameters"][key]["value"] == pytest.approx(hidden.values[key], rel=0.15)

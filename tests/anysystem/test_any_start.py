@@ -1,0 +1,83 @@
+"""`cosim init`, what the graph alone can tell apart, and how the system is cut."""
+
+import json
+from pathlib import Path
+
+import pytest
+import systems
+
+from benchmarks.systems import parts
+from benchmarks.systems.truth import Hidden
+from cosim.ssp.read import read_system
+from cosim.system.graph import cut
+from cosim.system.structure import signatures, structure
+
+
+def test_init_matches_columns_and_its_mapping_is_diagnosed(native: Path, command, tmp_path: Path) -> None:
+    hidden = Hidden("port.gain", "valve.y", "output", {"gain": 1.15})
+    log = systems.log(tmp_path / "log.csv", [hidden], 2)
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join(["Time (s),Command (1),valve_y,plant_y (1)", *rows[1:]]) + "\n")
+    code, _, err = command("init", native, log)
+    assert code == 0, err
+    mapping = tmp_path / "log.toml"
+    assert "check" in mapping.read_text()  # valve_y has no unit
+    assert command("init", native, log)[0] == 2  # not written over
+    code, out, err = command("diagnose", log, "--mapping", mapping, "--out", tmp_path / "o", "--json")
+    assert code == 0, err
+    assert [c["effect"] for c in json.loads(out)["causes"]] == ["port.gain"]
+
+
+def test_a_column_that_fits_nothing_stays_a_comment(native: Path, command, tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time [s],command [1],oil temperature [K]\n0,0,300\n1,1,301\n")
+    code, out, err = command("init", native, log, "--json")
+    assert code == 0, err
+    assert json.loads(out)["open"] == ["column 'oil temperature [K]'"]
+    assert '# column = "oil temperature [K]"' in log.with_suffix(".toml").read_text()
+
+
+@pytest.fixture(scope="module")
+def ring(tmp_path_factory) -> Path:
+    """A loop: the sum hears the command and what comes back."""
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    folder = tmp_path_factory.mktemp("ring")
+    fmus = {
+        "add": parts.native("sum", folder),
+        "lag": parts.native("lag", folder),
+        "out": parts.native("damped", folder),
+    }
+    values = {
+        "add": {"K": 1.0, "C": -0.5, "T": 0.1},
+        "lag": {"K": 1.0, "T": 0.2},
+        "out": {"K": 1.0, "T": 0.1, "C": 0.3},
+    }
+    wires = [("command", "add.u"), ("add.y", "lag.u"), ("lag.y", "add.v2"), ("lag.y", "out.u")]
+    return parts.write_ssp(folder / "ring.ssp", fmus, wires, values)
+
+
+def test_a_loop_is_one_unit_until_a_measurement_cuts_it(ring: Path) -> None:
+    with read_system(ring) as system:
+        one, two = cut(system, ["command", "lag.y", "out.y"])
+        assert (one.name, two.name) == ("add+lag", "out")
+        assert {str(d.port) for d in one.drives} == {"add.u", "add.v2"}
+        assert [u.components for u in one.units] == [
+            ("add",),
+            ("lag",),
+        ]  # the measured wire drives: no loop is left
+        (all_,) = cut(system, ["command", "out.y"])
+        assert [u.components for u in all_.units] == [("add", "lag"), ("out",)]
+        assert len(cut(system, ["command", "add.y", "lag.y", "out.y"])) == 3
+
+
+def test_a_reading_shows_in_the_groups_on_both_of_its_sides(ring: Path) -> None:
+    with read_system(ring) as system:
+        felt = signatures(system, ["command", "add.y", "lag.y", "out.y"], ["lag.T"])
+        assert felt["at lag.y (output)"] == ("lag",)
+        assert set(felt["at lag.y (sensor)"]) == {"lag", "add", "out"}
+        assert felt["parameter lag.T"] == ("lag",)
+        assert felt["at out.u (input)"] == ("out",)
+        less = structure(system, ["command", "out.y"])
+        assert any("lag.y" in advice for advice in less.advice)
+        assert structure(system, ["command", "add.y", "lag.y", "out.y"]).advice == ()
