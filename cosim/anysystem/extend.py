@@ -16,12 +16,12 @@ from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.story import AnyDiagnosis
 from cosim.diagnosis.schema import Packages
 from cosim.files import write_bytes
+from cosim.native.build import MissingCompilerError, build_native
 from cosim.ssp.system import System
 from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, write_archive, xml_bytes
 from cosim.ssp.xml import parse
 from fmus.build import build_fmu
 from fmus.compose import Composed, compose
-from fmus.native.build import MissingCompilerError, build_native
 from fmus.port_effect import BLOCK
 
 Starts = Mapping[str, float]

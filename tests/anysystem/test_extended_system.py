@@ -11,10 +11,10 @@ from benchmarks.systems.truth import Hidden
 from cosim.anysystem.extend import NAMES
 from cosim.logs.source import digest
 from cosim.master import Runner
+from cosim.native.build import build_native
 from cosim.system.effects import EFFECTS
 from fmus.build import build_fmu
 from fmus.compose import compose
-from fmus.native.build import build_native
 from fmus.port_effect import BLOCK
 
 SIZES = {
