@@ -340,7 +340,7 @@ class Search:
                 moved_one = model({**at, key: at[key] + step})
             except SimulationError:
                 continue
-            add(Unknown(key, -np.inf, np.inf, 1.0, 1e3), moved_one, 1.0)
+            add(Unknown(f"free:{key}", -np.inf, np.inf, 1.0, 1e3), moved_one, 1.0)
         problem.share(
             nuisances, {n: np.array([r[n] for r in rows]).reshape(len(rows), -1) for n in problem.names}
         )
