@@ -329,7 +329,7 @@ def main() -> None:
                 print("   refused", [(r.effect, r.why) for r in found.refused])
             if options.rows:
                 with options.rows.open("a") as file:
-                    file.write(json.dumps({"seed": seed, "kind": case.kind, **result}) + "\n")
+                    file.write(json.dumps({"seed": seed, "class": case.kind, **result}) + "\n")
     for key, count in sorted(totals.items()):
         interval = binomtest(right[key], count).proportion_ci(method="wilson")
         print(

@@ -144,6 +144,11 @@ class Search:
         self.base: dict[str, float] = {PARAMETER + "|" + n: v for n, v in self.free.items()}
         first = model({**self.base})  # raises where the system itself cannot be run
         self._check(first)
+        model.runs.forget()
+        again = model({**self.base})
+        self.differs = {s: self._difference(first, again, s) for s, _ in model.group.judged}
+        for name in least:
+            self.problem.least[name] = max(least[name], self.differs[name.partition("#")[0]])
         self.reaches = self._reaches()
         self.read = self._read(first)
         self._learn_white()
@@ -169,6 +174,11 @@ class Search:
                 if "port.dropout" not in self.exclude:
                     found[Action("port.dropout", port, "sensor")] = stale
         return found
+
+    def _difference(self, one: Mapping[str, Array], other: Mapping[str, Array], signal: str) -> float:
+        """RMS by which two runs of the same differ: 0 for a system that is deterministic."""
+        names = [place(signal, k) for k in range(len(self.model.segments))]
+        return float(np.sqrt(np.mean(np.concatenate([one[n] - other[n] for n in names]) ** 2)))
 
     def _check(self, series: Mapping[str, Array]) -> None:
         for name, values in series.items():
@@ -330,7 +340,7 @@ class Search:
                 moved_one = model({**at, key: at[key] + step})
             except SimulationError:
                 continue
-            add(Unknown(key, -np.inf, np.inf, 1.0, 1e3), moved_one, 1.0)
+            add(Unknown(f"free:{key}", -np.inf, np.inf, 1.0, 1e3), moved_one, 1.0)
         problem.share(
             nuisances, {n: np.array([r[n] for r in rows]).reshape(len(rows), -1) for n in problem.names}
         )

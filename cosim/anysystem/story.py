@@ -168,6 +168,11 @@ def judge(
     watch(group.name)
     model = GroupModel(group, found.system, runs, found.segments)
     search = Search(model, trust, options.exclude, options.causes)
+    found.notes += [
+        f"{group.name} is not deterministic: two runs differ by {size:.3g} in {signal} (RMS), which counts as noise"
+        for signal, size in search.differs.items()
+        if size > 0.0
+    ]
     doubted = doubtful(found, search)
     heard(found, search, doubted)
     if model.drives:

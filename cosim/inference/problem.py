@@ -132,15 +132,18 @@ class Problem:
             self._projected = slopes, inside, inside.T @ inside + prior + 1e-12 * np.eye(len(prior))
         return self._projected
 
-    def eliminated(self, rows: Array) -> tuple[Array, Array]:
-        """Rows (n,) without what nuisances explain of them, and the nuisances (k,), within their bounds."""
+    def eliminated(self, rows: Array, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Rows (n,) without what nuisances explain of them, and the nuisances (k,), within their bounds.
+
+        One that is among the values is an unknown of the hypothesis itself, and no nuisance.
+        """
         slopes, inside, information = self._project()
         if not self._nuisances:
             return rows, np.zeros(0)
         wanted = inside.T @ rows[self._data]
         found = np.linalg.solve(information, wanted)
-        low = np.array([u.low for u in self._nuisances])
-        high = np.array([u.high for u in self._nuisances])
+        low = np.array([0.0 if u.name in values else u.low for u in self._nuisances])
+        high = np.array([0.0 if u.name in values else u.high for u in self._nuisances])
         free = np.ones(found.size, dtype=bool)
         # what goes beyond its bound stays there, and the others are solved for again
         while (beyond := free & ((found < low) | (found > high))).any():
@@ -152,10 +155,10 @@ class Problem:
             found[free] = np.linalg.solve(information[np.ix_(free, free)], rest)
         return rows - slopes @ found, found
 
-    def _judged(self, series: Mapping[str, Array]) -> Array:
+    def _judged(self, series: Mapping[str, Array], values: Mapping[str, float]) -> Array:
         """Rows of a model's series: residuals, then how far the nuisances are from what is believed of them."""
         raw = {n: self.measured[n] - series[n] for n in self.names}
-        rows, nuisances = self.eliminated(self.whitened(raw)[0])
+        rows, nuisances = self.eliminated(self.whitened(raw)[0], values)
         return np.concatenate([rows, [v / u.prior for u, v in zip(self._nuisances, nuisances, strict=True)]])
 
     @contextmanager
@@ -176,7 +179,7 @@ class Problem:
         """Measured minus model, nuisances eliminated, each signal in its unit."""
         series = self.model(values)
         raw = {n: self.measured[n] - series[n] for n in self.names}
-        _, nuisances = self.eliminated(self.whitened(raw)[0])
+        _, nuisances = self.eliminated(self.whitened(raw)[0], values)
         return {n: raw[n] - nuisances @ self._slopes[n] for n in self.names}
 
     def rows(self, values: Mapping[str, float]) -> Array | None:
@@ -189,7 +192,7 @@ class Problem:
             return None
         if not all(np.isfinite(series[n]).all() for n in self.names):
             return None
-        return self._judged(series)
+        return self._judged(series, values)
 
     def log_likelihood(self, rows: Array, values: Mapping[str, float], unknowns: Sequence[Unknown]) -> float:
         """Of the fitted part, up to a constant."""

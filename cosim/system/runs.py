@@ -71,6 +71,10 @@ class Runs:
         with ThreadPoolExecutor(LOADED) as pool:
             list(pool.map(self._runner, units))
 
+    def forget(self) -> None:
+        """Make every run anew from here on."""
+        self._kept.clear()
+
     def substeps(self, unit: Unit, h: float) -> int:
         """Communication steps in one interval of the log [s]: FMUs that declare a step are not asked for longer ones."""
         own = [self.system.components[c].fmu.step_size for c in unit.components]

@@ -2,6 +2,8 @@
 
 import copy
 import json
+import subprocess
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -119,3 +121,41 @@ def test_a_reading_in_steps_and_one_with_stale_samples_are_named(
         (cause,) = json.loads(out)["causes"]
         assert (cause["effect"], cause["where"]) == (hidden.effect, "sensor")
         assert cause["parameters"][key]["value"] == pytest.approx(hidden.values[key], rel=0.15)
+
+
+def test_an_fmu_that_cannot_run_at_all_ends_with_its_name_and_exit_code_4(command, tmp_path: Path) -> None:
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    fmu = tmp_path / "part_broken.fmu"
+    parts.native("lag", tmp_path).rename(fmu)
+    with zipfile.ZipFile(fmu) as archive:
+        entries = {n: archive.read(n) for n in archive.namelist()}
+    library = next(n for n in entries if n.startswith("binaries"))
+    source = (
+        (parts.HERE / "part.c")
+        .read_text()
+        .replace("double h = step / 4;", "double h = step / 4; if (t > 1) abort();")
+    )
+    (tmp_path / "broken.c").write_text(source)
+    target = tmp_path / "broken.so"
+    build = ["-shared", "-fPIC", "-DKIND=LAG", "-o", str(target), str(tmp_path / "broken.c"), "-lm"]
+    subprocess.run([parts.COMPILER, *build], check=True)
+    with zipfile.ZipFile(fmu, "w") as archive:
+        for name, content in entries.items():
+            archive.writestr(name, target.read_bytes() if name == library else content)
+    log = tmp_path / "log.csv"
+    log.write_text(
+        "time [s],u [1],y [1]\n" + "".join(f"{k / 100},{np.sin(k / 9)},{k / 300}\n" for k in range(300))
+    )
+    code, _, err = command("diagnose", log, "--model", fmu, "--out", tmp_path / "o")
+    assert code == 4
+    assert "component 'part_broken'" in " ".join(err.split())
+
+
+def test_a_unit_of_another_dimension_is_refused(command, packages, tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    rows = "".join(f"{k / 100},{np.sin(k / 9)},{k / 300}\n" for k in range(300))
+    log.write_text("time [s],u [1],dcv.spool [bar]\n" + rows)
+    code, _, err = command("diagnose", log, "--model", packages["full_order"], "--out", tmp_path / "o")
+    assert code == 3
+    assert "'dcv.spool' is in 'bar'" in " ".join(err.split())

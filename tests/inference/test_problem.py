@@ -1,0 +1,78 @@
+"""The core of a comparison of hypotheses: it knows functions of values, and neither machines nor FMUs."""
+
+import numpy as np
+import pytest
+
+from cosim.errors import SimulationError
+from cosim.inference.freeform import told
+from cosim.inference.noise import Noise
+from cosim.inference.problem import Problem
+from cosim.inference.unknowns import Unknown
+
+N = 3000
+T = 0.01 * np.arange(N)
+U = np.sin(T) + 0.5 * np.sin(3.7 * T)
+WINDOW = (np.arange(N) * 30 // N).astype(np.int64)
+FITTED = WINDOW % 3 != 1
+GAIN = Unknown("gain", -5.0, 5.0, 0.3)
+
+
+def model(values):
+    """A gain that cannot be run beyond 3."""
+    if values.get("gain", 1.0) > 3.0:
+        raise SimulationError("component 'part' fell over")
+    return {"y": values.get("gain", 1.0) * U}
+
+
+def problem(rng, gain=1.2, shift=0.0, noise=0.01):
+    """Data of the gain, read late by a share of a sample."""
+    y = gain * np.interp(T - 0.01 * shift, T, U) + noise * rng.standard_normal(N)
+    made = Problem({"y": y}, {"y": FITTED}, {"y": WINDOW}, model, {"y": 1e-4})
+    made.noise["y"] = Noise(noise**2)
+    return made
+
+
+def test_an_estimate_lies_in_its_interval_as_often_as_it_says() -> None:
+    inside = 0
+    for seed in range(40):
+        fit = problem(np.random.default_rng(seed)).fit([GAIN], {"gain": 1.0})
+        inside += abs(fit.values["gain"] - 1.2) < 1.96 * fit.deviation("gain")
+    assert 33 <= inside <= 40  # 95 % of 40 is 38
+
+
+def test_a_value_at_which_the_model_fails_is_refused_with_its_words() -> None:
+    made = problem(np.random.default_rng(1))
+    assert made.rows({"gain": 4.0}) is None
+    assert made.failures == ["component 'part' fell over"]
+    assert made.fit([GAIN], {"gain": 4.0}) is None
+    assert made.fit([GAIN], {"gain": 1.0}).values["gain"] == pytest.approx(1.2, rel=0.01)
+
+
+def test_a_nuisance_is_taken_out_within_its_bounds_only() -> None:
+    late = Unknown("late", -1.0, 1.0, 1.0, 0.7)
+    for shift, gone in ((0.5, True), (8.0, False)):
+        made = problem(np.random.default_rng(2), 1.0, shift, 1e-3)
+        made.share([late], {"y": -np.gradient(U)[None, :]})
+        left = made.residuals({})["y"]
+        assert (float(np.std(left)) < 2e-3) is gone
+        assert made.rows({})[-1] == pytest.approx(min(shift, 1.0) / 0.7, rel=0.1)
+
+
+def test_held_out_windows_bear_a_true_gain_out_and_not_one_of_chance() -> None:
+    made = problem(np.random.default_rng(3))
+    with_gain, without = made.fit([GAIN], {"gain": 1.0}), made.fit((), {})
+    assert made.held_out(with_gain.rows, without.rows).sure
+    made = problem(np.random.default_rng(4), gain=1.0)
+    with_gain, without = made.fit([GAIN], {"gain": 1.0}), made.fit((), {})
+    assert not made.held_out(with_gain.rows, without.rows).sure
+
+
+def test_a_free_function_tells_what_a_residual_depends_on_and_nothing_of_noise() -> None:
+    rng = np.random.default_rng(5)
+    other = rng.standard_normal(N // 50).repeat(50)
+    found = told(0.1 * U**2 + 0.02 * rng.standard_normal(N), {"u": U, "v": other}, FITTED, WINDOW, 0.01)
+    assert found.sure
+    assert found.after == pytest.approx(0.02, rel=0.1)
+    assert max(found.by, key=lambda name: found.by[name]) == "u"
+    noise = told(0.02 * rng.standard_normal(N), {"u": U, "v": other}, FITTED, WINDOW, 0.01)
+    assert noise.size < 0.2 * noise.before
