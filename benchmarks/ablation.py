@@ -101,9 +101,9 @@ def as_found(_: Any, finding: Any, known: Any, *__: Any, **___: Any) -> Any:
 
 def no_event(*_: Any, **__: Any) -> Any:
     """Nothing that stands out."""
-    from cosim.diagnosis.local import NOTHING
+    from cosim.diagnosis.local import NO_EVENT
 
-    return NOTHING
+    return NO_EVENT
 
 
 S, N, T, H, V, P = (

@@ -25,9 +25,9 @@ from cosim.logs import load_log
 # name of the way -> (longest step of a search in intervals between samples, quick fits)
 WAYS = {
     "without": (0.0, False),
-    "longer steps": (pace.LONGEST, False),
+    "longer steps": (pace.LONGEST_STEP_SHARE, False),
     "quick fits": (0.0, True),
-    "both": (pace.LONGEST, True),
+    "both": (pace.LONGEST_STEP_SHARE, True),
 }
 
 
@@ -57,7 +57,7 @@ def main() -> None:
         longest, quick = WAYS[way]
         runs.clear()
         with (
-            patch.object(pace, "LONGEST", longest),
+            patch.object(pace, "LONGEST_STEP_SHARE", longest),
             patch.object(trials, "QUICK", quick),
             patch.object(GroupModel, "simulate", counted),
         ):

@@ -3,17 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.thresholds import CLOCK_MOTION, CLOCK_OVERLAP, CLOCK_READINGS
 from cosim.errors import DataError
 
 Array = NDArray[np.float64]
 
 COARSE, FINE = 0.1, 0.02  # s between the offsets that are tried
-OVERLAP = 0.5  # share of the shorter record that must overlap at least
-LEAST = 10  # readings
 CANDIDATES = 3  # offsets handed on: a repeating motion fits at several
-PARTS = 6  # of the record, each laid over the log by itself, which gives the rate
-REACH = 2.0  # s by which a part may be off the offset of the whole
-MOTION = 1e-4  # rad; a slew that moves less shows no time
+RATE_PARTS = 6  # of the record, each laid over the log by itself, which gives the rate
+PART_REACH = 2.0  # s by which a part may be off the offset of the whole
 
 
 def first_offsets(time: Array, slew: Array, stamps: Array, readings: Array) -> list[tuple[float, float]]:
@@ -29,12 +27,12 @@ def first_offsets(time: Array, slew: Array, stamps: Array, readings: Array) -> l
         DataError: the two records do not overlap enough, or neither moves.
     """
     span = float(stamps[-1] - stamps[0])
-    shortest = OVERLAP * min(span, float(time[-1]))
+    shortest = CLOCK_OVERLAP * min(span, float(time[-1]))
     thin = max(1, round(COARSE / float(np.median(np.diff(stamps)))))
     s, y = stamps[::thin], readings[::thin]
     offsets = np.arange(-s[0] - span + shortest, time[-1] - s[0] - shortest + COARSE, COARSE)
     costs = np.array([_cost(o, 1.0, time, slew, s, y) for o in offsets])
-    if not np.isfinite(costs).any() or np.ptp(slew) < MOTION:
+    if not np.isfinite(costs).any() or np.ptp(slew) < CLOCK_MOTION:
         raise DataError(
             "the tracker's record cannot be laid over the log: they do not overlap, or the slew does not move"
         )
@@ -51,7 +49,9 @@ def _cost(offset: float, rate: float, time: Array, slew: Array, s: Array, y: Arr
     """
     t = offset + rate * s
     inside = (t >= 0.0) & (t <= time[-1])
-    if inside.sum() < max(LEAST, OVERLAP * min(s.size, s.size * time[-1] / max(s[-1] - s[0], 1e-9))):
+    if inside.sum() < max(
+        CLOCK_READINGS, CLOCK_OVERLAP * min(s.size, s.size * time[-1] / max(s[-1] - s[0], 1e-9))
+    ):
         return float("inf")
     difference, since = y[inside] - np.interp(t[inside], time, slew), t[inside] - t[inside].mean()
     line = float(since @ difference) ** 2 / max(float(since @ since), 1e-300)
@@ -62,11 +62,11 @@ def _refined(offset: float, time: Array, slew: Array, stamps: Array, readings: A
     """Offset and rate from where each part of the record fits best near an offset of the whole."""
     thin = max(1, round(COARSE / 2.0 / float(np.median(np.diff(stamps)))))
     middles, offsets, weights = [], [], []
-    for part in np.array_split(np.arange(0, stamps.size, thin), PARTS):
+    for part in np.array_split(np.arange(0, stamps.size, thin), RATE_PARTS):
         s, y = stamps[part], readings[part]
-        tried = offset + np.arange(-REACH, REACH + FINE, FINE)
+        tried = offset + np.arange(-PART_REACH, PART_REACH + FINE, FINE)
         costs = np.array([_cost(o, 1.0, time, slew, s, y) for o in tried])
-        if part.size < LEAST or not np.isfinite(costs).any() or np.ptp(y) < MOTION:
+        if part.size < CLOCK_READINGS or not np.isfinite(costs).any() or np.ptp(y) < CLOCK_MOTION:
             continue
         k = int(np.argmin(costs))
         middles.append(float(s.mean()))

@@ -11,7 +11,6 @@ from cosim.diagnosis.experiment import Proposal
 from cosim.diagnosis.finding import at_first
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.isolability import isolability
-from cosim.diagnosis.naming import CLOSE, declared
 from cosim.diagnosis.reference import Reference
 from cosim.diagnosis.remarks import (
     files,
@@ -44,6 +43,8 @@ from cosim.diagnosis.schema import (
     Unexplained,
     Words,
 )
+from cosim.diagnosis.thresholds import INDEPENDENT, INDISTINGUISHABLE, SYSTEMATIC_SHARE
+from cosim.diagnosis.trials import declared
 from cosim.diagnosis.verdict import Cause, local, names_of, size_of
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
@@ -51,8 +52,6 @@ from cosim.logs import Log, listed
 from cosim.packages import project_version
 from fmus import registry
 from fmus.contract import Variable
-
-INDEPENDENT = 0.01  # correlation below which two estimates are called independent
 
 
 def answer(
@@ -135,9 +134,9 @@ def localisation(diagnosis: Diagnosis) -> list[Location]:
             rule = finding.task.rules[signal]
             penalty = max(0.0, finding.chosen.fit.log_likelihood - finding.null.fit.log_likelihood)
             once = [e for e in finding.events.get(signal, {}).values() if local(finding, signal, e)]
-            weight = max(0.0, left.gain if left.p_value < 1e-6 else 0.0, *(e.gain for e in once)) + (
-                penalty if finding.chosen.effects else 0.0
-            )
+            weight = max(
+                0.0, left.gain if left.p_value < SYSTEMATIC_SHARE else 0.0, *(e.gain for e in once)
+            ) + (penalty if finding.chosen.effects else 0.0)
             size = max(at_first(finding, signal), *(size_of(finding, signal, e) for e in once), 0.0)
             rows.append((name, signal, weight, float(np.hypot(size, rule.rms)), rule.rms))
     total = sum(row[2] for row in rows)
@@ -234,7 +233,7 @@ def parameter_of(
 
 def reason(behind: float, alike: bool) -> str:
     """Words for how far a rival lies behind."""
-    if alike and behind > CLOSE:
+    if alike and behind > INDISTINGUISHABLE:
         return (
             f"{behind:.0f} in log-likelihood behind, which tells nothing while the law is known only nearly: "
             "this log cannot tell the two apart"

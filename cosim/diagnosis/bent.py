@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from cosim.diagnosis.data import low_pass, to_motion
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.freeform import Basis, solved
+from cosim.diagnosis.thresholds import RESTING_SHARE
 from cosim.diagnosis.trials import Trial
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-KNOTS = 16  # on each side of zero, where such laws bend
-SMOOTH = 20.0  # Hz: a measured signal holds little above but noise
-STILL = 1e-3  # of the largest value: less is rest
+LAW_KNOTS = 16  # on each side of zero, where such laws bend
+LAW_CUTOFF = 20.0  # Hz: a measured signal holds little above but noise
 
 
 def behind(task: Task, one: tuple[Effect, Trial], other: tuple[Effect, Trial]) -> float | None:
@@ -40,7 +40,7 @@ def with_free_function(task: Task, trial: Trial, along: str) -> float | None:
         return None
     values = {n: task.model.nominal(n) for n in group.linear} | trial.fit.values
     size, angle = np.abs(driver), group.observed[0]
-    steps = np.quantile(size[size > STILL * size.max()], np.linspace(0.0, 1.0, KNOTS))
+    steps = np.quantile(size[size > RESTING_SHARE * size.max()], np.linspace(0.0, 1.0, LAW_KNOTS))
     knots = np.unique(np.concatenate([-steps, [0.0], steps]))
     linear, model = to_motion(group, values, group.is_speed(angle)), task.model
     basis = Basis(along, "torque", "N.m", knots, driver, linear, model.h, cuts=model.cuts)
@@ -61,6 +61,6 @@ def signal_along(task: Task, trial: Trial, along: str) -> Array | None:
         seen = task.predicted(trial.fit)[model.group.observed[0]]
         return seen if model.group.is_speed(model.group.observed[0]) else slope(seen, model.h, model.cuts)
     if along == model.group.drive:
-        return low_pass(model.drive, model.h, SMOOTH, model.cuts)
+        return low_pass(model.drive, model.h, LAW_CUTOFF, model.cuts)
     inner = model.inside("continuity", along, trial.fit.values)
     return inner if inner is None or model.grid is None else model.grid.sampled(inner)

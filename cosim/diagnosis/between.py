@@ -22,11 +22,10 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.thresholds import BETWEEN_LOGS, SAME_IN_ALL
 
 Array = NDArray[np.float64]
 
-SPREAD = 0.5  # of a parameter's size: standard deviation from log to log that its prior has
-SAME = 0.25  # chance beforehand that it is the same in all logs
 SCATTERS = np.linspace(0.0, 4.0, 401)  # of that prior: where it is summed
 
 
@@ -98,7 +97,7 @@ def combined(value: float, deviation: float, values: Array, deviations: Array, s
     each, squares = values[known], deviations[known] ** 2
     if each.size < 2:
         return Between(value, values, told, deviation**2)
-    prior = SPREAD * max(size, float(np.sqrt(squares.min())))
+    prior = BETWEEN_LOGS * max(size, float(np.sqrt(squares.min())))
     scatters = prior * SCATTERS
     variances = squares[:, None] + scatters**2
     weights = 1.0 / variances
@@ -109,8 +108,8 @@ def combined(value: float, deviation: float, values: Array, deviations: Array, s
         + (weights * (each[:, None] - mean) ** 2).sum(axis=0)
     )
     before = np.exp(-0.5 * SCATTERS**2)
-    before *= (1.0 - SAME) / before.sum()
-    before[0] += SAME
+    before *= (1.0 - SAME_IN_ALL) / before.sum()
+    before[0] += SAME_IN_ALL
     chances = before * np.exp(likely - likely.max())
     share = float(np.sum(squares**-2) / np.sum(1.0 / squares) ** 2)
     return Between(value, values, told, deviation**2, share, scatters, chances / chances.sum())

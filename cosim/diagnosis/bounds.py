@@ -9,18 +9,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.thresholds import PRESSED_GAIN, RANGE_EDGE
 from cosim.diagnosis.trials import Trial, declared
 from fmus.contract import Effect
-
-PRESSED = (
-    0.5 * 3.84
-)  # log-likelihood beyond a bound that chance gives one estimate in forty, if the truth lay on it
-EDGE = 1e-3  # of a range: an estimate this near its end was stopped there
 
 
 def impossible(trial: Trial, model: GroupModel) -> list[Effect]:
     """The effects of a fitted set that the data press against a bound of one of their parameters."""
-    return [e for e in trial.effects if beyond(trial, e, model) > PRESSED]
+    return [e for e in trial.effects if beyond(trial, e, model) > PRESSED_GAIN]
 
 
 def beyond(trial: Trial, effect: Effect, model: GroupModel) -> float:
@@ -79,7 +75,7 @@ def absurd(
             continue
         value, off = values[parameter], nominal[parameter]
         low, high = allowed.edges(off, torque)
-        near = EDGE * (high - low)
+        near = RANGE_EDGE * (high - low)
         if value < low - near or value > high + near:
             return True
         if (value < low + near and off != low) or (value > high - near and off != high):

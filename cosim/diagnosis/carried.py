@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.noise import CORRELATION_TIMES, QUICK, Whitener, centred, kinds, of_means
+from cosim.diagnosis.noise import CORRELATION_TIMES, QUICK_KINDS, Whitener, centred, kinds, of_means
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def carried(task: Task, rule: Whitener) -> dict[str, Array]:
 
 def walk(rule: Whitener, window: int) -> Array:
     """(window, window) covariance of the integral of quick noise by a rule; without its mean it has unit mean square."""
-    noise = np.tensordot(np.array(rule.sizes[:QUICK]), kinds(window)[:QUICK], axes=1)
+    noise = np.tensordot(np.array(rule.sizes[:QUICK_KINDS]), kinds(window)[:QUICK_KINDS], axes=1)
     summed = np.cumsum(np.cumsum(noise, axis=0), axis=1)
     square = (np.trace(summed) - summed.sum() / window) / window
     return np.asarray(summed / max(float(square), 1e-300))
@@ -53,7 +53,7 @@ def sample_sizes(rule: Whitener, count: int) -> Array:
 def drawn(rule: Whitener, count: int, rng: np.random.Generator) -> Array:
     """Noise (count,) by a rule, sample by sample; of the slowest kinds, which may be a model's error as well, nothing."""
     noise = rng.normal(size=count) * np.sqrt(rule.sizes[0] * rule.bins)
-    for tau, size in zip(CORRELATION_TIMES[: QUICK - 1], rule.sizes[1:QUICK], strict=True):
+    for tau, size in zip(CORRELATION_TIMES[: QUICK_KINDS - 1], rule.sizes[1:QUICK_KINDS], strict=True):
         pole = np.exp(-1.0 / (tau * rule.bins))
         sample = np.sqrt(size / of_means(tau))
         steps = rng.normal(size=count) * sample * np.sqrt(1.0 - pole * pole)

@@ -16,18 +16,19 @@ from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.noise import plain
 from cosim.diagnosis.samples import coarse_steps
+from cosim.diagnosis.thresholds import (
+    BIN,
+    FEWEST_WINDOWS,
+    SKEW,
+    SKEW_INTERVAL,
+    UNSETTLED,
+    UNSETTLED_SHARE,
+    WINDOW,
+)
 from cosim.diagnosis.trials import Trial, tried
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
-
-BIN = 0.01  # s averaged into one value: the drive has no news above some 10 Hz
-WINDOW = 5.0  # s of a window with an initial offset of its own
-SKEW = 0.25  # of a sampling interval: standard deviation of the timing between two signals of a log ...
-FINE = 1e-3  # s: ... of at most this interval, for slower logs are no worse in step
-FEWEST = 3  # windows of a log
-UNSETTLED = 0.5  # s at the start that do not count: the state in which a log begins is not known ...
-STARTING = 0.1  # ... but at most this share of a short log
 
 
 @dataclass
@@ -119,7 +120,7 @@ def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[st
 def window_of(lengths: list[int], bins: int, h: float) -> int:
     """Bins in a window of about `WINDOW` s with which whole windows leave out least of logs of these many samples."""
     # of one short log the windows are shorter: some must be left out to tell chance from more
-    least = FEWEST if len(lengths) == 1 else 1
+    least = FEWEST_WINDOWS if len(lengths) == 1 else 1
     # whole windows fill that log
     choices = [max(1, own // (bins * max(least, round(own * h / WINDOW)))) for own in lengths]
     return min(choices, key=lambda window: sum(own % (bins * window) for own in lengths))
@@ -133,7 +134,7 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     observed = [s for s in group.observed if s in record.signals]
     bins = max(1, round(BIN / record.h))
     shortest = min(piece.time.size for piece in record.pieces)
-    skip = min(round(UNSETTLED / record.h), int(STARTING * shortest))
+    skip = min(round(UNSETTLED / record.h), int(UNSETTLED_SHARE * shortest))
     window = window_of([piece.time.size - skip for piece in record.pieces], bins, record.h)
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
     rules = {s: plain(bins, window, not group.absolute, skip, record.cuts) for s in observed}
@@ -141,7 +142,7 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     task = Task(model, measured, rules, steps=coarse_steps(measured), lost=lost)
     # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;
     # the first row is the timing's place
-    task.late = SKEW * min(record.h, FINE) * float(np.sqrt(len(known) + 1))
+    task.late = SKEW * min(record.h, SKEW_INTERVAL) * float(np.sqrt(len(known) + 1))
     base = model.simulate({})
     others = [GroupModel(group, signal, record.h, fixed, record.grid).simulate({}) for signal in moved]
     task.doubt = {s: np.stack([base[s], *(o[s] - base[s] for o in others)]) for s in observed}

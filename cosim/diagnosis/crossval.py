@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.thresholds import HELD_EVERY
 from cosim.diagnosis.trials import Trial, without
-from cosim.inference.held_out import LEAST, HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
+from cosim.inference.held_out import HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
+from cosim.inference.thresholds import FEWEST_PARTS
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -16,7 +18,7 @@ Array = NDArray[np.float64]
 
 def held_windows(count: int) -> NDArray[np.bool_]:
     """Which windows are held out: every third, so that they visit every regime of the log."""
-    return np.arange(count) % 3 == 2
+    return np.arange(count) % HELD_EVERY == HELD_EVERY - 1
 
 
 def window_numbers(task: Task) -> NDArray[np.int64]:
@@ -61,7 +63,7 @@ def errs_less(task: Task, one: Fit, other: Fit, demean: bool) -> bool:
     for fit_ in (one, other):
         rows = task.rules[signal].windows(fit_.residuals[signal])
         rows = rows - rows.mean(axis=1, keepdims=True) if demean else rows
-        parts = np.array_split(rows, -(-LEAST // len(rows)), axis=1)  # of few windows, for an interval
+        parts = np.array_split(rows, -(-FEWEST_PARTS // len(rows)), axis=1)  # of few windows, for an interval
         squares.append(np.concatenate([np.mean(part**2, axis=1) for part in parts]))
     return ratio_ci95(*squares)[1] < 1.0
 

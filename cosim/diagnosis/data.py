@@ -12,8 +12,8 @@ from cosim.diagnosis.freeform import Basis, changing, families
 from cosim.diagnosis.grid import OF_PIECE, Grid, Pieces, cuts_of, plain_name
 from cosim.diagnosis.groups import COMPONENT_VALUES, SPEED, Group
 from cosim.diagnosis.memory import reversals
-from cosim.diagnosis.options import REST
 from cosim.diagnosis.samples import bridged, stale
+from cosim.diagnosis.thresholds import READ_AT_START, SAME_INTERVAL
 from cosim.errors import DataError
 from cosim.inference.beginning import level, speed
 from cosim.inference.pieces import by_piece, slope
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 
 STARTS = ("theta_0", "omega_0", "spool_0", "p_load_0")
 SETTLING, SETTLED = 30.0, 300  # s for which a drive is held, and steps of it, until all behind it has settled
-SAME = 1.1  # sampling intervals of two logs within this ratio are one interval: 53 ms by one clock is 54 ms by the next
 
 
 @dataclass
@@ -41,7 +40,7 @@ class Record:
     h: float
     signals: dict[str, Array] = field(repr=False)
     grid: Grid | Pieces | None = field(default=None, repr=False)
-    rest: float = REST
+    rest: float = READ_AT_START
 
     @property
     def time(self) -> Array:
@@ -98,16 +97,16 @@ def joined(records: Sequence[Record]) -> Record:
     """One record of several logs of one machine, with the signals that all of them have; of one log, the log's own.
 
     Raises:
-        DataError: their sampling intervals differ by more than `SAME`.
+        DataError: their sampling intervals differ by more than `SAME_INTERVAL`.
     """
     if len(records) == 1:
         return records[0]
     intervals = tuple(r.h for r in records)
-    if max(intervals) > SAME * min(intervals):
+    if max(intervals) > SAME_INTERVAL * min(intervals):
         told = ", ".join(f"{1e3 * h:.4g} ms" for h in intervals)
         raise DataError(
             f"the logs were sampled every {told}: diagnosed together they must have one interval, within "
-            f"{SAME - 1.0:.0%}; bring the finer ones to the coarsest interval, or diagnose each by itself"
+            f"{SAME_INTERVAL - 1.0:.0%}; bring the finer ones to the coarsest interval, or diagnose each by itself"
         )
     grids = [r.grid if isinstance(r.grid, Grid) else None for r in records]
     common = [n for n in records[0].signals if all(r.has(n) for r in records)]

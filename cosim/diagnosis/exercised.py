@@ -5,8 +5,9 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import jacobian
-from cosim.diagnosis.naming import SURE, declared, trusted
 from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.thresholds import NAMING_GAIN
+from cosim.diagnosis.trials import declared, trusted
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def never_exercised(finding: Finding, tolerance: float) -> list[str]:
     """Effects that this log could not have shown even at a moderate size."""
     named = set(finding.chosen.names)
     sure = {
-        e.name: SURE + 0.5 * len(e.free) * float(np.log(finding.null.fit.count))
+        e.name: NAMING_GAIN + 0.5 * len(e.free) * float(np.log(finding.null.fit.count))
         for e in finding.task.model.group.effects()
     }
     return [n for n, gain in exercised(finding, tolerance).items() if n not in named and gain < sure[n]]

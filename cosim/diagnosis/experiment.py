@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.extend import ChainModel
+from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Unknown, jacobian
 from cosim.diagnosis.grid import Grid, of_piece
 from cosim.diagnosis.groups import Group
-from cosim.diagnosis.naming import Finding, unknowns
 from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.trials import unknowns
 from cosim.diagnosis.verdict import Cause
 from cosim.files import write_text
 

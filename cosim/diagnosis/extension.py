@@ -25,8 +25,9 @@ from cosim.diagnosis.heldout import Held, Refused, left_out_errors
 from cosim.diagnosis.naming import worth_naming
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.diagnosis.together import weighed
-from cosim.diagnosis.trials import FREE, Trial, tried, without
+from cosim.diagnosis.trials import Trial, tried, without
 from cosim.diagnosis.verdict import rests, stands
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
@@ -57,7 +58,7 @@ def estimate(
         rules |= finding.task.rules
     diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
     record, cuts = diagnosis.record, diagnosis.record.cuts
-    if (diagnosis.held is not None or tolerance >= FREE) and len(findings) == len(groups) == 1:
+    if (diagnosis.held is not None or tolerance >= CALIBRATED_TRUST) and len(findings) == len(groups) == 1:
         (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
         estimate_alone(diagnosis, finding, effects, tolerance, constants)
         return
@@ -147,7 +148,9 @@ def estimate_alone(
             best, effects = fewer, rest
     diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
     diagnosis.correlations = best.correlations
-    if tolerance >= FREE:  # what the extension is held against has its own parameters fitted as well
+    if (
+        tolerance >= CALIBRATED_TRUST
+    ):  # what the extension is held against has its own parameters fitted as well
         diagnosis.calibrated = plain.values
 
     def run_of(log: int) -> dict[str, tuple[float, float]]:

@@ -10,29 +10,28 @@ from numpy.typing import NDArray
 from cosim.diagnosis.crossval import window_numbers
 from cosim.diagnosis.data import Record, free_bases
 from cosim.diagnosis.fit import Fit, Task
-from cosim.diagnosis.freeform import SYSTEMATIC, Basis, Leftover, explain
+from cosim.diagnosis.freeform import Basis, Leftover, explain
 from cosim.diagnosis.local import Event
 from cosim.diagnosis.memory import Reversals
 from cosim.diagnosis.noise import centred, learned
 from cosim.diagnosis.reference import Reference
 from cosim.diagnosis.rounded import concentration
 from cosim.diagnosis.samples import Mark
-from cosim.diagnosis.trials import CLOSE, Trial, freed
+from cosim.diagnosis.thresholds import (
+    AGAIN_SHARE,
+    CERTAIN,
+    LARGE_REST,
+    NOISE_SMALLER,
+    SHOWN_AGAIN,
+    SYSTEMATIC,
+    TIMING_MOVED,
+)
+from cosim.diagnosis.trials import Trial, freed
 from cosim.inference.held_out import HeldOutGain
 from cosim.inference.noise import quietest
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
-
-AGAIN = CLOSE  # log-likelihood that it must gain in windows other than those in which it was found
-# of what it gains where it was found that it must gain there: a fault gains nearly as much, slow noise that fits twice by
-# chance up to 0.29 (of 530 logs, 100 of them with 1/f noise; in one of 300 since, 0.42)
-ALIKE = 1.0 / 3.0
-CERTAIN = 1e-30  # probability below which it need not: slow noise has explained itself to 1e-11 only
-# of the noise of one bin: slow noise has explained itself to 0.61 of it at most in some 3700 logs, faults to thousands
-LARGE = 1.0
-SMALLER = 0.97  # of the noise: less, and all is fitted again
-MOVED = 0.5  # standard deviations of the noise: the doubt of the timing has moved by more, and all is fitted again
 
 
 @dataclass
@@ -123,9 +122,9 @@ def systematic(leftover: Leftover, negligible: float, noise: float) -> bool:
     much, or it is larger than the noise of one bin (`noise`, in the signal's unit): windows that visit different regimes
     have little to say of each other, and what is nearly constant has been taken for slow noise.
     """
-    again = leftover.held_out > max(AGAIN, ALIKE * leftover.gain)
-    sure = leftover.p_value < CERTAIN or leftover.rms > LARGE * noise
-    seen = again or (sure and leftover.gain > AGAIN)
+    again = leftover.held_out > max(SHOWN_AGAIN, AGAIN_SHARE * leftover.gain)
+    sure = leftover.p_value < CERTAIN or leftover.rms > LARGE_REST * noise
+    seen = again or (sure and leftover.gain > SHOWN_AGAIN)
     return leftover.p_value < SYSTEMATIC and leftover.rms > negligible and seen
 
 
@@ -142,11 +141,11 @@ def relearned(task: Task, record: Record, found: Fit) -> bool:
     """
     rules, doubt = task.rules, task.doubt
     learn_noise(task, record, found)
-    if any(task.rules[s].sigma < SMALLER * rule.sigma for s, rule in rules.items()):
+    if any(task.rules[s].sigma < NOISE_SMALLER * rule.sigma for s, rule in rules.items()):
         return True
     if (
         task.late
-        and np.linalg.norm(task.rows({s: d[0] - doubt[s][0] for s, d in task.doubt.items()})) > MOVED
+        and np.linalg.norm(task.rows({s: d[0] - doubt[s][0] for s, d in task.doubt.items()})) > TIMING_MOVED
     ):
         return True
     task.doubt = doubt

@@ -20,7 +20,7 @@ from cosim.inference.pieces import by_piece, slope
 Array = NDArray[np.float64]
 
 ABSURD = 1e9  # SI; stands for a residual that is no number
-STEP = 2e-3  # of a scale, over which slopes are differenced
+SLOPE_STEP = 2e-3  # of a scale, over which slopes are differenced
 
 
 @dataclass(frozen=True)
@@ -362,12 +362,18 @@ def one_sided(cost: Callable[[Array], Array], z: Array, here: Array, low: Array,
     columns = []
     for i in range(z.size):
         other = z.copy()
-        other[i] = min(z[i] + STEP, high[i]) if high[i] - z[i] >= z[i] - low[i] else max(z[i] - STEP, low[i])
+        other[i] = (
+            min(z[i] + SLOPE_STEP, high[i])
+            if high[i] - z[i] >= z[i] - low[i]
+            else max(z[i] - SLOPE_STEP, low[i])
+        )
         columns.append((cost(other) - here) / (other[i] - z[i]))
     return np.stack(columns, axis=1)
 
 
-def jacobian(cost: Callable[[Array], Array], z: Array, low: Array, high: Array, step: float = STEP) -> Array:
+def jacobian(
+    cost: Callable[[Array], Array], z: Array, low: Array, high: Array, step: float = SLOPE_STEP
+) -> Array:
     """Central differences in units of each unknown's scale, one-sided at a bound.
 
     The step is a fraction of a typical change, not of rounding: friction and play make the cost jagged at small scale.

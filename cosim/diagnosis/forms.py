@@ -4,7 +4,8 @@ from collections.abc import Iterable
 
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.screening import pointed
-from cosim.diagnosis.trials import SURE, Trial, tried, tried_all
+from cosim.diagnosis.thresholds import NAMING_GAIN
+from cosim.diagnosis.trials import Trial, tried, tried_all
 from fmus.contract import Effect
 
 
@@ -24,7 +25,7 @@ def forms(task: Task, base: Trial, single: Iterable[Trial]) -> list[tuple[Effect
         for effect in (e for e in trial.effects if not e.is_formed):
             others = tuple(e for e in trial.effects if e != effect)
             for parameter, free in effect.forms.items():
-                if pointed(task, trial, {f"{effect.component}.{parameter}": free.starts}) > SURE:
+                if pointed(task, trial, {f"{effect.component}.{parameter}": free.starts}) > NAMING_GAIN:
                     found.append((*others, effect.formed(parameter)))
     return found
 
@@ -35,7 +36,7 @@ def in_plain_form(task: Task, chosen: Trial, tolerance: float) -> Trial:
         if effect.is_formed and len(chosen.effects) > 1:
             plain = tuple(e.plain if e == effect else e for e in chosen.effects)
             trial = tried(task, plain, tolerance, chosen.fit)
-            chosen = trial if trial.score > chosen.score - SURE else chosen
+            chosen = trial if trial.score > chosen.score - NAMING_GAIN else chosen
     return chosen
 
 

@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.between import Between
 from cosim.diagnosis.budget import Budget
-from cosim.diagnosis.chain import WINDOW
 from cosim.diagnosis.data import Record
+from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.floors import floor_of
 from cosim.diagnosis.gain import Gain
 from cosim.diagnosis.groups import Group
 from cosim.diagnosis.heldout import Held, Refused
 from cosim.diagnosis.labels import Contradiction
 from cosim.diagnosis.machine import Machine
-from cosim.diagnosis.naming import Finding
 from cosim.diagnosis.reference import Reference
+from cosim.diagnosis.thresholds import WINDOW
 from cosim.diagnosis.tracker import TrackerFinding
 from cosim.diagnosis.verdict import Cause, Rest
 

@@ -19,7 +19,6 @@ from cosim.inference.pieces import by_piece
 Array = NDArray[np.float64]
 
 KNOTS = 9
-SYSTEMATIC = 1e-5  # probability below which what free functions explain is no chance
 RIDGES = (0.1, 1.0, 10.0)  # of a column's square: of what is visited less, hardly a coefficient is taken
 FACTOR_KNOTS = 5  # of a factor that changes over the log or with another signal
 

@@ -10,20 +10,21 @@ from cosim.compare.metrics import rms
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.crossval import window_numbers
 from cosim.diagnosis.data import Record, fixed_values, is_start
+from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.naming import Finding, tried, unknowns
 from cosim.diagnosis.noise import Whitener
+from cosim.diagnosis.thresholds import FREE_RUN_PARTS
+from cosim.diagnosis.trials import tried, unknowns
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-ROUNDS = 6  # of a fit, at most
-GAINED = 1e-3  # of the sum of squares that a further round must take away
-CLUSTERS = 12  # parts of the log that count as independent repetitions in intervals
-WALKS = 4  # times that the size of the walk is learned anew, at most
-SETTLED = 0.95  # of its size, less than which a fit must leave for that to be worth it
+FREE_RUN_ROUNDS = 6  # of a fit, at most
+ROUND_GAINS = 1e-3  # of the sum of squares that a further round must take away
+WALK_ROUNDS = 4  # times that the size of the walk is learned anew, at most
+WALK_SETTLED = 0.95  # of its size, less than which a fit must leave for that to be worth it
 
 
 def whole(task: Task, size: Mapping[str, float], mask: NDArray[np.bool_] | None = None) -> Task:
@@ -66,12 +67,12 @@ def refitted(
     task = whole(finding.task, size, mask)
     wanted, _ = unknowns(task.model, effects, tolerance)
     found = tried(finding.task, effects, tolerance, near).fit
-    for left in reversed(range(ROUNDS)):
-        before = found.log_likelihood if left < ROUNDS - 1 else -np.inf
+    for left in reversed(range(FREE_RUN_ROUNDS)):
+        before = found.log_likelihood if left < FREE_RUN_ROUNDS - 1 else -np.inf
         found = fit(task, placed(wanted, found.values), rounds=20)
-        if found.log_likelihood < before + GAINED * abs(before) or current().over:
+        if found.log_likelihood < before + ROUND_GAINS * abs(before) or current().over:
             break
-    numbers = np.arange(found.count) * CLUSTERS // max(found.count, 1)
+    numbers = np.arange(found.count) * FREE_RUN_PARTS // max(found.count, 1)
     return with_sandwich(found, wanted, task.model, numbers)
 
 
@@ -88,12 +89,12 @@ def with_sandwich(found: Fit, wanted: list[Unknown], model: GroupModel, cluster:
         return found
     scales = np.array([u.scale for u in wanted])
     scores = found.slopes[: found.count] * found.rows[: found.count, None]
-    parts = np.zeros((CLUSTERS, scores.shape[1]))
+    parts = np.zeros((FREE_RUN_PARTS, scores.shape[1]))
     np.add.at(parts, cluster, scores)
     bread = np.linalg.pinv(found.slopes.T @ found.slopes)
     # the priors' rows: what the log does not tell is as uncertain as they leave it
     known = found.slopes[found.count :]
-    meat = parts.T @ parts * CLUSTERS / (CLUSTERS - 1.0) + known.T @ known
+    meat = parts.T @ parts * FREE_RUN_PARTS / (FREE_RUN_PARTS - 1.0) + known.T @ known
     covariance = bread @ meat @ bread * np.outer(scales, scales)
     names = [u.name for u in wanted]
     # of what nothing depends on, such as a part of friction larger than the whole, neither its size nor none is known
@@ -150,14 +151,14 @@ def onward(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near
     found = tried(known, effects, tolerance, near).fit
     task = Drifting(**{f.name: getattr(known, f.name) for f in fields(Task)})
     wanted, _ = unknowns(task.model, effects, tolerance)
-    for _ in range(WALKS):
+    for _ in range(WALK_ROUNDS):
         task.step = max(rms(task.walked(found.residuals)), 1e-300)
         found = fit(task, placed(wanted, found.values))
-        if rms(task.walked(found.residuals)) > SETTLED * task.step or current().over:
+        if rms(task.walked(found.residuals)) > WALK_SETTLED * task.step or current().over:
             break
     windows = np.concatenate([window_numbers(known), task.steps_in])
     count = int(windows.max(initial=0)) + 1
-    return with_sandwich(found, wanted, task.model, windows * CLUSTERS // count)
+    return with_sandwich(found, wanted, task.model, windows * FREE_RUN_PARTS // count)
 
 
 def errors(finding: Finding, fit: Fit, record: Record) -> dict[str, Array]:

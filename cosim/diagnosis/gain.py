@@ -13,7 +13,7 @@ from cosim.diagnosis.data import Record
 from cosim.diagnosis.grid import Grid, of_piece
 from cosim.diagnosis.machine import Machine
 from cosim.diagnosis.noise import Windows
-from cosim.inference.held_out import LEAST
+from cosim.inference.thresholds import FEWEST_PARTS
 from cosim.master import Runner
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ def measure(
         if first is not None:
             # parts enough for an interval, none longer than the shortest log that is held out
             ends = np.diff([start, *(cut for cut in record.cuts if cut > start), y.size])
-            own = max(1, min(window, (y.size - start) // LEAST, int(ends.min())))
+            own = max(1, min(window, (y.size - start) // FEWEST_PARTS, int(ends.min())))
         # whole windows of each log, as those of the fits
         rule = Windows(own, start, record.cuts)
         inside = rule.inside(y.size)
@@ -123,7 +123,7 @@ def measure(
         pick[inside] = np.repeat(held, own)
         if first is not None:
             pick[start:] = True  # the last, shorter window too
-        parts = -(-LEAST // int(held.sum()))  # of a short log's few windows, for an interval
+        parts = -(-FEWEST_PARTS // int(held.sum()))  # of a short log's few windows, for an interval
         squares, whole = [], []
         for simulated in (before[signal], after[signal]):
             error = y - simulated

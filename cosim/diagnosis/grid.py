@@ -12,10 +12,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.thresholds import EVEN_SAMPLING
+
 Array = NDArray[np.float64]
 
-STEP = 1e-3  # s, the longest step of a simulation unless another is asked for
-EVEN = 1e-6  # of an interval: stamps closer than this to even ones are even
+LONGEST_STEP = 1e-3  # s, the longest step of a simulation unless another is asked for
+EVEN_STAMPS = 1e-6  # of an interval: stamps closer than this to even ones are even
 OF_PIECE = "@"  # between a name and the number of the piece whose own it is; of the first piece the name stands alone
 
 
@@ -36,11 +38,11 @@ class Grid:
 
     def __post_init__(self) -> None:
         """Prepare where each stamp lies among the steps."""
-        count = math.ceil(self.stamps[-1] / self.step - EVEN)
+        count = math.ceil(self.stamps[-1] / self.step - EVEN_STAMPS)
         time = np.arange(count + 1) * self.step
         place = np.clip(self.stamps / self.step, 0.0, count)
         exact = np.round(place)
-        place = np.where(np.abs(place - exact) < EVEN, exact, place)
+        place = np.where(np.abs(place - exact) < EVEN_STAMPS, exact, place)
         below = np.minimum(place.astype(np.int64), count - 1)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "_below", below)
@@ -74,8 +76,8 @@ class Grid:
         total = np.interp(ends, self.stamps, area) + np.maximum(ends - last, 0.0) * values[-1]
         means = np.diff(total) / self.step
         # a step without a change of the value has that value exactly, not to the rounding of two large sums
-        first = np.searchsorted(self.stamps, ends[:-1] + EVEN * self.step, "right") - 1
-        final = np.searchsorted(self.stamps, ends[1:] - EVEN * self.step, "left") - 1
+        first = np.searchsorted(self.stamps, ends[:-1] + EVEN_STAMPS * self.step, "right") - 1
+        final = np.searchsorted(self.stamps, ends[1:] - EVEN_STAMPS * self.step, "left") - 1
         return np.where(first == final, values[first], means)
 
     def sampled(self, rows: Array) -> Array:
@@ -90,23 +92,23 @@ def grid_of(time: Array, step: float | None = None, lines: bool = False) -> tupl
 
     Args:
         time: (m,) stamps, s.
-        step: longest step of a simulation, s; by default `STEP`.
+        step: longest step of a simulation, s; by default `LONGEST_STEP`.
         lines: as in `Grid`.
 
     Returns:
         None in place of the grid where each sample is a step: even sampling, fast enough.
     """
     stamps = np.asarray(time - time[0], dtype=np.float64)
-    longest = STEP if step is None else step
+    longest = LONGEST_STEP if step is None else step
     mean = float(f"{stamps[-1] / (stamps.size - 1):.10g}")
     middle = float(f"{np.median(np.diff(stamps)):.10g}")
-    even = bool(np.max(np.abs(stamps - np.arange(stamps.size) * mean)) <= 0.01 * mean)
+    even = bool(np.max(np.abs(stamps - np.arange(stamps.size) * mean)) <= EVEN_SAMPLING * mean)
     interval = mean if even else middle
     if even:
         stamps = np.asarray(np.arange(stamps.size) * interval, dtype=np.float64)
-        if interval <= longest * (1.0 + EVEN):
+        if interval <= longest * (1.0 + EVEN_STAMPS):
             return None, interval
-    return Grid(stamps, interval / math.ceil(interval / longest - EVEN), lines), interval
+    return Grid(stamps, interval / math.ceil(interval / longest - EVEN_STAMPS), lines), interval
 
 
 @dataclass(frozen=True)

@@ -13,31 +13,22 @@ from numpy.typing import NDArray
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.crossval import moving, repetitions
 from cosim.diagnosis.data import Record, joined
+from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.freerun import errors, onward, refitted
 from cosim.diagnosis.grid import of_piece
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.naming import CLOSE, SIZED, Finding, Trial, rivals, tried, unknowns, worth_naming
+from cosim.diagnosis.naming import rivals, worth_naming
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED
-from cosim.diagnosis.trials import candidates_of, quickly, tried_all, without
-from cosim.inference.held_out import (
-    LEAST,
-    HeldOutGain,
-    gain_of_errors,
-    mean_squares,
-    ratio_ci95,
-    steps_without,
-)
+from cosim.diagnosis.thresholds import AS_WELL, CANCELLING, INDISTINGUISHABLE, RIVALS_HELD_OUT, SURE_SIZE
+from cosim.diagnosis.trials import Trial, candidates_of, quickly, tried, tried_all, unknowns, without
+from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, ratio_ci95, steps_without
+from cosim.inference.thresholds import FEWEST_PARTS
 from cosim.logs import Log
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
-
-
-AS_WELL = 1.1  # times the error on held-out data: parts of one log have more in common than an interval over them knows
-CANCELLING = 0.98  # correlation of two causes' sizes beyond which their sum is known only, to a fifth of either's deviation
-NEAREST = 3  # rivals of a cause in the fitting log that are held against it on held-out data
 
 
 @dataclass(frozen=True)
@@ -232,7 +223,7 @@ def stepper(
                 each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
                 spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
                 # each log counts alike; few logs are cut into as many parts as make an interval
-                count = -(-LEAST // len(each))
+                count = -(-FEWEST_PARTS // len(each))
                 own = [mean_squares(e, count, anew) for e in each]
                 square = np.concatenate(own)
                 squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
@@ -254,7 +245,7 @@ def parts_of(error: Array, rule: Whitener, anew: bool, cuts: tuple[int, ...] = (
         anew: in each part the prediction begins where the machine stands.
         cuts: first sample of each log but the first.
     """
-    count = max(LEAST, round(error.size / (rule.bins * rule.window)))
+    count = max(FEWEST_PARTS, round(error.size / (rule.bins * rule.window)))
     return mean_squares(error, min(count, error.size), anew, cuts)
 
 
@@ -268,7 +259,7 @@ def cancelling(effects: tuple[Effect, ...], fit_: Fit, model: GroupModel) -> set
     found = set()
     for pair, r in fit_.correlations.items():
         if abs(r) > CANCELLING and set(pair) <= set(keys):
-            times = SIZED / np.sqrt(max(1.0 - r * r, 1e-12))
+            times = SURE_SIZE / np.sqrt(max(1.0 - r * r, 1e-12))
             off = [abs(fit_.values[n] - model.nominal(n)) < times * fit_.deviations[n] for n in pair]
             found |= {keys[n] for n in pair} if any(off) else set()
     return found
@@ -346,7 +337,7 @@ def reconsider(
         ]
         closest = sorted(finding.rivals.get(effect.name, []), key=lambda t: -t.score)
         beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
-        others = dict.fromkeys([*turned_down, *(new for (new,) in beside[:NEAREST])])
+        others = dict.fromkeys([*turned_down, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
         bare = step(rest)
         undecided = []
         for other in others:
@@ -410,7 +401,7 @@ def alike(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
     found = []
     for trial in finding.rivals.get(effect.name, []):
         rival = next(e for e in trial.effects if e not in finding.chosen.effects)
-        if trial.score > finding.chosen.score - CLOSE:
+        if trial.score > finding.chosen.score - INDISTINGUISHABLE:
             found.append((rival, trial.score - finding.chosen.score))
     return found
 

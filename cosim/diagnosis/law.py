@@ -12,12 +12,12 @@ from cosim.compare.metrics import rms
 from cosim.diagnosis.chain import Known, in_any_form
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, bases_of
+from cosim.diagnosis.thresholds import LAW_KNOWN_TO
 from cosim.diagnosis.upstream import alternatives
-from cosim.diagnosis.verdict import FORM
 
 Array = NDArray[np.float64]
 
-WORTH = 1e-3  # of the largest: what a direction of doubt must move to count
+LEAST_DIRECTION = 1e-3  # of the largest: what a direction of doubt must move to count
 
 
 def understood(finding: Finding, record: Record, tolerance: float) -> Known:
@@ -38,7 +38,7 @@ def understood(finding: Finding, record: Record, tolerance: float) -> Known:
 def doubt_of_law(finding: Finding, record: Record) -> tuple[Array | None, list[Array]]:
     """Correction (n,) of a group's first signal and its changes (n,) one standard deviation along each doubt of the laws.
 
-    Ridge regression of the residual on all free functions, each trusted to be within FORM of what the causes explain.
+    Ridge regression of the residual on all free functions, each within LAW_KNOWN_TO of what the causes explain.
 
     Args:
         finding: what was found in the group; nothing, or causes of laws that have one form only, leave no doubt.
@@ -50,7 +50,7 @@ def doubt_of_law(finding: Finding, record: Record) -> tuple[Array | None, list[A
     signal = task.model.group.observed[0]
     silent = {s: np.zeros_like(r) for s, r in chosen.fit.residuals.items()}
     bases = bases_of(task, record, chosen.fit)[signal]
-    trusted = FORM * finding.before[signal].rms  # the size that each has at most
+    trusted = LAW_KNOWN_TO * finding.before[signal].rms  # the size that each has at most
     listed = (column for basis in bases for column in basis.columns())
     # single precision: there are dozens of them, as long as the log
     columns = np.array([(c * (trusted / size)).astype(np.float32) for c in listed if (size := rms(c)) > 0.0])
@@ -62,5 +62,5 @@ def doubt_of_law(finding: Finding, record: Record) -> tuple[Array | None, list[A
     # directions that move the signal most, each by one standard deviation
     root = np.linalg.inv(np.linalg.cholesky(precision)).T
     values, vectors = np.linalg.eigh(root.T @ (columns @ columns.T) @ root)
-    kept = vectors[:, values > WORTH**2 * values[-1]]
+    kept = vectors[:, values > LEAST_DIRECTION**2 * values[-1]]
     return mean @ columns, list((root @ kept).T @ columns)

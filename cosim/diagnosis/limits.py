@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.fit import Fit, Task
+from cosim.diagnosis.thresholds import UNSEEN_LIMIT
 from fmus.contract import Effect, Free
 
 Array = NDArray[np.float64]
 
-UNSEEN = 1.0  # log-likelihood below which a limit explains nothing
 MET = (1.0, 0.99)  # of the extreme of what was measured: there or just below it a limit that was met lies
 ANGLES = ("theta", "slew")  # outputs whose zero is arbitrary
 PREDICTED = (0.99, 0.95)  # the same of what the model predicts without the limit
@@ -93,7 +93,7 @@ def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit, trusted: boo
                 continue
             away = {name: task.model.nominal(name)}
             white = task.white(task.residuals(found.values | nominal | away))
-            if -0.5 * float(white @ white) - pulls > found.log_likelihood - UNSEEN:
+            if -0.5 * float(white @ white) - pulls > found.log_likelihood - UNSEEN_LIMIT:
                 nominal |= away
     extremes = reached(task, effects, found.values if trusted else None) if nominal else {}
     spread = {n: abs(v - extremes[n][0]) / 1.96 for n, v in nominal.items() if n in extremes}

@@ -13,19 +13,21 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 from scipy.stats import f as f_distribution
 
+from cosim.diagnosis.thresholds import (
+    EVENT_EDGE,
+    FEWEST_BINS_OF_LINE,
+    FEWEST_STRETCHES,
+    INDEPENDENT_OF_LINE,
+    INDEPENDENT_VALUES,
+    LEAST_LOCAL_NOISE,
+    LINE_PERIODS,
+    LOCAL,
+)
+
 Array = NDArray[np.float64]
 
 PIECES = (40, 120, 360)  # bins in a piece: about half a second, a second and four
 NARROWEST = 8  # values in a band of a piece
-LOCAL = 1e-5  # probability below which something at one time or one frequency is no chance
-PERIODS = 2  # that a line must have in a window
-# share of a piece's values that count as independent: noise is neither quite white nor quite normal (with all of them the
-# smallest probability in 180 logs of white, correlated and 1/f noise was 2e-3, with this share 3e-2)
-INDEPENDENT = 0.8
-# the same for a line, against a neighbourhood that is not quite flat: with 0.8 the smallest of 1250 in clean logs was 1e-5
-INDEPENDENT_LINE = 0.6
-# smallest size of the rest, by that of noise: in a computed log next to nothing is left, and none of it stands out
-LEAST = 0.1
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Event:
     size: float = 0.0
 
 
-NOTHING = Event(1.0, 0.0, 1.0, 0.0, 0.0)
+NO_EVENT = Event(1.0, 0.0, 1.0, 0.0, 0.0)
 
 
 def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
@@ -65,13 +67,13 @@ def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
     """
     row = white.ravel()
     row = row[round(skip / interval) :]
-    best, tests = NOTHING, 0
+    best, tests = NO_EVENT, 0
     # the size of all the rest: without its largest hundredth, which would hide the event in its own measure
     kept = np.sort(row**2)[: int(0.99 * row.size)]
-    overall = max(float(np.mean(kept)) / 0.9262, LEAST) if kept.size else 0.0
+    overall = max(float(np.mean(kept)) / 0.9262, LEAST_LOCAL_NOISE) if kept.size else 0.0
     for piece in PIECES:
         count = 2 * (row.size // piece) - 1  # half overlapping
-        if count < 8 or overall <= 0.0:
+        if count < FEWEST_STRETCHES or overall <= 0.0:
             continue
         starts = np.arange(count) * (piece // 2)
         sums = band_sums(row[starts[:, None] + np.arange(piece)])
@@ -81,11 +83,11 @@ def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
             level = max(overall, float(np.median(energy)) / (high - low))
             ratio = energy / ((high - low) * level)
             at = int(np.argmax(ratio))
-            freedom = INDEPENDENT * (high - low)
-            p_value = float(f_distribution.sf(ratio[at], freedom, INDEPENDENT * (row.size - piece)))
+            freedom = INDEPENDENT_VALUES * (high - low)
+            p_value = float(f_distribution.sf(ratio[at], freedom, INDEPENDENT_VALUES * (row.size - piece)))
             if p_value >= best.p_value:
                 continue
-            first, last = stretch_of(ratio > 1.0 + 4.0 * np.sqrt(2.0 / freedom), at)
+            first, last = stretch_of(ratio > 1.0 + EVENT_EDGE * np.sqrt(2.0 / freedom), at)
             start, stop = int(starts[first]), int(starts[last]) + piece
             share = (stop - start) / piece
             gain, begins, ends = heart(row[start:stop], low * share, high * share, level)
@@ -150,8 +152,8 @@ def stretch_of(above: NDArray[np.bool_], at: int) -> tuple[int, int]:
 def line(white: Array, interval: float) -> Event:
     """The frequency at which white residuals (windows, bins) are largest, against those around it."""
     windows, bins = white.shape
-    if windows < 2 or bins < 60:
-        return NOTHING
+    if windows < 2 or bins < FEWEST_BINS_OF_LINE:
+        return NO_EVENT
     taper = np.sin(
         np.pi * (np.arange(bins) + 0.5) / bins
     )  # two neighbouring frequencies stay nearly independent
@@ -160,11 +162,11 @@ def line(white: Array, interval: float) -> Event:
     reach = 12
     padded = np.pad(power, reach, mode="reflect")
     around = np.array([np.median(padded[i : i + 2 * reach + 1]) for i in range(power.size)])
-    freedom = INDEPENDENT_LINE * 2.0 * windows
+    freedom = INDEPENDENT_OF_LINE * 2.0 * windows
     around /= 1.0 - 2.0 / (9.0 * 2.0 * windows) * 3.0  # median of a chi-square against its mean
-    ratio = power / np.maximum(around, LEAST * float(taper @ taper))
-    # less than PERIODS in a window are slow noise as well as a line, and what free functions took of it has thinned the rest
-    at = PERIODS - 1 + int(np.argmax(ratio[PERIODS - 1 :]))
+    ratio = power / np.maximum(around, LEAST_LOCAL_NOISE * float(taper @ taper))
+    # fewer periods in a window are slow noise as well, and what free functions took of it has thinned the rest
+    at = LINE_PERIODS - 1 + int(np.argmax(ratio[LINE_PERIODS - 1 :]))
     one = float(f_distribution.sf(ratio[at], freedom, freedom * reach))
     frequency = (at + 1) / (bins * interval)
     gain = windows * (ratio[at] - 1.0 - float(np.log(max(ratio[at], 1e-300))))

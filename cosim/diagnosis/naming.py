@@ -14,7 +14,7 @@ from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.forms import forms, in_plain_form, in_same_form
 from cosim.diagnosis.grid import Pieces
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.local import PERIODS, Event, apart, burst, line
+from cosim.diagnosis.local import Event, apart, burst, line
 from cosim.diagnosis.noise import Whitener, broad
 from cosim.diagnosis.pace import in_exact_steps, paced
 from cosim.diagnosis.phases import usually_spelled
@@ -22,11 +22,20 @@ from cosim.diagnosis.pruning import confirmed, prune
 from cosim.diagnosis.samples import Mark, marks
 from cosim.diagnosis.screening import identifiable, promising
 from cosim.diagnosis.swing import swing
+from cosim.diagnosis.thresholds import (
+    BEYOND_TRUST,
+    CALIBRATED_TRUST,
+    COARSE_BETTER,
+    INDISTINGUISHABLE,
+    LINE_PERIODS,
+    NAMING_GAIN,
+    NOMINAL_TRUST,
+    ONE_SIDED_95,
+    RIVAL_WITHIN,
+    SINGLE_WITHIN,
+    SURE_SIZE,
+)
 from cosim.diagnosis.trials import (
-    BEYOND,
-    CLOSE,
-    FREE,
-    SURE,
     Trial,
     candidates_of,
     declared,
@@ -35,20 +44,11 @@ from cosim.diagnosis.trials import (
     quickly,
     tried,
     tried_all,
-    trusted,
-    unknowns,
     without,
 )
 from cosim.diagnosis.valleys import away_from_stops
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
-
-SIZED = 2.0  # standard deviations from off beyond which a size is sure
-LESS = 0.9  # of what a search leaves: a coarse one that leaves less has found what it missed
-NEARLY = 0.05  # of the chosen set's gain behind it: such a rival is fitted until it settles
-HALF = 0.5  # the same of a single effect in the place of the one chosen: its valley may be long
-
-__all__ = ["BEYOND", "CLOSE", "SURE", "Finding", "Trial", "declared", "find", "tried", "trusted", "unknowns"]
 
 
 def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:
@@ -63,13 +63,13 @@ def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: flo
         change = abs(trial.fit.values[name] - model.nominal(name))
         spread = trial.fit.deviations[name]
         if name in model.group.trusted and len(effect.free) == 1:
-            return change - 1.64 * spread > BEYOND * tolerance * abs(model.nominal(name))
+            return change - ONE_SIDED_95 * spread > BEYOND_TRUST * tolerance * abs(model.nominal(name))
         if (free.floor or not floored) and change > free.floor:
-            if change > SIZED * spread:
+            if change > SURE_SIZE * spread:
                 return True
             large = True
     sizes = sizes_of(effect, model, trial.fit) if large else {}
-    return len(sizes) > 1 and joint(trial.fit, sizes) > float(chi2.isf(2.0 * norm.sf(SIZED), len(sizes)))
+    return len(sizes) > 1 and joint(trial.fit, sizes) > float(chi2.isf(2.0 * norm.sf(SURE_SIZE), len(sizes)))
 
 
 def sizes_of(effect: Effect, model: GroupModel, found: Fit) -> dict[str, float]:
@@ -92,7 +92,7 @@ def joint(found: Fit, sizes: dict[str, float]) -> float:
     return float(values @ np.linalg.pinv(found.covariance[np.ix_(at, at)], hermitian=True) @ values)
 
 
-def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float, sure: float = SURE) -> bool:
+def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float, sure: float = NAMING_GAIN) -> bool:
     """True if `new` (one effect more) is to be believed over `old`: by `sure` of log-likelihood beyond its price."""
     effect = new.effects[-1]
     if not worth_naming(new, effect, model, tolerance) or impossible(new, model):
@@ -106,7 +106,7 @@ def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float, sure: 
 def find(
     task: Task,
     record: Record,
-    tolerance: float = 0.01,
+    tolerance: float = NOMINAL_TRUST,
     most: int = 3,
     within: bool = True,
     begin: Trial | None = None,
@@ -120,7 +120,7 @@ def find(
     """
     candidates = candidates_of(task)
     null, exact = nominal(task, record, tolerance), task.model
-    if tolerance >= FREE:
+    if tolerance >= CALIBRATED_TRUST:
         candidates = identifiable(task, null, candidates)
     paced(task, exact, null.fit, candidates, tolerance)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
@@ -134,12 +134,12 @@ def find(
     else:
         chosen = best_single(task, null, single, tolerance) if most else null
     found = searched(chosen)
-    if begin is None and most and tolerance >= FREE and not current().over:
+    if begin is None and most and tolerance >= CALIBRATED_TRUST and not current().over:
         ended = task.rules, task.model
         task.set_rules(known[0])
         task.model = known[1]
         coarse = coarsely(task, null, candidates, tolerance, most)
-        if coarse is not None and remaining(task, coarse) < LESS * remaining(task, found[1]):
+        if coarse is not None and remaining(task, coarse) < COARSE_BETTER * remaining(task, found[1]):
             other = searched(tried(task, coarse.effects, tolerance, coarse.fit))
             if remaining(task, other[1]) < remaining(task, found[1]):
                 found, ended = other, (task.rules, task.model)
@@ -151,9 +151,9 @@ def find(
     single = in_same_form(task, chosen, single, tolerance)
     if within:  # otherwise other data decide
         chosen = confirmed(task, chosen, null, tolerance)
-    finding = Finding(task, null, chosen, single, free=tolerance >= FREE)
+    finding = Finding(task, null, chosen, single, free=tolerance >= CALIBRATED_TRUST)
     if len(chosen.effects) == 1:
-        finding.single = single = [to_the_end(task, t, finding, tolerance, HALF) for t in single]
+        finding.single = single = [to_the_end(task, t, finding, tolerance, SINGLE_WITHIN) for t in single]
     finding.before = leftovers(task, record, finding.null.fit)
     finding.after = leftovers(task, record, finding.chosen.fit)
     if within:
@@ -249,7 +249,7 @@ def coarsely(
             before = tried(task, chosen.effects, tolerance, chosen.fit)
             more = tried(task, best.effects, tolerance, best.fit)
             # a beginning only: what is named is decided later
-            if not accepted(more, before, task.model, tolerance, CLOSE):
+            if not accepted(more, before, task.model, tolerance, INDISTINGUISHABLE):
                 break
             chosen = swapped(task, more, candidates, tolerance)
     finally:
@@ -325,7 +325,7 @@ def beside_rivals(
 
     Which of two such effects it is may show only once what else is wrong is known.
     """
-    close = [t for t in single if t.names != chosen.names and t.score > chosen.score - CLOSE]
+    close = [t for t in single if t.names != chosen.names and t.score > chosen.score - INDISTINGUISHABLE]
     found: list[Trial] = []
     for one in close[:2]:
         rest = promising(task, one, (e for e in candidates if e not in one.effects), tolerance)
@@ -347,7 +347,7 @@ def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
     if task.model.grid is None or task.model.grid.even:  # elsewhere bins differ in length
         own = found.residuals[signal], task.model.drive, task.predicted(found)[signal]
         left, *motions = (rule.windows(values) for values in own)
-        log, highest = rule.log_of(task.model.drive.size), PERIODS / (rule.window * interval)
+        log, highest = rule.log_of(task.model.drive.size), LINE_PERIODS / (rule.window * interval)
         # an oscillation goes on within a log, and not from one to the next
         each = [
             swing(left[log == i].ravel(), [m[log == i].ravel() for m in motions], interval, highest)
@@ -401,11 +401,11 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
             # in the place of the one left out another must make up for what that one explains; beside a trusted
             # parameter that acts alike a small dose says nothing of that
             lost = chosen.fit.log_likelihood - fewer.fit.log_likelihood
-            needed = lost if tolerance >= FREE else 0.0
+            needed = lost if tolerance >= CALIBRATED_TRUST else 0.0
             sets += [kept, *((*kept, e) for e in promising(task, fewer, free, tolerance, needed))]
         best = next(iter(tried_all(task, sets, tolerance, chosen.fit)), chosen)
         dropped = len(best.effects) < len(chosen.effects)
-        if best.score > chosen.score + (-SURE if dropped else 1.0):
+        if best.score > chosen.score + (-NAMING_GAIN if dropped else 1.0):
             chosen = best
         else:
             break
@@ -435,10 +435,12 @@ def rivals(
     return found
 
 
-def to_the_end(task: Task, rival: Trial, finding: Finding, tolerance: float, share: float = NEARLY) -> Trial:
+def to_the_end(
+    task: Task, rival: Trial, finding: Finding, tolerance: float, share: float = RIVAL_WITHIN
+) -> Trial:
     """A rival that explains nearly as much as the chosen set, fitted until it settles: it may explain as much."""
     best = finding.chosen.fit.log_likelihood
-    reach = best - max(CLOSE, share * (best - finding.null.fit.log_likelihood))
+    reach = best - max(INDISTINGUISHABLE, share * (best - finding.null.fit.log_likelihood))
     return (
         rival
         if rival.fit.settled or rival.fit.log_likelihood < reach

@@ -17,20 +17,21 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.optimize import minimize
 from scipy.signal.windows import hann
 
+from cosim.diagnosis.thresholds import FEWEST_FREQUENCIES, REMAINING, SLOW_NOISE, UNEQUAL_LOGS
 from cosim.inference.pieces import Cuts
 
 Array = NDArray[np.float64]
 
 CORRELATION_TIMES = (1.0, 2.5, 6.0, 15.0, 40.0, 120.0, 400.0, 2000.0)  # in bins
-SLOW = 100.0  # bins: noise with longer correlation is taken up by a window's offset
-QUICK = 1 + sum(tau < SLOW for tau in CORRELATION_TIMES)  # kinds of noise that are not, the white one first
-REMAINING = 0.6  # share of a spectrum that must survive the projection for that frequency to count
-SIZES = 3  # rounds of spectrum and sizes in turn at most, until the sizes change by less than ALIKE
-ALIKE = 0.03
-UNEQUAL = 1e3  # by which the noise of two logs may differ in one round
-FEW = 4  # frequencies of which something must be learned
-NOTHING = 1e-12  # SI: smaller noise than any signal's last digit, where nothing at all is left
-FLOOR = 1e-7  # smallest share of each kind of noise: keeps the covariance well conditioned
+QUICK_KINDS = 1 + sum(
+    tau < SLOW_NOISE for tau in CORRELATION_TIMES
+)  # kinds of noise that are not, the white one first
+SIZE_ROUNDS = (
+    3  # rounds of spectrum and sizes in turn at most, until the sizes change by less than SIZES_SETTLED
+)
+SIZES_SETTLED = 0.03
+NO_NOISE = 1e-12  # SI: smaller noise than any signal's last digit, where nothing at all is left
+SMALLEST_SHARE = 1e-7  # smallest share of each kind of noise: keeps the covariance well conditioned
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Whitener:
     @property
     def rms(self) -> float:
         """Size of the noise of one bin, the slowest kinds (which an offset takes up) left out."""
-        return float(np.sqrt(sum(self.sizes[:QUICK])))
+        return float(np.sqrt(sum(self.sizes[:QUICK_KINDS])))
 
     def larger(self, by: float) -> "Whitener":
         """The rule for noise of `by` times the variance."""
@@ -217,7 +218,7 @@ def broad(rule: Whitener, residual: Array) -> Whitener:
     share = covariance / max(float(covariance[0]), 1e-300)
     ends = np.flatnonzero(share < 1.0 / np.e)
     length = float(share[: ends[0] if ends.size else rule.window].sum())
-    size = max(float(covariance[0]), NOTHING**2) * max(1.0, 2.0 * length)
+    size = max(float(covariance[0]), NO_NOISE**2) * max(1.0, 2.0 * length)
     return replace(rule, sizes=(size,) + (0.0,) * len(CORRELATION_TIMES), carried=None, scales=())
 
 
@@ -233,11 +234,11 @@ def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: f
         return learned_at(rule, residual, absorbed, least)[0]
     columns = list(absorbed)
     rule = rule if rule.scales else roughly_sized(rule, residual)
-    for _ in range(SIZES):
+    for _ in range(SIZE_ROUNDS):
         before = rule.scales
         rule, rows, freedom = learned_at(rule, residual, columns, least)
         rule = resized(rule, rows, freedom, rule.log_of(residual.size))
-        if np.allclose(rule.scales, before, rtol=ALIKE, atol=0.0):
+        if np.allclose(rule.scales, before, rtol=SIZES_SETTLED, atol=0.0):
             break
     return rule
 
@@ -246,7 +247,7 @@ def roughly_sized(rule: Whitener, residual: Array) -> Whitener:
     """The rule with the size of each log's noise from what changes between neighbouring bins: little of that is motion."""
     steps, log = np.diff(rule.windows(residual), 2, axis=1), rule.log_of(residual.size)
     sizes = np.array([np.sqrt(np.mean(steps[log == i] ** 2)) for i in range(len(rule.cuts) + 1)])
-    sizes = np.maximum(sizes, max(float(sizes.max()), 1e-300) / UNEQUAL)
+    sizes = np.maximum(sizes, max(float(sizes.max()), 1e-300) / UNEQUAL_LOGS)
     return replace(rule, scales=tuple((sizes / np.sqrt(np.mean(sizes**2))).tolist()))
 
 
@@ -268,7 +269,7 @@ def resized(rule: Whitener, rows: Array, freedom: Array, log: NDArray[np.int64])
         for i in range(len(rule.cuts) + 1)
     ]
     before = np.array(rule.scales or [1.0] * len(squares))
-    sizes = before * np.sqrt(np.maximum(squares, UNEQUAL**-2))
+    sizes = before * np.sqrt(np.maximum(squares, UNEQUAL_LOGS**-2))
     share = np.bincount(log, minlength=sizes.size) / log.size
     mean = float(np.sqrt(share @ sizes**2))
     found = replace(rule, scales=tuple((sizes / mean).tolist()))
@@ -303,14 +304,14 @@ def learned_at(
             there = behind(q, rule.demean, rule.carried[None], there)
         # where the projection leaves little, little can be learned, and what is left there is far from independent
         kept = np.asarray((remaining > REMAINING * shapes).all(axis=0))
-        if kept.sum() < FEW:  # windows too short for anything better
+        if kept.sum() < FEWEST_FREQUENCIES:  # windows too short for anything better
             kept[:] = True
         shapes = remaining
     taper = hann(rule.window, sym=False)
     power = np.mean(np.abs(np.fft.rfft(rows * taper, axis=1)[:, 1:]) ** 2, axis=0)[kept]
     shapes, known = shapes[:, kept], there[0, kept]
     total = max(float(np.mean(rows**2)), 1e-300)
-    least = max(least, NOTHING)
+    least = max(least, NO_NOISE)
     if total < least**2:
         power = power + (least**2 - total) * shapes[0]
         total = least**2
@@ -321,10 +322,10 @@ def learned_at(
         slope = parts @ ((1.0 - power / model) / model)
         return float(np.sum(np.log(model) + power / model)), slope
 
-    more = np.maximum(power - known, FLOOR * power)
-    start = np.log(np.maximum(multiplied(shapes, more / total), FLOOR))
+    more = np.maximum(power - known, SMALLEST_SHARE * power)
+    start = np.log(np.maximum(multiplied(shapes, more / total), SMALLEST_SHARE))
     found = minimize(
-        cost, start, jac=True, method="L-BFGS-B", bounds=[(np.log(FLOOR), np.log(1e3))] * len(shapes)
+        cost, start, jac=True, method="L-BFGS-B", bounds=[(np.log(SMALLEST_SHARE), np.log(1e3))] * len(shapes)
     )
     return replace(rule, sizes=tuple((np.exp(found.x) * total).tolist())), rows, freedom
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from cosim.diagnosis.thresholds import READ_AT_START
 from cosim.errors import UsageError
 from cosim.tables import checked
 from cosim.units import parse_quantity
@@ -19,7 +20,6 @@ from fmus import registry
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 TABLE = "diagnose"
-REST = 0.05  # s
 
 
 class Options(BaseModel):
@@ -51,7 +51,7 @@ class Options(BaseModel):
     scale: dict[str, Positive] = {}
     step: float | None = None
     sample: float | None = None
-    rest: float = REST
+    rest: float = READ_AT_START
     held_out_from: Positive | None = None
     causes: Annotated[int, Field(ge=1, le=8)] = 3
     units: dict[str, str] = {}

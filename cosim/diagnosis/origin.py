@@ -12,12 +12,11 @@ from cosim.diagnosis.chain import Known
 from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.naming import rivals
-from cosim.diagnosis.trials import CLOSE, SURE, candidates_of, polished
+from cosim.diagnosis.thresholds import INDISTINGUISHABLE, NAMING_GAIN, ORIGINS_TRIED
+from cosim.diagnosis.trials import candidates_of, polished
 from cosim.diagnosis.upstream import Origin, origins, upstream_rivals
 from cosim.diagnosis.verdict import adequate, causes, rests
 from fmus.contract import Effect
-
-MOST = 2  # explanations that are tried, the most promising first
 
 
 def traced(
@@ -42,15 +41,15 @@ def traced(
     finding.upstream = upstream_rivals(finding, listed, known)
     if found.held is not None:
         return known, finding
-    clearly = CLOSE if finding.chosen.effects else SURE
-    for origin in [o for o in listed if o.behind < -clearly][:MOST]:
+    clearly = INDISTINGUISHABLE if finding.chosen.effects else NAMING_GAIN
+    for origin in [o for o in listed if o.behind < -clearly][:ORIGINS_TRIED]:
         trial = origin.trial
         item = Known(known[origin.at].model, trial.fit, trial.effects, trial.price)
         moved = [*known[: origin.at], item, *known[origin.at + 1 :]]
         other = again(moved)
         if other.chosen.effects or not adequate(other):
             continue
-        close = [o.trial for o in listed if o is not origin and o.behind < origin.behind + CLOSE]
+        close = [o.trial for o in listed if o is not origin and o.behind < origin.behind + INDISTINGUISHABLE]
         alike = list(dict.fromkeys(e.name for t in close for e in t.effects if e not in trial.effects))
         if taken(found, finding, item, origin, alike, tolerance):
             return moved, other

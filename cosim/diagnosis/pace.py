@@ -13,15 +13,11 @@ from cosim.diagnosis.budget import current
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.grid import Grid
 from cosim.diagnosis.group_model import GroupModel
+from cosim.diagnosis.thresholds import LONGEST_STEP_SHARE, STEP_ERROR, STEP_ERROR_AFTER, STEP_ERROR_OF_CHANGE
 from cosim.diagnosis.trials import Trial, tried, tried_all, unknowns
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
-
-SAME = 0.02  # root mean square of what a longer step may change of a whitened residual, whose noise is 1
-SHARE = 0.05  # of what a candidate changes, that a longer step may be off
-EXACT = 0.1  # of both, once the search is over
-LONGEST = 0.25  # of the interval between samples
 
 
 def paced(
@@ -47,8 +43,8 @@ def paced(
         _, starts = unknowns(exact, (effect,), tolerance)
         points.append(found.values | {n: values[-1] for n, values in starts.items()})
     fine = [task.white(task.against(exact.simulate(point))) for point in points]
-    same = part * SAME * float(np.sqrt(fine[0].size))
-    reach = [max(same, part * SHARE * float(np.linalg.norm(row - fine[0]))) for row in fine]
+    same = part * STEP_ERROR * float(np.sqrt(fine[0].size))
+    reach = [max(same, part * STEP_ERROR_OF_CHANGE * float(np.linalg.norm(row - fine[0]))) for row in fine]
     for grid in longer(exact, task.model):
         model = exact.in_steps(grid)
         if all(
@@ -73,7 +69,7 @@ def longer(exact: GroupModel, most: GroupModel) -> list[Grid]:
     if not isinstance(exact.grid, Grid):
         return []
     whole = round(exact.h / exact.step)
-    limit = LONGEST * exact.h if most.step == exact.step else most.step
+    limit = LONGEST_STEP_SHARE * exact.h if most.step == exact.step else most.step
     steps = [exact.h / parts for parts in range(1, whole)]
     fit = [s for s in steps if 1.5 * exact.step < s <= limit * (1.0 + 1e-9)]
     return [Grid(exact.grid.stamps, step, exact.grid.lines) for step in sorted(fit, reverse=True)]
@@ -86,7 +82,7 @@ def in_exact_steps(
     searched = task.model
     if searched is exact:
         return null, chosen, single
-    paced(task, exact, chosen.fit, [e for t in single for e in t.effects], tolerance, EXACT)
+    paced(task, exact, chosen.fit, [e for t in single for e in t.effects], tolerance, STEP_ERROR_AFTER)
     if task.model.step == searched.step:
         return null, chosen, single
     same = not chosen.effects

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LEAST = 1e-9  # typical sizes: an amplitude below it has no phase
+NO_AMPLITUDE = 1e-9  # typical sizes: an amplitude below it has no phase
 
 
 class Polar:
@@ -59,7 +59,7 @@ class Polar:
         """(n, n) change of the unknowns, in typical changes of each, with the coordinates."""
         found = np.eye(z.size)
         for i, k in self.pairs:
-            amplitude = max(float(np.hypot(z[i], z[k])), LEAST)
+            amplitude = max(float(np.hypot(z[i], z[k])), NO_AMPLITUDE)
             sign = -1.0 if self.start[i] < 0.0 else 1.0
             cosine, sine = z[i] / amplitude, z[k] / amplitude
             found[i, [i, k]] = sign * cosine, sign * sine

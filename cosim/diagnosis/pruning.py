@@ -5,12 +5,10 @@ from cosim.diagnosis.crossval import refuted
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.finding import Finding, unexplained
 from cosim.diagnosis.fit import Task
-from cosim.diagnosis.freeform import SYSTEMATIC
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.trials import CLOSE, Trial, of_usual_size, polished, tried_all, without
+from cosim.diagnosis.thresholds import INDISTINGUISHABLE, SYSTEMATIC, USUAL_SIZE
+from cosim.diagnosis.trials import Trial, of_usual_size, polished, tried_all, without
 from fmus.contract import Effect
-
-FAR = 5.0  # typical sizes: an effect beyond is one that hardly ever occurs
 
 
 def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
@@ -60,7 +58,7 @@ def simplified(finding: Finding, record: Record, tolerance: float) -> None:
     tells nothing: friction of another form than the library's is friction, not a falling curve with more damping.
     """
     chosen, left = finding.chosen, unexplained(finding)
-    if not chosen.effects or left <= CLOSE:
+    if not chosen.effects or left <= INDISTINGUISHABLE:
         return
     simpler = [
         t
@@ -81,7 +79,7 @@ def moderated(finding: Finding, record: Record, tolerance: float) -> None:
     A drive that hardly moves may be held by friction or be watched by a sensor that reads a thirtieth of the angle.
     """
     chosen, model = finding.chosen, finding.task.model
-    if len(chosen.effects) != 1 or size_of(chosen, model) <= FAR:
+    if len(chosen.effects) != 1 or size_of(chosen, model) <= USUAL_SIZE:
         return
     # a law of another form may do what its simplest one is far from: friction that lets the drive creep
     forms: list[tuple[Effect, ...]] = [
@@ -89,14 +87,14 @@ def moderated(finding: Finding, record: Record, tolerance: float) -> None:
     ]
     # a drive that only creeps tells the ratio of two parameters of such a law: any size does, a usual one too
     formed = [
-        of_usual_size(finding.task, t.effects, tolerance, FAR) if size_of(t, model) > FAR else t
+        of_usual_size(finding.task, t.effects, tolerance, USUAL_SIZE) if size_of(t, model) > USUAL_SIZE else t
         for t in tried_all(finding.task, forms, tolerance)
     ]
     alike = [
         t
         for t in (*finding.single, *formed)
-        if t.score > chosen.score - CLOSE
-        and size_of(t, model) <= FAR * (1.0 + 1e-9)
+        if t.score > chosen.score - INDISTINGUISHABLE
+        and size_of(t, model) <= USUAL_SIZE * (1.0 + 1e-9)
         and not impossible(t, model)
     ]
     if alike:

@@ -3,12 +3,9 @@
 from dataclasses import replace
 
 from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.thresholds import SENSOR_MOVED
 from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
 from cosim.logs import Tracker
-
-MOVED = (
-    3.0  # standard deviations by which an error of the sensor must change for the blocks to be judged again
-)
 
 
 def take_over(found: Diagnosis, seen: TrackerFinding) -> None:
@@ -46,7 +43,7 @@ def clear_of_lag(found: Diagnosis, tracker: Tracker) -> bool:
     assert found.tracker is not None
     spread, after = found.tracker.fit.deviations, known_of(found)
     same = set(before) == set(after) and all(
-        abs(v - before[n]) <= MOVED * spread[n] for n, v in after.items() if n in spread
+        abs(v - before[n]) <= SENSOR_MOVED * spread[n] for n, v in after.items() if n in spread
     )
     if not same:
         seen = found.tracker

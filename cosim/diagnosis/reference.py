@@ -14,6 +14,7 @@ from cosim.diagnosis.crossval import held_windows, left_out_steps
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.noise import Whitener, Windows
+from cosim.diagnosis.thresholds import REFERENCE_WINDOWS
 from cosim.inference.held_out import mean_squares as begun_anew
 from cosim.inference.held_out import ratio_ci95
 from cosim.inference.linear import Data, LinearModel, reference
@@ -22,11 +23,8 @@ from cosim.inference.pieces import Cuts, by_piece
 Array = NDArray[np.float64]
 
 POINTS = 3000  # that a reference is fitted to at most, in each minute or less
-MOST = 9000  # of a longer log
-FEWEST = (
-    6  # windows: of five all may favour one side by chance in more than 5 % of cases (sign test, both sides)
-)
-PARTS = 8  # of a log, left out in turn to find the order: long beside its slowest motion
+POINTS_OF_LONG = 9000  # of a longer log
+ORDER_PARTS = 8  # of a log, left out in turn to find the order: long beside its slowest motion
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class Reference:
     @property
     def clearly_better(self) -> bool:
         """True if the reference's error is smaller by more than the choice of these windows may have made."""
-        return self.squares.size >= FEWEST and ratio_ci95(self.squares, self.ours)[1] < 1.0
+        return self.squares.size >= REFERENCE_WINDOWS and ratio_ci95(self.squares, self.ours)[1] < 1.0
 
     @property
     def words(self) -> str:
@@ -123,7 +121,7 @@ def evened(
     """
     length = float(time[-1] - time[0]) + h
     if step is None:
-        step = h * max(1, int(np.ceil(length / h / min(MOST, max(POINTS, POINTS * length / 60.0)))))
+        step = h * max(1, int(np.ceil(length / h / min(POINTS_OF_LONG, max(POINTS, POINTS * length / 60.0)))))
     if cuts:
         each = [
             evened(*part, step=step)
@@ -255,7 +253,7 @@ def free_run(
     With `anew` the prediction begins in each part where the machine stands.
     """
     count = record.time.size
-    numbers = np.arange(count) * PARTS // count
+    numbers = np.arange(count) * ORDER_PARTS // count
     pair = evened(
         record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
     )

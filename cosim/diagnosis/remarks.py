@@ -11,14 +11,12 @@ from cosim.diagnosis.heldout import Refused
 from cosim.diagnosis.schema import (
     RefusedCause,
 )
+from cosim.diagnosis.thresholds import AT_ZERO, HELD_LEVEL
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log
 
 Array = NDArray[np.float64]
-
-HELD = 0.02  # part of the log for which a level lasts at least
-AT_ZERO = 0.02  # of what a command reaches counts as none
 
 
 def shown(signal: str) -> tuple[str, float]:
@@ -162,8 +160,8 @@ def levels(command: Array) -> Array:
         return np.zeros(0)
     near = np.round(command / reach, 2)
     found, counts = np.unique(near[np.abs(near) > AT_ZERO], return_counts=True)
-    held = counts >= HELD * command.size
-    few = counts[~held].sum() < HELD * command.size  # a short ramp between levels is none
+    held = counts >= HELD_LEVEL * command.size
+    few = counts[~held].sum() < HELD_LEVEL * command.size  # a short ramp between levels is none
     return np.asarray(reach * (found[held] if few else found))
 
 

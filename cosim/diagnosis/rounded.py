@@ -14,7 +14,7 @@ from cosim.diagnosis.noise import Whitener
 Array = NDArray[np.float64]
 
 BEND = 0.1  # of a step: half the width over which the residual goes from nothing to its slope, so that it has one
-ROUNDS = 6  # of Newton's method for the offset of a window
+NEWTON_ROUNDS = 6  # of Newton's method for the offset of a window
 
 
 def beyond(residual: Array, step: float, rule: Whitener) -> Array:
@@ -34,7 +34,7 @@ def placed(residual: Array, step: float, rule: Whitener) -> Array:
         return residual
     rows = rule.layout.rows(residual)
     offset = rows.mean(axis=1)
-    for _ in range(ROUNDS):
+    for _ in range(NEWTON_ROUNDS):
         off, slope = outside(rows - offset[:, None], step)
         offset = offset + off.sum(axis=1) / np.maximum(slope.sum(axis=1), 1.0)
     # what lies outside of all windows goes with the nearest one of its own log

@@ -12,20 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cosim.inference.noise import COMPUTED, SMOOTH
+from cosim.diagnosis.thresholds import (
+    CHANCE_ON_GRID,
+    COARSE,
+    COLOURED_REPEATS,
+    GENTLE_START,
+    MANY_REPEATS,
+    MOVING,
+    NATURAL_REPEATS,
+    OFF_GRID,
+    ON_GRID,
+    RESTING_RUN,
+    SURE_REPEATS,
+)
+from cosim.inference.thresholds import COMPUTED, OWN_NOISE
 
 Array = NDArray[np.float64]
 
 SAMPLED = ("sensor.quantisation", "sensor.dropout")
-COARSE = 1.5  # noises a step must exceed to matter; finer ones are how the file was printed
-ON_GRID = 0.995  # share of readings that must lie on the grid
-SURE_REPEATS = 6.0  # standard deviations by which repeats must exceed chance
-MANY_REPEATS = 0.005  # share of stale samples that matters
-MOVING = 0.05  # of the greatest speed: below it the signal may repeat because it rests
-NATURAL = 0.03  # share of readings that equal the last but one; beyond it repeats prove nothing
-REST = 20  # equal readings in a row from which on the drive may stand
-GENTLE = 3.0  # by which the first step after a rest may exceed the second
-COLOURED = 2.5  # by which coloured noise may repeat more often at once than after two samples
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ def grid_step(values: Array) -> float:
             return 0.0
         step = float(numbers @ (values - distinct[0])) / weight
     off = np.abs((values - distinct[0]) / step - np.round((values - distinct[0]) / step))
-    return step if float(np.mean(off < 0.01)) > ON_GRID else 0.0
+    return step if float(np.mean(off < OFF_GRID)) > ON_GRID else 0.0
 
 
 def sharpness(values: Array) -> float:
@@ -114,10 +118,10 @@ def resting(values: Array) -> NDArray[np.bool_]:
     same = np.concatenate([[False], values[1:] == values[:-1], [False]])
     edges = np.flatnonzero(same[1:] != same[:-1])
     for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if last - first < REST:
+        if last - first < RESTING_RUN:
             continue
         after = np.abs(np.diff(values[last : last + 3]))
-        if after.size < 2 or after[0] <= GENTLE * after[1]:
+        if after.size < 2 or after[0] <= GENTLE_START * after[1]:
             found[first : last + 1] = True
     return found
 
@@ -127,7 +131,7 @@ def noisy(values: Array) -> bool:
     if values.size < 5:
         return False
     moved, own = (float(np.median(np.abs(np.diff(values, order)))) for order in (1, 4))
-    return own / np.sqrt(70.0) > SMOOTH * COMPUTED * moved
+    return own / np.sqrt(70.0) > OWN_NOISE * COMPUTED * moved
 
 
 def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
@@ -141,7 +145,7 @@ def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
     step = coarse_step(values)
     if step > COARSE * noise:
         # each reading on the grid by chance: the width of the test, 1 in 50
-        gain = values.size * float(np.log(50.0))
+        gain = values.size * float(np.log(CHANCE_ON_GRID))
         return [Mark("sensor.quantisation", "quantum", step, step / values.size, gain)]
     share, spread, natural = stale_share(values, rate)
     if lost(share, spread, natural):
@@ -153,7 +157,9 @@ def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
 def lost(share: float, spread: float, natural: float) -> bool:
     """True if repeats, as `stale_share` counts them, are more than chance, coloured noise or rounding makes."""
     # readings in coarse steps repeat by themselves: lost packets among them cannot be seen
-    return natural < NATURAL and share > max(MANY_REPEATS, SURE_REPEATS * spread, COLOURED * natural)
+    return natural < NATURAL_REPEATS and share > max(
+        MANY_REPEATS, SURE_REPEATS * spread, COLOURED_REPEATS * natural
+    )
 
 
 def bridged(values: Array, lost: NDArray[np.bool_], time: Array | None = None, of: int = 1) -> Array:

@@ -8,13 +8,11 @@ import numpy as np
 
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fit import Task
-from cosim.diagnosis.trials import SURE, Trial, copied, declared, starting
+from cosim.diagnosis.thresholds import HOPELESS, NAMING_GAIN, NOT_MADE_UP, PROMISING
+from cosim.diagnosis.trials import Trial, copied, declared, starting
 from fmus.contract import Effect
 
-PROMISING = 4  # candidates that are always fitted beyond the first
 DOSE = 0.02  # of a typical size: so little that what is not linear in it does not matter
-ONE = 0.02  # share of a change that free parameters leave, at least, of what is not one number with them
-HOPELESS = 0.5  # of what a candidate must gain: one whose small dose promises less is not fitted
 
 
 def promising(
@@ -52,7 +50,7 @@ def promising(
     listed.sort(key=lambda e: -gains[e.name])
     listed = [e for e in listed if gains[e.name] >= HOPELESS * needed]
     reach = 0.3 * gains[listed[0].name] if listed else 0.0
-    return listed[:PROMISING] + [e for e in listed[PROMISING:] if gains[e.name] > max(reach, SURE)]
+    return listed[:PROMISING] + [e for e in listed[PROMISING:] if gains[e.name] > max(reach, NAMING_GAIN)]
 
 
 def pointed(task: Task, base: Trial, starts: Mapping[str, tuple[float, ...]]) -> float:
@@ -101,7 +99,7 @@ def identifiable(task: Task, null: Trial, candidates: Iterable[Effect]) -> tuple
             moved = null.fit.values | {name: task.model.nominal(name) + sign * DOSE * free.scale}
             change = task.white(task.residuals(moved)) - base
             rest = change - hidden @ (hidden.T @ change)
-            if not change.any() or float(rest @ rest) > ONE**2 * float(change @ change):
+            if not change.any() or float(rest @ rest) > NOT_MADE_UP**2 * float(change @ change):
                 return True
         return False
 

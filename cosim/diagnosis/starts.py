@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.fit import Fit, Task, Unknown, fit, placed
+from cosim.diagnosis.thresholds import STRAINED_START
 
 Array = NDArray[np.float64]
 Values = dict[str, float]
 # whether it is without effect, square of the whitened residual and of the priors' pulls, parameters
 Begun = tuple[bool, float, Values]
 Seen = tuple[Values, Array]  # parameters, and the whitened residual (n,) with them
-
-BENT = 3.0  # standard deviations off its prior beyond which a parameter is tried at its prior as well
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,11 @@ def fit_from_starts(
         slopes: (rows, k) of the fit without the effect: what its own parameters can take up is not the effect's.
         quick: as `fit` takes it.
     """
-    bent = {u.name: u.prior[0] for u in unknowns if u.prior and abs(u.start - u.prior[0]) > BENT * u.prior[1]}
+    bent = {
+        u.name: u.prior[0]
+        for u in unknowns
+        if u.prior and abs(u.start - u.prior[0]) > STRAINED_START * u.prior[1]
+    }
     hidden = None if size is None or slopes is None else np.linalg.qr(slopes)[0]
     kinds: list[list[Begun]] = []
     for straight in ({}, bent) if bent else ({},):

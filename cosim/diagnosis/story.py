@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from cosim.diagnosis.bounds import absurd, greatest_torque
-from cosim.diagnosis.budget import NAMED, SEARCHED, Budget, current
+from cosim.diagnosis.budget import Budget, current
 from cosim.diagnosis.budget import within as within_budget
 from cosim.diagnosis.carried import carried
 from cosim.diagnosis.chain import Known, task_for
 from cosim.diagnosis.data import Record, joined
 from cosim.diagnosis.exercised import never_exercised
 from cosim.diagnosis.extension import estimate, gain_by_fmus, worse, write_packages
+from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.grid import grid_of
 from cosim.diagnosis.group_model import GroupModel
@@ -25,7 +26,7 @@ from cosim.diagnosis.heldout import Held, Refused, Steps, each_in_turn, held_log
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.law import understood
 from cosim.diagnosis.machine import Machine, our_machine
-from cosim.diagnosis.naming import Finding, find, rivals, tried
+from cosim.diagnosis.naming import find, rivals
 from cosim.diagnosis.origin import traced
 from cosim.diagnosis.parts import failure
 from cosim.diagnosis.parts import part as part_of
@@ -33,8 +34,18 @@ from cosim.diagnosis.reading import clear_of_lag, known_of, take_over
 from cosim.diagnosis.reference import Reference, across, of_group, of_whole, over_logs
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.stretch import by_twin, chosen_stretch, elsewhere, others
+from cosim.diagnosis.thresholds import (
+    CALIBRATED_TRUST,
+    FAST_SAMPLING,
+    FEWEST_SAMPLES,
+    GUESSED_TRUST,
+    NAMING_BUDGET,
+    NOMINAL_TRUST,
+    SEARCH_BUDGET,
+    SEARCHES,
+)
 from cosim.diagnosis.tracker import compare_tracker
-from cosim.diagnosis.trials import FREE, Trial, candidates_of, freed
+from cosim.diagnosis.trials import Trial, candidates_of, freed, tried
 from cosim.diagnosis.verdict import Cause, Rest, adequate, causes, negligible, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
@@ -42,12 +53,6 @@ from cosim.logs import Log, Tracker, listed
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
-
-TOLERANCE = 0.01
-UNKNOWN = 30.0  # the same for a machine whose parameters are rough guesses
-FEWEST_SAMPLES = 60  # three windows of twenty: of fewer nothing is learned of the noise
-SEARCHES = 3  # made again without what held-out data refused
-FAST = 1e-3  # s: at this interval and below the drive has no news between samples
 
 
 def prepare(log: Log, machine: Machine) -> Record:
@@ -69,7 +74,7 @@ def prepare(log: Log, machine: Machine) -> Record:
             "own to hold out: record longer, or faster"
         )
     if (
-        not log.uniform and log.step <= FAST
+        not log.uniform and log.step <= FAST_SAMPLING
     ):  # jitter of a fast log: straight lines between its samples lose nothing
         log = log.resample(log.step)
     grid, interval = grid_of(log.time * second, machine.options.step, machine.drive not in log.held)
@@ -94,7 +99,10 @@ def judge(
     known: list[Known] = []
     errors: list[Exception] = []
     for k, group in enumerate(found.groups):
-        shares = [SEARCHED * (k + part) / len(found.groups) for part in (NAMED if found.held else 1.0, 1.0)]
+        shares = [
+            SEARCH_BUDGET * (k + part) / len(found.groups)
+            for part in (NAMING_BUDGET if found.held else 1.0, 1.0)
+        ]
         current().allow(shares[0])
         missing = [s for s in (group.drive, *group.observed[:1]) if s not in found.record.signals]
         if missing:
@@ -150,7 +158,7 @@ def named_in(
     # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
     driving = known if group.integrates else []
     # where nominal parameters are not trusted several logs judge one another; else windows do, with what is trusted
-    others = held or (each_in_turn(record) if trust >= FREE else None)
+    others = held or (each_in_turn(record) if trust >= CALIBRATED_TRUST else None)
     finding = searched(found, group, trust, constants, driving, most, within=others is None)
     current().allow(share)
     if others is not None:
@@ -367,7 +375,7 @@ def diagnose(
     model: str | Machine = "full_order",
     base: Mapping[str, float] | None = None,
     held_out: Log | Sequence[Log] | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = NOMINAL_TRUST,
     calibrate: bool = False,
     folder: Path | None = None,
     watch: Watch | None = None,
@@ -396,7 +404,7 @@ def diagnose(
         Interrupted: Ctrl-C, once the log is prepared.
     """
     machine = our_machine(model, base) if isinstance(model, str) else model
-    free = FREE if isinstance(model, str) or not machine.options.trusted else UNKNOWN
+    free = CALIBRATED_TRUST if isinstance(model, str) or not machine.options.trusted else GUESSED_TRUST
     trust = free if calibrate else tolerance
     logs = listed(log)
     if len(logs) > 1 and (tracker is not None or machine.options.held_out_from is not None):
@@ -407,12 +415,12 @@ def diagnose(
     parts = [used_part(one, machine, tracker is not None) for one in logs]
     data: list[Contradiction] = []
     for at, one in enumerate(parts):
-        told = clock(one, lambda log: prepare(log, machine), machine, trust < FREE)
+        told = clock(one, lambda log: prepare(log, machine), machine, trust < CALIBRATED_TRUST)
         parts[at] = rescaled(one, 1.0 / (told[0].factor or 1.0)) if told else one
         data += told
     records = [prepare(part, machine) for part in parts]
     for one, record in zip(parts, records, strict=True):
-        data += contradictions(one, record, machine, trust < FREE)
+        data += contradictions(one, record, machine, trust < CALIBRATED_TRUST)
     record, held = parted(joined(records), machine)
     if held_out is not None:
         held = held_logs([prepare(one, machine) for one in listed(held_out)], listed(held_out))

@@ -13,17 +13,12 @@ from numpy.typing import NDArray
 from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.extend import ChainModel
 from cosim.diagnosis.found import Diagnosis, Elsewhere
+from cosim.diagnosis.thresholds import LEVELS, LONGEST, SETTLING, SHORT_PIECE, VISITED, WORSE_ELSEWHERE
 from cosim.logs import Log
 
 Array = NDArray[np.float64]
 
-LONGEST = 300.0  # s that the fits use at most
 PIECE = 20.0  # s by which the stretch is moved
-LEVELS = 20  # of the command's range, each with rising, falling and held commands
-SEEN = 0.2  # s after which a level counts as visited
-WORSE = 1.5  # times the error in the stretch, beyond which the rest is said to differ
-SHORT = 20.0  # s below which a piece is not judged
-SETTLING = 2.0  # s at the start of a piece that do not count: the state in which it begins is not known
 
 
 def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
@@ -56,7 +51,7 @@ def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
     width = round(LONGEST / PIECE)
     best, found = (-1, -1.0), 0
     for first in range(len(rows) - width + 1):
-        visited = int((table[first : first + width].sum(axis=0) * log.step >= SEEN).sum())
+        visited = int((table[first : first + width].sum(axis=0) * log.step >= VISITED).sum())
         score = (visited, round(sum(travel[first : first + width]), 6))
         if score > best:
             best, found = score, first
@@ -70,7 +65,7 @@ def others(log: Log, part: Log) -> list[Log]:
     for low, high in ((log.time[0], part.time[0]), (part.time[-1], log.time[-1])):
         count = max(1, int(np.ceil((high - low) / LONGEST)))
         edges = np.linspace(low, high, count + 1)
-        found += [log.slice(a, b) for a, b in pairwise(edges) if b - a > SHORT]
+        found += [log.slice(a, b) for a, b in pairwise(edges) if b - a > SHORT_PIECE]
     return found
 
 
@@ -106,7 +101,11 @@ def elsewhere(
     for piece, record in pieces:
         low, high = float(piece.time[0]), float(piece.time[-1])
         ratios = {s: e / here[s] for s, e in errors(record).items() if here[s] > 0.0}
-        listed += [Elsewhere(s, low, high, ratio, piece.name) for s, ratio in ratios.items() if ratio > WORSE]
+        listed += [
+            Elsewhere(s, low, high, ratio, piece.name)
+            for s, ratio in ratios.items()
+            if ratio > WORSE_ELSEWHERE
+        ]
     return listed
 
 

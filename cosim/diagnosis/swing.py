@@ -15,7 +15,13 @@ from scipy.signal import detrend
 from scipy.signal.windows import dpss
 from scipy.stats import f as f_distribution
 
-from cosim.diagnosis.local import NOTHING, Event
+from cosim.diagnosis.local import NO_EVENT, Event
+from cosim.diagnosis.thresholds import (
+    CHANCES_A_FREQUENCY,
+    OFF_THE_MOTION,
+    OSCILLATION_PERIODS,
+    VALUES_A_TAPER,
+)
 
 Array = NDArray[np.float64]
 Transforms = NDArray[np.complex128]  # (frequencies, tapers)
@@ -23,9 +29,6 @@ Transforms = NDArray[np.complex128]  # (frequencies, tapers)
 BANDWIDTH = 4.0  # half-width of a taper's band, in frequencies of one period a log
 TAPERS = 7  # of that bandwidth that leak next to nothing
 PADDED = 4  # how much finer than one period a log the frequencies lie
-FEWEST = 5  # periods in a log
-TOLD = 0.1  # of an oscillation's power that must not lie along the motion
-BETWEEN = 3.0  # independent chances in a frequency of one period a log (measured on noise from white to a random walk)
 
 
 def swing(residual: Array, motions: Sequence[Array], interval: float, highest: float) -> Event:
@@ -42,12 +45,12 @@ def swing(residual: Array, motions: Sequence[Array], interval: float, highest: f
     """
     n = residual.size
     length = n * interval
-    tests = (highest - FEWEST / length) * length
-    if tests < 1.0 or n < 20 * TAPERS or not residual.any():
-        return NOTHING
+    tests = (highest - OSCILLATION_PERIODS / length) * length
+    if tests < 1.0 or n < VALUES_A_TAPER * TAPERS or not residual.any():
+        return NO_EVENT
     tapers, count = dpss(n, BANDWIDTH, TAPERS), PADDED * n
     frequencies = np.fft.rfftfreq(count, interval)
-    asked = (frequencies >= FEWEST / length) & (frequencies <= highest)
+    asked = (frequencies >= OSCILLATION_PERIODS / length) & (frequencies <= highest)
 
     def transforms(signal: Array) -> Transforms:
         return np.asarray(np.fft.rfft(tapers * detrend(signal), count, axis=1).T[asked])
@@ -62,14 +65,14 @@ def swing(residual: Array, motions: Sequence[Array], interval: float, highest: f
     left = np.maximum(np.sum(np.abs(rest) ** 2, axis=1) - explained, 1e-300)
     freedom = TAPERS - 1 - basis.shape[2]
     # a motion that is itself an oscillation there leaves nothing to tell the two apart by
-    ratio = np.where(power > TOLD * float(pure @ pure), explained / left, 0.0)
+    ratio = np.where(power > OFF_THE_MOTION * float(pure @ pure), explained / left, 0.0)
     at = int(np.argmax(ratio))
     p_value = float(f_distribution.sf(ratio[at] * freedom, 2, 2 * freedom))
     amplitude = 2.0 * float(np.abs(size[at]))
     others = max(float(np.mean(detrend(residual) ** 2)) - 0.5 * amplitude**2, 1e-300)
     frequency = float(frequencies[asked][at])
     return Event(
-        min(1.0, p_value * tests * BETWEEN),
+        min(1.0, p_value * tests * CHANCES_A_FREQUENCY),
         (TAPERS - 1) * float(np.log1p(ratio[at])),
         1.0 + 0.5 * amplitude**2 / others,
         frequency,

@@ -10,7 +10,8 @@ from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import Group
-from cosim.diagnosis.trials import CLOSE, SURE, charged
+from cosim.diagnosis.thresholds import INDISTINGUISHABLE, NAMING_GAIN
+from cosim.diagnosis.trials import charged
 from cosim.diagnosis.verdict import Cause, names_of
 from fmus.contract import Effect
 
@@ -47,7 +48,7 @@ def in_best_form(listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -
         formed = plain.formed(parameter)
         begin = best.values | {f"{formed.component}.{parameter}": free.starts[0]}
         other = fitted(tuple(formed if c is cause else c.effect for c in listed), begin)
-        if other.log_likelihood - charged(1, other) > best.log_likelihood + SURE:
+        if other.log_likelihood - charged(1, other) > best.log_likelihood + NAMING_GAIN:
             best = other
             rename(cause, formed, best)
     return best
@@ -67,7 +68,7 @@ def against_rivals(finding: Finding, listed: list[Cause], cause: Cause, fitted: 
         more = trial.price - finding.chosen.price
         ahead = other.log_likelihood - best.log_likelihood - charged(more, other)
         # nearly as good is no reason to change: what spans the same numbers would take turns
-        if ahead <= CLOSE:
+        if ahead <= INDISTINGUISHABLE:
             placed_behind(cause, rival, -ahead)
             continue
         old, best = cause.effect, other
@@ -85,7 +86,7 @@ def placed_behind(cause: Cause, rival: Effect, behind: float) -> None:
         [(rival, behind), *(r for r in cause.rivals if r[0].name not in others)], key=lambda r: r[1]
     )
     alike = [n for n in cause.alike if n not in others]
-    cause.alike = [rival.name, *alike] if behind < CLOSE else alike
+    cause.alike = [rival.name, *alike] if behind < INDISTINGUISHABLE else alike
 
 
 def rename(cause: Cause, effect: Effect, found: Fit) -> None:

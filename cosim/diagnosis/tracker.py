@@ -21,9 +21,19 @@ from cosim.diagnosis.align import first_offsets
 from cosim.diagnosis.crossval import held_windows
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.naming import CLOSE, SURE
 from cosim.diagnosis.samples import grid_step
-from cosim.diagnosis.tracker_model import ERRORS, OFFSET, RATE, SEAM, SEAM_ANGLE, SMOOTH, TrackerModel
+from cosim.diagnosis.thresholds import (
+    CHI_SQUARE_95,
+    CLOCK_SURE,
+    CLOCK_TRUST,
+    INDISTINGUISHABLE,
+    NAMING_GAIN,
+    NEAR_SEAM,
+    TRACKER_CUTOFF,
+    TRACKER_EDGE,
+    TRACKER_WINDOWS,
+)
+from cosim.diagnosis.tracker_model import ERRORS, OFFSET, RATE, SEAM, SEAM_ANGLE, TrackerModel
 from cosim.diagnosis.verdict import Cause
 from cosim.errors import DataError
 from cosim.inference.held_out import HeldOutGain
@@ -32,11 +42,6 @@ from fmus import registry
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
-
-CLOCK = (2e-3, 1e-5)  # s and relative rate: a clock this good is synchronised
-EDGE = 0.05  # s at both ends of the log that do not count: there the smoothed slew is not good
-NEAR = 5.0  # times the noise of a reading: nearer to the seam than that it does not count
-WINDOWS = 24  # parts of the record, every third of them held out
 
 
 @dataclass
@@ -84,7 +89,7 @@ def compare_tracker(
     if "slew" not in record.signals:
         raise DataError("the tracker can only be compared with a measured slew angle, which this log lacks")
     readings = record.signals["slew"]
-    quick = record.fresh("slew") + lag[0] * record.rate("slew", SMOOTH)
+    quick = record.fresh("slew") + lag[0] * record.rate("slew", TRACKER_CUTOFF)
     record = replace(record, signals=record.signals | {"slew": quick})
     with threadpool_limits(1):  # small matrices: more threads only wait for one another
         model, fits, best = explained(record, tracker)
@@ -137,7 +142,7 @@ def explained(
 
 def price(everything: Fit) -> float:
     """Log-likelihood that each error must gain."""
-    return SURE + 0.5 * float(np.log(everything.count))
+    return NAMING_GAIN + 0.5 * float(np.log(everything.count))
 
 
 def believed(fits: Mapping[tuple[str, ...], Fit], chosen: tuple[str, ...]) -> float:
@@ -161,11 +166,11 @@ def synchronised(record: Record, tracker: Tracker) -> tuple[TrackerModel, Fit]:
         DataError: the two records cannot be laid over each other.
     """
     valid = tracker.valid
-    slew = record.smooth("slew", SMOOTH)
+    slew = record.smooth("slew", TRACKER_CUTOFF)
     best: tuple[float, TrackerModel, Fit] | None = None
     for offset, rate in first_offsets(record.time, slew, tracker.time[valid], tracker.slew_external[valid]):
         t = offset + rate * tracker.time
-        use = (t > EDGE) & (t < record.time[-1] - EDGE) & valid
+        use = (t > TRACKER_EDGE) & (t < record.time[-1] - TRACKER_EDGE) & valid
         places = np.rint((tracker.time[use] - tracker.time[use][0]) / tracker.step).astype(np.int64)
         model = TrackerModel(record, tracker.time[use], tracker.slew_external[use], places)
         found = model.fit(ERRORS, {OFFSET: offset, RATE: rate})
@@ -187,7 +192,7 @@ def off_the_seam(model: TrackerModel, found: Fit) -> tuple[TrackerModel, Fit]:
     # of the many: the few that noise has put on the wrong side are off by the whole seam
     noise = float(median_abs_deviation(found.residuals["slew_external"], scale="normal"))
     distance = np.abs(angle - SEAM_ANGLE)
-    kept = distance >= min(NEAR * noise, float(np.median(distance)))  # half of them at least
+    kept = distance >= min(NEAR_SEAM * noise, float(np.median(distance)))  # half of them at least
     if kept.all():
         return model, found
     fewer = model.only(kept)
@@ -208,7 +213,7 @@ def seam_angle(model: TrackerModel, found: Fit) -> tuple[float, float, float]:
     rest = white - (white @ basis) @ basis.T
     residual, columns = rest[0], rest[1 + len(others) :]
     gain = (columns @ residual) ** 2 / np.maximum(np.sum(columns**2, axis=1), 1e-300)
-    inside = grid[gain > gain.max() - 3.84]
+    inside = grid[gain > gain.max() - CHI_SQUARE_95]
     return float(grid[int(np.argmax(gain))]), float(inside.min()), float(inside.max())
 
 
@@ -235,7 +240,7 @@ def named(name: str, best: tuple[str, ...], fits: dict[tuple[str, ...], Fit], mo
         found.log_likelihood - fits[without].log_likelihood,
         HeldOutGain(held_out(model, found, best, without)),
         rivals,
-        [e.name for e, behind in rivals if behind < CLOSE],
+        [e.name for e, behind in rivals if behind < INDISTINGUISHABLE],
     )
 
 
@@ -243,13 +248,16 @@ def clock_cause(found: Fit, model: TrackerModel) -> list[Cause]:
     """The tracker's clock as a cause, where it is measurably off."""
     offset, rate = found.values[OFFSET], found.values[RATE]
     spread = (found.deviations[OFFSET], found.deviations[RATE])
-    if not (abs(offset) > max(CLOCK[0], 4.0 * spread[0]) or abs(rate - 1.0) > max(CLOCK[1], 4.0 * spread[1])):
+    if not (
+        abs(offset) > max(CLOCK_TRUST[0], CLOCK_SURE * spread[0])
+        or abs(rate - 1.0) > max(CLOCK_TRUST[1], CLOCK_SURE * spread[1])
+    ):
         return []
     errors = {n: v for n, v in found.values.items() if n in ERRORS}
     predicted, _ = model.predict({**errors, OFFSET: 0.0, RATE: 1.0})
     white = model.white((model.readings - predicted)[None, :])[0]
     gain = found.log_likelihood + 0.5 * float(white @ white)
-    if gain < SURE + float(np.log(found.count)):  # BIC's price of two parameters
+    if gain < NAMING_GAIN + float(np.log(found.count)):  # BIC's price of two parameters
         return []
     parameters = {"offset": (offset, spread[0]), "rate": (rate, spread[1])}
     return [Cause(effect_of("tracker.clock"), "tracker", parameters, gain, HeldOutGain(float("nan")))]
@@ -257,8 +265,8 @@ def clock_cause(found: Fit, model: TrackerModel) -> list[Cause]:
 
 def held_out(model: TrackerModel, found: Fit, best: tuple[str, ...], without: tuple[str, ...]) -> float:
     """Log-likelihood that an error gains on parts of the record that had no share in the estimate."""
-    windows = np.arange(model.stamps.size) * WINDOWS // model.stamps.size
-    held = held_windows(WINDOWS)[windows]
+    windows = np.arange(model.stamps.size) * TRACKER_WINDOWS // model.stamps.size
+    held = held_windows(TRACKER_WINDOWS)[windows]
     scores = []
     try:
         for names in (best, without):

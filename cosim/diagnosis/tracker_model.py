@@ -10,6 +10,7 @@ from scipy.signal import csd, periodogram
 
 from cosim.diagnosis.data import Record
 from cosim.diagnosis.fit import Fit
+from cosim.diagnosis.thresholds import TRACKER_CUTOFF, TRACKER_LOWEST_CUTOFF
 from cosim.inference.noise import Noise, quietest
 from cosim.inference.sight import sight
 from cosim.inference.spectrum import bands, learn
@@ -17,8 +18,6 @@ from cosim.inference.spectrum import bands, learn
 Array = NDArray[np.float64]
 
 SEAM_ANGLE = float(np.radians(12.0))  # Table 3.4
-SMOOTH = 10.0  # Hz; the angle has no news above, and the sensor's noise is left out
-SLOWEST = 0.5  # Hz; lowest cut-off of the smoothing
 OFFSET, RATE, SEAM = "tracker.offset", "tracker.rate", "tracker.seam"
 ERRORS = (SEAM, "sensor.gain", "sensor.bias", "sensor.drift")
 NOMINAL = {OFFSET: 0.0, RATE: 1.0, SEAM: 0.0, "sensor.gain": 1.0, "sensor.bias": 0.0, "sensor.drift": 0.0}
@@ -50,7 +49,7 @@ class TrackerModel:
         stamps: Array,
         readings: Array,
         places: NDArray[np.int64],
-        cutoff: float = SMOOTH,
+        cutoff: float = TRACKER_CUTOFF,
     ) -> None:
         self.record = record
         self.time = record.time
@@ -79,7 +78,7 @@ class TrackerModel:
         pair = [np.gradient(np.interp(whole, self.places, row)) for row in (seen, self.readings)]
         frequency, power = periodogram(pair[0], fs=1.0 / step, window="hann")
         _, motion = csd(*pair, fs=1.0 / step, window="hann", nperseg=whole.size)
-        cutoffs = np.geomspace(SLOWEST, SMOOTH, 60)
+        cutoffs = np.geomspace(TRACKER_LOWEST_CUTOFF, TRACKER_CUTOFF, 60)
         response = 1.0 / (1.0 + (frequency / cutoffs[:, None]) ** 4)  # second order, forwards and backwards
         # mean square of motion minus smoothed reading, but for what no cut-off changes
         error = np.sum(response**2 * power - 2.0 * response * motion.real, axis=1)

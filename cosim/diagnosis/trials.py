@@ -13,22 +13,25 @@ from cosim.diagnosis.limits import out_of_reach, reached
 from cosim.diagnosis.noise import Whitener
 from cosim.diagnosis.samples import SAMPLED
 from cosim.diagnosis.starts import Size, fit_from_starts
+from cosim.diagnosis.thresholds import (
+    ASTRAY,
+    BEHIND_BASE,
+    CALIBRATED_TRUST,
+    LAGGING,
+    LARGEST_FORM,
+    ROUGH_TRUST,
+    SETTLED_GAIN,
+    STILL_GAINING,
+)
 from cosim.diagnosis.watch import counted
 from fmus import registry
 from fmus.contract import Effect, Variable
 
-SMALL = 0.05  # of an effect's typical size: the smallest start
+SMALLEST_START = 0.05  # of an effect's typical size: the smallest start
 FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 QUICK_ROUNDS = 6  # the same of a quick fit
 QUICK = True  # the benchmark of the time switches it off
-LAGGING = 30.0  # log-likelihood behind the best, or half the best's gain, that no further rounds will make up
-GAINING = 1.0  # log-likelihood that a few more quick rounds must gain for a rival to be fitted to the end
-SURE = 10.0  # log-likelihood beyond BIC's price that a cause must gain: odds of e^10 against chance
-BEYOND = 3.0  # standard deviations of trust beyond which a nominal parameter is itself a cause (CONTRACT section 4)
-FREE = 1.0  # relative trust when the nominal parameters are calibrated: as good as none
 HIDDEN = "sensor.bias"  # the model starts where the sensor reads: a bias only shifts the zero of laws that have their own
-FORMED = 40.0  # typical sizes of a form's parameter at most: friction that builds up over all of a drive's speeds is viscous
-CLOSE = 6.0  # log-likelihood within which two explanations cannot be told apart
 
 
 @dataclass
@@ -112,17 +115,20 @@ def unknowns(
                 _, least, most = model.trust(name, tolerance)
                 low, high = max(low, least), min(high, most)
             # where nobody knows the nominal value, parts of it are no bound
-            if parameter in effect.ranges and not (known and tolerance >= FREE):
+            if parameter in effect.ranges and not (known and tolerance >= CALIBRATED_TRUST):
                 least, most = effect.ranges[parameter].edges(nominal)
                 low, high = float(np.fmax(low, least)), float(np.fmin(high, most))
             if parameter in effect.forms:
-                low, high = max(low, nominal - FORMED * free.scale), min(high, nominal + FORMED * free.scale)
+                low, high = (
+                    max(low, nominal - LARGEST_FORM * free.scale),
+                    min(high, nominal + LARGEST_FORM * free.scale),
+                )
             # where the period is sought, too, it goes straight with the phase, and bent with sine and cosine
             whole = free.phase and len(effect.free) == 2
             amplitude = f"{effect.component}.{effect.key}" if whole else ""
             found[name] = Unknown(name, nominal, scale, low, high, amplitude=amplitude)
             # a small size is always tried: from there a weak effect, or none, is soon found
-            off = nominal if free.floor == 0.0 else nominal + SMALL * free.scale
+            off = nominal if free.floor == 0.0 else nominal + SMALLEST_START * free.scale
             listed = parameter in effect.parameters and free.floor == 0.0
             starts[name] = free.starts if listed else tuple(dict.fromkeys((off, *free.starts)))
     return list(found.values()), starts
@@ -162,7 +168,7 @@ def tried(
 
 def rough(tolerance: float) -> bool:
     """True where what a model predicts between its blocks says nothing: not even its orders of magnitude are known."""
-    return tolerance > 1.0
+    return tolerance > ROUGH_TRUST
 
 
 def starting(
@@ -236,7 +242,7 @@ def without(
 
 def quickly(tolerance: float) -> bool:
     """True where quick fits do: beside trusted parameters that act alike the valley is narrow, and they stay on its side."""
-    return QUICK and tolerance >= FREE
+    return QUICK and tolerance >= CALIBRATED_TRUST
 
 
 def tried_all(
@@ -271,12 +277,12 @@ def tried_all(
         return tried(copied(task), effects, tolerance, begin, rounds, quick=quick)
 
     def further(trial: Trial) -> Trial:
-        reach = max(best - max(LAGGING, 0.5 * (best - base)), base - 3.0)
+        reach = max(best - max(LAGGING, 0.5 * (best - base)), base - BEHIND_BASE)
         if trial.fit.settled or trial.fit.log_likelihood <= reach or budget.over:
             return trial
         if quick:
             again = tried(copied(task), trial.effects, tolerance, trial.fit, QUICK_ROUNDS, quick=True)
-            if again.score < trial.score + GAINING:
+            if again.score < trial.score + STILL_GAINING:
                 return trial
             trial = again
         return tried(copied(task), trial.effects, tolerance, trial.fit)
@@ -317,7 +323,7 @@ def led_on(trial: Trial, others: list[Trial]) -> Trial | None:
     found = [
         t
         for t in others
-        if (set(freed(t.effects)) < own and t.fit.log_likelihood > reached + 1.0)
+        if (set(freed(t.effects)) < own and t.fit.log_likelihood > reached + ASTRAY)
         or (
             set(freed(t.effects)) > own
             and len(t.effects) == len(trial.effects)
@@ -331,14 +337,14 @@ def polished(task: Task, trial: Trial, tolerance: float, hopeful: bool = True) -
     """The trial fitted on until it settles or gains no more; one of little hope, only if a few more quick rounds gain."""
     if not hopeful and quickly(tolerance) and not (trial.fit.settled or current().over):
         again = tried(task, trial.effects, tolerance, trial.fit, QUICK_ROUNDS, quick=True)
-        if again.score < trial.score + GAINING:
+        if again.score < trial.score + STILL_GAINING:
             return trial
         trial = again
     for _ in range(4):
         if trial.fit.settled or current().over:
             break
         further = tried(task, trial.effects, tolerance, trial.fit)
-        if further.score < trial.score + 0.1:
+        if further.score < trial.score + SETTLED_GAIN:
             break
         trial = further
     return trial

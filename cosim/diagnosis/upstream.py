@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.chain import Known, delivered
 from cosim.diagnosis.data import Record
+from cosim.diagnosis.finding import Finding
 from cosim.diagnosis.fit import Fit, Task
 from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.naming import Finding
-from cosim.diagnosis.trials import CLOSE, Trial, charged, declared, freed
+from cosim.diagnosis.thresholds import INDISTINGUISHABLE
+from cosim.diagnosis.trials import Trial, charged, declared, freed
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -43,7 +44,11 @@ def alternatives(finding: Finding) -> list[Trial]:
     if not chosen.effects:
         return finding.single
     sets = [t for listed in finding.rivals.values() for t in listed]
-    return [t for t in sets if t.score > chosen.score - CLOSE and len(t.effects) == len(chosen.effects)]
+    return [
+        t
+        for t in sets
+        if t.score > chosen.score - INDISTINGUISHABLE and len(t.effects) == len(chosen.effects)
+    ]
 
 
 def origins(finding: Finding, known: list[Known], record: Record) -> list[Origin]:

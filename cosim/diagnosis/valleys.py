@@ -9,10 +9,8 @@ import numpy as np
 from cosim.diagnosis.crossval import part
 from cosim.diagnosis.fit import Task
 from cosim.diagnosis.limits import measured_by
+from cosim.diagnosis.thresholds import NEAR_STOP, WINDOWS_LEFT
 from cosim.diagnosis.trials import Trial, tried
-
-NEARLY = 0.99  # of the way to a stop: what got there may have met it
-ENOUGH = 0.25  # of the windows that must be left to begin with
 
 
 def away_from_stops(task: Task, trial: Trial, tolerance: float) -> Trial:
@@ -25,8 +23,8 @@ def away_from_stops(task: Task, trial: Trial, tolerance: float) -> Trial:
             stop = task.model.nominal(f"{effect.component}.{parameter}")
             if (signal := measured_by(task, effect, free)) and not free.rate:
                 reached = task.rules[signal].windows(task.measured[signal]) / stop
-                clear &= np.max(reached, axis=1) < NEARLY
-    if clear.all() or np.mean(clear) < ENOUGH:
+                clear &= np.max(reached, axis=1) < NEAR_STOP
+    if clear.all() or np.mean(clear) < WINDOWS_LEFT:
         return trial
     begun = tried(part(task, clear), trial.effects, tolerance, trial.fit)
     other = tried(task, trial.effects, tolerance, begun.fit)

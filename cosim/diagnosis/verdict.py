@@ -7,23 +7,31 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis import bent
 from cosim.diagnosis.crossval import held_out_gain
-from cosim.diagnosis.finding import at_first, gained, systematic
+from cosim.diagnosis.finding import Finding, at_first, gained, systematic
 from cosim.diagnosis.fit import Unknown
 from cosim.diagnosis.freeform import Leftover
-from cosim.diagnosis.local import LOCAL, Event
-from cosim.diagnosis.naming import BEYOND, CLOSE, SURE, Finding, Trial, trusted
-from cosim.diagnosis.trials import freed, without
+from cosim.diagnosis.local import Event
+from cosim.diagnosis.thresholds import (
+    BEYOND_TRUST,
+    INDISTINGUISHABLE,
+    LAW_KNOWN_TO,
+    LEFT_BY_LINEAR,
+    LEFT_BY_ONE,
+    LEFT_BY_SEVERAL,
+    LOCAL,
+    NAMING_GAIN,
+    NOMINAL_TRUST,
+    NOTICEABLE,
+    ONE_SIDED_95,
+    ROUNDING_SHARE,
+    STRAIN_MARGIN,
+)
+from cosim.diagnosis.trials import Trial, freed, trusted, without
 from cosim.inference.held_out import HeldOutGain
 from fmus import registry
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
-
-NOTICEABLE = 0.1  # of the noise of one bin: smaller systematic rests do not matter in practice
-CARRIED = 0.1  # of the original systematic residual that may be left for one named cause to stand
-TOGETHER = 0.05  # the same for several: a sum of two imitates a third more easily
-LINEAR = 0.01  # the same where the law has one form only, as that of a nominal parameter
-FORM = 0.05  # of it that may be left of one named cause: its law is known only nearly
 
 
 @dataclass
@@ -64,9 +72,9 @@ class Rest:
 def negligible(finding: Finding, signal: str) -> float:
     """Size of a systematic rest that does not matter, SI: a part of the noise, or the error of readings in steps."""
     # while the motion is smaller than a step, and at rest, readings may be off by the same half step
-    limits = [NOTICEABLE * finding.task.rules[signal].rms, 0.5 * rounding(finding, signal)]
+    limits = [NOTICEABLE * finding.task.rules[signal].rms, ROUNDING_SHARE * rounding(finding, signal)]
     if len(finding.chosen.effects) == 1:
-        limits.append((LINEAR if sole_form(finding) else FORM) * finding.before[signal].rms)
+        limits.append((LEFT_BY_LINEAR if sole_form(finding) else LAW_KNOWN_TO) * finding.before[signal].rms)
     return max(limits)
 
 
@@ -114,15 +122,17 @@ def stands(finding: Finding) -> bool:
     """
     if finding.confirmed or finding.free:
         return True
-    share = CARRIED if len(finding.chosen.effects) == 1 else TOGETHER
-    share = LINEAR if sole_form(finding) else share
+    share = LEFT_BY_ONE if len(finding.chosen.effects) == 1 else LEFT_BY_SEVERAL
+    share = LEFT_BY_LINEAR if sole_form(finding) else share
     gain = gained(finding)
     for signal, left in finding.after.items():
         if not notable(finding, signal, left):
             continue
         # the one signal may show next to nothing of a cause that the other is full of
-        much = left.gain > LINEAR**2 * gain
-        if much and left.rms > max(share * finding.before[signal].rms, LINEAR * at_first(finding, signal)):
+        much = left.gain > LEFT_BY_LINEAR**2 * gain
+        if much and left.rms > max(
+            share * finding.before[signal].rms, LEFT_BY_LINEAR * at_first(finding, signal)
+        ):
             return False
     # something that happens once and carries more than the causes do may well be what called for them
     listed = [(s, e) for s, found in finding.events.items() for e in found.values()]
@@ -169,7 +179,7 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                 list(
                     dict.fromkeys(
                         [
-                            *(e.name for e, behind in finding.upstream if behind < CLOSE),
+                            *(e.name for e, behind in finding.upstream if behind < INDISTINGUISHABLE),
                             *indistinguishable(finding, effect, fewer),
                             *bent_alike(finding, effect),
                         ]
@@ -200,8 +210,8 @@ def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[st
         return [name for t in rivals if (name := other_of(t, chosen).name) in told]
     for trial in sorted(finding.rivals.get(effect.name, []), key=lambda t: shortfall(t, chosen)):
         behind = shortfall(trial, chosen)
-        if behind >= CLOSE and (
-            trial.score <= fewer.score + SURE
+        if behind >= INDISTINGUISHABLE and (
+            trial.score <= fewer.score + NAMING_GAIN
             or held_out_gain(task, chosen.fit, trial.fit).sure
             or not held_out_gain(task, trial.fit, fewer.fit).sure
         ):
@@ -218,10 +228,10 @@ def bent_alike(finding: Finding, effect: Effect) -> list[str]:
     found = []
     for trial in finding.rivals.get(effect.name, []) if effect.is_formed else ():
         rival, short = other_of(trial, finding.chosen), shortfall(trial, finding.chosen)
-        if rival.is_formed and CLOSE <= short < CARRIED**2 * gained(finding):
+        if rival.is_formed and INDISTINGUISHABLE <= short < LEFT_BY_ONE**2 * gained(finding):
             behind = bent.behind(finding.task, (effect, finding.chosen), (rival, trial))
             # the free functions take up some noise, each of its own
-            if behind is not None and behind < SURE:
+            if behind is not None and behind < NAMING_GAIN:
                 found.append(rival.name)
     return found
 
@@ -248,7 +258,7 @@ def other_of(trial: Trial, chosen: Trial) -> Effect:
     return next(e for e in trial.effects if e not in chosen.effects)
 
 
-def rests(finding: Finding, tolerance: float = 0.01) -> list[Rest]:
+def rests(finding: Finding, tolerance: float = NOMINAL_TRUST) -> list[Rest]:
     """What stays unexplained in a group, with words for what it depends on."""
     found = []
     standing = stands(finding)
@@ -288,14 +298,22 @@ def strained(finding: Finding, tolerance: float) -> list[Rest]:
     signal = next(iter(finding.after))
     # a single cause whose law is known only nearly bends the parameters beside it
     gain = chosen.fit.log_likelihood - finding.null.fit.log_likelihood
-    enough = max(SURE, FORM**2 * gain) if len(chosen.effects) == 1 and not sole_form(finding) else SURE
+    enough = (
+        max(NAMING_GAIN, LAW_KNOWN_TO**2 * gain)
+        if len(chosen.effects) == 1 and not sole_form(finding)
+        else NAMING_GAIN
+    )
     found = []
     for known in trusted(finding.task.model, tolerance):
         if known.name in freed or known.prior is None:
             continue
         pull = abs(chosen.fit.values[known.name] - known.start) / known.prior[1]
-        off = pull - 1.64 * chosen.fit.deviations[known.name] / known.prior[1]
-        if off <= BEYOND + 1.0 or 0.5 * pull**2 <= enough or not matters(finding, chosen, known):
+        off = pull - ONE_SIDED_95 * chosen.fit.deviations[known.name] / known.prior[1]
+        if (
+            off <= BEYOND_TRUST + STRAIN_MARGIN
+            or 0.5 * pull**2 <= enough
+            or not matters(finding, chosen, known)
+        ):
             continue
         change = chosen.fit.values[known.name] / known.start - 1.0
         words = f"{signal} asks for {known.name} {change:+.1%} off its nominal value, and no cause of the library says why"
@@ -309,7 +327,7 @@ def matters(finding: Finding, chosen: Trial, known: Unknown) -> bool:
     moved = finding.task.model.simulate(chosen.fit.values)
     nominal = finding.task.model.simulate(chosen.fit.values | {known.name: known.start})
     changes = {s: float(np.std(moved[s] - nominal[s])) for s in finding.task.measured}
-    return any(change > 0.5 * rounding(finding, s) for s, change in changes.items())
+    return any(change > ROUNDING_SHARE * rounding(finding, s) for s, change in changes.items())
 
 
 def local_rests(finding: Finding, signal: str) -> list[Rest]:

@@ -14,8 +14,8 @@ from fmus import registry
 if TYPE_CHECKING:
     from cosim.diagnosis.data import Record
     from cosim.diagnosis.experiment import Proposal
+    from cosim.diagnosis.finding import Finding
     from cosim.diagnosis.found import Diagnosis
-    from cosim.diagnosis.naming import Finding
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.diagnosis.chain import WINDOW
-from cosim.diagnosis.naming import CLOSE
 from cosim.diagnosis.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.files import write_text
@@ -40,6 +38,7 @@ if TYPE_CHECKING:
     from cosim.diagnosis.found import Diagnosis
     from cosim.lexicon import speaking
 from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.thresholds import INDISTINGUISHABLE, WINDOW
 
 REPORT = "report.html"
 PACKAGES = ("plotly", "jinja2", "pyarrow")
@@ -143,7 +142,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         if rest.span is not None:
             found = overview.event(material, rest.block, rest.what, rest.span, f"rest-{index}")
         else:
-            told = [c for c in curves[1][:2] if c.gain > CLOSE]
+            told = [c for c in curves[1][:2] if c.gain > INDISTINGUISHABLE]
             found = [free_form(rest.block, curves[0], c, f"rest-{index}-{k}") for k, c in enumerate(told)]
         rests.append({"rest": rest, "pictures": shown(found)})
     curve = drive.picture(material)

@@ -10,7 +10,7 @@ from cosim.diagnosis import story
 from cosim.diagnosis.bounds import absurd, beyond, impossible
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.groups import left_out
-from cosim.diagnosis.naming import tried
+from cosim.diagnosis.trials import tried
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry

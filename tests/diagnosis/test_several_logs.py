@@ -24,7 +24,8 @@ from cosim.diagnosis.machine import our_machine
 from cosim.diagnosis.naming import find, nominal
 from cosim.diagnosis.noise import Windows, learned, plain
 from cosim.diagnosis.story import diagnose, prepare
-from cosim.diagnosis.trials import FREE, tried
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST
+from cosim.diagnosis.trials import tried
 from cosim.diagnosis.verdict import adequate
 from cosim.errors import DataError, UsageError
 from cosim.inference.linear import Sections, columns
@@ -200,12 +201,12 @@ def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(
 
     def found(record: Record) -> tuple[Finding, Fit]:
         task = task_for(MECHANICS, record, [])
-        null = nominal(task, record, FREE)
-        finding = Finding(task, null, tried(task, (effect,), FREE, null.fit), free=True)
-        return finding, estimator(finding, (effect,), FREE, finding.chosen.fit)
+        null = nominal(task, record, CALIBRATED_TRUST)
+        finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+        return finding, estimator(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
 
     finding, both = found(record)
-    each = left_out_errors(finding, (effect,), both, "slew", FREE, estimator is onward)
+    each = left_out_errors(finding, (effect,), both, "slew", CALIBRATED_TRUST, estimator is onward)
     fitted = np.split(both.residuals["slew"], record.cuts)
     left_out = leave_one_log_out(record)[:1]
     for own, inside, (other, held) in zip(each, fitted, left_out, strict=False):

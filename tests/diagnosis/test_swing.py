@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from benchmarks.second.machine import Machine, run
 from benchmarks.second.record import Sensing, command, write
-from cosim.diagnosis.local import NOTHING
+from cosim.diagnosis.local import NO_EVENT
 from cosim.diagnosis.story import diagnose
 from cosim.diagnosis.swing import swing
 from cosim.logs import load_log
@@ -58,9 +58,9 @@ def test_what_a_periodic_motion_leaves_of_itself_is_no_swing() -> None:
 
 
 def test_too_little_says_nothing() -> None:
-    assert swing(np.zeros(N), [TIME], INTERVAL, 0.4) == NOTHING
-    assert swing(np.sin(TIME[:100]), [TIME[:100]], INTERVAL, 0.4) == NOTHING
-    assert swing(np.sin(TIME[:1000]), [], INTERVAL, 0.4) == NOTHING  # four periods of 0.4 Hz in ten seconds
+    assert swing(np.zeros(N), [TIME], INTERVAL, 0.4) == NO_EVENT
+    assert swing(np.sin(TIME[:100]), [TIME[:100]], INTERVAL, 0.4) == NO_EVENT
+    assert swing(np.sin(TIME[:1000]), [], INTERVAL, 0.4) == NO_EVENT  # four periods of 0.4 Hz in ten seconds
 
 
 @pytest.mark.parametrize("rate", [pytest.param(1000, marks=pytest.mark.slow), 100])

@@ -8,8 +8,8 @@ import numpy as np
 from cosim.diagnosis.data import Record, fixed_values
 from cosim.diagnosis.group_model import GroupModel
 from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.naming import declared
 from cosim.diagnosis.schema import Answer, NamedCause, Parameter, Signal, Unexplained
+from cosim.diagnosis.trials import declared
 from cosim.report.material import Curve, Material, Noise, Part
 from cosim.rig import Hidden, make_log
 from cosim.units import factor
