@@ -6,13 +6,13 @@ from collections import defaultdict
 from pathlib import Path
 from types import ModuleType
 
-TOP = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(TOP))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from cosim.diagnosis import thresholds as of_diagnosis
 from cosim.inference import thresholds as of_inference
 from cosim.inference.thresholds import Threshold, listed
 
+TOP = Path(__file__).resolve().parent.parent
 FILE = TOP / "docs" / "thresholds.md"
 TABLES: dict[str, ModuleType] = {"diagnosis": of_diagnosis, "inference": of_inference}
 END = "<!-- end of table -->"
