@@ -17,19 +17,19 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from cosim.diagnosis.between import Between, estimates, fit_of, over_logs, task_of
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.data import Record, joined
-from cosim.diagnosis.finding import Finding, relearned
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.freerun import onward, refitted
-from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.heldout import leave_one_log_out
-from cosim.diagnosis.model import machine_of
-from cosim.diagnosis.naming import nominal
-from cosim.diagnosis.story import prepare
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.trials import tried
+from cosim.diagnosis.held_out.between import Between, estimates, fit_of, over_logs, task_of
+from cosim.diagnosis.held_out.causes import leave_one_log_out
+from cosim.diagnosis.held_out.free_run import onward, refitted
+from cosim.diagnosis.hypotheses.naming import nominal
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.residuals.finding import Finding, relearned
 from cosim.diagnosis.thresholds import GUESSED_TRUST
-from cosim.diagnosis.trials import tried
 from cosim.logs import load_log
 from fmus.contract import Effect
 

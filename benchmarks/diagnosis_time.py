@@ -16,10 +16,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cosim.diagnosis import pace, trials
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.model import machine_of
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.fitting import pace, trials
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.logs import load_log
 
 # name of the way -> (longest step of a search in intervals between samples, quick fits)

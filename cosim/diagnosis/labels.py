@@ -12,11 +12,11 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.bounds import absurd
-from cosim.diagnosis.data import Record, fixed_values
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.machine import Machine
+from cosim.diagnosis.fitting.bounds import absurd
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.model.machine import Machine
+from cosim.diagnosis.record.record import Record, fixed_values
 from cosim.diagnosis.thresholds import (
     AT_END,
     BALANCE,
@@ -36,8 +36,8 @@ from cosim.diagnosis.thresholds import (
     WINDOW,
     WRAPS,
 )
-from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
-from cosim.diagnosis.verdict import Cause
+from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
+from cosim.diagnosis.verdict.verdict import Cause
 from cosim.errors import CosimError, DataError
 from cosim.logs import Log, Tracker
 from cosim.signals import SIGNALS

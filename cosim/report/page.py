@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.diagnosis.schema import NamedCause, Parameter
+from cosim.diagnosis.answer.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.files import write_text
 from cosim.lexicon import speaking
@@ -34,10 +34,10 @@ from cosim.report.words import (
 )
 
 if TYPE_CHECKING:
-    from cosim.diagnosis.experiment import Proposal
+    from cosim.diagnosis.answer.experiment import Proposal
     from cosim.diagnosis.found import Diagnosis
     from cosim.lexicon import speaking
-from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.thresholds import INDISTINGUISHABLE, WINDOW
 
 REPORT = "report.html"
@@ -221,7 +221,7 @@ def interval(parameter: Parameter) -> tuple[str, str]:
 
 def seed() -> str:
     """How the intervals of the gain were drawn."""
-    from cosim.diagnosis.gain import measure
+    from cosim.diagnosis.held_out.gain import measure
 
     found = inspect.signature(measure).parameters.get("seed")
     return "" if found is None else str(found.default)

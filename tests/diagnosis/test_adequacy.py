@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from cosim.diagnosis import bent
-from cosim.diagnosis.freeform import Leftover, changing, explain, families
-from cosim.diagnosis.noise import plain
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.fitting.noise import plain
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.residuals.freeform import Leftover, changing, explain, families
 from cosim.diagnosis.thresholds import SYSTEMATIC, USUAL_SIZE
-from cosim.diagnosis.verdict import systematic
+from cosim.diagnosis.verdict import free_form_law as bent
+from cosim.diagnosis.verdict.verdict import systematic
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from tests.diagnosis.hidden_logs import off, told

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.data import Record, joined
-from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import coarsely, nominal
-from cosim.diagnosis.noise import broad, plain
-from cosim.diagnosis.story import prepare
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.noise import broad, plain
+from cosim.diagnosis.fitting.trials import candidates_of
+from cosim.diagnosis.hypotheses.naming import coarsely, nominal
+from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
-from cosim.diagnosis.trials import candidates_of
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 

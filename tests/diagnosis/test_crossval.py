@@ -2,7 +2,7 @@
 
 import pytest
 
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.thresholds import BEYOND_TRUST, NOMINAL_TRUST
 from cosim.rig import Noise, as_log, make_log
 from cosim.rig.parameters import nominal_value

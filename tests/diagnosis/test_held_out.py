@@ -7,16 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.extension import vanished
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.heldout import Held, Refused, Step, balanced, borne, cancelling, reconsider
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import find
-from cosim.diagnosis.story import prepare
+from cosim.diagnosis.extension.estimate import vanished
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.held_out.causes import Held, Refused, Step, balanced, borne, cancelling, reconsider
+from cosim.diagnosis.hypotheses.naming import find
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
-from cosim.diagnosis.verdict import causes
+from cosim.diagnosis.verdict.verdict import causes
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry

@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.data import Record
-from cosim.diagnosis.fit import Task
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import merged
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import nominal
-from cosim.diagnosis.pace import in_exact_steps, paced
-from cosim.diagnosis.story import prepare
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Task
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.pace import in_exact_steps, paced
+from cosim.diagnosis.fitting.trials import candidates_of, tried_all
+from cosim.diagnosis.hypotheses.naming import nominal
+from cosim.diagnosis.model.groups import merged
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.thresholds import STEP_ERROR, STEP_ERROR_AFTER
-from cosim.diagnosis.trials import candidates_of, tried_all
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 

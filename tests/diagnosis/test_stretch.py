@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.stretch import chosen_stretch, others, settled_error
+from cosim.diagnosis.pipeline.stretch import chosen_stretch, others, settled_error
 from cosim.diagnosis.thresholds import LONGEST, SETTLING, SHORT_PIECE
 from cosim.logs.log import Log
 

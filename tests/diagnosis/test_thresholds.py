@@ -18,11 +18,12 @@ TABLES = {"diagnosis": of_diagnosis, "inference": of_inference}
 # how finely something is computed, or where a search begins: none of them decides what is said
 NUMERICAL = {
     "diagnosis": """
-        ABSURD BANDWIDTH BEND CANDIDATES CORRELATION_TIMES DOSE EVEN_STAMPS FACTOR_KNOTS FIRST_ROUNDS FREE_RUN_ROUNDS KNOTS
-        LAW_CUTOFF LAW_KNOTS LEAST_DIRECTION LONGEST_STEP MET NARROWEST NEWTON_ROUNDS NO_AMPLITUDE NO_NOISE ORDER_PARTS
-        PADDED PART_REACH PATHS PIECE PIECES POINTS POINTS_OF_LONG PREDICTED QUICK_KINDS QUICK_ROUNDS RATE_PARTS REFINED
-        REPEATS RIDGES ROUND_GAINS SCATTERS SEAM_ANGLE SEED SIZES_SETTLED SIZE_ROUNDS SLOPE_STEP SMALLEST_SHARE
-        SMALLEST_START TAPERS WALK_ROUNDS WALK_SETTLED
+        ABSURD BANDWIDTH BEND CANDIDATES COARSE_OFFSETS CORRELATION_TIMES DOSE EVEN_STAMPS FACTOR_KNOTS FINE_OFFSETS
+        FIRST_ROUNDS FREE_RUN_ROUNDS HELD_FOR HELD_STEPS KNOTS LAW_CUTOFF LAW_KNOTS LEAST_DIRECTION LONGEST_STEP MET
+        NARROWEST NEWTON_ROUNDS NO_AMPLITUDE NO_NOISE ORDER_PARTS PADDED PART_REACH PATHS PIECE PIECES POINTS
+        POINTS_OF_LONG PREDICTED QUICK_KINDS QUICK_ROUNDS RATE_PARTS REFINED REPEATS RIDGES ROUND_GAINS SCATTERS
+        SEAM_ANGLE SEED SIZES_SETTLED SIZE_ROUNDS SLOPE_STEP SMALLEST_SHARE SMALLEST_START TAPERS WALK_ROUNDS
+        WALK_SETTLED
     """,
     "inference": """
         BANDS BEGINNING DAMPING DAMPINGS DIFFERENCE EVALUATIONS FAILED FINE FREQUENCIES HATS LEAST_WHITE LOWEST MEMORIES
@@ -41,8 +42,12 @@ def constants(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
     for node in tree.body:
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
         for target in targets:
-            if isinstance(target, ast.Name) and target.id.isupper() and node.value is not None:
-                yield target.id, node.value
+            pairs = [(target, node.value)] if isinstance(target, ast.Name) else []
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = list(zip(target.elts, node.value.elts, strict=True))
+            for name, value in pairs:
+                if isinstance(name, ast.Name) and name.id.isupper() and value is not None:
+                    yield name.id, value
 
 
 def numeric(value: ast.expr) -> bool:
@@ -83,8 +88,8 @@ def compared(source: str) -> list[float]:
 
 
 def test_a_threshold_beside_the_code_is_found() -> None:
-    source = "LIMIT = 3.0\nPAIR = (1.0 / 3.0, 3)\nNAMES = ('a',)\nNONE = Event(1.0)\nFINE: int = 4\nALSO = 2 * LIMIT\n"
-    assert outside(source, {"FINE"}) == ["LIMIT", "PAIR", "ALSO"]
+    source = "A, B = 1.0, 'b'\nPAIR = (1.0 / 3.0, 3)\nNAMES = ('a',)\nNONE = Event(1.0)\nFINE: int = 4\nALSO = 2 * A\n"
+    assert outside(source, {"FINE"}) == ["A", "PAIR", "ALSO"]
     assert compared("x > 3.5 * y and x < 1e-9 and abs(x) <= 0.5 * y") == [3.5]
 
 
@@ -100,7 +105,13 @@ def test_a_new_threshold_goes_into_the_table(package: str) -> None:
 
 
 # a median of gaps, a step beside the samples', the square root of a sum of binomials, the highest thousandth
-COMPARED = {"samples": [1.5, 70.0], "pace": [1.5], "reference": [1.5], "labels": [0.999], "beginning": [20.0]}
+COMPARED = {
+    "signatures": [1.5, 70.0],
+    "pace": [1.5],
+    "reference": [1.5],
+    "labels": [0.999],
+    "beginning": [20.0],
+}
 
 
 @pytest.mark.parametrize("package", TABLES)
