@@ -168,7 +168,7 @@ def write_ssp(
         rows.append(f"<ssd:Connection{attributes}/>")
     parts = []
     for name, own in connectors.items():
-        if "y" not in own:
+        if "output" not in own.values():
             own["y"] = "output"
         ports = "".join(
             f'<ssd:Connector name="{n}" kind="{k}"><ssc:Real/></ssd:Connector>' for n, k in own.items()

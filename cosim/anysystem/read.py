@@ -81,6 +81,7 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
             continue
         if label.name == SYNTHETIC_COLUMN:
             continue
+        label = heading(label, system)
         try:
             port = port_of(system, label.name)
         except DataError:
@@ -102,6 +103,17 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
         time=clock, signals=found, file=LogMapping.model_fields["file"].default, sha256={}, path=None, model=None,
         compare={}, diagnose={}, machine={}, name="", description="",
     ), others  # fmt: skip
+
+
+def heading(label: Label, system: System) -> Label:
+    """The label of a column; one that is called like a connector with an index, ``f[0]``, has no unit there."""
+    if label.unit is None or label.text == label.name:
+        return label
+    try:
+        port_of(system, label.text)
+    except DataError:
+        return label
+    return Label(label.text, label.text, None)
 
 
 def _column_unit(path: Path, label: Label, unit: str) -> tuple[str, bool]:

@@ -4,7 +4,7 @@ import re
 from difflib import SequenceMatcher
 from pathlib import Path
 
-from cosim.anysystem.read import value_of
+from cosim.anysystem.read import heading, value_of
 from cosim.errors import DataError
 from cosim.logs.load import open_source
 from cosim.logs.source import Label
@@ -50,7 +50,7 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
         DataError: the log cannot be read.
     """
     source = open_source(log)
-    labels = list(source.labels)
+    labels = [heading(label, system) for label in source.labels]
     clock = next((k for k, label in enumerate(labels) if plain(label.name) in TIMES), None)
     ports = connectors(system)
     units = {p: _unit(system, p) for p in ports}

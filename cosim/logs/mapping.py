@@ -182,8 +182,9 @@ class Mapping(_Strict):
     @classmethod
     def _names(cls, signals: dict[str, SignalColumn]) -> dict[str, SignalColumn]:
         for name, column in signals.items():
-            # a dot, as in "valve.spool", names a connector of any system
-            if not all(part.isidentifier() for part in name.split(".")) or name in _RESERVED:
+            # these signs are in connectors of any system only, such as "valve.spool", "crane.f[0]", "der(x)", "p@tank"
+            connector = any(sign in name for sign in ".[(@") and name.isprintable()
+            if not (name.isidentifier() or connector) or name in _RESERVED:
                 raise ValueError(f"'{name}' cannot be the name of a signal: use letters, digits and _")
             if name in SIGNALS and column.unit is not None:
                 _convertible(column.unit, SIGNALS[name].si, f"signal '{name}': ")
@@ -198,7 +199,7 @@ class Mapping(_Strict):
     @property
     def model_reference(self) -> str | None:
         """The model's name, or the absolute path of its file."""
-        if self.model is None or not self.model.lower().endswith((".ssp", ".ssv", ".ssd")):
+        if self.model is None or not self.model.lower().endswith((".ssp", ".ssv", ".ssd", ".fmu")):
             return self.model
         folder = self.path.parent if self.path else Path()
         return str((folder / self.model).resolve())

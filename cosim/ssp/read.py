@@ -81,7 +81,7 @@ def read_fmu(path: Path) -> System:
         with open_archive(path, str(path)) as archive:
             target = Path(folder.name, "c0")
             fmu = load_fmu(archive, path.name, target, ours=is_ours(path))
-        name = path.stem
+        name = path.stem.replace(".", "_")  # the first dot of a signal's name ends the component's
         wires = {
             v.name: Wire(Port("", v.name), Port(name, v.name))
             for v in fmu.variables.values()

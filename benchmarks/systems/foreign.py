@@ -1,0 +1,357 @@
+"""Faults hidden in FMUs of other people; what really happened is fmpy's work, in a process of its own, not our master's.
+
+``python -m benchmarks.systems.foreign SPEC.json OUT.npz`` runs one: FMUs stepped side by side in fine steps, each hearing
+what the others gave at the step before; effects in the wires are those of `benchmarks.systems.truth`.
+"""
+
+import csv
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.systems.parts import write_ssp
+from benchmarks.systems.truth import Hidden, Wire, read
+
+Array = NDArray[np.float64]
+NOISE = 0.01  # of a reading's spread
+LIMIT = 300.0  # s for one run of fmpy
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Case:
+    """FMUs, what drives them, what is hidden.
+
+    Attributes:
+        name: for people.
+        fmus: component -> end of its file's path.
+        drives: input -> (centre, amplitude) of steps and sines.
+        measured: outputs of the log, ``component.connector``.
+        hidden: effects.
+        faults: ``component.parameter`` -> factor.
+        trusted: parameters that the mapping trusts to 1 %.
+        constant: inputs that are not measured, with their values.
+        wires: between components; an input of the system feeds the input of its name.
+        h: interval of the log [s].
+        count: samples.
+        fine: steps of fmpy in an interval.
+        pace: time of a step of the drives [s].
+        values: parameters of all runs.
+    """
+
+    name: str
+    fmus: Mapping[str, str]
+    drives: Mapping[str, tuple[float, float]]
+    measured: tuple[str, ...]
+    hidden: tuple[Hidden, ...] = ()
+    faults: Mapping[str, float] = field(default_factory=dict)
+    trusted: tuple[str, ...] = ()
+    constant: Mapping[str, float] = field(default_factory=dict)
+    wires: tuple[tuple[str, str], ...] = ()
+    h: float = 0.01
+    count: int = 2000
+    fine: int = 1
+    pace: float = 1.0
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
+def drive(case: Case, seed: int) -> dict[str, Array]:
+    """Series of the system's inputs: steps and three sines."""
+    rng = np.random.default_rng(seed)
+    t = case.h * np.arange(case.count)
+    hold = max(round(case.pace / case.h), 1)
+    found = {}
+    for name, (centre, size) in case.drives.items():
+        steps = np.repeat(rng.uniform(-1.0, 1.0, case.count // hold + 1), hold)[: case.count]
+        sines = sum(
+            rng.uniform(0.1, 0.3) * np.sin(2 * np.pi * f / case.pace * t + rng.uniform(0, 6))
+            for f in (0.1, 0.37, 0.9)
+        )
+        found[name] = centre + size * (0.7 * steps + sines)
+    return found
+
+
+def step_by_fmpy(spec: Mapping[str, Any], series: Mapping[str, Array]) -> dict[str, Array]:
+    """Outputs of all components at every stamp."""
+    import fmpy
+    from fmpy.fmi2 import FMU2Slave
+
+    h, count, fine = spec["h"], spec["count"], spec["fine"]
+    step = h / fine
+    hidden = [Hidden(**e) for e in spec["hidden"]]
+    at = {
+        (e.port, e.where): Wire(e.effect, e.values, step) for e in hidden if e.where in ("input", "output")
+    }
+    slaves, numbers, kinds = {}, {}, {}
+    for name, path in spec["fmus"].items():
+        folder = tempfile.mkdtemp(dir=spec["scratch"])
+        fmpy.extract(path, folder)
+        model = fmpy.read_model_description(path, validate=False)
+        slave = FMU2Slave(
+            guid=model.guid,
+            unzipDirectory=folder,
+            modelIdentifier=model.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        slave.instantiate()
+        slaves[name] = slave
+        numbers[name] = {v.name: v.valueReference for v in model.modelVariables}
+        kinds[name] = {v.name: v.causality for v in model.modelVariables if v.type == "Real"}
+        slave.setupExperiment(startTime=0.0)
+        for full, value in spec["values"].items():
+            component, _, parameter = full.partition(".")
+            if component == name:
+                slave.setReal([numbers[name][parameter]], [value])
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+    feeds = dict(spec["feeds"])
+    record = spec["record"]
+    outputs = {p for p in [*record, *feeds.values()] if p not in series}
+    now: dict[str, float] = {}
+
+    def get() -> None:
+        for port in outputs:
+            component, _, variable = port.partition(".")
+            value = slaves[component].getReal([numbers[component][variable]])[0]
+            effect = at.get((port, "output"))
+            now[port] = effect(value) if effect else value
+
+    get()
+    found = {port: np.empty(count) for port in record}
+    for k in range(count):
+        for port in record:
+            found[port][k] = now[port]
+        if k == count - 1:
+            break
+        for i in range(fine):
+            share = i / fine
+            heard = dict(now)
+            for name, values in series.items():
+                heard[name] = (1 - share) * values[k] + share * values[k + 1]
+            for end, source in feeds.items():
+                component, _, variable = end.partition(".")
+                effect = at.get((end, "input"))
+                value = effect(heard[source]) if effect else heard[source]
+                slaves[component].setReal([numbers[component][variable]], [value])
+            for slave in slaves.values():
+                slave.doStep(currentCommunicationPoint=(k * fine + i) * step, communicationStepSize=step)
+            get()
+    return found
+
+
+def feeds_of(case: Case) -> dict[str, str]:
+    """What feeds each input."""
+    found = {end: source for source, end in case.wires}
+    (only, *_) = case.fmus
+    for name in case.drives:
+        if not any(source == name for source, _ in case.wires):
+            found[f"{only}.{name}"] = name
+    return found
+
+
+def located(case: Case, paths: Sequence[Path]) -> dict[str, Path] | None:
+    """The file of each component; None if one is not there."""
+    found = {}
+    for name, end in case.fmus.items():
+        file = next((p for p in paths if str(p).endswith(end)), None)
+        if file is None:
+            return None
+        found[name] = file.resolve()
+    return found
+
+
+def truth(case: Case, fmus: Mapping[str, Path], seed: int, scratch: Path) -> dict[str, Array]:
+    """The log: inputs as they are, outputs as they were read."""
+    series = drive(case, seed)
+    values = dict(case.values) | {f"{next(iter(case.fmus))}.{n}": v for n, v in case.constant.items()}
+    for name, factor in case.faults.items():
+        values[name] = factor * nominal(fmus, name, values)
+    spec = {
+        "fmus": {n: str(p) for n, p in fmus.items()}, "h": case.h, "count": case.count, "fine": case.fine,
+        "hidden": [asdict(e) for e in case.hidden], "values": values, "feeds": feeds_of(case),
+        "record": list(case.measured), "scratch": str(scratch),
+    }  # fmt: skip
+    (scratch / "spec.json").write_text(json.dumps(spec))
+    np.savez(scratch / "in.npz", **series)
+    (scratch / "out.npz").unlink(missing_ok=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks.systems.foreign", str(scratch / "spec.json"), str(scratch / "out.npz")],
+        cwd=ROOT, capture_output=True, text=True, timeout=LIMIT, check=False,
+    )  # fmt: skip
+    if not (scratch / "out.npz").is_file():
+        raise RuntimeError(done.stderr[-2000:])
+    with np.load(scratch / "out.npz") as loaded:
+        true = {n: loaded[n] for n in case.measured}
+    return {**series, **read(true, case.hidden, case.h, NOISE, np.random.default_rng(seed + 1))}
+
+
+def nominal(fmus: Mapping[str, Path], name: str, values: Mapping[str, float]) -> float:
+    """Start value of ``component.parameter``."""
+    import fmpy
+
+    if name in values:
+        return values[name]
+    component, _, parameter = name.partition(".")
+    model = fmpy.read_model_description(str(fmus[component]), validate=False)
+    return float(next(v.start for v in model.modelVariables if v.name == parameter))
+
+
+def quoted(names: Sequence[str]) -> str:
+    """A list for TOML."""
+    return "[" + ", ".join(f'"{n}"' for n in names) + "]"
+
+
+def write_log(path: Path, signals: Mapping[str, Array], h: float) -> Path:
+    """A CSV file with plain headings."""
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time", *signals])
+        count = next(iter(signals.values())).size
+        writer.writerows(zip(h * np.arange(count), *signals.values(), strict=True))
+    return path
+
+
+def run(case: Case, paths: Sequence[Path], scratch: Path, seed: int = 1) -> dict[str, Any] | None:
+    """Hide, diagnose by the command line, score; None where an FMU is not there."""
+    fmus = located(case, paths)
+    if fmus is None:
+        return None
+    folder = scratch / case.name.replace(" ", "_")
+    folder.mkdir(exist_ok=True)
+    signals = truth(case, fmus, seed, folder)
+    model = next(iter(fmus.values()))
+    if len(fmus) > 1:
+        own: dict[str, dict[str, float]] = {n: {} for n in fmus}
+        for full, value in case.values.items():
+            component, _, parameter = full.partition(".")
+            own[component][parameter] = value
+        model = write_ssp(folder / "system.ssp", fmus, case.wires, own, list(case.drives))
+    log = write_log(folder / "log.csv", signals, case.h)
+    mapping = folder / "map.toml"
+    single = len(fmus) == 1
+    stem = model.stem.replace(".", "_")
+    lines = ["[time]", 'column = "time"', 'unit = "s"']
+    for name in signals:
+        connector = f"{stem}.{name.partition('.')[2] or name}" if single and name not in case.drives else name
+        lines += [f'[signals."{connector}"]', f'column = "{name}"', f'unit = "{unit_of(fmus, name)}"']
+    lines += ["[diagnose]"]
+    trusted = [n.replace(f"{next(iter(fmus))}.", f"{stem}.", 1) if single else n for n in case.trusted]
+    if trusted:
+        lines += [f"trusted = {quoted(trusted)}"]
+    if case.constant:
+        lines += ["constant = { " + ", ".join(f'"{n}" = {v!r}' for n, v in case.constant.items()) + " }"]
+    mapping.write_text("\n".join(lines) + "\n")
+    command = [sys.executable, "-m", "cosim", "diagnose", str(log), "--model", str(model), "--mapping", str(mapping)]
+    begun = time.perf_counter()
+    done = subprocess.run(
+        [*command, "--out", str(folder / "out"), "--json"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    seconds = time.perf_counter() - begun
+    if done.returncode:
+        return {"name": case.name, "ok": False, "line": f"FAILED {done.returncode}: {done.stderr[-600:]}"}
+    return score(case, json.loads(done.stdout), seconds, fmus)
+
+
+def unit_of(fmus: Mapping[str, Path], name: str) -> str:
+    """Unit that an FMU declares for a connector; 1 where it has none."""
+    import fmpy
+
+    component, dot, variable = name.partition(".")
+    for own, path in fmus.items():
+        if dot and own != component:
+            continue
+        model = fmpy.read_model_description(str(path), validate=False)
+        for v in model.modelVariables:
+            if v.name == (variable if dot else name):
+                declared = v.unit or (v.declaredType.unit if v.declaredType is not None else None)
+                return declared or "1"
+    return "1"
+
+
+def score(case: Case, found: Mapping[str, Any], seconds: float, fmus: Mapping[str, Path]) -> dict[str, Any]:
+    """What is right: component, kind, size, time."""
+    stem = next(iter(fmus.values())).stem.replace(".", "_")
+    single = len(fmus) == 1
+
+    def ours(port: str) -> str:
+        return f"{stem}.{port.partition('.')[2]}" if single else port
+
+    wanted = [(f"{e.effect} at {ours(e.port)} ({e.where})", dict(e.values)) for e in case.hidden]
+    wanted += [
+        (f"parameter {ours(n)}", {n.partition(".")[2]: f * nominal(fmus, n, case.values)})
+        for n, f in case.faults.items()
+    ]
+    said, errors, right = [], [], True
+    sets = []
+    for cause in found["causes"]:
+        port = f"{cause['component']}.{cause['connector'] or cause['parameter']}"
+        words = (
+            f"parameter {port}"
+            if cause["effect"] == "parameter"
+            else f"{cause['effect']} at {port} ({cause['where']})"
+        )
+        numbers = {n: round(p["value"], 5) for n, p in cause["parameters"].items()}
+        said.append(f"{words} {numbers} [{'; '.join(cause['indistinguishable_from'])}]")
+        sets.append(({words, *cause["indistinguishable_from"]}, cause))
+    for words, values in wanted:
+        hit = next((c for s, c in sets if words in s), None)
+        right &= hit is not None
+        if hit is not None and set(hit["parameters"]) <= set(values):
+            errors += [
+                abs(p["value"] - values[n]) / max(abs(values[n]), 1e-12) for n, p in hit["parameters"].items()
+            ]
+    right &= len(sets) == len(wanted)
+    worst = f", size within {100 * max(errors):.1f} %" if errors else ""
+    line = f"{'right' if right else 'WRONG'}{worst}, {seconds:.0f} s, {found['verdict']}; hidden "
+    line += ", ".join(f"{w} { {k: round(x, 5) for k, x in v.items()} }" for w, v in wanted) or "nothing"
+    if not right:
+        rest = [u["what"] for u in found["unexplained"]]
+        refused = [(r["effect"], r["why"]) for r in found["refused"]]
+        line += f"\n    said {said} unexplained {rest} refused {refused} {found['warnings']}"
+    return {"name": case.name, "ok": right, "error": max(errors, default=None), "seconds": seconds, "line": line}
+
+
+MSD = "MassSpringDamper1.fmu"
+MSD2 = "MassSpringDamper2.fmu"
+ONE = {"one": MSD}
+CASES: tuple[Case, ...] = (
+    Case("20-sim mass clean", ONE, {"fk": (0.0, 2.0)}, ("one.x1", "one.v1"), trusted=("one.m1", "one.c1", "one.d1")),
+    Case("20-sim mass heavier", ONE, {"fk": (0.0, 2.0)}, ("one.x1", "one.v1"), faults={"one.m1": 1.3},
+         trusted=("one.m1", "one.c1", "one.d1")),
+    Case("20-sim mass dead zone", ONE, {"fk": (0.0, 2.0)}, ("one.x1", "one.v1"),
+         hidden=(Hidden("port.dead_zone", "one.fk", "input", {"low": -0.3, "high": 0.4}),)),
+    Case("20-sim two masses delay", {"one": MSD, "two": MSD2}, {}, ("one.x1", "one.v1", "two.fk", "two.x2", "two.v2"),
+         hidden=(Hidden("port.gain", "two.fk", "sensor", {"gain": 1.2}),), fine=10,
+         wires=(("one.x1", "two.x1"), ("one.v1", "two.v1"), ("two.fk", "one.fk"))),
+    Case("Dymola machine resistance", {"machine": "emachine_model.fmu"},
+         {"w": (0.0, 100.0), "phi": (0.0, 1.0), "U": (0.0, 12.0)}, ("machine.I", "machine.M"), pace=0.1, h=0.001,
+         faults={"machine.resistor.R": 1.25}, trusted=("machine.resistor.R", "machine.inductor.L", "machine.emf.k")),
+    Case("Dymola load rate limit", {"load": "edrive_mass.fmu"}, {"M_A": (0.0, 0.02), "M_B": (0.0, 0.01)},
+         ("load.wA", "load.phiA"), hidden=(Hidden("port.saturation", "load.M_A", "input", {"low": -0.01, "high": 0.012}),)),
+    Case("OpenModelica spring offset", {"part": "MassSpringSubSystem1.fmu"}, {"x2": (1.0, 0.5)}, ("part.x1", "part.v1"),
+         constant={"k1": 1.0, "k2": 1.0, "m1": 1.0},
+         hidden=(Hidden("port.offset", "part.x1", "sensor", {"offset": 0.1}),)),
+    Case("Reference Dahlquist", {"part": "tests__data__fmi2__Dahlquist.fmu"}, {}, ("part.x",), h=0.1, count=100,
+         faults={"part.k": 1.1}, trusted=("part.k",)),
+)  # fmt: skip
+
+
+def main() -> None:
+    """The process that fmpy runs in."""
+    spec = json.loads(Path(sys.argv[1]).read_text())
+    with np.load(Path(sys.argv[1]).parent / "in.npz") as loaded:
+        series = {n: loaded[n] for n in loaded.files}
+    np.savez(sys.argv[2], **step_by_fmpy(spec, series))
+
+
+if __name__ == "__main__":
+    main()
