@@ -49,7 +49,7 @@ def demo(
     )
     results = out or folder / "demo"
     compared: dict[str, Any] = {}
-    compare_log(log, out=results, as_json=as_json or not verbose, emit=compared.update)
+    compare_log(log, out=results, verbose=verbose, as_json=as_json or not verbose, emit=compared.update)
     result = diagnose_into(
         results, load_log(log), None, "full_order", TOLERANCE, calibrate=False, verbose=verbose
     )
