@@ -101,13 +101,21 @@ def as_found(_: Any, finding: Any, known: Any, *__: Any, **___: Any) -> Any:
 
 def no_event(*_: Any, **__: Any) -> Any:
     """Nothing that stands out."""
-    from cosim.diagnosis.local import NOTHING
+    from cosim.diagnosis.residuals.local import NO_EVENT
 
-    return NOTHING
+    return NO_EVENT
 
 
 S, N, T, H, V, P = (
-    f"cosim.diagnosis.{m}." for m in ("story", "naming", "trials", "heldout", "verdict", "pruning")
+    f"cosim.diagnosis.{m}."
+    for m in (
+        "pipeline.diagnose",
+        "hypotheses.naming",
+        "fitting.trials",
+        "held_out.causes",
+        "verdict.verdict",
+        "hypotheses.pruning",
+    )
 )
 RULES = (
     Rule("labels first", "a log is held against its own labels", {S + "contradictions": empty, S + "clock": empty}),

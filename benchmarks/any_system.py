@@ -26,7 +26,7 @@ from cosim.anysystem.answer import answer
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Column, Recording
 from cosim.anysystem.story import diagnose_system
-from cosim.diagnosis.schema import Answer, NamedCause
+from cosim.diagnosis.answer.schema import Answer, NamedCause
 from cosim.ssp.read import read_system
 from cosim.system.runs import Runs
 

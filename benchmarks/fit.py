@@ -31,7 +31,7 @@ from cosim.calibrate.free import Free
 from cosim.calibrate.problem import DIFFERENCE
 from cosim.calibrate.story import Options
 from cosim.compare import Comparator, open_model
-from cosim.diagnosis.cut import TRUSTED
+from cosim.diagnosis.model.cut import TRUSTED
 from cosim.logs import Log
 from cosim.paths import ssp_folder
 from cosim.rig import Noise, as_log, make_log

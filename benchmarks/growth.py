@@ -52,7 +52,7 @@ def compare(log: Path) -> None:
 
 def diagnose(log: Path, signals: Sequence[str], without: Sequence[str]) -> None:
     """What ``cosim diagnose LOG`` does, with some signals or candidates only."""
-    from cosim.diagnosis.groups import left_out
+    from cosim.diagnosis.model.groups import left_out
     from cosim.logs import load_log
     from cosim.report.deliver import diagnose_into
 

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import tomllib
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -236,3 +237,22 @@ def test_the_diagnosis_is_a_client_and_nobody_below_it_knows_it() -> None:
         (file, other) for file, own, other in _imports() if own in CLIENTS and other == "cosim.diagnosis"
     }
     assert not wrong
+
+
+def test_the_rooms_of_the_diagnosis_import_in_one_direction() -> None:
+    top = TOP / "cosim" / "diagnosis"
+    needs: dict[str, set[str]] = {}
+    for path in _sources():
+        if top not in path.parents:
+            continue
+        own = path.relative_to(top).parts[0].removesuffix(".py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.ImportFrom) or not node.module:
+                continue
+            _, inside, rest = f"{node.module}.".partition("cosim.diagnosis.")
+            if inside:
+                named = {rest.partition(".")[0]} if rest else {a.name for a in node.names}
+                needs.setdefault(own, set()).update(named - {own})
+    assert {"model", "record", "fitting", "residuals", "hypotheses", "held_out", "verdict"} <= set(needs)
+    order = list(TopologicalSorter(needs).static_order())  # raises CycleError, which names the circle
+    assert order.index("record") < order.index("verdict") < order.index("pipeline")

@@ -13,7 +13,7 @@ from cosim.anysystem.readings import ON, Grid, Stale
 from cosim.anysystem.search import CLOSE, Finding
 from cosim.anysystem.story import AnyDiagnosis
 from cosim.compare.metrics import fit_percent, rms
-from cosim.diagnosis.schema import (
+from cosim.diagnosis.answer.schema import (
     Answer,
     Location,
     NamedCause,

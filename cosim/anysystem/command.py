@@ -10,8 +10,8 @@ from cosim.anysystem.extend import write_extended
 from cosim.anysystem.read import read
 from cosim.anysystem.story import diagnose_system
 from cosim.console import stderr_console, warn
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.answer.schema import Answer
+from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, UsageError
 from cosim.files import write_text
 from cosim.logs.load import open_source

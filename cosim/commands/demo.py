@@ -31,7 +31,7 @@ def demo(
 ) -> None:
     """Build what is missing, compare the nominal model with a synthetic log in which something is hidden, and name it."""
     from cosim.commands.compare import compare_log
-    from cosim.diagnosis.story import TOLERANCE
+    from cosim.diagnosis.thresholds import NOMINAL_TRUST
     from cosim.logs import load_log
     from cosim.paths import build_folder, examples_folder
     from cosim.report.deliver import diagnose_into
@@ -51,7 +51,7 @@ def demo(
     compared: dict[str, Any] = {}
     compare_log(log, out=results, verbose=verbose, as_json=as_json or not verbose, emit=compared.update)
     result = diagnose_into(
-        results, load_log(log), None, "full_order", TOLERANCE, calibrate=False, verbose=verbose
+        results, load_log(log), None, "full_order", NOMINAL_TRUST, calibrate=False, verbose=verbose
     )
     if as_json:
         console.emit_json({**compared, "diagnosis": result.model_dump()})

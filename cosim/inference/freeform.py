@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from cosim.inference.held_out import ratio_ci95
 
 Array = NDArray[np.float64]
-MOST = 12_000  # samples are looked at; of more every second, third and so on
+MOST_SAMPLES = 12_000  # samples are looked at; of more every second, third and so on
 HATS = 9  # of a function of one signal
 MEMORIES = 6  # time constants
 RIDGE = 1e-3  # of a feature's own power, per sample
@@ -80,7 +80,7 @@ def told(
         windows: (n,) number of each sample's window.
         h: interval [s].
     """
-    every = max(1, -(-residual.size // MOST))
+    every = max(1, -(-residual.size // MOST_SAMPLES))
     r, inside, numbers = residual[::every], fitted[::every], windows[::every]
     names: list[str] = ["time", "time"]
     t = np.linspace(-1.0, 1.0, r.size)

@@ -12,15 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from cosim.inference.thresholds import ANCHOR, MANY_BLOCKS, MOST_BLOCKS, STANDS
+
 Array = NDArray[np.float64]
 
-ANCHOR = 2.0  # standard deviations within which an estimate is held where a block is left out
 TINY = 1e-9  # of a regressor's square: keeps what is nearly collinear solvable
-MANY = 12  # blocks: of fewer their scatter is itself hardly known
 RESAMPLED = 2000  # times the windows, for the interval of a ratio of errors
-STANDS = 0.02  # of a part, over which it is read where the machine stands at its start
-LEAST = 8  # parts at least into which data held out are cut: of one or two an interval would be empty
-BLOCKS = 24  # parts of the data that count as repetitions at most: the error of a free run is alike in windows side by side
 
 
 @dataclass(frozen=True)
@@ -96,7 +93,7 @@ def gain_between(richer: Array, poorer: Array, block: NDArray[np.int64]) -> Held
     """
     change = poorer - richer
     sums = np.bincount(np.unique(block, return_inverse=True)[1], weights=change * richer)
-    repetitions = float(sums.size) if sums.size < MANY else float("inf")
+    repetitions = float(sums.size) if sums.size < MANY_BLOCKS else float("inf")
     gain = 0.5 * float(poorer @ poorer - richer @ richer)
     return HeldOutGain(gain, float(np.sqrt(np.sum(sums**2))), repetitions)
 
@@ -111,7 +108,7 @@ def gain_of_errors(richer: Array, poorer: Array) -> HeldOutGain:
         richer: (windows,) mean square of the error with the effect.
         poorer: (windows,) the same without it.
     """
-    parts = min(richer.size, BLOCKS)
+    parts = min(richer.size, MOST_BLOCKS)
     ratio = float(np.sqrt(richer.sum() / max(float(poorer.sum()), 1e-300)))
     gain, *ends = (-parts * float(np.log(max(r, 1e-300))) for r in (ratio, *ratio_ci95(richer, poorer)))
     return HeldOutGain(gain, ends=(ends[1], ends[0]))
@@ -139,7 +136,7 @@ def mean_squares(error: Array, parts: int, anew: bool = False, cuts: tuple[int, 
 
 def ratio_ci95(one: Array, other: Array) -> tuple[float, float]:
     """95 % interval of the ratio of two RMSE, from paired mean squares (windows,), windows side by side kept together."""
-    parts = min(one.size, BLOCKS)
+    parts = min(one.size, MOST_BLOCKS)
     sums = [np.array([part.sum() for part in np.array_split(values, parts)]) for values in (one, other)]
     rows = np.random.default_rng(1).integers(0, parts, (RESAMPLED, parts))
     ratios = np.sqrt(sums[0][rows].sum(axis=1) / np.maximum(sums[1][rows].sum(axis=1), 1e-300))

@@ -8,19 +8,19 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cosim.console import stderr_console, warn
-from cosim.diagnosis.answer import answer
+from cosim.diagnosis.answer.answer import answer
+from cosim.diagnosis.answer.curve import curve_of
+from cosim.diagnosis.answer.experiment import Proposal, proposal_for, write_command
+from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.budget import Budget
-from cosim.diagnosis.curve import curve_of
-from cosim.diagnosis.experiment import Proposal, proposal_for, write_command
 from cosim.diagnosis.found import Diagnosis, Interrupted
-from cosim.diagnosis.isolability import isolability
-from cosim.diagnosis.machine import Machine
-from cosim.diagnosis.model import machine_of
-from cosim.diagnosis.parts import part
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.model.isolability import isolability
+from cosim.diagnosis.model.machine import Machine
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.pipeline.parts import part
+from cosim.diagnosis.pipeline.stretch import by_twin
 from cosim.diagnosis.progress import ShownProgress
-from cosim.diagnosis.schema import Answer
-from cosim.diagnosis.story import diagnose
-from cosim.diagnosis.stretch import by_twin
 from cosim.diagnosis.watch import Watch
 from cosim.errors import UsageError
 from cosim.files import write_text
@@ -75,7 +75,7 @@ def diagnose_into(
         verbose: say on stderr beforehand what these signals can tell apart.
 
     Raises:
-        CosimError: as `cosim.diagnosis.story.diagnose`.
+        CosimError: as `cosim.diagnosis.pipeline.diagnose.diagnose`.
     """
     allowed = Budget(budget)
     logs = listed(log)

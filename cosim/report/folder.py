@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.remarks import shown
-from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.answer.remarks import shown
+from cosim.diagnosis.answer.schema import Answer
 from cosim.errors import DataError, UsageError
 from cosim.files import whole
 from cosim.lexicon import Lexicon, Shown, speaking

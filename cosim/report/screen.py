@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cosim.console import stdout_console, table
-from cosim.diagnosis.schema import Answer, NamedCause
+from cosim.diagnosis.answer.schema import Answer, NamedCause
 from cosim.report.material import Material
 from cosim.report.words import (
     NAMES,

@@ -4,7 +4,7 @@ import math
 import tomllib
 from pathlib import Path
 
-from cosim.diagnosis.schema import Answer, NamedCause, Parameter
+from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter
 from cosim.lexicon import current
 from cosim.report.material import Material, component_of
 from cosim.report.names import BLOCK_NAMES, QUANTITIES, SIGNAL_NAMES, TURNING

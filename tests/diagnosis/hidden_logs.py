@@ -3,7 +3,7 @@
 import numpy as np
 
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, make_log
 from cosim.rig.parameters import nominal_value
 from cosim.rig.write import as_log

@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from cosim.diagnosis import bent
-from cosim.diagnosis.freeform import SYSTEMATIC, Leftover, changing, explain, families
-from cosim.diagnosis.noise import plain
-from cosim.diagnosis.pruning import FAR
-from cosim.diagnosis.story import diagnose
-from cosim.diagnosis.verdict import systematic
+from cosim.diagnosis.fitting.noise import plain
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.residuals.freeform import Leftover, changing, explain, families
+from cosim.diagnosis.thresholds import SYSTEMATIC, USUAL_SIZE
+from cosim.diagnosis.verdict import free_form_law as bent
+from cosim.diagnosis.verdict.verdict import systematic
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from tests.diagnosis.hidden_logs import off, told
@@ -100,4 +100,4 @@ def test_a_law_of_which_only_a_ratio_is_known_is_tried_at_a_usual_size() -> None
     (cause,) = found.causes
     assert cause.effect.name == "mechanical.coulomb_friction"
     assert "mechanical.viscous_friction" in cause.alike
-    assert cause.parameters["tau_c"][0] <= FAR * cause.effect.free["tau_c"].scale * (1.0 + 1e-9)
+    assert cause.parameters["tau_c"][0] <= USUAL_SIZE * cause.effect.free["tau_c"].scale * (1.0 + 1e-9)

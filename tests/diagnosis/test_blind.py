@@ -3,8 +3,8 @@
 import pytest
 from hidden_logs import off, told
 
-from cosim.diagnosis.groups import left_out
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.model.groups import left_out
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import EFFECTS, Noise, make_log
 from cosim.rig.write import as_log
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks.labels import MISTAKES
-from cosim.diagnosis import story
-from cosim.diagnosis.bounds import absurd, beyond, impossible
+from cosim.diagnosis.fitting.bounds import absurd, beyond, impossible
+from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.groups import left_out
-from cosim.diagnosis.naming import tried
+from cosim.diagnosis.model.groups import left_out
+from cosim.diagnosis.pipeline import diagnose as story
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry

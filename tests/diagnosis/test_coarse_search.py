@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.data import Record, joined
-from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import coarsely, nominal
-from cosim.diagnosis.noise import broad, plain
-from cosim.diagnosis.story import prepare
-from cosim.diagnosis.trials import FREE, candidates_of
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.noise import broad, plain
+from cosim.diagnosis.fitting.trials import candidates_of
+from cosim.diagnosis.hypotheses.naming import coarsely, nominal
+from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 
@@ -48,9 +49,9 @@ def pair() -> tuple[Record, Group]:
 def test_an_end_of_the_travel_that_was_met_is_among_the_first(pair: tuple[Record, Group]) -> None:
     record, group = pair
     task = task_for(group, record, [])
-    null = nominal(task, record, FREE)
+    null = nominal(task, record, CALIBRATED_TRUST)
     rules = dict(task.rules)
-    found = coarsely(task, null, candidates_of(task), FREE, 3)
+    found = coarsely(task, null, candidates_of(task), CALIBRATED_TRUST, 3)
     assert found is not None
     assert "mechanical.end_stop" in found.names
     assert task.rules == rules  # the noise is as it was learned

@@ -2,8 +2,8 @@
 
 import pytest
 
-from cosim.diagnosis.story import TOLERANCE, diagnose
-from cosim.diagnosis.trials import BEYOND
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.thresholds import BEYOND_TRUST, NOMINAL_TRUST
 from cosim.rig import Noise, as_log, make_log
 from cosim.rig.parameters import nominal_value
 from tests.diagnosis.hidden_logs import told
@@ -72,7 +72,7 @@ def test_a_cause_is_not_refuted_by_a_nominal_parameter_bent_far_beyond_its_trust
     found = diagnose(as_log(run))
     finding = found.findings["mechanical"]
     bent = finding.null.fit.values["mechanical.J"] / nominal_value("mechanical.J") - 1.0
-    assert abs(bent) > BEYOND * TOLERANCE
+    assert abs(bent) > BEYOND_TRUST * NOMINAL_TRUST
     (cause,) = found.causes
     assert cause.effect.name == "sensor.lag"
     assert cause.held_out.gain > 0.2 * cause.gain

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cosim.diagnosis.found import Cause, Diagnosis
-from cosim.diagnosis.groups import left_out
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.model.groups import left_out
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cosim.diagnosis.fit import Task, Unknown, fit
-from cosim.diagnosis.noise import plain
-from cosim.diagnosis.starts import fit_from_starts
+from cosim.diagnosis.fitting.fit import Task, Unknown, fit
+from cosim.diagnosis.fitting.noise import plain
+from cosim.diagnosis.fitting.starts import fit_from_starts
 
 X = np.linspace(-1.0, 1.0, 2000)
 RULE = plain(1, 100, False)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hidden_logs import told
 
-from cosim.diagnosis.floors import floor_of
+from cosim.diagnosis.verdict.verdict import floor_of
 
 DEG = np.pi / 180.0
 SENSORS = {"spool": 0.005e-3, "p_load": 0.1e5 * np.sqrt(2.0), "p_supply": 0.1e5, "slew": 0.01 * DEG}

@@ -7,7 +7,7 @@ import pytest
 from hidden_logs import off
 from scipy.integrate import solve_ivp
 
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
 from fmus import registry

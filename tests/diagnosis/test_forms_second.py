@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.second.machine import Machine, run
 from benchmarks.second.record import Sensing, command, write
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.logs import load_log
 
 FRICTION = {"tau_c": 100.0, "tau_s_friction": 120.0, "omega_s": 0.007}

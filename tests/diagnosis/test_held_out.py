@@ -7,16 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.extension import vanished
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.heldout import Held, Refused, Step, balanced, borne, cancelling, reconsider
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import find
-from cosim.diagnosis.story import prepare
-from cosim.diagnosis.trials import FREE
-from cosim.diagnosis.verdict import causes
+from cosim.diagnosis.extension.estimate import vanished
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.held_out.causes import Held, Refused, Step, balanced, borne, cancelling, reconsider
+from cosim.diagnosis.hypotheses.naming import find
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST
+from cosim.diagnosis.verdict.verdict import causes
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry
@@ -159,7 +159,7 @@ def test_what_ended_at_its_off_values_is_no_cause_though_held_out_data_liked_it(
         values = {"mechanical.theta_max": theta_max, "mechanical.theta_min": -1e3, "mechanical.tau_c": 5.0}
         return replace(FIT, values=values, deviations=dict.fromkeys(values, 1e4))
 
-    gone = partial(vanished, finding, (COULOMB, stop), tolerance=FREE)  # type: ignore[arg-type]
+    gone = partial(vanished, finding, (COULOMB, stop), tolerance=CALIBRATED_TRUST)  # type: ignore[arg-type]
     assert gone([COULOMB, stop], fitted(1e3)) is stop
     assert gone([COULOMB, stop], fitted(0.3)) is None
     assert gone([stop], fitted(0.3)) is COULOMB

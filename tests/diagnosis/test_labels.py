@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.labels import MISTAKES, changed, said
-from cosim.diagnosis.answer import answer
+from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.labels import against_tracker, contradictions, saturated, stranger
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.story import diagnose, prepare
-from cosim.diagnosis.tracker import compare_tracker
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.tracker.comparison import compare_tracker
 from cosim.logs import Log, Tracker
 from cosim.report.deliver import delivered
 from cosim.rig import make_log

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.experiment import Rehearsal, evidence_of, menu, proposal_for, write_command
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.noise import CORRELATION_TIMES, Whitener
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.answer.experiment import Rehearsal, evidence_of, menu, proposal_for, write_command
+from cosim.diagnosis.fitting.noise import CORRELATION_TIMES, Whitener
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.report.deliver import delivered
 from cosim.rig import as_log, make_log
 

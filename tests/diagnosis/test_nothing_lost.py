@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks.odd_logs import Odd, drawn, run_case
-from cosim.diagnosis import story
-from cosim.diagnosis.experiment import Rehearsal
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.parts import part
+from cosim.diagnosis.answer.experiment import Rehearsal
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.pipeline import diagnose as story
+from cosim.diagnosis.pipeline.parts import part
 from cosim.errors import DataError
 from cosim.logs import load_log
 from cosim.report import deliver

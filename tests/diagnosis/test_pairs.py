@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 from hidden_logs import told
 
-from cosim.diagnosis.naming import beside_rivals, tried
+from cosim.diagnosis.fitting.trials import tried
+from cosim.diagnosis.hypotheses.naming import beside_rivals
 from fmus import registry
 
 

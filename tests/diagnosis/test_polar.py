@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.diagnosis.polar import Polar
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.fitting.polar import Polar
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import as_log, make_log
 
 SCALES = np.array([2.0, 150.0, 5.0, 1.0])

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.model import machine_of
-from cosim.diagnosis.story import diagnose, prepare
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.logs import load_log
 from cosim.rig import make_log
 from tests.diagnosis.hidden_logs import off

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cosim.diagnosis.group_model import standing
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.fitting.group_model import standing
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import as_log, as_tracker, make_log
 
 START = np.radians(50.0)

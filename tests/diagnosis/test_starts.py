@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.naming import tried
-from cosim.diagnosis.starts import Size, sized
-from cosim.diagnosis.story import diagnose
-from cosim.diagnosis.trials import FIRST_ROUNDS, Trial, led_on
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.starts import Size, sized
+from cosim.diagnosis.fitting.trials import FIRST_ROUNDS, Trial, led_on, tried
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, as_log, make_log
 from fmus import registry
 from tests.diagnosis.hidden_logs import told

@@ -3,8 +3,8 @@
 import pytest
 from hidden_logs import off
 
-import cosim.diagnosis.extension as extension
-from cosim.diagnosis.story import diagnose
+import cosim.diagnosis.extension.estimate as extension
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
 

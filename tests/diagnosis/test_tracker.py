@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from cosim.diagnosis.data import Array, Record
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.story import diagnose, prepare
-from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
-from cosim.diagnosis.tracker_model import SEAM_ANGLE
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.record.record import Array, Record
+from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
+from cosim.diagnosis.tracker.model import SEAM_ANGLE
 from cosim.errors import DataError
 from cosim.logs import Tracker
 from cosim.rig import Noise, as_log, as_tracker, make_log

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hidden_logs import off
 
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.story import diagnose
-from cosim.diagnosis.trials import Trial
-from cosim.diagnosis.upstream import one_deviation
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.trials import Trial
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.verdict.upstream import one_deviation
 from cosim.rig import Hidden, Noise, make_log
 from cosim.rig.write import as_log
 from fmus import registry

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from test_identify_command import call
 
-from cosim.diagnosis.model import machine_of
+from cosim.diagnosis.model.choice import machine_of
 from cosim.errors import DataError, UsageError
 from cosim.identify.inverse_dynamics import _Problem, coherent_band, identify_mechanics
 from cosim.identify.picture import mechanics_figure

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from report_helpers import empty_answer, named
 
-from cosim.diagnosis.schema import (
+from cosim.diagnosis.answer.schema import (
     DataFinding,
     LinearReference,
     Location,

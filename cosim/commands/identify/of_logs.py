@@ -205,7 +205,7 @@ def mechanics(
     By inverse dynamics: nothing is simulated to fit, so an answer takes a second. Works on any machine whose mapping
     says which signals are the mechanics' load pressure and angle.
     """
-    from cosim.diagnosis.model import machine_of
+    from cosim.diagnosis.model.choice import machine_of
     from cosim.identify.answer import finish
     from cosim.identify.run_mechanics import mechanics_answer
     from cosim.identify.texts import load, quantity
