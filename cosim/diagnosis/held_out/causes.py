@@ -6,6 +6,7 @@ has described that one log and not the machine.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,16 @@ from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Whitener
-from cosim.diagnosis.fitting.trials import Trial, candidates_of, quickly, tried, tried_all, unknowns, without
+from cosim.diagnosis.fitting.trials import (
+    QUICK_ROUNDS,
+    Trial,
+    candidates_of,
+    quickly,
+    tried,
+    tried_all,
+    unknowns,
+    without,
+)
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.hypotheses.naming import rivals, worth_naming
 from cosim.diagnosis.record.grid import of_piece
@@ -22,9 +32,16 @@ from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.cross_validation import moving, repetitions
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.diagnosis.thresholds import AS_WELL, CANCELLING, INDISTINGUISHABLE, RIVALS_HELD_OUT, SURE_SIZE
-from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, smaller_by, steps_without
-from cosim.inference.thresholds import FEWEST_PARTS
+from cosim.diagnosis.thresholds import (
+    AS_WELL,
+    CANCELLING,
+    HOPELESS,
+    INDISTINGUISHABLE,
+    RIVALS_HELD_OUT,
+    SURE_SIZE,
+)
+from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, steps_without
+from cosim.inference.thresholds import FEWEST_PARTS, MOST_BLOCKS
 from cosim.logs import Log
 from fmus.contract import Effect
 
@@ -111,6 +128,7 @@ class Step:
         squares: (parts,) mean square of the error in each part of the held-out data, SI; of logs left out in turn
             over that of the signal in the log, so that each log counts alike. Where the axis drifts, the prediction
             begins in each part where the machine stands, and `fitted` and `held` are of the same.
+        placed: the parts are those of one run of an axis whose place counts.
     """
 
     effects: tuple[Effect, ...]
@@ -119,20 +137,26 @@ class Step:
     held: float
     doubtful: tuple[str, ...] = ()
     squares: Array = field(default_factory=lambda: np.zeros(1), repr=False)
+    placed: bool = False
 
     @property
     def sure(self) -> bool:
         """True if the whole fitting log determines the size of each."""
         return not self.doubtful
 
-    @property
-    def judged(self) -> float:
-        """What counts against other sets: of a set that is not sure, nothing does."""
-        return self.held if self.sure else np.inf
-
     def clearly_better(self, other: "Step") -> bool:
         """True if the difference on held-out data is more than the choice of these windows may have made."""
-        return self.sure and smaller_by(self.squares, other.squares)[1][0] > 0.0
+        return self.sure and self.gain_over(other).sure
+
+    def gain_over(self, other: "Step") -> HeldOutGain:
+        """What this set gains on held-out data over another."""
+        return gain_of_errors(self.squares, other.squares, self.placed)
+
+
+def least(steps: Sequence[Step]) -> Step:
+    """The set that errs least on held-out data; one that is not sure, only where none is."""
+    found = [s for s in steps if s.sure] or list(steps)
+    return reduce(lambda one, other: other if other.gain_over(one).gain > 0.0 else one, found)
 
 
 Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each effect
@@ -165,7 +189,7 @@ def refuse(
     losses = {e.name: loss(finding, e, tolerance) for e in waiting}
     at = balanced(finding, step(waiting), waiting, step, losses)
     if len(at.effects) < len(waiting):  # some that were left out may help with fewer beside them
-        at = min(at, balanced(finding, step(()), waiting, step, losses), key=lambda s: s.judged)
+        at = least([at, balanced(finding, step(()), waiting, step, losses)])
     kept = {e.name for e in at.effects}
     group = finding.task.model.group.name
     refused = []
@@ -185,7 +209,7 @@ def refuse(
 
 def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
     """What an effect of a set gains on held-out data beside the others."""
-    return gain_of_errors(at.squares, step(tuple(e for e in at.effects if e != effect)).squares)
+    return at.gain_over(step(tuple(e for e in at.effects if e != effect)))
 
 
 def loss(finding: Finding, effect: Effect, tolerance: float) -> float:
@@ -230,7 +254,9 @@ def stepper(
             else:
                 gone = errors(finding, fit_, held.record)[signal][held.first :]
                 square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
-            done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), doubtful, squares)
+            placed = model.group.integrates and not anew
+            error = float(np.sqrt(np.mean(square)))
+            done[key] = Step(effects, fit_, fitted, error, doubtful, squares, placed)
         return done[key]
 
     return step
@@ -337,15 +363,17 @@ def reconsider(
         ]
         closest = sorted(finding.rivals.get(effect.name, []), key=lambda t: -t.score)
         beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
-        others = dict.fromkeys([*turned_down, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
+        able = [e for e in turned_down if not hopeless(finding, effect, e, tolerance)]
+        others = dict.fromkeys([*able, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
         bare = step(rest)
         undecided = []
         for other in others:
             if current().over:
                 break
             instead = step((*rest, other))
-            about_as_well = instead.held < AS_WELL * at.held or not at.clearly_better(instead)
-            gains = smaller_by(instead.squares, bare.squares)[1][0] > 0.0
+            more = at.gain_over(instead).gain / min(at.squares.size, MOST_BLOCKS)
+            about_as_well = more < np.log(AS_WELL) or not at.clearly_better(instead)
+            gains = instead.gain_over(bare).sure
             if other.name not in instead.doubtful and gains and about_as_well:
                 undecided.append(other)
         finding.undecided[effect.name] = [e.name for e in undecided]
@@ -364,6 +392,15 @@ def reconsider(
         finding.held_squares = at.squares
         finding.borne = {e.name: borne(at, e, step) for e in at.effects}
     return taken
+
+
+def hopeless(finding: Finding, effect: Effect, other: Effect, tolerance: float) -> bool:
+    """True if in the place of a named effect another does not half of what that one does in the fitting log."""
+    task, chosen = finding.task, finding.chosen
+    fewer = without(task, chosen, effect, finding.null, tolerance, quickly(tolerance))
+    lost = chosen.fit.log_likelihood - fewer.fit.log_likelihood
+    instead = tried(task, (*fewer.effects, other), tolerance, chosen.fit, QUICK_ROUNDS, quick=True)
+    return instead.fit.log_likelihood - fewer.fit.log_likelihood < HOPELESS * lost
 
 
 def likeliest(effect: Effect, others: Sequence[Effect], asked: Sequence[str]) -> Effect:
@@ -478,7 +515,7 @@ def next_smaller(
     in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
     if not at.sure:
         first = next(e for e in in_order if e.name in at.doubtful)
-        return min((step(e) for e in narrowed(finding, at.effects, first)), key=lambda s: (s.judged, s.held))
+        return least([step(e) for e in narrowed(finding, at.effects, first)])
     worse = []
     for effect in in_order:
         for effects in narrowed(finding, at.effects, effect):
@@ -488,7 +525,7 @@ def next_smaller(
             if fewer.sure:
                 return fewer
             worse.append(fewer)
-    return min(worse, key=lambda s: s.held, default=None)
+    return least(worse) if worse else None
 
 
 def narrowed(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> list[tuple[Effect, ...]]:

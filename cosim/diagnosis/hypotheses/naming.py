@@ -161,7 +161,8 @@ def find(
         prune(finding, record, tolerance)
         if finding.chosen is not chosen:
             finding.single = in_same_form(task, finding.chosen, single, tolerance)
-    finding.rivals = rivals(task, finding, candidates, tolerance)
+    # where other data decide some of the causes may go first, and their rivals with them
+    finding.rivals = rivals(task, finding, candidates, tolerance, RIVAL_WITHIN if within else 0.0)
     finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
     finding.marks = sampled(task, record, finding.chosen.fit)
     finding.chosen = with_marks(usually_spelled(finding.chosen), finding.marks)
@@ -431,9 +432,13 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
 
 
 def rivals(
-    task: Task, finding: Finding, candidates: tuple[Effect, ...], tolerance: float
+    task: Task,
+    finding: Finding,
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    share: float = RIVAL_WITHIN,
 ) -> dict[str, list[Trial]]:
-    """For each accepted effect, the sets in which another stands in its place, best first."""
+    """For each accepted effect, the sets in which another stands in its place, best first; `share` as `to_the_end`."""
     found: dict[str, list[Trial]] = {}
     for effect in finding.chosen.effects:
         kept = tuple(e for e in finding.chosen.effects if e != effect)
@@ -449,7 +454,7 @@ def rivals(
         )
         if kept:  # one effect may do what the whole set does
             found[effect.name] += [t for t in finding.single if t.effects[0] not in finding.chosen.effects]
-        found[effect.name] = [to_the_end(task, t, finding, tolerance) for t in found[effect.name]]
+        found[effect.name] = [to_the_end(task, t, finding, tolerance, share) for t in found[effect.name]]
     return found
 
 

@@ -20,7 +20,7 @@ from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.held_out.causes import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
 from cosim.diagnosis.hypotheses.exercised import never_exercised
-from cosim.diagnosis.hypotheses.naming import find, rivals
+from cosim.diagnosis.hypotheses.naming import find, rivals, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
@@ -49,7 +49,7 @@ from cosim.diagnosis.verdict.discrepancy import understood
 from cosim.diagnosis.verdict.verdict import Cause, Rest, adequate, causes, negligible, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
-from cosim.inference.held_out import smaller_by
+from cosim.inference.held_out import gain_of_errors
 from cosim.logs import Log, Tracker, listed
 from fmus.contract import Effect
 
@@ -199,13 +199,14 @@ def borne_out(
         turned_down, kept = refuse(finding, held, trust, done)
         found.refused += turned_down
         squares = finding.held_squares
-        if best is not None and not errs_at_most(
-            squares, best[0]
-        ):  # a search without what was refused has ended worse
+        placed = group.integrates and not group.drifts
+        # a search without what was refused may end worse
+        if best is not None and not errs_at_most(squares, best[0], placed):
             finding, kept = keep(best[1], best[2], record, trust), best[2]
             break
         best = squares, finding, kept
         if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
+            finding.rivals = settled(finding, trust)
             break
         if left and current().over:
             current().leave_out(group.name, "another search without what held-out data refused")
@@ -224,11 +225,25 @@ def borne_out(
     return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust)
 
 
-def errs_at_most(one: Array | None, other: Array | None) -> bool:
-    """True if one search ends with no larger an error on held-out data than another; None where nothing was judged."""
+def settled(finding: Finding, trust: float) -> dict[str, list[Trial]]:
+    """The rivals of a finding, those that explain nearly as much fitted until they settle."""
+    return {
+        name: [to_the_end(finding.task, t, finding, trust) for t in found]
+        for name, found in finding.rivals.items()
+    }
+
+
+def errs_at_most(one: Array | None, other: Array | None, placed: bool) -> bool:
+    """True if one search ends with no larger an error on held-out data than another; None where nothing was judged.
+
+    Args:
+        one: (parts,) mean squares.
+        other: those of the other.
+        placed: as `gain_of_errors` takes it.
+    """
     if one is None or other is None:
         return other is None
-    return smaller_by(one, other)[0] >= 0.0
+    return gain_of_errors(one, other, placed).gain >= 0.0
 
 
 def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float) -> Finding:
