@@ -84,8 +84,8 @@ def test_an_effect_whose_size_is_in_doubt_goes_before_one_that_gains_less() -> N
 
     def step(effects: tuple[Effect, ...]) -> Step:
         tried.append(frozenset(e.name for e in effects))
-        error, doubtful = next((v for k, v in sets.items() if {e.name for e in k} == tried[-1]), (100.0, ()))
-        return Step(effects, FIT, 1.0, error, doubtful, np.full(24, error**2))
+        error, unsure = next((v for k, v in sets.items() if {e.name for e in k} == tried[-1]), (100.0, ()))
+        return Step(effects, FIT, 1.0, error, unsure, np.full(24, error**2))
 
     named = (COULOMB, BACKLASH, CRACKING)
     losses = {COULOMB.name: 500.0, BACKLASH.name: 50.0, CRACKING.name: 5.0}
@@ -104,8 +104,8 @@ def test_a_set_that_is_sure_is_not_left_for_nothing_by_way_of_sets_that_are_not(
     }
 
     def step(effects: tuple[Effect, ...]) -> Step:
-        error, doubtful = next(v for k, v in sets.items() if {e.name for e in k} == {e.name for e in effects})
-        return Step(effects, FIT, 1.0, error, doubtful, np.full(24, error**2))
+        error, unsure = next(v for k, v in sets.items() if {e.name for e in k} == {e.name for e in effects})
+        return Step(effects, FIT, 1.0, error, unsure, np.full(24, error**2))
 
     named = (COULOMB, BACKLASH)
     found = balanced(MECHANICS, step(named), named, step, {})  # type: ignore[arg-type]
@@ -143,11 +143,11 @@ def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_bett
     # and the answer says so: what held-out data leave undecided is what cannot be told apart
     assert CRACKING.name in finding.undecided[COULOMB.name]
     (cause,) = causes(finding, 0.01)
-    assert set(cause.alike) == set(finding.undecided[COULOMB.name])
+    assert set(cause.indistinguishable) == set(finding.undecided[COULOMB.name])
 
 
 def test_what_ended_at_its_off_values_is_no_cause_though_held_out_data_liked_it() -> None:
-    """Borne out or not: of an end of the travel out of reach nothing is left. One that is needed may be of doubtful size."""
+    """Borne out or not: of an end of the travel out of reach nothing is left. One that is needed may be of unsure size."""
     stop = registry.effects()["mechanical.end_stop"]
     model = SimpleNamespace(
         nominal=lambda n: {"theta_max": 1e3, "theta_min": -1e3}.get(n.partition(".")[2], 0.0),

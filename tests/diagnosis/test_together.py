@@ -29,7 +29,7 @@ def log():
 def test_the_slew_tells_a_smaller_flow_gain_from_a_leak(log) -> None:
     (cause,) = diagnose(log).causes
     assert cause.effect.name == FLOW_GAIN
-    assert cause.alike == []
+    assert cause.indistinguishable == []
     behind = {e.name: far for e, far in cause.rivals}
     assert behind[LEAKAGE] > 6.0
 
@@ -37,7 +37,7 @@ def test_the_slew_tells_a_smaller_flow_gain_from_a_leak(log) -> None:
 def test_without_the_blocks_behind_the_two_are_declared_alike(log, monkeypatch) -> None:
     monkeypatch.setattr(extension, "weighed", lambda found, groups, fitted, near: fitted((), near))
     (cause,) = diagnose(log).causes
-    assert LEAKAGE in (cause.effect.name, *cause.alike)
+    assert LEAKAGE in (cause.effect.name, *cause.indistinguishable)
 
 
 @pytest.mark.slow
@@ -47,7 +47,7 @@ def test_sets_that_span_the_same_two_numbers_are_declared_alike() -> None:
     found = diagnose(as_log(make_log("small_steps", 40.0, hidden, seed=12, settings=settings(12))))
     assert len(found.causes) == 2
     assert not found.rests
-    reported = {n for c in found.causes for n in (c.effect.name, *c.alike)}
+    reported = {n for c in found.causes for n in (c.effect.name, *c.indistinguishable)}
     assert {FLOW_GAIN, LEAKAGE} <= reported <= {FLOW_GAIN, LEAKAGE, "continuity.compressibility"}
 
 
@@ -61,6 +61,6 @@ def test_a_slew_read_in_steps_weighs_nothing() -> None:
     run = make_log("small_steps", 60.0, hidden, seed=1028124213, noise=noise, settings=own, amplitude=0.60367)
     found = diagnose(as_log(run))
     cause = next(c for c in found.causes if c.group == "continuity")
-    assert FLOW_GAIN in (cause.effect.name, *cause.alike)
+    assert FLOW_GAIN in (cause.effect.name, *cause.indistinguishable)
     value, deviation = cause.parameters["K_c"]
     assert value == pytest.approx(4.79386e8, abs=2.5 * deviation)

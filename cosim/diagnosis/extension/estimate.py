@@ -117,7 +117,7 @@ def estimate_alone(
     """Values of the extended model where one group is all that was judged: what makes its free run best on held-out data.
 
     Of an axis that drifts there are two estimates: from how the error moves from window to window, and from the free run
-    over the log, which that log's course may have bent. Data held out tell which one predicts them better.
+    over the log, which that log's course may have biased. Data held out tell which one predicts them better.
     """
     record, held, task = diagnosis.record, diagnosis.held, finding.task
     signal, rule = next(iter(task.rules.items()))
@@ -129,8 +129,8 @@ def estimate_alone(
     if held is not None and signal in held.record.signals and task.model.group.drifts:
         error = partial(held_error, finding, held, signal, tolerance)
         other = onward(finding, effects, tolerance, near)
-        in_doubt = vanished(finding, effects, [], best, tolerance) is not None
-        if in_doubt or error(effects, other, True) <= error(effects, best, False):
+        unsure = vanished(finding, effects, [], best, tolerance) is not None
+        if unsure or error(effects, other, True) <= error(effects, best, False):
             best, walked = other, True
         other = onward(finding, (), tolerance, finding.null.fit)
         plain = min((plain, False), (other, True), key=lambda fit: error((), *fit))[0]
@@ -141,7 +141,7 @@ def estimate_alone(
             rest = tuple(e for e in effects if e is not lost)
             fewer = free(finding, rest, tolerance, near)
             less = errs_less(task, best, fewer, demean=False)
-            if less and lost not in needed:  # its parameters may be in doubt, itself it is not
+            if less and lost not in needed:  # its parameters may be unsure, itself it is not
                 needed.append(lost)
                 continue
             turn_down(diagnosis, finding, lost, best, fewer, tolerance)

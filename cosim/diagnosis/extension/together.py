@@ -24,7 +24,7 @@ def weighed(diagnosis: Diagnosis, groups: tuple[Group, ...], fitted: Fitted, nea
 
     Args:
         diagnosis: its causes take another form, or the place of one another, where that is sure; those that are sure to be
-            worse are no longer declared alike.
+            worse are no longer declared indistinguishable.
         groups: the groups of the model, in order.
         fitted: fits the whole chain.
         near: where the search begins.
@@ -55,12 +55,12 @@ def in_best_form(listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -
 
 
 def against_rivals(finding: Finding, listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -> Fit:
-    """The best fit with a cause or one declared alike in its place; the cause is that one afterwards."""
+    """The best fit with a cause or one declared indistinguishable in its place; the cause is that one afterwards."""
     kept = {e for e in finding.chosen.effects if e != cause.effect}
     for trial in list(finding.rivals.get(cause.effect.name, ())):
         new = [e for e in trial.effects if e not in finding.chosen.effects]
         # one effect in the place of a whole set is another matter, and so is what another exchange has made of a set
-        if len(new) != 1 or new[0].name not in cause.alike or set(trial.effects) != {*kept, *new}:
+        if len(new) != 1 or new[0].name not in cause.indistinguishable or set(trial.effects) != {*kept, *new}:
             continue
         (rival,) = new
         effects = tuple(rival if c is cause else c.effect for c in listed)
@@ -85,8 +85,8 @@ def placed_behind(cause: Cause, rival: Effect, behind: float) -> None:
     cause.rivals = sorted(
         [(rival, behind), *(r for r in cause.rivals if r[0].name not in others)], key=lambda r: r[1]
     )
-    alike = [n for n in cause.alike if n not in others]
-    cause.alike = [rival.name, *alike] if behind < INDISTINGUISHABLE else alike
+    kept = [n for n in cause.indistinguishable if n not in others]
+    cause.indistinguishable = [rival.name, *kept] if behind < INDISTINGUISHABLE else kept
 
 
 def rename(cause: Cause, effect: Effect, found: Fit) -> None:

@@ -106,10 +106,10 @@ class Step:
         fit: with them.
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
-        doubtful: names of those whose size is too small to matter, whose uncertainty holds no cause at all, or of which
+        unsure: names of those whose size is too small to matter, whose uncertainty holds no cause at all, or of which
             two make up for each other.
         squares: (parts,) mean square of the error in each part of the held-out data, SI; of logs left out in turn
-            over that of the signal in the log, so that each log counts alike. Where the axis drifts, the prediction
+            over that of the signal in the log, so that each log counts as much. Where the axis drifts, the prediction
             begins in each part where the machine stands, and `fitted` and `held` are of the same.
     """
 
@@ -117,13 +117,13 @@ class Step:
     fit: Fit
     fitted: float
     held: float
-    doubtful: tuple[str, ...] = ()
+    unsure: tuple[str, ...] = ()
     squares: Array = field(default_factory=lambda: np.zeros(1), repr=False)
 
     @property
     def sure(self) -> bool:
         """True if the whole fitting log determines the size of each."""
-        return not self.doubtful
+        return not self.unsure
 
     @property
     def judged(self) -> float:
@@ -216,13 +216,13 @@ def stepper(
             fit_ = (onward if anew else refitted)(finding, effects, tolerance, finding.chosen.fit)
             fitted = float(np.sqrt(np.mean(parts_of(fit_.residuals[signal], rule, anew, model.cuts))))
             trial, apart = Trial(effects, fit_, 0), cancelling(effects, fit_, model)
-            doubtful = tuple(
+            unsure = tuple(
                 e.name for e in effects if e.name in apart or not worth_naming(trial, e, model, tolerance)
             )
             if held.in_turn:
                 each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
                 spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
-                # each log counts alike; few logs are cut into as many parts as make an interval
+                # each log counts as much; few logs are cut into as many parts as make an interval
                 count = -(-FEWEST_PARTS // len(each))
                 own = [mean_squares(e, count, anew) for e in each]
                 square = np.concatenate(own)
@@ -230,7 +230,7 @@ def stepper(
             else:
                 gone = errors(finding, fit_, held.record)[signal][held.first :]
                 square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
-            done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), doubtful, squares)
+            done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), unsure, squares)
         return done[key]
 
     return step
@@ -253,7 +253,7 @@ def cancelling(effects: tuple[Effect, ...], fit_: Fit, model: GroupModel) -> set
     """Names of the effects of a set of which only the sum of two sizes is known: a shifted valve and a constant load.
 
     Of two sizes that make up for each other the deviation of either is that of the sum by 1 / sqrt(1 - r^2), and itself as
-    much in doubt as their correlation r: so it counts as many times.
+    much unsure as their correlation r: so it counts as many times.
     """
     keys = {f"{e.component}.{e.key}": e.name for e in effects if e.key in e.free}
     found = set()
@@ -346,7 +346,7 @@ def reconsider(
             instead = step((*rest, other))
             about_as_well = instead.held < AS_WELL * at.held or not at.clearly_better(instead)
             gains = ratio_ci95(instead.squares, bare.squares)[1] < 1.0
-            if other.name not in instead.doubtful and gains and about_as_well:
+            if other.name not in instead.unsure and gains and about_as_well:
                 undecided.append(other)
         finding.undecided[effect.name] = [e.name for e in undecided]
         known = {e.name for (e,) in beside}
@@ -374,7 +374,7 @@ def outdone(
     found = []
     for effect in at.effects:
         rest = tuple(e for e in at.effects if e != effect)
-        for rival, gain in alike(finding, effect):
+        for rival, gain in indistinguishable(finding, effect):
             other = step((*rest, rival))
             if at.clearly_better(other):
                 group = finding.task.model.group.name
@@ -383,11 +383,11 @@ def outdone(
 
 
 def prefer(finding: Finding, tolerance: float) -> None:
-    """Of effects on request that explain the fitting log alike, take the one that the machine's mapping names first."""
+    """Of effects on request that explain the fitting log as well, take the one that the machine's mapping names first."""
     order = finding.task.model.group.asked
     effects = []
     for effect in finding.chosen.effects:
-        others = [e for e, _ in alike(finding, effect) if e.name in order]
+        others = [e for e, _ in indistinguishable(finding, effect) if e.name in order]
         listed = [effect, *others] if effect.name in order else [effect]
         effects.append(min(listed, key=lambda e: order.index(e.name) if e.name in order else 0))
     if tuple(effects) != finding.chosen.effects:
@@ -396,7 +396,7 @@ def prefer(finding: Finding, tolerance: float) -> None:
         finding.rivals = rivals(finding.task, finding, candidates, tolerance)
 
 
-def alike(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
+def indistinguishable(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
     """Effects that explain the fitting log as well as a named one in its place, and what they gain over it there."""
     found = []
     for trial in finding.rivals.get(effect.name, []):
@@ -429,7 +429,7 @@ def balanced(
             better = [s for s in more if s.clearly_better(at)]
             for effect in at.effects:
                 rest = tuple(e for e in at.effects if e != effect)
-                more = [step((*rest, e)) for e, _ in alike(finding, effect) if e not in rest]
+                more = [step((*rest, e)) for e, _ in indistinguishable(finding, effect) if e not in rest]
                 better += [s for s in more if s.clearly_better(at)]
             # the one that describes the fitting log best, of those that held-out data bear out
             if not better:
@@ -446,7 +446,7 @@ def shrunk(
 ) -> Step:
     """The set without what held-out data do not bear out, or with something simpler in its place.
 
-    On the way lie sets whose sizes are in doubt; what they lead to must not be clearly worse than the last one that was not.
+    On the way lie sets whose sizes are unsure; what they lead to must not be clearly worse than the last one that was not.
     """
     sure = at
     while at.effects and not current().over:
@@ -466,11 +466,11 @@ def next_smaller(
 ) -> Step | None:
     """A set with an effect less, or a simpler one in its place, that held-out data do not speak against; None without one.
 
-    The effect that gains least in the fitting log goes first, before all one whose size is in doubt.
+    The effect that gains least in the fitting log goes first, before all one whose size is unsure.
     """
     in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
     if not at.sure:
-        first = next(e for e in in_order if e.name in at.doubtful)
+        first = next(e for e in in_order if e.name in at.unsure)
         return min((step(e) for e in narrowed(finding, at.effects, first)), key=lambda s: (s.judged, s.held))
     worse = []
     for effect in in_order:

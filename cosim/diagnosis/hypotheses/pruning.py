@@ -90,15 +90,15 @@ def moderated(finding: Finding, record: Record, tolerance: float) -> None:
         of_usual_size(finding.task, t.effects, tolerance, USUAL_SIZE) if size_of(t, model) > USUAL_SIZE else t
         for t in tried_all(finding.task, forms, tolerance)
     ]
-    alike = [
+    as_good = [
         t
         for t in (*finding.single, *formed)
         if t.score > chosen.score - INDISTINGUISHABLE
         and size_of(t, model) <= USUAL_SIZE * (1.0 + 1e-9)
         and not impossible(t, model)
     ]
-    if alike:
-        best = max(alike, key=lambda t: t.score)
+    if as_good:
+        best = max(as_good, key=lambda t: t.score)
         finding.accept(polished(finding.task, best, tolerance), record)
 
 

@@ -15,7 +15,7 @@ from cosim.diagnosis.extension.estimate import estimate, gain_by_fmus, worse, wr
 from cosim.diagnosis.fitting.bounds import absurd, greatest_torque
 from cosim.diagnosis.fitting.chain import Known, task_for
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.fitting.propagated import carried
+from cosim.diagnosis.fitting.propagated import propagated
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.held_out.causes import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
@@ -262,8 +262,8 @@ def searched(
     settle(task.model, constants or {})
     heard = [f.task.rules[group.drive] for f in found.findings.values() if group.drive in f.task.rules]
     if group.integrates and not known and heard:
-        left = carried(task, heard[0])
-        task.set_rules({s: replace(rule, carried=left[s]) for s, rule in task.rules.items()})
+        left = propagated(task, heard[0])
+        task.set_rules({s: replace(rule, propagated=left[s]) for s, rule in task.rules.items()})
     return find(task, found.record, trust, most, within, begin)
 
 

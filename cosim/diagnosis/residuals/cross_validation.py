@@ -69,7 +69,7 @@ def errs_less(task: Task, one: Fit, other: Fit, demean: bool) -> bool:
 
 
 def part(task: Task, mask: NDArray[np.bool_]) -> Task:
-    """The task on some windows only; doubt from upstream counts in each part by itself."""
+    """The task on some windows only; discrepancy from upstream counts in each part by itself."""
     found = replace(task, mask=mask)
     found.set_rules(task.rules)
     return found

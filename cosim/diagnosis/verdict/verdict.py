@@ -27,7 +27,7 @@ from cosim.diagnosis.thresholds import (
     ROUNDING_SHARE,
     STRAIN_MARGIN,
 )
-from cosim.diagnosis.verdict import free_form_law as bent
+from cosim.diagnosis.verdict import free_form_law
 from cosim.inference.held_out import HeldOutGain
 from fmus import registry
 from fmus.contract import Effect
@@ -47,7 +47,7 @@ class Cause:
         held_out: log-likelihood gained on data that had no share in the estimates, with its interval: on held-out logs,
             on each of several logs left out in turn, or on windows of the log left out in turn.
         rivals: (effect, log-likelihood behind the chosen set).
-        alike: effects that the data cannot tell from this one.
+        indistinguishable: effects that the data cannot tell from this one.
     """
 
     effect: Effect
@@ -56,7 +56,7 @@ class Cause:
     gain: float
     held_out: HeldOutGain
     rivals: list[tuple[Effect, float]] = field(default_factory=list)
-    alike: list[str] = field(default_factory=list)
+    indistinguishable: list[str] = field(default_factory=list)
 
 
 @dataclass
@@ -92,7 +92,7 @@ def sole_form(finding: Finding) -> bool:
 def rounding(finding: Finding, signal: str) -> float:
     """Step of the grid on which a signal's readings lie, SI; 0 without one."""
     read = signal == finding.task.model.group.reading
-    steps = [m.value for m in finding.marks if m.effect == "sensor.quantisation" and read]
+    steps = [m.value for m in finding.signatures if m.effect == "sensor.quantisation" and read]
     return max(steps, default=0.0)
 
 
@@ -140,7 +140,7 @@ def stands(finding: Finding) -> bool:
     return not any(local(finding, s, e) and e.gain > gain for s, e in listed)
 
 
-def marked(finding: Finding) -> list[Cause]:
+def of_signatures(finding: Finding) -> list[Cause]:
     """Causes seen in the raw samples; of a log-likelihood ratio the variance is taken as twice its mean, as of a shift."""
     effects, group = registry.effects(), finding.task.model.group.name
     return [
@@ -151,13 +151,13 @@ def marked(finding: Finding) -> list[Cause]:
             m.gain,
             HeldOutGain(m.held_out, float(np.sqrt(2.0 * max(m.held_out, 0.0)))),
         )
-        for m in finding.marks
+        for m in finding.signatures
     ]
 
 
 def causes(finding: Finding, tolerance: float) -> list[Cause]:
     """The named causes of a group; none where something large stays unexplained."""
-    found = marked(finding)
+    found = of_signatures(finding)
     if not finding.chosen.effects or not stands(finding):
         return found
     for effect in finding.chosen.effects:
@@ -182,7 +182,7 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
                         [
                             *(e.name for e, behind in finding.upstream if behind < INDISTINGUISHABLE),
                             *indistinguishable(finding, effect, fewer),
-                            *bent_alike(finding, effect),
+                            *indistinguishable_in_any_form(finding, effect),
                         ]
                     )
                 ),
@@ -221,8 +221,8 @@ def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[st
     return found
 
 
-def bent_alike(finding: Finding, effect: Effect) -> list[str]:
-    """Rivals that a chosen effect beats only by a detail, where both laws had to be bent and may be bent otherwise.
+def indistinguishable_in_any_form(finding: Finding, effect: Effect) -> list[str]:
+    """Rivals that a chosen effect beats only by a detail, where both laws took another form and may take a further one.
 
     Such a rival would stand as a cause by itself, and is as good where both are free in their form.
     """
@@ -230,7 +230,7 @@ def bent_alike(finding: Finding, effect: Effect) -> list[str]:
     for trial in finding.rivals.get(effect.name, []) if effect.is_formed else ():
         rival, short = other_of(trial, finding.chosen), shortfall(trial, finding.chosen)
         if rival.is_formed and INDISTINGUISHABLE <= short < LEFT_BY_ONE**2 * gained(finding):
-            behind = bent.behind(finding.task, (effect, finding.chosen), (rival, trial))
+            behind = free_form_law.behind(finding.task, (effect, finding.chosen), (rival, trial))
             # the free functions take up some noise, each of its own
             if behind is not None and behind < NAMING_GAIN:
                 found.append(rival.name)
@@ -340,7 +340,7 @@ def local_rests(finding: Finding, signal: str) -> list[Rest]:
             continue
         if kind == "event":
             words = f"{signal} is off between {event.start:.1f} and {event.end:.1f} s only: something happened once"
-        elif kind == "swing":
+        elif kind == "oscillation":
             words = (
                 f"{signal} swings at {event.start:.3f} Hz all the time, whatever the machine is asked to do"
             )
