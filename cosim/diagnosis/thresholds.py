@@ -88,6 +88,13 @@ COARSE_BETTER: Annotated[
     "a coarse search that leaves as much has found nothing new",
     "real logs as a whole, not by itself",
 ] = 0.9
+COARSE_PAIRED: Annotated[
+    int,
+    "effects",
+    "likeliest effects of a coarse search, none of them sure alone, that are tried in pairs",
+    "an end of the travel shows only once the machine moves at the right speed",
+    "arm of the excavator: nothing named without pairs, 48.9 -> 20.1 deg on the log held out with them",
+] = 3
 RIVAL_WITHIN: Annotated[
     float,
     "share of the gain",

@@ -155,7 +155,7 @@ def tried(
     if near is not None:
         for name in near.values:
             if name in starts:
-                starts[name] = (near.values[name],)
+                starts[name] = (near.values[name], *unused(task, effects, name, near, starts[name]))
         wanted = placed(wanted, near.values)
     price = price_of(task, wanted, tolerance)
     if not starts:
@@ -164,6 +164,14 @@ def tried(
     size = sought(task.model, effects, starts)
     found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick)
     return Trial(effects, out_of_reach(task, effects, found, not rough(tolerance)), price)
+
+
+def unused(
+    task: Task, effects: tuple[Effect, ...], name: str, near: Fit, starts: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Further start of a limit that a fit left out of reach: what is fitted now may make the machine meet it."""
+    limits = {f"{e.component}.{p}" for e in effects for p, free in e.free.items() if free.limits}
+    return starts[-1:] if name in limits and near.values[name] == task.model.nominal(name) else ()
 
 
 def rough(tolerance: float) -> bool:

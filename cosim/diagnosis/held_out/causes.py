@@ -316,7 +316,7 @@ def reconsider(
         done: sets judged already.
 
     Returns:
-        The set to keep: of effects on request that cannot be told apart, the one that the machine's mapping names first.
+        The set to keep: of effects that cannot be told apart, the likeliest.
     """
     chosen = finding.chosen
     named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
@@ -353,9 +353,8 @@ def reconsider(
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
         finding.rivals[effect.name] = [*finding.rivals.get(effect.name, []), *found]
-        first = [n for n in order if n in (effect.name, *finding.undecided[effect.name])][:1]
-        if effect.name in order and first != [effect.name]:
-            other = next(e for e in undecided if e.name == first[0])
+        other = likeliest(effect, undecided, order)
+        if other != effect:
             taken = tuple(other if e == effect else e for e in taken)
             finding.undecided[other.name] = [effect.name]
     if taken != chosen.effects:
@@ -365,6 +364,14 @@ def reconsider(
         finding.held_squares = at.squares
         finding.borne = {e.name: borne(at, e, step) for e in at.effects}
     return taken
+
+
+def likeliest(effect: Effect, others: Sequence[Effect], asked: Sequence[str]) -> Effect:
+    """Of effects that cannot be told apart, the one to name: by the mapping's order if it asks for it, else by its odds."""
+    options = [effect, *others]
+    if effect.name in asked:
+        return min(options, key=lambda e: asked.index(e.name) if e.name in asked else len(asked))
+    return max(options, key=lambda e: e.prior)
 
 
 def outdone(

@@ -38,6 +38,7 @@ from cosim.diagnosis.thresholds import (
     BEYOND_TRUST,
     CALIBRATED_TRUST,
     COARSE_BETTER,
+    COARSE_PAIRED,
     INDISTINGUISHABLE,
     LINE_PERIODS,
     NAMING_GAIN,
@@ -221,15 +222,36 @@ def coarsely(
 
     Where parameters are free and much is wrong, the noise learned from what a poor model leaves is as large and as slow as
     its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
-    counts as white noise, as few independent values as its correlation allows.
+    counts as white noise, as few independent values as its correlation allows. Where no single effect is sure, pairs are
+    tried with the likeliest: an end of the travel shows only once the machine moves at the right speed.
     """
     known, chosen = task.rules, null
 
     def weighed(trial: Trial) -> None:
         task.set_rules({s: broad(rule, trial.fit.residuals[s]) for s, rule in task.rules.items()})
 
-    def left(trial: Trial) -> float:
-        return float(np.log(max(-2.0 * trial.fit.log_likelihood, 1e-300)))
+    def worth(trial: Trial) -> float:
+        # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price
+        count = max(-2.0 * chosen.fit.log_likelihood, 2.0)
+        left = float(np.log(max(-2.0 * trial.fit.log_likelihood, 1e-300)))
+        return -0.5 * count * left - 0.5 * trial.price * float(np.log(count))
+
+    def believed(options: list[Trial]) -> Trial | None:
+        if not options:
+            return None
+        best = max(options, key=worth)
+        weighed(best)
+        before = tried(task, chosen.effects, tolerance, chosen.fit)
+        more = tried(task, best.effects, tolerance, best.fit)
+        # a beginning only: what is named is decided later
+        if accepted(more, before, task.model, tolerance, 0.0):
+            return more
+        weighed(chosen)
+        return None
+
+    def joined_by(one: Trial) -> list[Trial]:
+        rest = promising(task, one, (e for e in candidates if e not in one.effects), tolerance)
+        return tried_all(task, [(*one.effects, e) for e in rest], tolerance, one.fit)
 
     try:
         weighed(null)
@@ -241,15 +263,11 @@ def coarsely(
             options = tried_all(task, [(*chosen.effects, e) for e in further], tolerance, chosen.fit)
             if not options or current().over:
                 break
-            # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price
-            count = max(-2.0 * chosen.fit.log_likelihood, 2.0)
-            worth = [-0.5 * count * left(t) - 0.5 * t.price * np.log(count) for t in options]
-            best = options[int(np.argmax(worth))]
-            weighed(best)
-            before = tried(task, chosen.effects, tolerance, chosen.fit)
-            more = tried(task, best.effects, tolerance, best.fit)
-            # a beginning only: what is named is decided later
-            if not accepted(more, before, task.model, tolerance, INDISTINGUISHABLE):
+            more = believed(options)
+            if more is None and not chosen.effects:
+                near = sorted(options, key=worth, reverse=True)[:COARSE_PAIRED]
+                more = believed([pair for one in near for pair in joined_by(one)])
+            if more is None:
                 break
             chosen = swapped(task, more, candidates, tolerance)
     finally:
