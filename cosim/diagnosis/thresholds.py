@@ -475,13 +475,6 @@ VALUES_A_TAPER: Annotated[
 
 # held-out data and the linear reference
 
-HELD_EVERY: Annotated[
-    int,
-    "windows",
-    "every so many windows one is held out",
-    "they visit every regime of the log, and two thirds are left to fit",
-    "not measured by itself",
-] = 3
 AS_WELL: Annotated[
     float,
     "times the error",

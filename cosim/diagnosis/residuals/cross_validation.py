@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.trials import Trial, without
 from cosim.diagnosis.record.signatures import SAMPLED
-from cosim.diagnosis.thresholds import HELD_EVERY
 from cosim.inference.held_out import HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
-from cosim.inference.thresholds import FEWEST_PARTS
+from cosim.inference.thresholds import FEWEST_PARTS, HELD_EVERY
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
