@@ -1,4 +1,4 @@
-"""A hypothesis of one's own is one file: that of docs/effects.md, offered by a package, names what is unexplained without it."""
+"""A hypothesis in one file: that of docs/effects.md, offered by a package, names what is unexplained without it."""
 
 import json
 import os
