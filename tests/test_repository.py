@@ -147,6 +147,10 @@ def test_readme_has_two_commands_for_each_system() -> None:
         assert commands[1].endswith("check.py")
 
 
+def test_the_readme_is_short() -> None:
+    assert len((TOP / "README.md").read_text(encoding="utf-8").split()) <= 600, "the rest belongs into docs/"
+
+
 def test_ci_runs_the_readme_command_last() -> None:
     script = (TOP / ".ci" / "run").read_text(encoding="utf-8").strip().splitlines()
     assert script[-1] == _readme_commands("bash")[1]

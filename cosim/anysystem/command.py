@@ -17,6 +17,7 @@ from cosim.files import write_text
 from cosim.logs.load import open_source
 from cosim.logs.mapping import load_mapping
 from cosim.report.deliver import make_folder
+from cosim.report.earlier import Earlier
 from cosim.ssp.fmu import MENDED
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
@@ -113,6 +114,7 @@ def diagnose_any(
         for text in notes:
             warn(text)
         make_folder(folder)
+        earlier = Earlier(folder)
         with Runs(system) as runs:
 
             def watch(text: str) -> None:
@@ -129,6 +131,7 @@ def diagnose_any(
                 watch=watch,
             )
             found.notes = [*notes, *found.notes]
+            earlier.clear()
             package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
             result = answer(found, package)
     write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))

@@ -75,11 +75,16 @@ class Extras:
             found["tracker"] = of_tracker(self.tracker)
         return found
 
-    def show(self, comparison: Comparison) -> None:
-        """Print tables and sentences."""
+    def show(self, comparison: Comparison, verbose: bool = True) -> None:
+        """Print tables and sentences; without `verbose` a calibration's answer alone."""
         output = console.stdout_console()
+        if not verbose and self.calibration is not None:
+            from cosim.calibrate.present import answer
+
+            for text in answer(self.calibration, comparison):
+                output.print(text, markup=False, soft_wrap=True)
         texts: list[str] = []
-        if self.calibration is not None:
+        if verbose and self.calibration is not None:
             from cosim.calibrate import present
 
             for table in present.tables(self.calibration, comparison):

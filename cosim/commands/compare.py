@@ -8,6 +8,7 @@ import typer
 
 from cosim import console
 from cosim.errors import UsageError
+from cosim.options import Verbose
 
 if TYPE_CHECKING:
     from cosim.beside.extras import Extras
@@ -90,6 +91,7 @@ def compare(
         Path | None, typer.Option("--out", "-o", help="Folder for pictures and series.", metavar="DIR")
     ] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Write the series as CSV instead of Parquet.")] = False,
+    verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Simulate a model on a log's command and show what it gets wrong, per signal and per block.
@@ -109,6 +111,7 @@ def compare(
         external=external,
         out=out,
         csv=csv,
+        verbose=verbose,
         as_json=as_json,
     )
     if missed:
@@ -129,6 +132,7 @@ def compare_log(
     external: Path | None = None,
     out: Path | None = None,
     csv: bool = False,
+    verbose: bool = False,
     as_json: bool = False,
     emit: Callable[[Any], None] = console.emit_json,
 ) -> bool:
@@ -164,7 +168,7 @@ def compare_log(
     if as_json:
         emit(_answer(comparison, as_data(comparison, source), extras, results, written))
     else:
-        _show(comparison, results, written, extras)
+        _show(comparison, results, written, extras, verbose)
     return any(not result["passed"] for result in results)
 
 
@@ -273,27 +277,44 @@ def _reference(
 
 
 def _show(
-    comparison: "Comparison", results: list[dict[str, Any]], written: dict[str, Path], extras: "Extras"
+    comparison: "Comparison",
+    results: list[dict[str, Any]],
+    written: dict[str, Path],
+    extras: "Extras",
+    verbose: bool,
 ) -> None:
-    from cosim.compare.present import explanations, tables
+    """Print the answer; with `verbose` the tables before it."""
+    from cosim.compare.present import answer, explanations, tables
 
     output = console.stdout_console()
+
+    def say(text: str) -> None:
+        output.print(text, markup=False, soft_wrap=True)
+
     log = comparison.log
     kind = "synthetic log" if log.synthetic else "log"
     span = comparison.time[-1] - comparison.time[0]
-    line = f"{log.source} ({kind}, {span:.6g} s at {comparison.step:.6g} s) and model {comparison.model}, simulated"
-    output.print(line, markup=False, soft_wrap=True)
+    say(
+        f"{log.source} ({kind}, {span:.6g} s at {comparison.step:.6g} s) and model {comparison.model}, simulated"
+    )
     for note in comparison.notes:
         console.warn(note)
-    for table in tables(comparison):
-        if table.rows:
-            output.print(table)
-    for text in explanations(comparison):
-        output.print(text, markup=False, soft_wrap=True)
-    extras.show(comparison)
+    if verbose:
+        for table in tables(comparison):
+            if table.rows:
+                output.print(table)
+        for text in explanations(comparison):
+            say(text)
+    else:
+        for text in answer(comparison):
+            say(text)
+    extras.show(comparison, verbose)
     for result in results:
         state, name, unit = "kept" if result["passed"] else "MISSED", result["signal"], result["unit"]
-        text = f"RMSE of {name} {result['rmse']:.4g} {unit}, limit {result['limit']:.4g} {unit}"
-        output.print(f"threshold {state}: {text}", markup=False, soft_wrap=True)
+        say(
+            f"threshold {state}: RMSE of {name} {result['rmse']:.4g} {unit}, limit {result['limit']:.4g} {unit}"
+        )
     for file in written.values():
-        output.print(f"written: {file}", markup=False, soft_wrap=True)
+        say(f"written: {file}")
+    if not verbose:
+        say(f"Next: cosim diagnose {log.source} names the cause; --verbose shows each signal and block")

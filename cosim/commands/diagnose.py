@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from cosim.options import Verbose
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
@@ -53,6 +55,7 @@ def diagnose(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),
+    verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
@@ -61,7 +64,8 @@ def diagnose(
     from cosim.diagnosis.budget import parse_budget
     from cosim.errors import UsageError
     from cosim.logs import load_log, load_tracker
-    from cosim.report.deliver import diagnose_into, show
+    from cosim.report.deliver import diagnose_into
+    from cosim.report.screen import show
 
     seconds = parse_budget(budget) if budget is not None else math.inf
     foreign = any_system(model, mapping, log[0])
@@ -74,7 +78,7 @@ def diagnose(
         if as_json:
             emit_json(result.model_dump())
         else:
-            show(result, out)
+            show(result, out, verbose)
         return
     loaded = [load_log(file, mapping) for file in log]
     tracker = load_tracker(external) if external is not None else None
@@ -83,9 +87,9 @@ def diagnose(
         for warning in read.warnings:
             warn(f"{file}: {warning}" if file is not log[0] or len(log) > 1 else warning)
     result = diagnose_into(
-        out, loaded, tracker, model, tolerance, calibrate, mapping, others or None, seconds
+        out, loaded, tracker, model, tolerance, calibrate, mapping, others or None, seconds, verbose
     )
     if as_json:
         emit_json(result.model_dump())
     else:
-        show(result, out)
+        show(result, out, verbose)

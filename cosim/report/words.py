@@ -14,6 +14,7 @@ NOISY = 1.1  # times the sensor's noise within which an error is called the nois
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
 PHRASES: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what the simulation gets wrong, and how
+NAMES: dict[str, str] = _TEXTS["names"]  # effect -> what people call it
 FORMS: dict[str, str] = _TEXTS["forms"]  # parameter of another form of a law -> what it adds to that
 CAPTIONS: dict[str, str] = _TEXTS["captions"]
 
@@ -34,14 +35,18 @@ def axis(name: str, unit: str) -> str:
 
 
 def number(value: float, spread: float = 0.0) -> str:
-    """A number with two digits of its spread, or four significant ones without a spread."""
+    """A number to the digits that its spread leaves, or with four significant ones without a spread.
+
+    The spread keeps two digits below 3.55 and one above, as the Particle Data Group rounds.
+    """
     if not math.isfinite(value):
         return "unknown"
     if abs(value) >= 1e6 or 0.0 < abs(value) < 1e-4:
         return f"{value:.4g}"
     if not (spread > 0.0 and math.isfinite(spread)):
         return f"{value:.4g}" if abs(value) < 1e4 else f"{float(f'{value:.4g}'):.0f}"
-    decimals = min(max(1 - math.floor(math.log10(spread)), 0), 6)
+    power = math.floor(math.log10(spread))
+    decimals = min(max((1 if spread < 3.55 * 10.0**power else 0) - power, 0), 6)
     return f"{value:.{decimals}f}"
 
 
@@ -135,20 +140,22 @@ def listed(items: list[str]) -> str:
 
 def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
     """(what is wrong, how) of a cause; for an effect without words of its own, its parameters."""
-    quantities = {}
-    for name, parameter in cause.parameters.items():
-        try:
-            full = f"{component_of(cause)}.{name}"
-            nominal: float | None = material.nominal(full) / _scale(cause, name, parameter)
-        except (KeyError, ModuleNotFoundError):
-            nominal = None
-        quantities[name] = Quantity(parameter, nominal)
+    quantities = {n: Quantity(p, nominal_of(cause, n, material)) for n, p in cause.parameters.items()}
     if cause.effect in PHRASES:
         noun, how = PHRASES[cause.effect]
         how += "".join(text for name, text in FORMS.items() if name in quantities)
         return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
     sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
     return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"
+
+
+def nominal_of(cause: NamedCause, name: str, material: Material) -> float | None:
+    """Nominal value of one of a cause's parameters, in the parameter's unit; None where nothing of ours declares it."""
+    try:
+        full = f"{component_of(cause)}.{name}"
+        return material.nominal(full) / _scale(cause, name, cause.parameters[name])
+    except (KeyError, ModuleNotFoundError):
+        return None
 
 
 def _scale(cause: NamedCause, name: str, parameter: Parameter) -> float:

@@ -90,7 +90,7 @@ def test_figures_have_an_axis_pair_for_each_signal(clean, packages):
 
 
 def test_tables_fit_a_narrow_terminal(run, log_file):
-    code, out, _ = run("compare", log_file)
+    code, out, _ = run("compare", log_file, "--verbose")
     assert code == 0
     assert "Signals (model driven by the command alone)" in out
     assert "Blocks (each driven by what was measured)" in out
@@ -100,6 +100,23 @@ def test_tables_fit_a_narrow_terminal(run, log_file):
     assert re.search(r"Largest block error against noise: mechanical \+ sensor, in slew", out)
     assert "Not judged: observer" in out
     assert "synthetic log" in out
+
+
+def test_the_answer_is_a_few_lines(run, log_file):
+    code, out, _ = run("compare", log_file, "--set", "mechanical.b=10000")
+    said = out.splitlines()
+    assert code == 0
+    assert len(said) <= 7
+    assert "synthetic log" in said[0]
+    assert re.match(
+        r"Most wrong: slew angle \(slew\): [\d.]+ deg RMSE, fit .* %, [\d.]+ times its noise", said[1]
+    )
+    assert said[2].startswith(
+        "It arises in: mechanical + sensor (driven by p_load), in the slew angle (slew): "
+    )
+    assert any(line.startswith("Within noise: ") and "spool position (spool)" in line for line in said)
+    assert any(line.startswith("Not judged: observer") for line in said)
+    assert said[-1].startswith(f"Next: cosim diagnose {log_file}")
 
 
 @pytest.mark.parametrize(("limit", "code"), [("10 deg", 0), ("0.001 deg", 1), ("0.5", 0), ("1e-6", 1)])
