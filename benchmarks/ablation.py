@@ -55,6 +55,11 @@ class Rule:
     off: dict[str, Callable[..., Any]]
 
 
+def first(*given: Any, **named: Any) -> Any:
+    """The first argument."""
+    return given[0]
+
+
 def second(*given: Any, **named: Any) -> Any:
     """The second argument."""
     return given[1]
@@ -89,9 +94,9 @@ def yes(*_: Any, **__: Any) -> bool:
     return True
 
 
-def chosen_effects(finding: Any, *_: Any, **__: Any) -> Any:
-    """What was named, as it is."""
-    return finding.chosen.effects
+def as_chosen(finding: Any, *_: Any, **__: Any) -> Any:
+    """A finding and what was named, as they are."""
+    return finding, finding.chosen.effects
 
 
 def as_found(_: Any, finding: Any, known: Any, *__: Any, **___: Any) -> Any:
@@ -131,9 +136,9 @@ RULES = (
     Rule("sizes together", "several sizes of one effect may be sure together", {N + "joint": zero}),
     Rule("no pressed bounds", "a cause pressed against a bound is none", {N + "impossible": empty, P + "impossible": empty}),
     Rule("windows left out", "a cause must gain on windows left out", {P + "refuted": empty}),
-    Rule("outweighed", "a cause that explains less than what it leaves is none", {P + "drop_outweighed": nothing}),
-    Rule("simplified", "one effect in the place of a set that leaves more than the difference", {P + "simplified": nothing}),
-    Rule("moderated", "a usual size in the place of one beyond all sizes", {P + "moderated": nothing}),
+    Rule("outweighed", "a cause that explains less than what it leaves is none", {P + "drop_outweighed": first}),
+    Rule("simplified", "one effect in the place of a set that leaves more than the difference", {P + "simplified": first}),
+    Rule("moderated", "a usual size in the place of one beyond all sizes", {P + "moderated": first}),
     Rule("little left", "a cause that leaves much is none where nominals are trusted", {V + "stands": yes}),
     Rule("bent laws", "two laws that both had to be bent are alike", {V + "indistinguishable_in_any_form": empty}),
     Rule("origin", "an effect is traced to the block before", {S + "traced": as_found}),
@@ -141,9 +146,9 @@ RULES = (
     Rule("line", "something that rings at one frequency stands out", {N + "line": no_event}),
     Rule("slow oscillation", "a slow oscillation stands out", {N + "slow_oscillation": no_event}),
     Rule("strained", "a trusted parameter bent far is a rest", {V + "strained": empty}),
-    Rule("rivals held out", "close rivals are held against a cause on held-out data", {S + "reconsider": chosen_effects}),
+    Rule("rivals held out", "close rivals are held against a cause on held-out data", {S + "reconsider": as_chosen}),
     Rule("cancelling", "two causes of which only the sum is known are not both named", {H + "cancelling": no_set}),
-    Rule("linear reference", "nothing is named where a linear model is clearly better", {S + "beaten_by_linear": nothing}),
+    Rule("linear reference", "nothing is named where a linear model is clearly better", {S + "beside_linear": first}),
 )  # fmt: skip
 
 

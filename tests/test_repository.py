@@ -307,3 +307,7 @@ def test_the_diagnosis_and_its_core_use_the_words_of_the_field() -> None:
             words = set(re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()))
             found += [f"{path.stem}: {name}: {HOME_MADE[word]}" for word in words & set(HOME_MADE)]
     assert not found
+
+
+def test_the_inference_core_stands_alone() -> None:
+    assert {other for _, own, other in _imports() if own == "cosim.inference"} <= {"cosim.errors"}

@@ -137,7 +137,7 @@ def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_bett
     assert finding.chosen.effects == (COULOMB,)
     assert not {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     turned_down = [Refused(e, group.name, "slew", 0.0, 1.0, 2.0) for e in refused]
-    reconsider(finding, Held(other, 0), turned_down, 0.01)
+    finding, _ = reconsider(finding, Held(other, 0), turned_down, 0.01)
     added = {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     assert added == {CRACKING.name}
     # and the answer says so: what held-out data leave undecided is what cannot be told apart

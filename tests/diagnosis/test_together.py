@@ -1,12 +1,20 @@
 """What all blocks together say of a cause that its own block cannot tell from another."""
 
+from dataclasses import FrozenInstanceError, replace
+
 import pytest
 from hidden_logs import off
 
-import cosim.diagnosis.extension.estimate as extension
+from cosim.diagnosis.extension import estimate
+from cosim.diagnosis.extension.together import against_rivals
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.trials import charged
+from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.residuals.cross_validation import held_out_gain
 from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
+from fmus.contract import Effect
 
 FLOW_GAIN, LEAKAGE = "continuity.flow_gain", "continuity.leakage"
 
@@ -34,14 +42,52 @@ def test_the_slew_tells_a_smaller_flow_gain_from_a_leak(log) -> None:
     assert behind[LEAKAGE] > 6.0
 
 
-def test_without_the_blocks_behind_the_two_are_declared_alike(log, monkeypatch) -> None:
-    monkeypatch.setattr(extension, "weighed", lambda found, groups, fitted, near: fitted((), near))
-    (cause,) = diagnose(log).causes
+@pytest.fixture(scope="module")
+def apart(log) -> Diagnosis:
+    """What is found where the blocks behind have no say."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(estimate, "weighed", lambda found, groups, fitted, near, tolerance: fitted((), near))
+        return diagnose(log)
+
+
+def test_without_the_blocks_behind_the_two_are_declared_indistinguishable(apart: Diagnosis) -> None:
+    (cause,) = apart.causes
     assert LEAKAGE in (cause.effect.name, *cause.indistinguishable)
 
 
+def test_a_cause_that_takes_the_place_of_another_has_figures_of_its_own(apart: Diagnosis) -> None:
+    """As if all blocks together preferred the other one by 20: its gain, its held-out gain and its rivals are its own."""
+    before, finding = apart.causes[0], apart.findings["continuity"]
+    rival = next(n for n in (FLOW_GAIN, LEAKAGE) if n != before.effect.name)
+    trial = next(t for t in finding.rivals[before.effect.name] if t.names == (rival,))
+    best = finding.chosen.fit
+    found = replace(apart, causes=list(apart.causes), findings=dict(apart.findings), rests=list(apart.rests))
+
+    def instead(effect: Effect, begin: dict[str, float]) -> Fit:
+        ahead = 20.0 if effect.name == rival else -20.0
+        own = next(t for t in finding.rivals[before.effect.name] if t.names == (effect.name,))
+        price = charged(own.price - finding.chosen.price, own.fit)
+        return replace(own.fit, log_likelihood=best.log_likelihood + ahead + price)
+
+    against_rivals(found, 0, instead, best, 0.01)
+    (after,) = found.causes
+    chosen = found.findings["continuity"].chosen
+    assert (after.effect.name, chosen.names) == (rival, (rival,))
+    assert after.gain == trial.fit.log_likelihood - finding.null.fit.log_likelihood != before.gain
+    assert after.held_out == held_out_gain(finding.task, trial.fit, finding.null.fit) != before.held_out
+    assert after.parameters.keys() == trial.effects[0].free.keys()
+    assert {e.name: far for e, far in after.rivals}[before.effect.name] == pytest.approx(20.0)
+    assert before.effect.name not in after.indistinguishable
+    # a value: what was found before stands as it was
+    assert (apart.causes[0], finding.chosen.names) == (before, (before.effect.name,))
+    with pytest.raises(FrozenInstanceError):
+        finding.chosen = trial  # type: ignore[misc]
+    with pytest.raises(FrozenInstanceError):
+        before.gain = 0.0  # type: ignore[misc]
+
+
 @pytest.mark.slow
-def test_sets_that_span_the_same_two_numbers_are_declared_alike() -> None:
+def test_sets_that_span_the_same_two_numbers_are_declared_indistinguishable() -> None:
     """Of flow gain, leakage and compressibility any two do what any other two do."""
     hidden = [f"{FLOW_GAIN}:K_c=7e8", f"{LEAKAGE}:c_l=0.65"]
     found = diagnose(as_log(make_log("small_steps", 40.0, hidden, seed=12, settings=settings(12))))

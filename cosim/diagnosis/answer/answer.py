@@ -192,7 +192,7 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         parameters=parameters,
         evidence=evidence,
         rivals=rivals,
-        indistinguishable_from=cause.indistinguishable,
+        indistinguishable_from=list(cause.indistinguishable),
     )
 
 

@@ -5,7 +5,7 @@ has described that one log and not the machine.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,8 +140,8 @@ Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each
 
 def refuse(
     finding: Finding, held: Held, tolerance: float, done: Steps | None = None
-) -> tuple[list[Refused], tuple[Effect, ...]]:
-    """The causes of a finding that do not help on held-out data, and what is kept of it.
+) -> tuple[Finding, list[Refused], tuple[Effect, ...]]:
+    """A finding as held-out data see it, its causes that do not help on them, and what is kept of it.
 
     A cause is kept if without it the error on held-out data is larger by more than the choice of these data may have made
     (95 %), and if the whole fitting log determines its size.
@@ -151,16 +151,16 @@ def refuse(
     the fitting log as well as a cause takes its place if it is clearly better on held-out data.
 
     Args:
-        finding: what was named in one group; `confirmed` is set if nothing is refused, and `held_squares`.
+        finding: what was named in one group; the one returned is `confirmed` if nothing is refused.
         held: the held-out data.
         tolerance: trust in the nominal parameters.
         done: sets judged already, in an earlier search of this group; it grows.
     """
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
-    prefer(finding, tolerance)
+    finding = preferred(finding, tolerance)
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
     if not signal or finding.task.model.group.drive not in held.record.signals:
-        return [], finding.chosen.effects
+        return finding, [], finding.chosen.effects
     step = stepper(finding, held, signal, tolerance, done)
     losses = {e.name: loss(finding, e, tolerance) for e in waiting}
     at = balanced(finding, step(waiting), waiting, step, losses)
@@ -175,12 +175,15 @@ def refuse(
         refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
     if current().over:  # what is kept has not been held against all that could be left out
         current().leave_out(group, "some of its causes on the held-out data")
-    finding.confirmed = bool(at.effects) and not refused and not current().over
-    finding.held_squares = at.squares
-    finding.borne = {e.name: borne(at, e, step) for e in at.effects}
+    finding = replace(
+        finding,
+        confirmed=bool(at.effects) and not refused and not current().over,
+        held_squares=at.squares,
+        borne={e.name: borne(at, e, step) for e in at.effects},
+    )
     if not refused and not current().over:
         refused = outdone(finding, at, step, signal)
-    return refused, at.effects
+    return finding, refused, at.effects
 
 
 def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
@@ -302,31 +305,33 @@ def left_out_errors(
 
 def reconsider(
     finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float, done: Steps | None = None
-) -> tuple[Effect, ...]:
+) -> tuple[Finding, tuple[Effect, ...]]:
     """Hold what could stand in the place of a kept cause against it on held-out data: they may tell the two apart no better.
 
     An effect is refused because it adds nothing to those that are kept. One that would do as well in the place of one
     of them belongs to its rivals all the same. Of the rivals in the fitting log the closest are judged.
 
     Args:
-        finding: what is kept in one group; `rivals` grows, and `undecided` is set.
+        finding: what is kept in one group.
         held: the held-out data.
         refused: what they refused in this group.
         tolerance: trust in the nominal parameters.
         done: sets judged already.
 
     Returns:
-        The set to keep: of effects that cannot be told apart, the likeliest.
+        The finding with these rivals and what is `undecided`, and the set to keep: of effects that cannot be told apart,
+        the likeliest.
     """
     chosen = finding.chosen
     named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
     if not named or not signal or current().over:
-        return chosen.effects
+        return finding, chosen.effects
     order = finding.task.model.group.asked
     taken = chosen.effects
     step = stepper(finding, held, signal, tolerance, done)
     at = step(named)
+    listed, told = dict(finding.rivals), dict(finding.undecided)
     for effect in named:
         rest = tuple(e for e in named if e != effect)
         # what holds the kept one was refused in its place already
@@ -335,7 +340,7 @@ def reconsider(
             for r in refused
             if not r.instead and r.effect not in chosen.effects and effect not in simpler(finding, r.effect)
         ]
-        closest = sorted(finding.rivals.get(effect.name, []), key=lambda t: -t.score)
+        closest = sorted(listed.get(effect.name, ()), key=lambda t: -t.score)
         beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
         others = dict.fromkeys([*turned_down, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
         bare = step(rest)
@@ -348,22 +353,23 @@ def reconsider(
             gains = ratio_ci95(instead.squares, bare.squares)[1] < 1.0
             if other.name not in instead.unsure and gains and about_as_well:
                 undecided.append(other)
-        finding.undecided[effect.name] = [e.name for e in undecided]
+        told[effect.name] = [e.name for e in undecided]
         known = {e.name for (e,) in beside}
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
-        finding.rivals[effect.name] = [*finding.rivals.get(effect.name, []), *found]
+        listed[effect.name] = [*listed.get(effect.name, ()), *found]
         other = likeliest(effect, undecided, order)
         if other != effect:
             taken = tuple(other if e == effect else e for e in taken)
-            finding.undecided[other.name] = [effect.name]
+            told[other.name] = [effect.name]
+    finding = replace(finding, rivals=listed, undecided=told)
     if taken != chosen.effects:
         marked = tuple(e for e in taken if e.name in SAMPLED)
         at = shrunk(finding, step(tuple(e for e in taken if e.name not in SAMPLED)), step, {})
         taken = (*at.effects, *marked)
-        finding.held_squares = at.squares
-        finding.borne = {e.name: borne(at, e, step) for e in at.effects}
-    return taken
+        kept = {e.name: borne(at, e, step) for e in at.effects}
+        finding = replace(finding, held_squares=at.squares, borne=kept)
+    return finding, taken
 
 
 def likeliest(effect: Effect, others: Sequence[Effect], asked: Sequence[str]) -> Effect:
@@ -389,18 +395,18 @@ def outdone(
     return found
 
 
-def prefer(finding: Finding, tolerance: float) -> None:
-    """Of effects on request that explain the fitting log as well, take the one that the machine's mapping names first."""
+def preferred(finding: Finding, tolerance: float) -> Finding:
+    """Of effects on request that explain the fitting log as well, the one that the machine's mapping names first."""
     order = finding.task.model.group.asked
     effects = []
     for effect in finding.chosen.effects:
         others = [e for e, _ in indistinguishable(finding, effect) if e.name in order]
         listed = [effect, *others] if effect.name in order else [effect]
         effects.append(min(listed, key=lambda e: order.index(e.name) if e.name in order else 0))
-    if tuple(effects) != finding.chosen.effects:
-        finding.chosen = tried(finding.task, tuple(effects), tolerance, finding.chosen.fit)
-        candidates = candidates_of(finding.task)
-        finding.rivals = rivals(finding.task, finding, candidates, tolerance)
+    if tuple(effects) == finding.chosen.effects:
+        return finding
+    finding = replace(finding, chosen=tried(finding.task, tuple(effects), tolerance, finding.chosen.fit))
+    return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), tolerance))
 
 
 def indistinguishable(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:

@@ -154,18 +154,21 @@ def find(
         chosen = confirmed(task, chosen, null, tolerance)
     finding = Finding(task, null, chosen, single, free=tolerance >= CALIBRATED_TRUST)
     if len(chosen.effects) == 1:
-        finding.single = single = [to_the_end(task, t, finding, tolerance, SINGLE_WITHIN) for t in single]
-    finding.before = leftovers(task, record, finding.null.fit)
-    finding.after = leftovers(task, record, finding.chosen.fit)
+        single = [to_the_end(task, t, finding, tolerance, SINGLE_WITHIN) for t in single]
+    before, after = (leftovers(task, record, trial.fit) for trial in (null, chosen))
+    finding = replace(finding, single=single, before=before, after=after)
     if within:
-        prune(finding, record, tolerance)
+        finding = prune(finding, record, tolerance)
         if finding.chosen is not chosen:
-            finding.single = in_same_form(task, finding.chosen, single, tolerance)
-    finding.rivals = rivals(task, finding, candidates, tolerance)
-    finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
-    finding.signatures = sampled(task, record, finding.chosen.fit)
-    finding.chosen = with_signatures(usually_spelled(finding.chosen), finding.signatures)
-    return finding
+            finding = replace(finding, single=in_same_form(task, finding.chosen, single, tolerance))
+    seen = sampled(task, record, finding.chosen.fit)
+    return replace(
+        finding,
+        rivals=rivals(task, finding, candidates, tolerance),
+        events={s: local_tests(task, s, finding.chosen.fit) for s in task.measured},
+        signatures=seen,
+        chosen=with_signatures(usually_spelled(finding.chosen), seen),
+    )
 
 
 def onward(

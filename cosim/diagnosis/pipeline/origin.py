@@ -38,7 +38,7 @@ def traced(
     if not finding.chosen.effects and adequate(finding):
         return known, finding
     listed = origins(finding, known, found.record)
-    finding.upstream = upstream_rivals(finding, listed, known)
+    finding = replace(finding, upstream=upstream_rivals(finding, listed, known))
     if found.held is not None:
         return known, finding
     clearly = INDISTINGUISHABLE if finding.chosen.effects else NAMING_GAIN
@@ -78,18 +78,24 @@ def taken(
     """
     name = item.model.group.name
     before = found.findings[name]
-    finding = replace(before)
-    finding.accept(polished(before.task, origin.trial, tolerance), found.record)
-    finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), tolerance)
+    finding = before.accept(polished(before.task, origin.trial, tolerance), found.record)
+    finding = replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), tolerance))
     named = causes(finding, tolerance)
-    new = [c for c in named if c.effect not in before.chosen.effects]
-    if not new:
+    if all(c.effect in before.chosen.effects for c in named):
         return False
-    for cause in new:
-        cause.rivals = [*rivals_where_shown(shown, origin), *cause.rivals]
-        # its own signal hardly shows it, nor tells it from others: what it explains is what the group behind shows
-        cause.gain += shown.chosen.score - shown.null.score - origin.behind
-        cause.indistinguishable = indistinguishable
+    # its own signal hardly shows it, nor tells it from others: what it explains is what the group behind shows
+    more = shown.chosen.score - shown.null.score - origin.behind
+    named = [
+        c
+        if c.effect in before.chosen.effects
+        else replace(
+            c,
+            rivals=[*rivals_where_shown(shown, origin), *c.rivals],
+            gain=c.gain + more,
+            indistinguishable=indistinguishable,
+        )
+        for c in named
+    ]
     found.findings[name] = finding
     found.causes = [c for c in found.causes if c.group != name] + named
     found.rests = [r for r in found.rests if r.block != name] + rests(finding, tolerance)

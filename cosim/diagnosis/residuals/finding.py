@@ -1,6 +1,7 @@
 """What is known of one group while its causes are looked for, and what is left when they are taken out."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 
@@ -35,9 +36,9 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Finding:
-    """What was found in one group.
+    """What was found in one group: a value, of which each step of the diagnosis makes another.
 
     Attributes:
         task: data, model and noise.
@@ -61,25 +62,24 @@ class Finding:
     task: Task
     null: Trial
     chosen: Trial
-    single: list[Trial] = field(default_factory=list)
-    rivals: dict[str, list[Trial]] = field(default_factory=dict)
-    before: dict[str, Leftover] = field(default_factory=dict)
-    after: dict[str, Leftover] = field(default_factory=dict)
-    events: dict[str, dict[str, Event]] = field(default_factory=dict)
-    signatures: list[Signature] = field(default_factory=list)
-    upstream: list[tuple[Effect, float]] = field(default_factory=list)
+    single: Sequence[Trial] = ()
+    rivals: Mapping[str, Sequence[Trial]] = field(default_factory=dict)
+    before: Mapping[str, Leftover] = field(default_factory=dict)
+    after: Mapping[str, Leftover] = field(default_factory=dict)
+    events: Mapping[str, Mapping[str, Event]] = field(default_factory=dict)
+    signatures: Sequence[Signature] = ()
+    upstream: Sequence[tuple[Effect, float]] = ()
     confirmed: bool = False
     free: bool = False
     reference: Reference | None = None
-    borne: dict[str, HeldOutGain] = field(default_factory=dict)
-    undecided: dict[str, list[str]] = field(default_factory=dict)
+    borne: Mapping[str, HeldOutGain] = field(default_factory=dict)
+    undecided: Mapping[str, Sequence[str]] = field(default_factory=dict)
     held_squares: Array | None = field(default=None, repr=False)
     lacks_linear: bool = False
 
-    def accept(self, chosen: Trial, record: Record) -> None:
-        """Accept another set, and see what it leaves."""
-        self.chosen = chosen
-        self.after = leftovers(self.task, record, chosen.fit)
+    def accept(self, chosen: Trial, record: Record) -> "Finding":
+        """The finding with another set accepted, and what that leaves."""
+        return replace(self, chosen=chosen, after=leftovers(self.task, record, chosen.fit))
 
 
 def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:

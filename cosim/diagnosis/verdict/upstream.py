@@ -42,7 +42,7 @@ def alternatives(finding: Finding) -> list[Trial]:
     """Every single effect of a group in which nothing is named, otherwise what can hardly be told from what is."""
     chosen = finding.chosen
     if not chosen.effects:
-        return finding.single
+        return list(finding.single)
     sets = [t for listed in finding.rivals.values() for t in listed]
     return [
         t

@@ -1,6 +1,7 @@
 """From fits to answers: what is a cause, what cannot be told apart, what stays unexplained."""
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Cause:
     """A named cause.
 
@@ -52,14 +53,14 @@ class Cause:
 
     effect: Effect
     group: str
-    parameters: dict[str, tuple[float, float]]
+    parameters: Mapping[str, tuple[float, float]]
     gain: float
     held_out: HeldOutGain
-    rivals: list[tuple[Effect, float]] = field(default_factory=list)
-    indistinguishable: list[str] = field(default_factory=list)
+    rivals: Sequence[tuple[Effect, float]] = ()
+    indistinguishable: Sequence[str] = ()
 
 
-@dataclass
+@dataclass(frozen=True)
 class Rest:
     """Something systematic that nothing in the library explains; `span` is when, s, if only one stretch is off."""
 
@@ -160,35 +161,33 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
     found = of_signatures(finding)
     if not finding.chosen.effects or not stands(finding):
         return found
-    for effect in finding.chosen.effects:
-        rivals = [
-            (other_of(t, finding.chosen), shortfall(t, finding.chosen))
-            for t in finding.rivals.get(effect.name, [])
-        ]
-        rivals += finding.upstream
-        rivals.sort(key=lambda item: item[1])
-        fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance)
-        values = finding.chosen.fit
-        found.append(
-            Cause(
-                effect,
-                finding.task.model.group.name,
-                {p: (values.values[n], values.deviations[n]) for p, n in names_of(effect).items()},
-                values.log_likelihood - fewer.fit.log_likelihood,
-                finding.borne.get(effect.name) or held_out_gain(finding.task, finding.chosen.fit, fewer.fit),
-                rivals,
-                list(
-                    dict.fromkeys(
-                        [
-                            *(e.name for e, behind in finding.upstream if behind < INDISTINGUISHABLE),
-                            *indistinguishable(finding, effect, fewer),
-                            *indistinguishable_in_any_form(finding, effect),
-                        ]
-                    )
-                ),
-            )
-        )
+    found += [cause_of(finding, effect, tolerance) for effect in finding.chosen.effects]
     return sorted(found, key=lambda c: -c.gain)
+
+
+def cause_of(finding: Finding, effect: Effect, tolerance: float) -> Cause:
+    """One of the chosen effects as a cause, with its own figures."""
+    chosen, task = finding.chosen, finding.task
+    rivals = [(other_of(t, chosen), shortfall(t, chosen)) for t in finding.rivals.get(effect.name, ())]
+    rivals += finding.upstream
+    fewer = without(task, chosen, effect, finding.null, tolerance)
+    return Cause(
+        effect,
+        task.model.group.name,
+        {p: (chosen.fit.values[n], chosen.fit.deviations[n]) for p, n in names_of(effect).items()},
+        chosen.fit.log_likelihood - fewer.fit.log_likelihood,
+        finding.borne.get(effect.name) or held_out_gain(task, chosen.fit, fewer.fit),
+        sorted(rivals, key=lambda item: item[1]),
+        list(
+            dict.fromkeys(
+                [
+                    *(e.name for e, behind in finding.upstream if behind < INDISTINGUISHABLE),
+                    *indistinguishable(finding, effect, fewer),
+                    *indistinguishable_in_any_form(finding, effect),
+                ]
+            )
+        ),
+    )
 
 
 def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[str]:
