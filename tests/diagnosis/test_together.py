@@ -6,12 +6,13 @@ import pytest
 from hidden_logs import off
 
 from cosim.diagnosis.extension import estimate
-from cosim.diagnosis.extension.together import against_rivals
+from cosim.diagnosis.extension.together import against_rivals, in_best_form
 from cosim.diagnosis.fitting.fit import Fit
-from cosim.diagnosis.fitting.trials import charged
+from cosim.diagnosis.fitting.trials import charged, tried
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.residuals.cross_validation import held_out_gain
+from cosim.diagnosis.verdict.verdict import cause_of
 from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
 from fmus.contract import Effect
@@ -84,6 +85,31 @@ def test_a_cause_that_takes_the_place_of_another_has_figures_of_its_own(apart: D
         finding.chosen = trial  # type: ignore[misc]
     with pytest.raises(FrozenInstanceError):
         before.gain = 0.0  # type: ignore[misc]
+
+
+def test_a_cause_in_another_form_of_its_law_has_the_figures_of_that_form(apart: Diagnosis) -> None:
+    """As if all blocks together asked for a leak that turns turbulent."""
+    finding = apart.findings["continuity"]
+    trials = [finding.chosen, *finding.rivals[apart.causes[0].effect.name]]
+    trial = next(t for t in trials if t.names == (LEAKAGE,))
+    finding = replace(finding.accept(trial, apart.record), rivals={})
+    cause = replace(cause_of(finding, trial.effects[0], 0.01), indistinguishable=[FLOW_GAIN])
+    found = replace(apart, causes=[cause], findings={"continuity": finding}, rests=[])
+    formed = cause.effect.formed("k_t")
+
+    def instead(effect: Effect, begin: dict[str, float]) -> Fit:
+        own = tried(finding.task, (effect,), 0.01, trial.fit).fit
+        return replace(own, log_likelihood=trial.fit.log_likelihood + (30.0 if effect.is_formed else 0.0))
+
+    best = in_best_form(found, 0, instead, trial.fit, 0.01)
+    assert best.log_likelihood == trial.fit.log_likelihood + 30.0
+    (after,) = found.causes
+    chosen = found.findings["continuity"].chosen
+    assert after.parameters.keys() == formed.free.keys() > cause.parameters.keys()
+    assert after.effect.is_formed
+    assert after.indistinguishable == [FLOW_GAIN]  # told of the effect, whatever its form
+    assert after.gain == chosen.fit.log_likelihood - finding.null.fit.log_likelihood
+    assert chosen.fit.values.keys() >= {"continuity.k_t"}
 
 
 @pytest.mark.slow

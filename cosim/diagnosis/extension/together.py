@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from cosim.diagnosis.fitting.fit import Fit
-from cosim.diagnosis.fitting.trials import Trial, charged
+from cosim.diagnosis.fitting.trials import Trial, charged, tried
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.residuals.finding import Finding
@@ -50,7 +50,7 @@ def weighed(
             return fitted(tuple(effect if i == at else diagnosis.causes[i].effect for i in places), begin)
 
         best = against_rivals(diagnosis, k, instead, best, tolerance)
-        diagnosis.causes[k], best = in_best_form(diagnosis.causes[k], instead, best)
+        best = in_best_form(diagnosis, k, instead, best, tolerance)
     return best
 
 
@@ -58,17 +58,24 @@ def weighed(
 Instead = Callable[[Effect, dict[str, float]], Fit]
 
 
-def in_best_form(cause: Cause, instead: Instead, best: Fit) -> tuple[Cause, Fit]:
-    """A cause with the form of its law that all blocks ask for, and the best fit."""
-    plain = cause.effect
+def in_best_form(diagnosis: Diagnosis, at: int, instead: Instead, best: Fit, tolerance: float) -> Fit:
+    """The best fit with any form of a cause's law; the cause has that form afterwards. Arguments as `against_rivals`."""
+    plain = diagnosis.causes[at].effect
     for parameter, free in plain.forms.items() if not plain.is_formed else ():
         formed = plain.formed(parameter)
         begin = best.values | {f"{formed.component}.{parameter}": free.starts[0]}
         other = instead(formed, begin)
         if other.log_likelihood - charged(1, other) > best.log_likelihood + NAMING_GAIN:
-            best = other
-            cause = replace(cause, effect=formed, parameters=parameters_of(formed, best))
-    return cause, best
+            best, before = other, diagnosis.causes[at]
+            finding = diagnosis.findings[before.group]
+            effects = tuple(formed if e == plain else e for e in finding.chosen.effects)
+            trial = tried(finding.task, effects, tolerance, finding.chosen.fit)
+            renew(diagnosis, at, finding.accept(trial, diagnosis.record), formed, best, tolerance)
+            # of the effect, whatever its form, all blocks have told what can stand in its place
+            diagnosis.causes[at] = replace(
+                diagnosis.causes[at], rivals=before.rivals, indistinguishable=before.indistinguishable
+            )
+    return best
 
 
 def against_rivals(diagnosis: Diagnosis, at: int, instead: Instead, best: Fit, tolerance: float) -> Fit:
@@ -84,6 +91,7 @@ def against_rivals(diagnosis: Diagnosis, at: int, instead: Instead, best: Fit, t
     cause = diagnosis.causes[at]
     finding = diagnosis.findings[cause.group]
     kept = {e for e in finding.chosen.effects if e != cause.effect}
+    declared = set(cause.indistinguishable)
     for trial in finding.rivals.get(cause.effect.name, ()):
         finding = diagnosis.findings[cause.group]
         new = [e for e in trial.effects if e not in finding.chosen.effects]
@@ -99,15 +107,27 @@ def against_rivals(diagnosis: Diagnosis, at: int, instead: Instead, best: Fit, t
             cause = placed_behind(cause, rival, -ahead)
             continue
         old, best = cause.effect, other
-        finding = exchanged(finding, trial, old, rival, diagnosis)
-        diagnosis.findings[cause.group] = finding
-        # gain, held-out figures and rivals are its own; the estimates are those of all blocks together
-        cause = replace(cause_of(finding, rival, tolerance), parameters=parameters_of(rival, best))
-        cause = placed_behind(cause, old, ahead)
-        left = [r for r in diagnosis.rests if r.block != cause.group]
-        diagnosis.rests = left + rests(finding, tolerance)
+        renew(diagnosis, at, exchanged(finding, trial, old, rival, diagnosis), rival, best, tolerance)
+        # what all blocks have told from the old one stays told
+        left = declared - set(cause.indistinguishable)
+        cause = placed_behind(diagnosis.causes[at], old, ahead)
+        cause = replace(cause, indistinguishable=[n for n in cause.indistinguishable if n not in left])
     diagnosis.causes[at] = cause
     return best
+
+
+def renew(
+    diagnosis: Diagnosis, at: int, finding: Finding, effect: Effect, found: Fit, tolerance: float
+) -> None:
+    """Put an effect of a finding in the place of a cause.
+
+    Gain, held-out figures and rivals are its own, and so is what it leaves; the estimates are those of all blocks together.
+    """
+    name = diagnosis.causes[at].group
+    diagnosis.findings[name] = finding
+    own = {p: (found.values[n], found.deviations[n]) for p, n in names_of(effect).items()}
+    diagnosis.causes[at] = replace(cause_of(finding, effect, tolerance), effect=effect, parameters=own)
+    diagnosis.rests = [r for r in diagnosis.rests if r.block != name] + rests(finding, tolerance)
 
 
 def exchanged(finding: Finding, trial: Trial, old: Effect, rival: Effect, diagnosis: Diagnosis) -> Finding:
@@ -126,8 +146,3 @@ def placed_behind(cause: Cause, rival: Effect, behind: float) -> Cause:
         rivals=sorted(listed, key=lambda r: r[1]),
         indistinguishable=[rival.name, *kept] if behind < INDISTINGUISHABLE else kept,
     )
-
-
-def parameters_of(effect: Effect, found: Fit) -> dict[str, tuple[float, float]]:
-    """Parameter of an effect -> estimate and standard deviation of a fit, SI."""
-    return {p: (found.values[n], found.deviations[n]) for p, n in names_of(effect).items()}
