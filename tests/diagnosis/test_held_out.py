@@ -96,8 +96,8 @@ def test_an_effect_whose_size_is_in_doubt_goes_before_one_that_gains_less() -> N
 
     def step(effects: tuple[Effect, ...]) -> Step:
         tried.append(frozenset(e.name for e in effects))
-        error, doubtful = next((v for k, v in sets.items() if {e.name for e in k} == tried[-1]), (100.0, ()))
-        return Step(effects, FIT, 1.0, error, doubtful, np.full(24, error**2))
+        error, unsure = next((v for k, v in sets.items() if {e.name for e in k} == tried[-1]), (100.0, ()))
+        return Step(effects, FIT, 1.0, error, unsure, np.full(24, error**2))
 
     named = (COULOMB, BACKLASH, CRACKING)
     losses = {COULOMB.name: 500.0, BACKLASH.name: 50.0, CRACKING.name: 5.0}
@@ -116,8 +116,8 @@ def test_a_set_that_is_sure_is_not_left_for_nothing_by_way_of_sets_that_are_not(
     }
 
     def step(effects: tuple[Effect, ...]) -> Step:
-        error, doubtful = next(v for k, v in sets.items() if {e.name for e in k} == {e.name for e in effects})
-        return Step(effects, FIT, 1.0, error, doubtful, np.full(24, error**2))
+        error, unsure = next(v for k, v in sets.items() if {e.name for e in k} == {e.name for e in effects})
+        return Step(effects, FIT, 1.0, error, unsure, np.full(24, error**2))
 
     named = (COULOMB, BACKLASH)
     found = balanced(MECHANICS, step(named), named, step, {})  # type: ignore[arg-type]
@@ -151,17 +151,17 @@ def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_bett
     assert finding.chosen.effects == (COULOMB,)
     assert not {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     turned_down = [Refused(e, group.name, "slew", 0.0, 1.0, 2.0) for e in refused]
-    reconsider(finding, Held(other, 0), turned_down, 0.01)
+    finding, _ = reconsider(finding, Held(other, 0), turned_down, 0.01)
     added = {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     assert added == {CRACKING.name}
     # and the answer says so: what held-out data leave undecided is what cannot be told apart
     assert CRACKING.name in finding.undecided[COULOMB.name]
     (cause,) = causes(finding, 0.01)
-    assert set(cause.alike) == set(finding.undecided[COULOMB.name])
+    assert set(cause.indistinguishable) == set(finding.undecided[COULOMB.name])
 
 
 def test_what_ended_at_its_off_values_is_no_cause_though_held_out_data_liked_it() -> None:
-    """Borne out or not: of an end of the travel out of reach nothing is left. One that is needed may be of doubtful size."""
+    """Borne out or not: of an end of the travel out of reach nothing is left. One that is needed may be of unsure size."""
     stop = registry.effects()["mechanical.end_stop"]
     model = SimpleNamespace(
         nominal=lambda n: {"theta_max": 1e3, "theta_min": -1e3}.get(n.partition(".")[2], 0.0),
@@ -219,7 +219,7 @@ def test_the_set_that_errs_least_in_part_after_part_is_taken_and_a_sure_one_firs
     better = Step((), FIT, 1.0, 0.2, squares=pushed)
     assert least([plain, better]) is better
     assert least([better, plain]) is better
-    doubtful = replace(better, doubtful=("dcv.offset",))
+    doubtful = replace(better, unsure=("dcv.offset",))
     assert least([doubtful, plain]) is plain
     assert least([doubtful]) is doubtful
 
