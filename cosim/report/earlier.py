@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cosim.console import stderr_console
+from cosim.console import warn
 
 FILES = (
     "diagnosis.json",
@@ -31,11 +31,7 @@ class Earlier:
             path: path.stat().st_mtime_ns for path in (folder / name for name in FILES) if path.is_file()
         }
         if self._stamps:
-            stderr_console().print(
-                f"{folder} holds an earlier diagnosis ({len(self._stamps)} files): its files are replaced",
-                markup=False,
-                soft_wrap=True,
-            )
+            warn(f"{folder} holds an earlier diagnosis ({len(self._stamps)} files): its files are replaced")
 
     def clear(self) -> None:
         """Delete those that the new run has not written again: a package or a proposal that it does not have."""
