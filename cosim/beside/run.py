@@ -15,6 +15,7 @@ from cosim.compare.present import answer, as_data, write_series
 from cosim.errors import UsageError
 from cosim.logs import Log, load_log
 from cosim.logs.mapping import Mapping
+from cosim.report.earlier import COMPARED, Earlier
 from cosim.request import parameters
 from cosim.units import parse_quantity
 
@@ -132,8 +133,10 @@ def beside(
         results = check_limits(comparison, limits)
         written: dict[str, Path] = {}
         if out is not None:
+            earlier = Earlier(out, COMPARED, "comparison")
             written |= write_files(comparison, out, csv)
             written |= extras.write(comparison, out)
+            earlier.clear()
     return Beside(comparison, source, extras, results, written)
 
 
