@@ -16,6 +16,7 @@ from cosim.report.words import (
     nominal_of,
     number,
     signal_name,
+    span_of,
     telling,
     unit_text,
 )
@@ -159,7 +160,7 @@ def better(result: Answer) -> Iterator[str]:
         return
     gain = result.gain[signal]
     unit = f" {unit_text(gain.unit)}".rstrip()
-    text = f"error of the {signal_name(signal)} on data not used for fitting "
+    text = f"error of the {signal_name(signal)} on data not used for fitting{span_of(gain)} "
     if gain.rmse_after < gain.rmse_before:
         text += f"falls from {gain.rmse_before:.2g} to {gain.rmse_after:.2g}{unit}"
     else:
@@ -167,7 +168,7 @@ def better(result: Answer) -> Iterator[str]:
     noise = f"{gain.noise_floor:.2g}{unit}"
     near = gain.rmse_after <= NOISY * gain.noise_floor
     text += f", the sensor's noise ({noise})" if near else f"; the sensor's noise is {noise}"
-    if signal in result.linear:
+    if signal in result.linear and gain.horizon is None:
         text += f"; a linear model leaves {result.linear[signal].rmse:.2g}{unit}"
     yield f"Better: {text}"
 

@@ -4,7 +4,7 @@ import math
 import tomllib
 from pathlib import Path
 
-from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter
+from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, SignalGain
 from cosim.lexicon import current
 from cosim.report.material import Material, component_of
 from cosim.report.names import BLOCK_NAMES, QUANTITIES, SIGNAL_NAMES, TURNING
@@ -207,9 +207,14 @@ def gain_clause(answer: Answer) -> str:
     )
     joint = ", which is " if end == "the sensor's noise" else ", "
     return (
-        f"the error of the {signal_name(signal)} on data not used for fitting falls from "
+        f"the error of the {signal_name(signal)} on data not used for fitting{span_of(gain)} falls from "
         f"{before} to {after} {unit}{joint}{end}"
     )
+
+
+def span_of(gain: SignalGain) -> str:
+    """Over how long a prediction its error is, where that is not the whole log."""
+    return "" if gain.horizon is None else f", predicted over {gain.horizon:.2g} s at a time,"
 
 
 def told(answer: Answer, wrong: list[tuple[str, str]]) -> str:

@@ -264,6 +264,7 @@ def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:
             fit_percent_before=gain.fit_before,
             fit_percent_after=gain.fit_after,
             ci95_of_ratio=gain.ratio_ci95,
+            horizon=gain.horizon if np.isfinite(gain.horizon) else None,
         )
     return found
 

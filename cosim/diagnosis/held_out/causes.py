@@ -23,7 +23,7 @@ from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.cross_validation import moving, repetitions
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import AS_WELL, CANCELLING, INDISTINGUISHABLE, RIVALS_HELD_OUT, SURE_SIZE
-from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, ratio_ci95, steps_without
+from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, smaller_by, steps_without
 from cosim.inference.thresholds import FEWEST_PARTS
 from cosim.logs import Log
 from fmus.contract import Effect
@@ -132,7 +132,7 @@ class Step:
 
     def clearly_better(self, other: "Step") -> bool:
         """True if the difference on held-out data is more than the choice of these windows may have made."""
-        return self.sure and ratio_ci95(self.squares, other.squares)[1] < 1.0
+        return self.sure and smaller_by(self.squares, other.squares)[1][0] > 0.0
 
 
 Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each effect
@@ -345,7 +345,7 @@ def reconsider(
                 break
             instead = step((*rest, other))
             about_as_well = instead.held < AS_WELL * at.held or not at.clearly_better(instead)
-            gains = ratio_ci95(instead.squares, bare.squares)[1] < 1.0
+            gains = smaller_by(instead.squares, bare.squares)[1][0] > 0.0
             if other.name not in instead.doubtful and gains and about_as_well:
                 undecided.append(other)
         finding.undecided[effect.name] = [e.name for e in undecided]

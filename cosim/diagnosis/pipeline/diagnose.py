@@ -49,6 +49,7 @@ from cosim.diagnosis.verdict.discrepancy import understood
 from cosim.diagnosis.verdict.verdict import Cause, Rest, adequate, causes, negligible, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
+from cosim.inference.held_out import smaller_by
 from cosim.logs import Log, Tracker, listed
 from fmus.contract import Effect
 
@@ -187,7 +188,7 @@ def borne_out(
     """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
     record, most = found.record, found.machine.options.causes
     done: Steps = {}
-    best: tuple[float, Finding, tuple[Effect, ...]] | None = None
+    best: tuple[Array | None, Finding, tuple[Effect, ...]] | None = None
     for left in reversed(range(SEARCHES)):
         if current().over:
             if finding.chosen.effects:
@@ -197,11 +198,13 @@ def borne_out(
         enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
         turned_down, kept = refuse(finding, held, trust, done)
         found.refused += turned_down
-        error = float(np.mean(finding.held_squares)) if finding.held_squares is not None else np.inf
-        if best is not None and error > best[0]:  # a search without what was refused has ended worse
+        squares = finding.held_squares
+        if best is not None and not errs_at_most(
+            squares, best[0]
+        ):  # a search without what was refused has ended worse
             finding, kept = keep(best[1], best[2], record, trust), best[2]
             break
-        best = error, finding, kept
+        best = squares, finding, kept
         if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
             break
         if left and current().over:
@@ -219,6 +222,13 @@ def borne_out(
     with part_of(found.notes, "holding rivals of the causes against the held-out data"):
         taken = reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
     return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust)
+
+
+def errs_at_most(one: Array | None, other: Array | None) -> bool:
+    """True if one search ends with no larger an error on held-out data than another; None where nothing was judged."""
+    if one is None or other is None:
+        return other is None
+    return smaller_by(one, other)[0] >= 0.0
 
 
 def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float) -> Finding:
