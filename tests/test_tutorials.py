@@ -13,7 +13,8 @@ import pytest
 
 TOP = Path(__file__).resolve().parents[1]
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.M | re.S)
-SLOW = ("cosim diagnose", "cosim.diagnose", "cosim demo")
+TUTORIALS = ["own_log.md", "python.md"]
+SLOW = ("cosim diagnose", "cosim.diagnose", "cosim demo", "found.extended")
 
 
 def blocks(name):
@@ -45,21 +46,23 @@ def console(text, folder, slow):
 
 def follow(name, folder, slow):
     shutil.copytree(TOP / "examples", folder / "examples")
-    script = ""
-    for kind, text in blocks(name):
+    script = ""  # blocks of Python go into one program: later ones use the names of earlier ones
+    for kind, text in [*blocks(name), ("console", "")]:
+        if kind == "python":
+            script += text if slow or not any(word in text for word in SLOW) else ""
+        elif script:
+            run(["-c", script], folder)
+            script = ""
         if kind == "console":
             console(text, folder, slow)
-        elif slow or not any(word in text for word in SLOW):
-            script += text  # later blocks use the names of earlier ones
-            run(["-c", script], folder)
 
 
-@pytest.mark.parametrize("name", ["own_log.md"])
+@pytest.mark.parametrize("name", TUTORIALS)
 def test_a_tutorial_runs(name, tmp_path):
     follow(name, tmp_path, slow=False)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["own_log.md"])
+@pytest.mark.parametrize("name", TUTORIALS)
 def test_a_tutorial_runs_to_its_end(name, tmp_path):
     follow(name, tmp_path, slow=True)

@@ -9,7 +9,7 @@ from cosim.anysystem.answer import answer, shown_action
 from cosim.anysystem.extend import write_extended
 from cosim.anysystem.pipeline import diagnose_system
 from cosim.anysystem.read import read
-from cosim.console import stderr_console, warn
+from cosim.console import stderr_console, told, warn
 from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, UsageError
@@ -109,7 +109,8 @@ def diagnose_any(
             recordings[0].warnings.append(f"no connector of the system, left alone: {', '.join(others)}")
             warn(recordings[0].warnings[-1])
         for advice in structure(system, sorted(recordings[0].signals)).advice:
-            stderr_console().print(advice, markup=False)
+            if not told(advice, 0.0):
+                stderr_console().print(advice, markup=False)
         notes = unlisted(system)
         for text in notes:
             warn(text)
@@ -118,7 +119,8 @@ def diagnose_any(
         with Runs(system) as runs:
 
             def watch(text: str) -> None:
-                stderr_console().print(f"judging {text}", markup=False)
+                if not told(f"judging {text}", 0.0):
+                    stderr_console().print(f"judging {text}", markup=False)
 
             found = diagnose_system(
                 system,

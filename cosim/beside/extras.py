@@ -75,23 +75,21 @@ class Extras:
             found["tracker"] = of_tracker(self.tracker)
         return found
 
-    def show(self, comparison: Comparison, verbose: bool = True) -> None:
-        """Print tables and sentences; without `verbose` a calibration's answer alone."""
-        output = console.stdout_console()
-        if not verbose and self.calibration is not None:
-            from cosim.calibrate.present import answer
-
-            for text in answer(self.calibration, comparison):
-                output.print(text, markup=False, soft_wrap=True)
-        texts: list[str] = []
-        if verbose and self.calibration is not None:
+    def show(self, comparison: Comparison) -> None:
+        """Print tables and sentences."""
+        if self.calibration is not None:
             from cosim.calibrate import present
 
+            output = console.stdout_console()
             for table in present.tables(self.calibration, comparison):
                 output.print(table)
-            texts = present.explanations(self.calibration)
-        for text in texts:
-            output.print(text, markup=False, soft_wrap=True)
+            for text in present.explanations(self.calibration):
+                output.print(text, markup=False, soft_wrap=True)
+        self.show_further()
+
+    def show_further(self) -> None:
+        """Print what observer and tracker say."""
+        output = console.stdout_console()
         if self.observer is not None:
             from cosim.compare import observer_present
 

@@ -129,7 +129,8 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
         gain = float(f"{1.0 / largest:.4g}") if largest else 1.0
         return Guess(signal, column, "1", gain, why, check=True)
     if column.unit is not None:
-        return Guess(signal, column, column.unit, 1.0, why, check=False)
+        gon = column.label.unit == "grad"  # a degree in German, a gon elsewhere
+        return Guess(signal, column, column.unit, 1.0, why, check=gon)
     ranges = {
         "u": ((1.05, "1"), (105.0, "%")),
         "spool": ((0.01, "m"), (50.0, "mm"), (1e9, "um")),

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from matplotlib.image import imread
 
 from cosim.logs import write_log
 from cosim.paths import examples_folder
+from cosim.report.earlier import COMPARED
 
 DEMO = examples_folder() / "synthetic_demo.csv"
 NUMBERS = {"unit", "rmse", "fit_percent", "max_error", "max_error_time", "rmse_windows", "offset", "noise_floor",
@@ -62,6 +64,14 @@ def test_series_hold_what_the_table_is_made_of(run, log_file, tmp_path):
     _, out, _ = run("compare", log_file, "--json", "--out", tmp_path, "--csv")
     table = pd.read_csv(json.loads(out)["files"]["series"])
     np.testing.assert_allclose(table.to_numpy(), series.to_numpy(), rtol=1e-12)
+
+
+def test_an_earlier_comparison_is_said_and_leaves_nothing_behind(run, log_file, tmp_path):
+    _, out, _ = run("compare", log_file, "--json", "--out", tmp_path, "--csv")
+    assert {Path(file).name for file in json.loads(out)["files"].values()} <= set(COMPARED)
+    _, _, err = run("compare", log_file, "--json", "--out", tmp_path)
+    assert "holds an earlier comparison (3 files): its files are replaced" in err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["blocks.png", "series.parquet", "signals.png"]
 
 
 def test_pictures_show_something(run, log_file, tmp_path):
