@@ -7,8 +7,8 @@ from threadpoolctl import threadpool_limits
 
 from cosim.anysystem.answer import answer, shown_action
 from cosim.anysystem.extend import write_extended
+from cosim.anysystem.pipeline import diagnose_system
 from cosim.anysystem.read import read
-from cosim.anysystem.story import diagnose_system
 from cosim.console import stderr_console, told, warn
 from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.model.groups import MODELS
@@ -98,7 +98,7 @@ def diagnose_any(
         calibrate: trusted parameters are fitted freely.
 
     Raises:
-        CosimError: as `cosim.anysystem.story.diagnose_system`.
+        CosimError: as `cosim.anysystem.pipeline.diagnose_system`.
     """
     with read_system(model) as system, threadpool_limits(1):
         recordings, options, others = read([*logs, *held_out], system, mapping)

@@ -124,15 +124,24 @@ def smaller_by(one: Array, other: Array) -> tuple[float, tuple[float, float]]:
     return float(found.mean()), (float(low), float(high))
 
 
-def gain_of_errors(richer: Array, poorer: Array) -> HeldOutGain:
+def smaller_in_size(one: Array, other: Array) -> tuple[float, tuple[float, float]]:
+    """As `smaller_by`, by the logarithm of the ratio of the two RMSE: for the parts of one run whose place counts."""
+    ratio = float(np.sqrt(one.sum() / max(float(other.sum()), 1e-300)))
+    low, high = ratio_ci95(one, other)
+    gain, least, most = (-float(np.log(max(r, 1e-300))) for r in (ratio, high, low))
+    return gain, (least, most)
+
+
+def gain_of_errors(richer: Array, poorer: Array, placed: bool = False) -> HeldOutGain:
     """What one hypothesis gains over another on data that had no share in either estimate.
 
     Args:
         richer: (windows,) mean square of the error with the effect.
         poorer: (windows,) the same without it.
+        placed: the parts are those of one run whose place counts: its error is compared by size.
     """
     parts = min(richer.size, MOST_BLOCKS)
-    gain, ends = smaller_by(richer, poorer)
+    gain, ends = (smaller_in_size if placed else smaller_by)(richer, poorer)
     return HeldOutGain(parts * gain, ends=(parts * ends[0], parts * ends[1]))
 
 

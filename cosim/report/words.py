@@ -217,7 +217,7 @@ def span_of(gain: SignalGain) -> str:
     return "" if gain.horizon is None else f", predicted over {gain.horizon:.2g} s at a time,"
 
 
-def told(answer: Answer, wrong: list[tuple[str, str]]) -> str:
+def reported(answer: Answer, wrong: list[tuple[str, str]]) -> str:
     """What is wrong, and what the extension gains: one sentence for one cause, one for each of several."""
     gain = gain_clause(answer)
     if len(wrong) == 1:
@@ -246,14 +246,14 @@ def sentence(material: Material) -> str:
         judged = listed([block_name(name) for name in material.parts] or ["no block"])
         if not answer.causes:
             return f"The diagnosis was interrupted. Judged until then: {judged}; no cause was named."
-        return f"The diagnosis was interrupted. Judged until then: {judged}. " + told(
+        return f"The diagnosis was interrupted. Judged until then: {judged}. " + reported(
             answer, [phrase(c, material) for c in answer.causes]
         )
     if not answer.causes:
         return (
             f"The simulation gets something wrong in the {blocks}, and no effect of the library explains it."
         )
-    text = told(answer, [phrase(c, material) for c in answer.causes])
+    text = reported(answer, [phrase(c, material) for c in answer.causes])
     if answer.verdict == "partly_explained":
         text += f" Something else in the {blocks} stays unexplained."
     return text

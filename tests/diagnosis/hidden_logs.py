@@ -28,7 +28,7 @@ def off(seed: int, *hidden: str) -> dict[str, float]:
     return values
 
 
-def told(
+def diagnosed(
     *hidden: str, seed: int, seconds: float = 30.0, kind: str = "white", excitation: str = "mixed"
 ) -> Diagnosis:
     """Diagnosis of a log with these effects at the rig's moderate size."""
