@@ -12,11 +12,8 @@ from cosim.rig.write import as_log
 NEEDS_TRACKER = ("tracker.clock", "tracker.seam", "sensor.bias")
 SINGLE = [n for n in EFFECTS if not n.startswith("unknown.") and n not in NEEDS_TRACKER]
 # one of each block before the sensor in every run; the others with the slow tests
-QUICK = (
-    "dcv.delay",
-    "continuity.leakage",
-    "mechanical.coulomb_friction",
-)
+QUICK = ("mechanical.coulomb_friction",)
+QUICK_IN_BLOCK = ("dcv.delay", "continuity.leakage")
 # a scale of the slew and a change of the mechanics look alike without a tracker
 TWINS = {"sensor.gain", "mechanical.viscous_friction"}
 # the rig's moderate 2 % may hide in what J and b are trusted to
@@ -24,12 +21,16 @@ SIZES = {"sensor.gain": {"gain": 1.06}}
 
 
 @pytest.mark.parametrize(
-    "effect", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in SINGLE]
+    ("effect", "blocks"),
+    [
+        *(pytest.param(n, (), marks=() if n in QUICK else pytest.mark.slow, id=n) for n in SINGLE),
+        *(pytest.param(n, (n.partition(".")[0],), id=f"{n} in its block") for n in QUICK_IN_BLOCK),
+    ],
 )
-def test_a_single_effect_is_named(effect: str) -> None:
+def test_a_single_effect_is_named(effect: str, blocks: tuple[str, ...]) -> None:
     sized = {n.partition(".")[2]: v for n, v in EFFECTS[effect].moderate.items()} | SIZES.get(effect, {})
     hidden = effect if effect not in SIZES else f"{effect}:{','.join(f'{n}={v}' for n, v in sized.items())}"
-    found = diagnosed(hidden, seed=100 + SINGLE.index(effect), seconds=40.0)
+    found = diagnosed(hidden, seed=100 + SINGLE.index(effect), seconds=40.0, blocks=blocks)
     assert found.causes, (found.verdict, [r.what for r in found.rests])
     first = found.causes[0]
     assert effect in (first.effect.name, *first.indistinguishable)
@@ -60,7 +61,7 @@ def test_nothing_is_named_in_a_clean_log(kind: str, seed: int) -> None:
 
 def test_an_effect_that_the_library_lacks_stays_unnamed() -> None:
     with left_out("continuity.flow_asymmetry"):
-        found = diagnosed("continuity.flow_asymmetry", seed=21)
+        found = diagnosed("continuity.flow_asymmetry", seed=21, blocks=("continuity",))
     assert not [c for c in found.causes if c.group == "continuity"]
     assert "continuity" in [r.block for r in found.rests]
 

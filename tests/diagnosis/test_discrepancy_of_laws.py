@@ -1,6 +1,7 @@
 """What the law of a cause lacks is lost in its own signal's noise; the block behind must not take it for a cause."""
 
 import pytest
+from hidden_logs import diagnosed as diagnosed_of
 
 from benchmarks.second.cases import draw
 from benchmarks.second.trial import make
@@ -42,7 +43,20 @@ def test_what_the_law_lacks_is_small_and_known_to_a_part(five_plays) -> None:
     assert max(d.std() for d in discrepancies) < 0.3 * noise
 
 
-def test_a_law_of_one_form_leaves_no_doubt(five_plays) -> None:
+@pytest.mark.parametrize(
+    ("hidden", "blocks"),
+    [((), ("dcv",)), (("dcv.gain",), ("dcv",)), (("continuity.flow_gain",), ("continuity",))],
+)
+def test_a_law_of_one_form_leaves_no_discrepancy(hidden, blocks) -> None:
+    found = diagnosed_of(*hidden, seed=9, seconds=22.0, blocks=blocks)
+    (finding,) = found.findings.values()
+    assert tuple(e.name for e in finding.chosen.effects) == hidden
+    assert discrepancy_of_law(finding, found.record) == (None, [])
+    assert Known(finding.task.model, finding.chosen.fit).discrepancies == []
+
+
+@pytest.mark.slow
+def test_the_block_behind_without_a_cause_leaves_no_doubt(five_plays) -> None:
     finding = five_plays.findings["mechanical"]
     assert finding.chosen.effects == ()
     assert discrepancy_of_law(finding, five_plays.record) == (None, [])
