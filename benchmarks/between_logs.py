@@ -17,17 +17,19 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from cosim.diagnosis.between import Between, estimates, fit_of, over_logs, task_of
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.data import Record, joined
-from cosim.diagnosis.finding import Finding, relearned
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.freerun import onward, refitted
-from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.heldout import leave_one_log_out
-from cosim.diagnosis.model import machine_of
-from cosim.diagnosis.naming import nominal, tried
-from cosim.diagnosis.story import UNKNOWN, prepare
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.trials import tried
+from cosim.diagnosis.held_out.between import Between, estimates, fit_of, over_logs, task_of
+from cosim.diagnosis.held_out.causes import leave_one_log_out
+from cosim.diagnosis.held_out.free_run import onward, refitted
+from cosim.diagnosis.hypotheses.naming import nominal
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.residuals.finding import Finding, relearned
+from cosim.diagnosis.thresholds import GUESSED_TRUST
 from cosim.logs import load_log
 from fmus.contract import Effect
 
@@ -40,14 +42,14 @@ def estimator(group: Group) -> Callable[..., Fit]:
 def fitted(record: Record, group: Group, effects: tuple[Effect, ...]) -> tuple[Finding, Fit]:
     """Noise and parameters from a record, with these causes, the first ones first."""
     task = task_for(group, record, [])
-    null = nominal(task, record, UNKNOWN)
+    null = nominal(task, record, GUESSED_TRUST)
     chosen = null
     for count in range(len(effects)):  # one by one, as a search finds them
-        chosen = tried(task, effects[: count + 1], UNKNOWN, chosen.fit)
+        chosen = tried(task, effects[: count + 1], GUESSED_TRUST, chosen.fit)
         if relearned(task, record, chosen.fit):
-            chosen = tried(task, effects[: count + 1], UNKNOWN, chosen.fit)
+            chosen = tried(task, effects[: count + 1], GUESSED_TRUST, chosen.fit)
     finding = Finding(task, null, chosen, free=True)
-    return finding, estimator(group)(finding, effects, UNKNOWN, chosen.fit)
+    return finding, estimator(group)(finding, effects, GUESSED_TRUST, chosen.fit)
 
 
 def between(record: Record, group: Group, effects: tuple[Effect, ...]) -> dict[str, Between]:
@@ -56,7 +58,7 @@ def between(record: Record, group: Group, effects: tuple[Effect, ...]) -> dict[s
 
     def run_of(log: int) -> dict[str, tuple[float, float]]:
         own = replace(finding, task=task_of(finding.task, log))
-        return estimates(estimator(group)(own, effects, UNKNOWN, fit_of(best, record.cuts, log)))
+        return estimates(estimator(group)(own, effects, GUESSED_TRUST, fit_of(best, record.cuts, log)))
 
     def off(name: str) -> float:
         return 0.0 if name in group.trusted else finding.task.model.nominal(name)

@@ -16,18 +16,18 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cosim.diagnosis import pace, trials
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.model import machine_of
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.fitting import pace, trials
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.logs import load_log
 
 # name of the way -> (longest step of a search in intervals between samples, quick fits)
 WAYS = {
     "without": (0.0, False),
-    "longer steps": (pace.LONGEST, False),
+    "longer steps": (pace.LONGEST_STEP_SHARE, False),
     "quick fits": (0.0, True),
-    "both": (pace.LONGEST, True),
+    "both": (pace.LONGEST_STEP_SHARE, True),
 }
 
 
@@ -57,7 +57,7 @@ def main() -> None:
         longest, quick = WAYS[way]
         runs.clear()
         with (
-            patch.object(pace, "LONGEST", longest),
+            patch.object(pace, "LONGEST_STEP_SHARE", longest),
             patch.object(trials, "QUICK", quick),
             patch.object(GroupModel, "simulate", counted),
         ):

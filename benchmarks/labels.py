@@ -21,8 +21,8 @@ from scipy.stats import binomtest
 
 from benchmarks.blind.cases import cases
 from cosim.diagnosis.labels import Contradiction, clock, contradictions
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.story import prepare
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.logs import Log
 from cosim.rig import make_log
 from cosim.rig.write import as_log

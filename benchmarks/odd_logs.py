@@ -142,7 +142,7 @@ def run_case(case: Odd) -> dict[str, Any]:
 
 def toml(case: Odd, values: dict[str, Array], stands: dict[str, str]) -> str:
     """The mapping of a case: few candidates, so that it is cheap."""
-    from cosim.diagnosis.groups import MODELS as GROUPS
+    from cosim.diagnosis.model.groups import MODELS as GROUPS
 
     rng = np.random.default_rng(case.seed + 1)
     effects = sorted({e.name for g in GROUPS[case.model] for e in g.effects()})

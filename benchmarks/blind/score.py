@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from benchmarks.blind.cases import FORMS
 from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
-from cosim.diagnosis.phases import usual
+from cosim.diagnosis.fitting.phases import usual
 from cosim.rig.parameters import nominal_value
 from fmus import registry
 

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from benchmarks.blind.cases import Case
 from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
-from cosim.diagnosis.fit import fit
+from cosim.diagnosis.fitting.fit import fit
+from cosim.diagnosis.fitting.trials import unknowns
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.gain import measure
-from cosim.diagnosis.groups import left_out
-from cosim.diagnosis.naming import Finding, unknowns
-from cosim.diagnosis.story import diagnose
-from cosim.diagnosis.verdict import Cause, Rest
+from cosim.diagnosis.held_out.gain import measure
+from cosim.diagnosis.model.groups import left_out
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.residuals.finding import Finding
+from cosim.diagnosis.verdict.verdict import Cause, Rest
 from cosim.rig import RigRun, make_log
 from cosim.rig.sensing import SEAM_ANGLE
 from cosim.rig.write import as_log, as_tracker
@@ -76,7 +77,7 @@ def plain_cause(cause: Cause) -> dict[str, Any]:
         "group": cause.group,
         "gain": cause.gain,
         "held_out": cause.held_out.gain,
-        "alike": list(cause.alike),
+        "alike": list(cause.indistinguishable),
         "parameters": {n: [float(v), float(d)] for n, (v, d) in cause.parameters.items()},
     }
 

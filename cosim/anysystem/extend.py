@@ -13,8 +13,8 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.anysystem.actions import PARAMETER, Action
-from cosim.anysystem.story import AnyDiagnosis
-from cosim.diagnosis.schema import Packages
+from cosim.anysystem.pipeline import AnyDiagnosis
+from cosim.diagnosis.answer.schema import Packages
 from cosim.files import write_bytes
 from cosim.native.build import MissingCompilerError, build_native
 from cosim.ssp.system import System

@@ -18,7 +18,7 @@ import numpy as np
 from lxml import etree
 
 from cosim.correlation import correlations
-from cosim.diagnosis.schema import Answer, Parameter
+from cosim.diagnosis.answer.schema import Answer, Parameter
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.ssp.parameters import read_ssv
 from cosim.ssp.xml import SSC, SSV, parse

@@ -169,8 +169,8 @@ def _load_comparator(job: Job, run: Run, kept: Loaded) -> None:
 
 
 def _diagnose(job: Job, run: Run, outcome: Outcome) -> None:
-    from cosim.diagnosis.model import chosen
-    from cosim.diagnosis.story import diagnose
+    from cosim.diagnosis.model.choice import chosen
+    from cosim.diagnosis.pipeline.diagnose import diagnose
     from cosim.logs import load_log, load_tracker
     from cosim.report.deliver import delivered
 

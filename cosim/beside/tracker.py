@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from cosim.compare.metrics import rms
 from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
-from cosim.diagnosis.data import Record
-from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
-from cosim.diagnosis.tracker_model import NOMINAL, SEAM, SEAM_ANGLE
+from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
+from cosim.diagnosis.tracker.model import NOMINAL, SEAM, SEAM_ANGLE
 from cosim.files import whole
 from cosim.logs import Log, load_tracker
 

@@ -10,9 +10,6 @@ from typing import TypeVar
 from cosim.errors import UsageError
 from cosim.units import parse_quantity
 
-SEARCHED = 0.7  # of the time: what naming causes may take, the rest is for the extended model, its gain and the report
-NAMED = 0.7  # of a group's time: what naming may take of it, the rest is for other data that judge the names
-
 
 class Budget:
     """A span of time, and what was left out because it was over. Not limited unless a span is given.

@@ -6,20 +6,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.between import Between
 from cosim.diagnosis.budget import Budget
-from cosim.diagnosis.chain import WINDOW
-from cosim.diagnosis.data import Record
-from cosim.diagnosis.floors import floor_of
-from cosim.diagnosis.gain import Gain
-from cosim.diagnosis.groups import Group
-from cosim.diagnosis.heldout import Held, Refused
+from cosim.diagnosis.held_out.between import Between
+from cosim.diagnosis.held_out.causes import Held, Refused
+from cosim.diagnosis.held_out.gain import Gain
 from cosim.diagnosis.labels import Contradiction
-from cosim.diagnosis.machine import Machine
-from cosim.diagnosis.naming import Finding
-from cosim.diagnosis.reference import Reference
-from cosim.diagnosis.tracker import TrackerFinding
-from cosim.diagnosis.verdict import Cause, Rest
+from cosim.diagnosis.model.groups import Group
+from cosim.diagnosis.model.machine import Machine
+from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.residuals.finding import Finding
+from cosim.diagnosis.residuals.reference import Reference
+from cosim.diagnosis.thresholds import WINDOW
+from cosim.diagnosis.tracker.comparison import TrackerFinding
+from cosim.diagnosis.verdict.verdict import Cause, Rest, floor_of
 
 Array = NDArray[np.float64]
 

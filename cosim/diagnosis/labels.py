@@ -12,14 +12,32 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.bounds import absurd
-from cosim.diagnosis.chain import WINDOW
-from cosim.diagnosis.data import Record, fixed_values
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import Group, merged
-from cosim.diagnosis.machine import Machine
-from cosim.diagnosis.tracker import TrackerFinding, compare_tracker
-from cosim.diagnosis.verdict import Cause
+from cosim.diagnosis.fitting.bounds import absurd
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.model.machine import Machine
+from cosim.diagnosis.record.record import Record, fixed_values
+from cosim.diagnosis.thresholds import (
+    AT_END,
+    BALANCE,
+    BEYOND_RANGE,
+    CLOCK_SHAPE,
+    FEWEST_AT_END,
+    FEWEST_BLOCKS,
+    MOVES,
+    NEAR_TURN,
+    NOISY,
+    PLAUSIBLE_SPAN,
+    PLAUSIBLE_STEP,
+    REPEATED,
+    SHAPE,
+    TRACKER_LEFT,
+    USUAL_GAIN,
+    WINDOW,
+    WRAPS,
+)
+from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
+from cosim.diagnosis.verdict.verdict import Cause
 from cosim.errors import CosimError, DataError
 from cosim.logs import Log, Tracker
 from cosim.signals import SIGNALS
@@ -28,22 +46,6 @@ from cosim.units import factor
 Array = NDArray[np.float64]
 Signals = Mapping[str, Array]
 
-USUAL = (1.0 / 3.0, 3.0)  # gain of a block against the nominal one: no fault of the library goes beyond
-SHAPE = 0.8  # correlation with the nominal prediction from which the shape is right
-CLOCK = 0.9  # the same where the clock itself is in question: nothing but the truth comes so near
-MOVES = 0.01  # of a signal's plausible range that the model must predict where a signal is said never to move
-BALANCE = (0.05, 0.2)  # relative error of p_a + p_b = p_supply that is as it should be, and that is not
-FEWEST_BLOCKS = (
-    2  # of which none answers as the model's does, before the log is said to be of another machine
-)
-FEWEST_AT_END = 20  # samples
-AT_END = 0.005  # of all samples: fewer at one end are chance
-REPEATED = (
-    0.02  # of the other samples that may repeat the one before: more are readings in steps, or stale ones
-)
-NOISY = 0.2  # of the other steps that turn back: fewer are a signal without noise
-APART = 0.1  # of its motion that the comparison with a tracker may leave before its label is doubted
-WRAPS = 2  # jumps by a whole turn that make an angle one that wraps
 UNITS = {
     "rad": ("deg", "rad", "rev"),
     "m": ("m", "cm", "mm", "in"),
@@ -76,11 +78,11 @@ class Mistake:
     """A mistake in the labels that is tried.
 
     Attributes:
-        told: what would be said of it.
+        reported: what would be said of it.
         undone: signals as they would be without it.
     """
 
-    told: Contradiction
+    reported: Contradiction
     undone: Callable[[Signals], dict[str, Array]] = field(repr=False)
 
 
@@ -104,21 +106,21 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
         usual = in_range(record, machine.drive) and as_labelled and abs(as_labelled[0][1]) >= SHAPE
         if not trusted or not as_labelled or usual:
             return exchanged_with_supply(record.signals)
-        shape = CLOCK
+        shape = CLOCK_SHAPE
     mistakes = [*signs(record, groups)]
     if trusted:
         mistakes += [*units(log, record)]
     tried = ((m, shapes(record, m.undone(record.signals), groups)) for m in mistakes)
     right = [(min(abs(r) for _, r in each), m) for m, each in tried if plausible(each, shape)]
     if right:
-        return [max(right, key=lambda item: item[0])[1].told]
-    return exchanged_with_supply(record.signals) or (stranger(as_labelled) if trusted else [])
+        return [max(right, key=lambda item: item[0])[1].reported]
+    return exchanged_with_supply(record.signals) or (other_machine(as_labelled) if trusted else [])
 
 
 def in_range(record: Record, name: str) -> bool:
     """True if a signal keeps to its plausible range, or half as much again."""
     most = float(np.max(np.abs(record.signals[name])))
-    return name not in SIGNALS or most <= 1.5 * max(abs(SIGNALS[name].low), abs(SIGNALS[name].high))
+    return name not in SIGNALS or most <= BEYOND_RANGE * max(abs(SIGNALS[name].low), abs(SIGNALS[name].high))
 
 
 def shapes(record: Record, signals: Signals, groups: tuple[Group, ...]) -> list[tuple[float, float]]:
@@ -152,7 +154,7 @@ def plausible(each: list[tuple[float, float]], shape: float = 0.0) -> bool:
     """True if no block's gain is beyond all faults while its shape is right; with `shape`, all shapes must be right."""
     if not each:
         return not shape
-    inside = [USUAL[0] <= gain <= USUAL[1] for gain, _ in each]
+    inside = [USUAL_GAIN[0] <= gain <= USUAL_GAIN[1] for gain, _ in each]
     if shape:
         return all(ok and r >= shape for ok, (_, r) in zip(inside, each, strict=True))
     return all(ok or abs(r) < SHAPE for ok, (_, r) in zip(inside, each, strict=True))
@@ -248,9 +250,9 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
             yield Contradiction(name, f"{name} never moves", remedy)
 
 
-def stranger(each: list[tuple[float, float]]) -> list[Contradiction]:
+def other_machine(each: list[tuple[float, float]]) -> list[Contradiction]:
     """A log of another machine: not one of its blocks answers as the model's, however wrong a single one may be."""
-    if len(each) < FEWEST_BLOCKS or any(USUAL[0] <= abs(gain) <= USUAL[1] for gain, _ in each):
+    if len(each) < FEWEST_BLOCKS or any(USUAL_GAIN[0] <= abs(gain) <= USUAL_GAIN[1] for gain, _ in each):
         return []
     gains = ", ".join(f"{gain:.3g}" for gain, _ in each)
     finding = f"no block answers as the model's does (gain over the model's, block by block: {gains})"
@@ -293,9 +295,9 @@ def wrapping(record: Record) -> Iterator[Contradiction]:
             continue
         jumps = np.abs(np.diff(values))
         for turn, unit in ((2.0 * np.pi, "360 deg"), (360.0, "360 rad")):
-            near = np.abs(jumps - turn) < 0.1 * turn
+            near = np.abs(jumps - turn) < NEAR_TURN * turn
             # what lies between is smooth
-            if near.sum() >= WRAPS and np.quantile(jumps[~near], 0.999) < 0.1 * turn:
+            if near.sum() >= WRAPS and np.quantile(jumps[~near], 0.999) < NEAR_TURN * turn:
                 finding = f"{name} wraps: it jumps by {unit} {int(near.sum())} times"
                 yield Contradiction(name, finding, "unwrap the angle before the diagnosis (numpy.unwrap)")
 
@@ -321,14 +323,16 @@ def clock(
     for said, scale in TIMES.items():
         span = log.duration * scale
         # as labelled it is no log of such a machine, and in the other unit it is
-        if not (5.0 <= span <= 3600.0 and 1e-4 <= log.step * scale <= 0.1) or 1e-4 <= log.step <= 0.1:
+        (shortest, longest), (finest, coarsest) = PLAUSIBLE_SPAN, PLAUSIBLE_STEP
+        likely = shortest <= span <= longest and finest <= log.step * scale <= coarsest
+        if not likely or finest <= log.step <= coarsest:
             continue
         try:
             record = prepared(rescaled(log, scale))
         except CosimError:
             continue
         each = shapes(record, record.signals, merged(machine.groups, record.signals))
-        if each and plausible(each, CLOCK):
+        if each and plausible(each, CLOCK_SHAPE):
             true = said.partition(" ")[0]
             return [
                 Contradiction(
@@ -348,7 +352,7 @@ def against_tracker(record: Record, tracker: Tracker, seen: TrackerFinding) -> l
     """
     strange = next((c for c in seen.causes if impossible_of(c)), None)
     left = misfit(seen)
-    if strange is None and left < APART:
+    if strange is None and left < TRACKER_LEFT:
         return []
     for finding, remedy, by in (
         ("slew_external: looks like rad labelled deg", "label slew_external [rad]", np.pi / 180.0),
@@ -359,7 +363,7 @@ def against_tracker(record: Record, tracker: Tracker, seen: TrackerFinding) -> l
             other = compare_tracker(record, replace(tracker, slew_external=tracker.slew_external / by))
         except DataError:
             continue
-        if misfit(other) < min(APART, 0.5 * left) and not any(map(impossible_of, other.causes)):
+        if misfit(other) < min(TRACKER_LEFT, 0.5 * left) and not any(map(impossible_of, other.causes)):
             return [Contradiction("slew_external", finding, remedy, by)]
     if strange is None:
         return []

@@ -3,13 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cosim.inference.thresholds import START_LACK, START_PART, START_SAMPLES, START_SPAN, START_SURE
 
-SPAN = 0.1  # s from the first sample in which a motion is a parabola at most
-LACK = 2.0  # times the noise beyond which a parabola does not describe a span
-LEAST = 10  # samples
-SIGNIFICANT = 5.0  # standard errors beyond which a value or a speed is not noise
-PART = 0.3  # of the mean speed: less at the first sample is a motion that only begins
+Array = NDArray[np.float64]
 
 
 def level(values: Array) -> float:
@@ -17,11 +13,11 @@ def level(values: Array) -> float:
 
     The noise is that of the first differences, so a signal that moves slowly against its samples counts as still.
     """
-    first = values[: 5 * LEAST]
-    if first.size < LEAST:
+    first = values[: 5 * START_SAMPLES]
+    if first.size < START_SAMPLES:
         return 0.0
     noise = float(np.median(np.abs(np.diff(first)))) / (0.6745 * np.sqrt(2.0))
-    return float(first[0]) if abs(first[0]) > SIGNIFICANT * noise else 0.0
+    return float(first[0]) if abs(first[0]) > START_SURE * noise else 0.0
 
 
 def speed(time: Array, values: Array) -> float:
@@ -30,18 +26,18 @@ def speed(time: Array, values: Array) -> float:
     The span is halved until a parabola describes the motion but for noise. A motion that only begins has its parabola's
     slope at the first sample small, or against the motion.
     """
-    count = max(LEAST, int(np.searchsorted(time, time[0] + SPAN)))
+    count = max(START_SAMPLES, int(np.searchsorted(time, time[0] + START_SPAN)))
     if values.size < count or not np.isfinite(values[:count]).all():
         return 0.0
     while True:
         t, first, error, left = parabola(time[:count], values[:count])
         noise = np.diff(values[:count], 3)
         # of white noise third differences have 20 times the variance, of a smooth motion hardly any
-        if count == LEAST or left <= LACK * float(np.sqrt(np.mean(noise**2) / 20.0)):
+        if count == START_SAMPLES or left <= START_LACK * float(np.sqrt(np.mean(noise**2) / 20.0)):
             break
-        count = max(LEAST, count // 2)
+        count = max(START_SAMPLES, count // 2)
     mean = float(np.polyfit(t, values[:count], 1)[0])
-    if abs(first) <= SIGNIFICANT * error or first * mean <= 0.0 or abs(first) < PART * abs(mean):
+    if abs(first) <= START_SURE * error or first * mean <= 0.0 or abs(first) < START_PART * abs(mean):
         return 0.0
     return first / float(time[count - 1] - time[0])
 

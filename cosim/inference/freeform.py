@@ -10,14 +10,14 @@ from scipy.signal import lfilter
 from cosim.inference.held_out import ratio_ci95
 
 Array = NDArray[np.float64]
-MOST = 12_000  # samples are looked at; of more every second, third and so on
+MOST_SAMPLES = 12_000  # samples are looked at; of more every second, third and so on
 HATS = 9  # of a function of one signal
 MEMORIES = 6  # time constants
 RIDGE = 1e-3  # of a feature's own power, per sample
 
 
 @dataclass(frozen=True)
-class Told:
+class Explained:
     """What free functions of some signals tell of a residual.
 
     Attributes:
@@ -64,13 +64,13 @@ def features(signal: Array, h: float) -> Array:
     return np.stack(rows)
 
 
-def told(
+def explained(
     residual: Array,
     signals: Mapping[str, Array],
     fitted: NDArray[np.bool_],
     windows: NDArray[np.int64],
     h: float,
-) -> Told:
+) -> Explained:
     """What free functions of the signals tell of a residual (n,), fitted on one part and measured on the rest.
 
     Args:
@@ -80,7 +80,7 @@ def told(
         windows: (n,) number of each sample's window.
         h: interval [s].
     """
-    every = max(1, -(-residual.size // MOST))
+    every = max(1, -(-residual.size // MOST_SAMPLES))
     r, inside, numbers = residual[::every], fitted[::every], windows[::every]
     names: list[str] = ["time", "time"]
     t = np.linspace(-1.0, 1.0, r.size)
@@ -105,7 +105,7 @@ def told(
         by[name] = float(np.var(weights[mine] @ table[mine]))
     total = max(sum(by.values()), 1e-300)
     before, after = (float(np.sqrt(np.mean(e[out] ** 2))) for e in (r, r - series))
-    return Told(before, after, ratio_ci95(one, other), {n: v / total for n, v in by.items()}, series)
+    return Explained(before, after, ratio_ci95(one, other), {n: v / total for n, v in by.items()}, series)
 
 
 def _by_window(errors: Array, windows: NDArray[np.int64]) -> Array:

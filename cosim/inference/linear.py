@@ -19,21 +19,16 @@ from scipy.signal import lfilter
 
 from cosim.inference.held_out import gain_between, left_out
 from cosim.inference.pieces import Cuts
+from cosim.inference.thresholds import DECAY, HIGHEST_ORDER, LATEST, ORDER_WORTH, QUICKEST_POLE, SLOWEST_POLE
 
 Array = NDArray[np.float64]
 Rows = Callable[[Array], Array]  # (k, n) signals -> (k, values), residuals weighed as the data are
 
-HIGHEST = 6  # order
-QUICKEST = 1.0  # rad per sample: beyond it a pole is a direct way
-SLOWEST = 1e-4  # rad per length of the data: below it a pole is an integrator
 DAMPING = (0.003, 8.0)  # of second-order sections
-DECAY = 3.0  # natural logarithms by which a mode dies out over the data at least: one that rings on is the noise's
-LATEST = 20  # samples of delay
 FREQUENCIES = 7  # of a new section that are looked at
 DAMPINGS = (0.05, 0.7)
 BEGINNING = 0.05  # of a new record, from which its initial state is taken
-WORTH = 0.02  # of the error on left-out blocks that a higher order must take away
-EVALUATIONS = 60  # of one search at most
+SEARCH_EVALUATIONS = 60  # of one search at most
 
 
 @dataclass(frozen=True)
@@ -232,7 +227,7 @@ class Data:
         return gains / sizes, matrix, target - scaled @ gains, states
 
 
-def reference(data: Data, highest: int = HIGHEST) -> LinearModel:
+def reference(data: Data, highest: int = HIGHEST_ORDER) -> LinearModel:
     """The linear model whose order predicts left-out blocks best; of nearly equal ones the lowest order.
 
     Args:
@@ -250,7 +245,7 @@ def reference(data: Data, highest: int = HIGHEST) -> LinearModel:
         model = model_of(data, refined(data, starts, target), target)
         found.append(model)
         better = gain_between(model.left_out / scale_of(best), best.left_out / scale_of(best), data.block)
-        if better.sure and scale_of(model) < (1.0 - WORTH) * scale_of(best):
+        if better.sure and scale_of(model) < (1.0 - ORDER_WORTH) * scale_of(best):
             best, missed = model, 0
         else:
             missed += 1
@@ -290,7 +285,7 @@ def promising(data: Data, listed: list[Sections], target: Array) -> Sections:
 
 def limits(data: Data) -> tuple[float, float]:
     """Slowest and quickest pole that is sought, 1/s."""
-    return SLOWEST / data.length, QUICKEST / data.h
+    return SLOWEST_POLE / data.length, QUICKEST_POLE / data.h
 
 
 def refined(data: Data, starts: list[Sections], target: Array) -> Sections:
@@ -317,7 +312,7 @@ def refined(data: Data, starts: list[Sections], target: Array) -> Sections:
             ftol=1e-4,
             xtol=1e-4,
             gtol=1e-10,
-            max_nfev=max(4, EVALUATIONS // (begin.size + 1)),
+            max_nfev=max(4, SEARCH_EVALUATIONS // (begin.size + 1)),
         )
         if found.cost < reached:
             best, reached = data.decaying(start.moved(found.x)), float(found.cost)

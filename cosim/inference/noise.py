@@ -11,12 +11,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.inference.thresholds import COMPUTED, NEGLIGIBLE, OWN_NOISE, STILL
+
 Array = NDArray[np.float64]
 RATIO = 3.0  # between neighbouring correlation times
-NEGLIGIBLE = 1e-3  # share of the spectrum at its own corner below which a kind of noise is left out
-COMPUTED = 0.05  # of what a signal moves from sample to sample, that two programs may differ by
-SMOOTH = 0.25  # of that: a signal with more noise than this between neighbouring samples has noise of its own
-STILL = 1e-6  # the same for signals that never change, of their largest value
 LEAST_WHITE = 1e-9  # share of the variance that is white at least: keeps the covariance well conditioned
 
 
@@ -81,7 +79,7 @@ def quietest(signal: Array) -> float:
         return least
     differ = COMPUTED * float(np.sqrt(np.mean(np.diff(signal) ** 2)))
     own = float(np.sqrt(np.mean(np.diff(signal, 4) ** 2) / 70.0))
-    return max(differ, least) if own < SMOOTH * differ else least
+    return max(differ, least) if own < OWN_NOISE * differ else least
 
 
 def density(tau: float, w: Array) -> Array:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cosim.inference.thresholds import ROUNDING
 
-ROUNDING = 1e-8  # share of the largest slope that differences cannot tell from none
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

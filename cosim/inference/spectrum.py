@@ -17,7 +17,7 @@ from cosim.inference.noise import Noise, correlation_times, density
 Array = NDArray[np.float64]
 BANDS = 80
 LOWEST = 2  # the taper spreads a constant over the first two frequencies
-FLOOR = 1e-8  # smallest share of a kind of noise
+SMALLEST_SHARE = 1e-8  # smallest share of a kind of noise
 SPARING = 1.0  # weight against power at rest that the data do not ask for: absorbed frequencies leave it open
 RESTORED = 8  # rounds in which absorbed power is put back
 
@@ -73,6 +73,8 @@ def learn(signals: dict[str, Bands], prior: Array) -> dict[str, Noise]:
         prior: (p, p) information that priors bring.
     """
     found = {name: _fit(b, b.power) for name, b in signals.items()}
+    if not any(b.gram.any() for b in signals.values()):  # nothing was absorbed
+        return found
     for _ in range(RESTORED):
         spectra = {name: _spectrum(b, found[name]) for name, b in signals.items()}
         information = prior + sum(
@@ -111,7 +113,7 @@ def _fit(b: Bands, power: Array) -> Noise:
         value = float(b.count @ (np.log(model) + mean / model)) + SPARING * float(np.log(slow.sum()))
         return value, parts @ (b.count * (1.0 - mean / model) / model) + SPARING * slow / slow.sum()
 
-    low, high = np.log(FLOOR * total), np.log(1e8 * total)
+    low, high = np.log(SMALLEST_SHARE * total), np.log(1e8 * total)
     start = np.clip(np.log(np.maximum(sizes, 1e-300)), low, high)
     found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=[(low, high)] * start.size)
     white, *rest = np.exp(found.x).tolist()

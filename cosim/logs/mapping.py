@@ -160,7 +160,7 @@ class Mapping(_Strict):
         time: where time comes from.
         signals: signal -> where it comes from; names may be our own (``slew``) or the mapping's (``force``).
         compare: how signals map to the variables of a model; `cosim.compare.mapping` reads and checks it.
-        diagnose: what the diagnosis must know of the machine; `cosim.diagnosis.options` reads and checks it.
+        diagnose: what the diagnosis must know of the machine; `cosim.diagnosis.model.options` reads and checks it.
         machine: the model as a chain of blocks, in place of `model`; `cosim.machines.table` reads and checks it.
         sha256: file name -> SHA-256 of the files that the mapping was made for; another content is refused.
         path: the mapping file, None for a mapping made in memory.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cosim.diagnosis.schema import DriveNumber
+from cosim.diagnosis.answer.schema import DriveNumber
 from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.words import axis, number, signal_name, unit_text

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.remarks import shown
-from cosim.diagnosis.schema import NamedCause
+from cosim.diagnosis.answer.remarks import shown
+from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report import hydraulics, reading, torque, valve
 from cosim.report.material import BLOCK_EXTENDED, Curve, Material
 from cosim.report.picture import Layer, Panel, Picture

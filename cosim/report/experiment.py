@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.remarks import shown
+from cosim.diagnosis.answer.remarks import shown
 from cosim.report.material import Experiment, Material
 from cosim.report.overview import judged
 from cosim.report.picture import Layer, Panel, Picture, Role

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.schema import NamedCause
+from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, slopes

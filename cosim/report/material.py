@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.schema import Answer, NamedCause
+from cosim.diagnosis.answer.schema import Answer, NamedCause
 from cosim.lexicon import current
 from fmus import registry
 
 if TYPE_CHECKING:
-    from cosim.diagnosis.data import Record
-    from cosim.diagnosis.experiment import Proposal
+    from cosim.diagnosis.answer.experiment import Proposal
     from cosim.diagnosis.found import Diagnosis
-    from cosim.diagnosis.naming import Finding
+    from cosim.diagnosis.record.record import Record
+    from cosim.diagnosis.residuals.finding import Finding
 
 Array = NDArray[np.float64]
 
@@ -208,7 +208,7 @@ def gather(
     found: "Diagnosis", answer: Answer, folder: Path | None = None, proposal: "Proposal | None" = None
 ) -> Material:
     """The material of a diagnosis just made."""
-    from cosim.diagnosis.verdict import names_of, stands
+    from cosim.diagnosis.verdict.verdict import names_of, stands
 
     series: dict[str, dict[str, Array]] = {
         MEASURED: dict(found.record.signals),

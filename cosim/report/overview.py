@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.chain import WINDOW
-from cosim.diagnosis.crossval import held_windows
-from cosim.diagnosis.remarks import shown
+from cosim.diagnosis.answer.remarks import shown
+from cosim.diagnosis.residuals.cross_validation import held_windows
+from cosim.diagnosis.thresholds import WINDOW
 from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise, Part
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import MOST, averaged, bucket, envelope

@@ -8,9 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.diagnosis.chain import WINDOW
-from cosim.diagnosis.naming import CLOSE
-from cosim.diagnosis.schema import NamedCause, Parameter
+from cosim.diagnosis.answer.schema import NamedCause, Parameter
 from cosim.errors import MissingExtraError, UsageError
 from cosim.files import write_text
 from cosim.lexicon import speaking
@@ -36,10 +34,11 @@ from cosim.report.words import (
 )
 
 if TYPE_CHECKING:
-    from cosim.diagnosis.experiment import Proposal
+    from cosim.diagnosis.answer.experiment import Proposal
     from cosim.diagnosis.found import Diagnosis
     from cosim.lexicon import speaking
-from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.answer.schema import Answer
+from cosim.diagnosis.thresholds import INDISTINGUISHABLE, WINDOW
 
 REPORT = "report.html"
 PACKAGES = ("plotly", "jinja2", "pyarrow")
@@ -143,7 +142,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         if rest.span is not None:
             found = overview.event(material, rest.block, rest.what, rest.span, f"rest-{index}")
         else:
-            told = [c for c in curves[1][:2] if c.gain > CLOSE]
+            told = [c for c in curves[1][:2] if c.gain > INDISTINGUISHABLE]
             found = [free_form(rest.block, curves[0], c, f"rest-{index}-{k}") for k, c in enumerate(told)]
         rests.append({"rest": rest, "pictures": shown(found)})
     curve = drive.picture(material)
@@ -222,7 +221,7 @@ def interval(parameter: Parameter) -> tuple[str, str]:
 
 def seed() -> str:
     """How the intervals of the gain were drawn."""
-    from cosim.diagnosis.gain import measure
+    from cosim.diagnosis.held_out.gain import measure
 
     found = inspect.signature(measure).parameters.get("seed")
     return "" if found is None else str(found.default)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.schema import NamedCause
+from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report.material import BLOCK_EXTENDED, Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, slopes, steady, steps_of
@@ -154,7 +154,7 @@ def step_response(material: Material, cause: NamedCause, signal: str = "spool") 
     without, extended = material.without(cause, signal), material.series[BLOCK_EXTENDED].get(signal)
     if without is None or extended is None:
         raise LookupError(f"the predictions of {signal} were not kept")
-    from cosim.diagnosis.remarks import shown
+    from cosim.diagnosis.answer.remarks import shown
 
     unit, scale = shown(signal)
     measured = material.measured[signal]

@@ -13,4 +13,5 @@ EFFECT = Effect(
         "low": Free(starts=(-1e6,), scale=0.1, limits="slew"),
     },
     sole_form=True,
+    prior=-2.0,  # a machine that rests at the end of its travel reads the same, and every machine has ends
 )

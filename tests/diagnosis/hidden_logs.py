@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.machine import Machine, our_machine
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.model.machine import Machine, our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, make_log
 from cosim.rig.parameters import nominal_value
 from cosim.rig.write import as_log
@@ -39,7 +39,7 @@ def only(*blocks: str) -> Machine:
     return dataclasses.replace(machine, groups=kept)
 
 
-def told(
+def diagnosed(
     *hidden: str,
     seed: int,
     seconds: float = 30.0,

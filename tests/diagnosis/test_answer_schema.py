@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
-from cosim.diagnosis.answer import reason
-from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.answer.answer import reason
+from cosim.diagnosis.answer.schema import Answer
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "diagnosis.schema.json"
 

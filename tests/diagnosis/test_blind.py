@@ -1,10 +1,10 @@
 """What was hidden is named; a clean log stays clean; a cause nobody knows is not invented."""
 
 import pytest
-from hidden_logs import off, told
+from hidden_logs import diagnosed, off
 
-from cosim.diagnosis.groups import left_out
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.model.groups import left_out
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import EFFECTS, Noise, make_log
 from cosim.rig.write import as_log
 
@@ -30,10 +30,10 @@ SIZES = {"sensor.gain": {"gain": 1.06}}
 def test_a_single_effect_is_named(effect: str, blocks: tuple[str, ...]) -> None:
     sized = {n.partition(".")[2]: v for n, v in EFFECTS[effect].moderate.items()} | SIZES.get(effect, {})
     hidden = effect if effect not in SIZES else f"{effect}:{','.join(f'{n}={v}' for n, v in sized.items())}"
-    found = told(hidden, seed=100 + SINGLE.index(effect), seconds=40.0, blocks=blocks)
+    found = diagnosed(hidden, seed=100 + SINGLE.index(effect), seconds=40.0, blocks=blocks)
     assert found.causes, (found.verdict, [r.what for r in found.rests])
     first = found.causes[0]
-    assert effect in (first.effect.name, *first.alike)
+    assert effect in (first.effect.name, *first.indistinguishable)
     assert len(found.causes) == 1
     if first.effect.name == effect and effect not in TWINS:
         size = next(iter(sized))
@@ -54,14 +54,14 @@ def test_a_single_effect_is_named(effect: str, blocks: tuple[str, ...]) -> None:
     ],
 )
 def test_nothing_is_named_in_a_clean_log(kind: str, seed: int) -> None:
-    found = told(seed=seed, kind=kind)
+    found = diagnosed(seed=seed, kind=kind)
     assert [c.effect.name for c in found.causes] == []
     assert found.verdict == "adequate", [r.what for r in found.rests]
 
 
 def test_an_effect_that_the_library_lacks_stays_unnamed() -> None:
     with left_out("continuity.flow_asymmetry"):
-        found = told("continuity.flow_asymmetry", seed=21, blocks=("continuity",))
+        found = diagnosed("continuity.flow_asymmetry", seed=21, blocks=("continuity",))
     assert not [c for c in found.causes if c.group == "continuity"]
     assert "continuity" in [r.block for r in found.rests]
 
@@ -91,18 +91,18 @@ def test_a_drift_is_not_named_for_the_gravity_that_the_library_lacks() -> None:
     ],
 )
 def test_an_unknown_cause_stays_unnamed(effect: str, block: str) -> None:
-    found = told(effect, seed=31, seconds=60.0)
+    found = diagnosed(effect, seed=31, seconds=60.0)
     assert block in [r.block for r in found.rests]
     assert not [c for c in found.causes if c.group == block]
 
 
 @pytest.mark.slow
 def test_two_effects_in_different_blocks_are_both_named() -> None:
-    found = told("dcv.delay", "mechanical.coulomb_friction", seed=41)
+    found = diagnosed("dcv.delay", "mechanical.coulomb_friction", seed=41)
     assert {c.effect.name for c in found.causes} == {"dcv.delay", "mechanical.coulomb_friction"}
 
 
 @pytest.mark.slow
 def test_two_effects_in_one_block_are_both_named() -> None:
-    found = told("dcv.delay", "dcv.offset", seed=42)
+    found = diagnosed("dcv.delay", "dcv.offset", seed=42)
     assert {c.effect.name for c in found.causes} == {"dcv.delay", "dcv.offset"}

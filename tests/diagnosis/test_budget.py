@@ -8,15 +8,15 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import make_app
-from cosim.diagnosis.answer import answer
+from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.budget import Budget, current, parse_budget, seen_by_threads, within
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.fit import fit
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import nominal
-from cosim.diagnosis.story import diagnose, prepare
-from cosim.diagnosis.trials import unknowns
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import fit
+from cosim.diagnosis.fitting.trials import unknowns
+from cosim.diagnosis.hypotheses.naming import nominal
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.errors import UsageError
 from cosim.rig import make_log
 from cosim.rig.write import as_log

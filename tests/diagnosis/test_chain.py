@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cosim.diagnosis.chain import directions
-from cosim.diagnosis.fit import Fit
+from cosim.diagnosis.fitting.chain import directions
+from cosim.diagnosis.fitting.fit import Fit
 
 
 def fitted(covariance: list[list[float]]) -> Fit:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hidden_logs import off, only
 
-from cosim.diagnosis.samples import resting, stale_share
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.record.signatures import resting, stale_share
 from cosim.inference.noise import quietest
 from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.curve import curve_of
+from cosim.diagnosis.answer.curve import curve_of
+from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.groups import merged
-from cosim.diagnosis.heldout import Held
-from cosim.diagnosis.model import machine_of
-from cosim.diagnosis.schema import Answer
-from cosim.diagnosis.story import prepare
+from cosim.diagnosis.held_out.causes import Held
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.model.groups import merged
+from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.identify.drive_fit import static
 from cosim.lexicon import speaking
 from cosim.logs import load_log

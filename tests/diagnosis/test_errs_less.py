@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cosim.diagnosis.crossval import errs_less
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.naming import remaining
-from cosim.diagnosis.noise import plain
-from cosim.diagnosis.trials import Trial
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.noise import plain
+from cosim.diagnosis.fitting.trials import Trial
+from cosim.diagnosis.hypotheses.naming import remaining
+from cosim.diagnosis.residuals.cross_validation import errs_less
 
 FIT = Fit({}, {}, 0.0, 0, {}, np.empty((0, 0)))
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from cosim.diagnosis.freeform import changing, explain, families, hats
-from cosim.diagnosis.noise import plain
+from cosim.diagnosis.fitting.noise import plain
+from cosim.diagnosis.residuals.freeform import changing, explain, families, hats
 
 H, N = 1e-3, 30_000
 TIME = np.arange(N) * H

@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.groups import MODELS, merged
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import nominal
-from cosim.diagnosis.screening import identifiable
-from cosim.diagnosis.story import prepare
-from cosim.diagnosis.trials import candidates_of
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.trials import candidates_of
+from cosim.diagnosis.hypotheses.naming import nominal
+from cosim.diagnosis.hypotheses.screening import identifiable
+from cosim.diagnosis.model.groups import MODELS, merged
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.logs.log import Log
 from cosim.rig import make_log
 from cosim.rig.write import as_log

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.diagnosis.schema import Answer
+from cosim.diagnosis.answer.schema import Answer
 from cosim.rig import make_log, write
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="a console's Ctrl-C cannot be sent to one process")

@@ -1,7 +1,7 @@
 """What a set of signals can tell apart follows from the wiring alone."""
 
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.isolability import isolability
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.model.isolability import isolability
 
 ALL = {"u", "spool", "p_load", "p_supply", "slew"}
 FULL = MODELS["full_order"]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import as_log, as_tracker, make_log
 
 LAG = "sensor.lag:tau_l=120 ms"

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cosim.diagnosis.answer import answer
-from cosim.diagnosis.local import apart, burst, line
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.answer.answer import answer
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.residuals.local import apart, burst, line
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 

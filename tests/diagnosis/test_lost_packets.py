@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hidden_logs import off
 
-from cosim.diagnosis.samples import stale
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.record.signatures import stale
 from cosim.logs import Log
 from cosim.rig import make_log
 from cosim.rig.write import as_log

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from cosim.compare.mapping import load_mapping
-from cosim.diagnosis.cut import bound, cut, start_values
-from cosim.diagnosis.groups import MODELS, merged
-from cosim.diagnosis.machine import machine_for
-from cosim.diagnosis.options import options_of
-from cosim.diagnosis.wiring import Wiring, wiring_of_file, wiring_of_system
+from cosim.diagnosis.model.cut import bound, cut, start_values
+from cosim.diagnosis.model.groups import MODELS, merged
+from cosim.diagnosis.model.machine import machine_for
+from cosim.diagnosis.model.options import options_of
+from cosim.diagnosis.model.wiring import Wiring, wiring_of_file, wiring_of_system
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.logs import Log
 from cosim.paths import examples_folder, ssp_folder

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from cosim.compare.metrics import rms, without_offsets
-from cosim.diagnosis.answer import answer
-from cosim.diagnosis.data import fixed_values
-from cosim.diagnosis.gain import run_package
-from cosim.diagnosis.model import machine_of
-from cosim.diagnosis.schema import Answer
-from cosim.diagnosis.story import diagnose, prepare
+from cosim.diagnosis.answer.answer import answer
+from cosim.diagnosis.answer.schema import Answer
+from cosim.diagnosis.held_out.gain import run_package
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.record.record import fixed_values
 from cosim.identify.inverse_dynamics import identify_mechanics
 from cosim.identify.run_mechanics import motion_of
 from cosim.lexicon import speaking

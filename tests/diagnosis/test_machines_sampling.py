@@ -8,11 +8,11 @@ from hidden_logs import only
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.diagnosis.grid import Grid, grid_of
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.remarks import notes
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.answer.remarks import notes
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.record.grid import Grid, grid_of
 from cosim.rig import as_log, make_log
 
 

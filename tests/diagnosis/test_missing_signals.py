@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from hidden_logs import off
 
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 

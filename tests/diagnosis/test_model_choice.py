@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from cosim.diagnosis.model import chosen
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.model.choice import chosen
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.errors import ModelError, UsageError
 from cosim.paths import ssp_folder
 from cosim.rig import as_log, make_log

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cosim.diagnosis.noise import learned, plain
+from cosim.diagnosis.fitting.noise import learned, plain
 from cosim.rig import Noise
 
 H = 1e-3

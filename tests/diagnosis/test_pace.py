@@ -4,16 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.data import Record
-from cosim.diagnosis.fit import Task
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import merged
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import nominal
-from cosim.diagnosis.pace import EXACT, SAME, in_exact_steps, paced
-from cosim.diagnosis.story import prepare
-from cosim.diagnosis.trials import candidates_of, tried_all
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Task
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.pace import in_exact_steps, paced
+from cosim.diagnosis.fitting.trials import candidates_of, tried_all
+from cosim.diagnosis.hypotheses.naming import nominal
+from cosim.diagnosis.model.groups import merged
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.thresholds import STEP_ERROR, STEP_ERROR_AFTER
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 
@@ -36,12 +37,12 @@ def test_a_slow_log_is_searched_in_longer_steps() -> None:
     paced(task, exact, null.fit, candidates, 0.01)
     assert task.model.step > 1.5 * exact.step
     searched = task.model.step
-    assert off(task, exact, null.fit.values) <= SAME
+    assert off(task, exact, null.fit.values) <= STEP_ERROR
 
     single = tried_all(task, [(candidates[0],)], 0.01, null.fit)
     again, chosen, others = in_exact_steps(task, exact, null, null, single, 0.01)
     assert exact.step <= task.model.step < searched
-    assert off(task, exact, again.fit.values) <= EXACT * SAME
+    assert off(task, exact, again.fit.values) <= STEP_ERROR_AFTER * STEP_ERROR
     assert chosen is again
     assert [t.names for t in others] == [(candidates[0].name,)]
 

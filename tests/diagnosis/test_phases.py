@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.phases import usual, usually_spelled
-from cosim.diagnosis.trials import Trial
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.phases import usual, usually_spelled
+from cosim.diagnosis.fitting.trials import Trial
 from fmus import registry
 
 GRAVITY = registry.effects()["mechanical.gravity_load"]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cosim.diagnosis.remarks import levels, limits
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.answer.remarks import levels, limits
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import as_log, make_log
 
 

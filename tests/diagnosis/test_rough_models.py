@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from cosim.diagnosis.answer import answer
+from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.logs import Log
 from cosim.rig import make_log
 from cosim.rig.write import as_log

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.diagnosis.noise import plain
-from cosim.diagnosis.rounded import beyond, concentration, outside
-from cosim.diagnosis.samples import coarse_step
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.fitting.noise import plain
+from cosim.diagnosis.fitting.rounded import beyond, concentration, outside
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.record.signatures import coarse_step
 from cosim.rig import as_log, make_log
 
 RULE = plain(10, 50, demean=True, skip=500)

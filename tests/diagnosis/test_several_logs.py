@@ -7,25 +7,26 @@ import numpy as np
 import pytest
 
 from cosim.compare.metrics import rms
-from cosim.diagnosis.answer import answer
-from cosim.diagnosis.between import combined
-from cosim.diagnosis.chain import task_for
-from cosim.diagnosis.crossval import repetitions, window_numbers
-from cosim.diagnosis.data import Record, fixed_values, joined
-from cosim.diagnosis.finding import Finding, lacking, learn_noise
-from cosim.diagnosis.fit import Fit
-from cosim.diagnosis.freerun import errors, onward, refitted
-from cosim.diagnosis.gain import measure
-from cosim.diagnosis.grid import Grid, Pieces, grid_of
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import MODELS, Group
-from cosim.diagnosis.heldout import leave_one_log_out, left_out_errors
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.naming import find, nominal
-from cosim.diagnosis.noise import Windows, learned, plain
-from cosim.diagnosis.story import diagnose, prepare
-from cosim.diagnosis.trials import FREE, tried
-from cosim.diagnosis.verdict import adequate
+from cosim.diagnosis.answer.answer import answer
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.noise import Windows, learned, plain
+from cosim.diagnosis.fitting.trials import tried
+from cosim.diagnosis.held_out.between import combined
+from cosim.diagnosis.held_out.causes import leave_one_log_out, left_out_errors
+from cosim.diagnosis.held_out.free_run import errors, onward, refitted
+from cosim.diagnosis.held_out.gain import measure
+from cosim.diagnosis.hypotheses.naming import find, nominal
+from cosim.diagnosis.model.groups import MODELS, Group
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.record.grid import Grid, Pieces, grid_of
+from cosim.diagnosis.record.record import Record, fixed_values, joined
+from cosim.diagnosis.residuals.cross_validation import repetitions, window_numbers
+from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST
+from cosim.diagnosis.verdict.verdict import adequate
 from cosim.errors import DataError, UsageError
 from cosim.inference.linear import Sections, columns
 from cosim.logs import Log, Tracker
@@ -200,12 +201,12 @@ def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(
 
     def found(record: Record) -> tuple[Finding, Fit]:
         task = task_for(MECHANICS, record, [])
-        null = nominal(task, record, FREE)
-        finding = Finding(task, null, tried(task, (effect,), FREE, null.fit), free=True)
-        return finding, estimator(finding, (effect,), FREE, finding.chosen.fit)
+        null = nominal(task, record, CALIBRATED_TRUST)
+        finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+        return finding, estimator(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
 
     finding, both = found(record)
-    each = left_out_errors(finding, (effect,), both, "slew", FREE, estimator is onward)
+    each = left_out_errors(finding, (effect,), both, "slew", CALIBRATED_TRUST, estimator is onward)
     fitted = np.split(both.residuals["slew"], record.cuts)
     left_out = leave_one_log_out(record)[:1]
     for own, inside, (other, held) in zip(each, fitted, left_out, strict=False):

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cosim.diagnosis.data import begun_values, fixed_values, joined
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import MODELS, merged
-from cosim.diagnosis.machine import our_machine
-from cosim.diagnosis.story import diagnose, prepare
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.model.groups import MODELS, merged
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.record.record import begun_values, fixed_values, joined
 from cosim.logs.log import Log
 from cosim.rig import make_log
 from cosim.rig.run import RigRun

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.stretch import LONGEST, SETTLING, SHORT, chosen_stretch, others, settled_error
+from cosim.diagnosis.pipeline.stretch import chosen_stretch, others, settled_error
+from cosim.diagnosis.thresholds import LONGEST, SETTLING, SHORT_PIECE
 from cosim.logs.log import Log
 
 H = 0.01  # s: the choice depends on the time, not on the rate
@@ -62,7 +63,7 @@ def test_the_rest_and_the_stretch_are_the_whole_log() -> None:
     log = log_of(busy_between(700.0, 900.0, 1600.0))
     part = chosen_stretch(log)
     pieces = others(log, part)
-    assert all(SHORT < piece.duration <= LONGEST + H for piece in pieces)
+    assert all(SHORT_PIECE < piece.duration <= LONGEST + H for piece in pieces)
     covered = sum(len(piece) for piece in pieces) + len(part)
     assert covered == pytest.approx(len(log), abs=2)
 

@@ -7,7 +7,7 @@ import pytest
 from hidden_logs import off, only
 from numpy.typing import NDArray
 
-from cosim.diagnosis.story import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.logs import Log
 from cosim.rig import make_log
 from cosim.rig.parameters import nominal_value

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.data import Record
-from cosim.diagnosis.extend import ChainModel, write_extended
-from cosim.diagnosis.gain import run_package
-from cosim.diagnosis.machine import our_machine
+from cosim.diagnosis.extension.packages import ChainModel, write_extended
+from cosim.diagnosis.held_out.gain import run_package
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.record.record import Record
 
 H = 1e-3
 TIME = np.arange(8001) * H

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from benchmarks.blind.sizes import RANGES
-from cosim.diagnosis.trials import declared
+from cosim.diagnosis.fitting.trials import declared
 from fmus import registry
 from fmus.contract import Range
 

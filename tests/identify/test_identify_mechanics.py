@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from test_identify_command import call
 
-from cosim.diagnosis.model import machine_of
+from cosim.diagnosis.model.choice import machine_of
 from cosim.errors import DataError, UsageError
 from cosim.identify.inverse_dynamics import _Problem, coherent_band, identify_mechanics
 from cosim.identify.picture import mechanics_figure
@@ -124,6 +124,9 @@ def test_command_writes_a_parameter_set_a_picture_and_json(tmp_path):
     text = call("mechanics", file).stdout
     assert "from a synthetic log" in text
     assert "no constant load shows in this log" in text
+    assert "mechanical.tau_c = " in text
+    assert "95 % from" not in text  # the table
+    assert "95 % from" in call("mechanics", file, "--verbose").stdout
 
 
 def test_picture_shows_the_friction_law():

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from cosim.compare import Comparator, load_mapping, open_model
-from cosim.diagnosis.model import machine_of
+from cosim.diagnosis.model.choice import machine_of
 from cosim.errors import DataError, UsageError
 from cosim.logs import load_log
 from cosim.machines import made_for, write_machine

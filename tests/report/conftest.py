@@ -11,8 +11,8 @@ def diagnosed(tmp_path_factory) -> Path:
     """Folder of one real diagnosis: Coulomb friction hidden in 25 s of the rig, with its report."""
     pytest.importorskip("plotly", reason="the extra 'report' is not installed")
     pytest.importorskip("jinja2", reason="the extra 'report' is not installed")
-    from cosim.diagnosis.answer import answer
-    from cosim.diagnosis.story import diagnose
+    from cosim.diagnosis.answer.answer import answer
+    from cosim.diagnosis.pipeline.diagnose import diagnose
     from cosim.report.page import save_and_report
 
     folder = tmp_path_factory.mktemp("diagnosis")

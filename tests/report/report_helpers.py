@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim.diagnosis.data import Record, fixed_values
-from cosim.diagnosis.group_model import GroupModel
-from cosim.diagnosis.groups import MODELS
-from cosim.diagnosis.naming import declared
-from cosim.diagnosis.schema import Answer, NamedCause, Parameter, Signal, Unexplained
+from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, Signal, Unexplained
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.trials import declared
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.record.record import Record, fixed_values
 from cosim.report.material import Curve, Material, Noise, Part
 from cosim.rig import Hidden, make_log
 from cosim.units import factor

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from report_helpers import hidden_material
 
-from cosim.diagnosis.schema import NextExperiment
+from cosim.diagnosis.answer.schema import NextExperiment
 from cosim.report.experiment import PIECE, picture, telling, telling_spans
 from cosim.report.folder import keep, load
 from cosim.report.material import Experiment, Material, Noise

@@ -3,7 +3,7 @@ import string
 import pytest
 from report_helpers import empty_answer, named
 
-from cosim.diagnosis.schema import SignalGain, Unexplained
+from cosim.diagnosis.answer.schema import SignalGain, Unexplained
 from cosim.report.evidence import MAKERS
 from cosim.report.material import Material, Noise, Part
 from cosim.report.words import (

@@ -1,0 +1,1 @@
+"""The findings as JSON, and the next experiment."""

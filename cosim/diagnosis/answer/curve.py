@@ -1,0 +1,56 @@
+"""The static curve of the drive beside a diagnosis: what a person reads off the log, in the machine's own terms.
+
+Not a part of the naming: `cosim.identify.drive_curve` knows nothing of blocks, effects or models.
+"""
+
+from collections.abc import Sequence
+
+from cosim.diagnosis.answer.schema import DriveCurve
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.model.cut import HELD
+from cosim.diagnosis.model.groups import Group
+from cosim.errors import DataError
+from cosim.identify.drive_curve import drive_curve
+from cosim.identify.drive_fit import Run
+from cosim.identify.run_drive import curve_data, run_of, told_of
+from cosim.logs import Log, listed
+
+
+def integrating(found: Diagnosis) -> Group | None:
+    """The group that goes from the command to an angle or a position in one, if there is one."""
+    for group in found.groups:
+        if group.integrates and group.drive == found.machine.drive and group.stages[0][1] in HELD:
+            return group
+    return None
+
+
+def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
+    """The static curve from the logs, and from the held-out log of the same machine where there is one.
+
+    Args:
+        found: the diagnosis.
+        log: the log or logs as they were read, the whole of them.
+
+    Returns:
+        None where no group goes from the command to a motion, or the log does not tell.
+    """
+    group = integrating(found)
+    logs = listed(log)
+    if group is None or group.is_speed(group.observed[0]) or group.observed[0] not in logs[0]:
+        return None
+    drive, motion = group.drive, group.observed[0]
+    try:
+        told = told_of(logs[0], found.machine.mapping, drive, motion)
+        runs = [run_of(one, told) for one in logs]
+    except DataError:
+        return None
+    if found.held is not None and found.held.name and found.held.record.has(drive, motion):
+        signals = found.machine.signals
+        rows = {n: found.held.record.signals[n] / signals[n].gain for n in (drive, motion)}
+        runs.append(Run(found.held.name, found.held.record.time, rows[drive], rows[motion]))
+    for used in (runs, runs[:1]):
+        try:
+            return DriveCurve.model_validate(curve_data(drive_curve(used), told))
+        except DataError:
+            continue
+    return None

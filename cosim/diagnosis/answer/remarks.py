@@ -1,0 +1,214 @@
+"""What the answer says besides its figures: warnings, what was held out or refused, and what was not judged."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.answer.schema import (
+    RefusedCause,
+)
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.held_out.causes import Refused
+from cosim.diagnosis.record.grid import Grid, Pieces
+from cosim.diagnosis.thresholds import AT_ZERO, HELD_LEVEL
+from cosim.inference.held_out import ratio_ci95
+from cosim.lexicon import current
+from cosim.logs import Log
+
+Array = NDArray[np.float64]
+
+
+def shown(signal: str) -> tuple[str, float]:
+    """Display unit of a signal and the factor from SI to it."""
+    return current().signal(signal)
+
+
+def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
+    """What the user should know of how the logs were taken, and laid one behind the other."""
+    log, grid = logs[0], diagnosis.record.grid
+    found = behind_one_another(diagnosis, logs, grid) if isinstance(grid, Pieces) else []
+    if log.time_unit != "s":
+        found.append(
+            f"the log counts samples and its sampling time is not known: one sample counts as {diagnosis.record.h:g} s, "
+            "and every time and rate here is on that scale"
+        )
+    if diagnosis.tracker is not None and diagnosis.tracker.rounds:
+        found.append(
+            f"the slew sensor's steps are rounded {diagnosis.tracker.rounds}: against the tracker its readings are off by "
+            "half a step on average, which is no fault of its own"
+        )
+    grids = [own for piece in diagnosis.record.pieces if isinstance(own := piece.grid, Grid)]
+    if grid is not None and grids:
+        spread = np.concatenate([np.diff(own.stamps) for own in grids])
+        low, high = (f"{1e3 * v:.4g}" for v in (spread.min(), spread.max()))
+        drive = diagnosis.machine.drive
+        way = (
+            f"{drive} on straight lines from stamp to stamp"
+            if grid.lines
+            else f"{drive} held from stamp to stamp (if it changes in between, the valve seems early: `held = false` in a "
+            "mapping file draws straight lines)"
+        )
+        found.append(
+            f"sampled every {low if low == high else f'{low} to {high}'} ms: simulated in steps of "
+            f"{1e3 * grid.step:.4g} ms, {way}, and compared at the stamps themselves"
+        )
+    return found
+
+
+def behind_one_another(diagnosis: Diagnosis, logs: Sequence[Log], grid: Pieces) -> list[str]:
+    """Where each log begins, and the size of its noise."""
+    begins = ", ".join(f"{log.name} from {start:.6g} s" for log, start in zip(logs, grid.starts, strict=True))
+    found = [
+        f"{len(logs)} logs, one behind the other: {begins}; times and pictures count from the start of the first, each log "
+        "has a start and a noise of its own, and the packages play the command of the first"
+    ]
+    for finding in diagnosis.findings.values():
+        for signal, rule in finding.task.rules.items():
+            if rule.scales:
+                sizes = ", ".join(f"{scale:.2g}" for scale in rule.scales)
+                found.append(f"noise of {signal} in each log, over that of all: {sizes}")
+    return found
+
+
+def held_out(diagnosis: Diagnosis) -> str:
+    """What the gains are measured on, in words."""
+    held = diagnosis.held
+    if held is None:
+        return "every third window of the log"
+    if held.first:
+        return f"the log from {held.record.time[held.first]:.4g} s on, which took no part in the fits"
+    what = "other logs" if held.record.cuts else "another log"
+    return f"{what}, {held.name}, which took no part in the fits"
+
+
+def held_from(diagnosis: Diagnosis) -> float | None:
+    """Time in the log from which it was held out, its end where another log was; None for every third window."""
+    if diagnosis.held is None:
+        return None
+    return float(
+        diagnosis.held.record.time[diagnosis.held.first]
+        if diagnosis.held.first
+        else diagnosis.record.time[-1]
+    )
+
+
+def held_file(diagnosis: Diagnosis) -> dict[str, str]:
+    """Name and checksum of another log that was held out."""
+    held = diagnosis.held
+    return (
+        {}
+        if held is None or not held.name
+        else {"log_held_out": held.name, "log_held_out_sha256": held.sha256}
+    )
+
+
+def files(logs: Sequence[Log]) -> dict[str, str]:
+    """Name and checksum of each log."""
+    found: dict[str, str] = {}
+    for number, log in enumerate(logs, 1):
+        key = "log" if number == 1 else f"log_{number}"
+        found |= {key: log.name, f"{key}_sha256": log.sha256}
+    return found
+
+
+def turned_down(item: Refused) -> RefusedCause:
+    """A refused cause in display units."""
+    unit, scale = shown(item.signal)
+    without, with_it = item.without * scale, item.with_it * scale
+    where = "in a free run over them" if item.in_fitted else "on held-out data"
+    error = f"{where} the error of {item.signal} goes from {without:.4g} to {with_it:.4g} {unit} with it"
+    why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
+    if item.instead:
+        why = (
+            f"in place of {item.instead} it explains the fitted data alike ({item.gain:+.1f} in log-likelihood, less the "
+            f"price of its parameters), but {error}"
+        )
+    elif not item.sure:
+        why = (
+            f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but taken as a whole these do not determine "
+            f"its size; {error}"
+        )
+    return RefusedCause(effect=item.effect.name, block=item.group, why=why)
+
+
+def is_part(span: tuple[float, float], log: Log) -> bool:
+    """True if the fits used a stretch of the log only."""
+    start, end = span
+    return end - start < log.duration - log.step
+
+
+def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
+    """Group -> why nothing is said of it."""
+    found = {g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()}
+    for group in diagnosis.groups:
+        if group.name in diagnosis.failed:
+            found[group.name] = diagnosis.failed[group.name]
+        elif group.name not in found and group.name not in diagnosis.findings:
+            found[group.name] = (
+                "the data contradict their labels"
+                if diagnosis.data
+                else "the diagnosis was interrupted before it was judged"
+            )
+    return found
+
+
+def levels(command: Array) -> Array:
+    """(k,) levels other than zero that a command (n,) holds, in its unit."""
+    reach = float(np.max(np.abs(command), initial=0.0))
+    if reach == 0.0:
+        return np.zeros(0)
+    near = np.round(command / reach, 2)
+    found, counts = np.unique(near[np.abs(near) > AT_ZERO], return_counts=True)
+    held = counts >= HELD_LEVEL * command.size
+    few = counts[~held].sum() < HELD_LEVEL * command.size  # a short ramp between levels is none
+    return np.asarray(reach * (found[held] if few else found))
+
+
+def one_level(diagnosis: Diagnosis) -> list[str]:
+    """That a command with one level on a side does not show what bends the way from command to motion."""
+    drive = diagnosis.machine.drive
+    found = levels(diagnosis.record.signals.get(drive, np.zeros(0)))
+    if not found.size or max(np.sum(found > 0.0), np.sum(found < 0.0)) > 1:
+        return []
+    unit, scale = shown(drive)
+    said = " and ".join(f"{value * scale:.3g}{'' if unit == '1' else ' ' + unit}" for value in found)
+    return [
+        f"{drive} holds one level on a side only ({said}): dead zone, friction and limits cannot be told from the gain; "
+        "fit logs with other levels beside this one (cosim diagnose LOG LOG ...)"
+    ]
+
+
+def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
+    """What limits the answer: an interruption, a stretch of a long log, a rest that differs from it."""
+    found = list(diagnosis.notes)
+    if diagnosis.stage:
+        text = f"interrupted ({diagnosis.stage}): only what was finished until then is here"
+        if not diagnosis.gains:
+            text += "; the errors of the nominal model are those of the compiled twin, no gain was measured"
+        found.append(text)
+    for log, span in zip(logs, diagnosis.spans, strict=False):
+        if not is_part(span, log):
+            continue
+        start, end = span
+        which = f"the log {log.name}" if len(logs) > 1 else "the log"
+        found.append(
+            f"{which} lasts {log.duration:.0f} s; the diagnosis used the {end - start:.0f} s from {start:.6g} s on, "
+            "whose command visits most, and times in it count from there"
+        )
+    found += one_level(diagnosis)
+    for signal, linear in diagnosis.references.items():
+        low, high = ratio_ci95(linear.ours, linear.squares)
+        if diagnosis.rests and high > 1.0:
+            unit, scale = shown(signal)
+            how = "better than" if low > 1.0 else "no clearly worse than"
+            found.append(
+                f"on data held out a linear model ({linear.words}) predicts {signal} {how} the extended model: "
+                f"{linear.error * scale:.4g} against {linear.ours_error * scale:.4g} {unit}"
+            )
+    return found + [
+        f"{item.log + ': ' if len(logs) > 1 else ''}from {item.start:.0f} to {item.end:.0f} s the extended model's error "
+        f"in {item.signal} is "
+        f"{item.ratio:.3g} times that in the stretch used: something else happens there"
+        for item in diagnosis.elsewhere
+    ]

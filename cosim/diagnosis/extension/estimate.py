@@ -1,0 +1,296 @@
+"""The extended model of a diagnosis: its values from all blocks together, its packages, and its gain by the FMUs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compare.metrics import rms
+from cosim.diagnosis.extension.packages import closed, fitted_chain, whole_run, write_extended
+from cosim.diagnosis.extension.together import weighed
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.group_model import standing
+from cosim.diagnosis.fitting.noise import Whitener
+from cosim.diagnosis.fitting.trials import Trial, tried, without
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.held_out.between import estimates, fit_of, over_logs, task_of
+from cosim.diagnosis.held_out.causes import Held, Refused, left_out_errors
+from cosim.diagnosis.held_out.free_run import errors, onward, refitted
+from cosim.diagnosis.held_out.gain import Gain, begun_anew, measure, run_package
+from cosim.diagnosis.hypotheses.naming import worth_naming
+from cosim.diagnosis.model.groups import Group
+from cosim.diagnosis.record.grid import of_piece
+from cosim.diagnosis.record.record import Record, fixed_values, is_start
+from cosim.diagnosis.record.signatures import SAMPLED
+from cosim.diagnosis.residuals.cross_validation import errs_less, held_windows
+from cosim.diagnosis.residuals.finding import Finding
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST
+from cosim.diagnosis.verdict.verdict import rests, stands
+from cosim.ssp.stimulus import stimulus_csv
+from fmus.contract import Effect
+
+Array = NDArray[np.float64]
+
+
+def estimate(
+    diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float, constants: dict[str, float]
+) -> None:
+    """Values of the extended model, from all windows but the held-out ones.
+
+    Where every block is understood they are fitted together, driven by the command alone; otherwise block by block, so
+    that a block that is not understood does not bend the others.
+    """
+    findings = diagnosis.findings
+    effects = tuple(c.effect for c in diagnosis.causes if c.group in findings)
+    near: dict[str, float] = {}
+    deviations: dict[str, float] = {}
+    start: dict[str, float] = {}
+    rules: dict[str, Whitener] = {}
+    for finding in findings.values():
+        fit = (finding.chosen if stands(finding) else finding.null).fit
+        start |= {n: v for n, v in finding.task.model.fixed.items() if is_start(n)}
+        near |= fit.values
+        deviations |= fit.deviations
+        diagnosis.correlations |= fit.correlations
+        rules |= finding.task.rules
+    diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
+    record, cuts = diagnosis.record, diagnosis.record.cuts
+    if (diagnosis.held is not None or tolerance >= CALIBRATED_TRUST) and len(findings) == len(groups) == 1:
+        (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
+        estimate_alone(diagnosis, finding, effects, tolerance, constants)
+        return
+    if diagnosis.rests or diagnosis.unjudged or not findings:
+
+        def blocks_of(log: int) -> dict[str, tuple[float, float]]:
+            found: dict[str, tuple[float, float]] = {}
+            for finding in findings.values():
+                chosen = finding.chosen if stands(finding) else finding.null
+                own, begin = task_of(finding.task, log), fit_of(chosen.fit, cuts, log)
+                named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
+                found |= estimates(tried(own, named, tolerance, begin).fit)
+            return found
+
+        diagnosis.between = over_logs(
+            record, diagnosis.values, deviations, blocks_of, partial(off_value, findings)
+        )
+        return
+    count = min(whole_run(r).windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
+    mask = ~held_windows(count) if diagnosis.held is None else None
+
+    def fitted(effects: tuple[Effect, ...], begin: dict[str, float]) -> Fit:
+        return fitted_chain(
+            groups, diagnosis.record, rules, effects, begin, start, tolerance, mask, constants
+        )
+
+    chain = weighed(diagnosis, groups, fitted, near, tolerance)
+    diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
+    diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
+    diagnosis.start = {n: chain.values.get(n, v) for n, v in start.items()}
+    named = tuple(c.effect for c in diagnosis.causes if c.group in findings)  # another may have been better
+
+    def chain_of(log: int) -> dict[str, tuple[float, float]]:
+        own = {s: r.of_log(log) for s, r in rules.items()}
+        begin = of_piece(diagnosis.start, log)
+        near, windows = (
+            diagnosis.values | begin,
+            part_of(mask, whole_run(next(iter(rules.values()))), record, log),
+        )
+        return estimates(
+            fitted_chain(groups, record.pieces[log], own, named, near, begin, tolerance, windows, constants)
+        )
+
+    diagnosis.between = over_logs(
+        record, diagnosis.values, diagnosis.deviations, chain_of, partial(off_value, findings)
+    )
+
+
+def estimate_alone(
+    diagnosis: Diagnosis,
+    finding: Finding,
+    effects: tuple[Effect, ...],
+    tolerance: float,
+    constants: dict[str, float],
+) -> None:
+    """Values of the extended model where one group is all that was judged: what makes its free run best on held-out data.
+
+    Of an axis that drifts there are two estimates: from how the error moves from window to window, and from the free run
+    over the log, which that log's course may have biased. Data held out tell which one predicts them better.
+    """
+    record, held, task = diagnosis.record, diagnosis.held, finding.task
+    signal, rule = next(iter(task.rules.items()))
+    mask = ~held_windows(rule.windows(record.signals[signal]).shape[0]) if held is None else None
+    near = (finding.chosen if stands(finding) else finding.null).fit
+    free, walked = partial(refitted, mask=mask), False
+    best = free(finding, effects, tolerance, near)
+    plain = free(finding, (), tolerance, finding.null.fit)
+    if held is not None and signal in held.record.signals and task.model.group.drifts:
+        error = partial(held_error, finding, held, signal, tolerance)
+        other = onward(finding, effects, tolerance, near)
+        unsure = vanished(finding, effects, [], best, tolerance) is not None
+        if unsure or error(effects, other, True) <= error(effects, best, False):
+            best, walked = other, True
+        other = onward(finding, (), tolerance, finding.null.fit)
+        plain = min((plain, False), (other, True), key=lambda fit: error((), *fit))[0]
+    else:
+        # what held-out data have borne out stays: they decide
+        needed = [e for e in effects if e.name in finding.borne and finding.borne[e.name].sure]
+        while lost := vanished(finding, effects, needed, best, tolerance):
+            rest = tuple(e for e in effects if e is not lost)
+            fewer = free(finding, rest, tolerance, near)
+            less = errs_less(task, best, fewer, demean=False)
+            if less and lost not in needed:  # its parameters may be unsure, itself it is not
+                needed.append(lost)
+                continue
+            finding = turn_down(diagnosis, finding, lost, best, fewer, tolerance)
+            best, effects = fewer, rest
+    diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
+    diagnosis.correlations = best.correlations
+    if (
+        tolerance >= CALIBRATED_TRUST
+    ):  # what the extension is held against has its own parameters fitted as well
+        diagnosis.calibrated = plain.values
+
+    def run_of(log: int) -> dict[str, tuple[float, float]]:
+        own = replace(finding, task=task_of(task, log))
+        begin = fit_of(best, record.cuts, log)
+        if walked:
+            return estimates(onward(own, effects, tolerance, begin))
+        return estimates(refitted(own, effects, tolerance, begin, part_of(mask, rule, record, log)))
+
+    diagnosis.between = over_logs(
+        record, best.values, best.deviations, run_of, partial(off_value, {"": finding})
+    )
+
+
+def off_value(findings: Mapping[str, Finding], name: str) -> float:
+    """Where ``component.parameter`` has no effect, SI: 0 of a parameter of the nominal model."""
+    for finding in findings.values():
+        model = finding.task.model
+        if name.partition(".")[0] in model.group.components:
+            return 0.0 if name in model.group.trusted else model.nominal(name)
+    return 0.0
+
+
+def held_error(
+    finding: Finding,
+    held: Held,
+    signal: str,
+    tolerance: float,
+    effects: tuple[Effect, ...],
+    found: Fit,
+    walked: bool,
+) -> float:
+    """RMSE of a free run over data held out with a fit's values, SI; `walked` as `left_out_errors` takes it."""
+    if held.in_turn:
+        return rms(np.concatenate(left_out_errors(finding, effects, found, signal, tolerance, walked)))
+    return rms(errors(finding, found, held.record)[signal][held.first :])
+
+
+def part_of(
+    mask: NDArray[np.bool_] | None, rule: Whitener, record: Record, log: int
+) -> NDArray[np.bool_] | None:
+    """(windows,) the windows of one log, of a mask of those of all."""
+    return None if mask is None else mask[rule.log_of(record.time.size)[: mask.size] == log]
+
+
+def vanished(
+    finding: Finding, effects: tuple[Effect, ...], needed: list[Effect], found: Fit, tolerance: float
+) -> Effect | None:
+    """An effect of which a free run over the log leaves nothing, or, of those not `needed`, nothing that is determined."""
+    trial, model = Trial(effects, found, 0), finding.task.model
+
+    def gone(effect: Effect) -> bool:
+        names = [f"{effect.component}.{p}" for p in effect.free]
+        if all(found.values[n] == model.nominal(n) for n in names):
+            return True
+        return effect not in needed and not worth_naming(trial, effect, model, tolerance)
+
+    return next((e for e in effects if e.name not in SAMPLED and gone(e)), None)
+
+
+def turn_down(
+    diagnosis: Diagnosis, finding: Finding, effect: Effect, with_it: Fit, without_it: Fit, tolerance: float
+) -> Finding:
+    """The finding without a cause of which the free run leaves nothing; it is refused."""
+    name, signal = finding.task.model.group.name, next(iter(finding.task.measured))
+    before, after = rms(without_it.residuals[signal]), rms(with_it.residuals[signal])
+    gain = next(c.gain for c in diagnosis.causes if c.effect is effect)
+    diagnosis.refused.append(Refused(effect, name, signal, gain, before, after, sure=False, in_fitted=True))
+    diagnosis.causes = [c for c in diagnosis.causes if c.effect is not effect]
+    left = without(finding.task, finding.chosen, effect, finding.null, tolerance)
+    diagnosis.findings[name] = finding = finding.accept(left, diagnosis.record)
+    diagnosis.rests = [r for r in diagnosis.rests if r.block != name] + rests(finding, tolerance)
+    return finding
+
+
+def write_packages(diagnosis: Diagnosis, folder: Path) -> tuple[Path, dict[str, float], dict[str, float]]:
+    """Write the model before and after its extension.
+
+    Returns:
+        The package of the model before, and the values that differ from nominal before and after, SI.
+    """
+    machine, record = diagnosis.machine, diagnosis.record
+    folder.mkdir(parents=True, exist_ok=True)
+    stimulus = None
+    first = record.pieces[0]  # a package plays one command: of several logs the first one's
+    if closed(machine.source) and first.grid is None:
+        stimulus = stimulus_csv(first.time, first.signals[machine.drive])
+    # the mapping's values first: it may set back to nominal what the model's own files say
+    values = machine.values | diagnosis.values
+    values |= of_piece(standing(diagnosis.start, values), 0)
+    plain = machine.values | diagnosis.calibrated
+    nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
+    diagnosis.packages = write_extended(machine.source, values, folder, stimulus)
+    return nominal, plain, values
+
+
+def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
+    """Write both packages, run their FMUs on the log's command, and measure the errors on what was held out."""
+    machine, record, held = diagnosis.machine, diagnosis.record, diagnosis.held
+    nominal, plain, values = write_packages(diagnosis, folder)
+    extended = diagnosis.packages["open"]
+    begin = standing(diagnosis.start, machine.values | diagnosis.values)
+    diagnosis.before = run_package(nominal, record, machine, standing(diagnosis.start, plain))
+    diagnosis.after = run_package(extended, record, machine, begin if record.cuts else {})
+    if held is None:
+        diagnosis.gains = measure(record, diagnosis.before, diagnosis.after, diagnosis.window)
+        return
+    start = dict.fromkeys((n for n in values if is_start(n)), 0.0)  # that log may begin at rest
+    start |= {n: v for g in diagnosis.groups for n, v in fixed_values(held.record, g).items()}
+    diagnosis.held_before = run_package(nominal, held.record, machine, standing(start, plain))
+    diagnosis.held_after = run_package(extended, held.record, machine, standing(start, values))
+    window = diagnosis.window
+    diagnosis.gains = measure(held.record, diagnosis.held_before, diagnosis.held_after, window, held.first)
+    drifting = [s for g in diagnosis.groups if g.drifts for s in g.observed]
+    if diagnosis.causes and any(diagnosis.gains[s].after > diagnosis.gains[s].before for s in drifting):
+        diagnosis.gains |= ahead(diagnosis, held, [s for s in drifting if s in diagnosis.gains])
+
+
+def ahead(diagnosis: Diagnosis, held: Held, signals: Sequence[str]) -> dict[str, Gain]:
+    """Errors of predictions over a window each, from where the machine stands, on what was held out.
+
+    Where one push in minutes decides the end of a free run, it says nothing of the machine: such an axis is then judged by
+    how its prediction goes on, as its causes were.
+
+    Args:
+        diagnosis: with the runs of both packages.
+        held: what was held out.
+        signals: of the axes that drift.
+    """
+    record, window = held.record, diagnosis.window
+    before = begun_anew(record, diagnosis.held_before, signals, window, held.first)
+    after = begun_anew(record, diagnosis.held_after, signals, window, held.first)
+    found = measure(record, before, after, window, held.first)
+    return {s: replace(found[s], horizon=window * record.h) for s in signals}
+
+
+def worse(diagnosis: Diagnosis) -> bool:
+    """True if the extension makes errors on held-out data larger, taken over all signals; clearly so, if it has causes."""
+    gains = diagnosis.gains.values()
+    ratio = np.prod([g.after / max(g.before, 1e-300) for g in gains])
+    if ratio <= 1.0 or not diagnosis.causes:
+        return bool(ratio > 1.0)
+    return any(g.ratio_ci95[0] > 1.0 for g in gains)

@@ -1,0 +1,1 @@
+"""A group's parameters estimated under priors, with the noise of its signals."""

@@ -1,0 +1,101 @@
+"""Causes that would explain the log only with a parameter beyond what it can physically be: another law, then.
+
+A gear ripple with three periods a turn is no gear ripple, yet over a short range of angles it is shaped as gravity is.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.trials import Trial, declared
+from cosim.diagnosis.thresholds import PRESSED_GAIN, RANGE_EDGE
+from fmus.contract import Effect
+
+
+def impossible(trial: Trial, model: GroupModel) -> list[Effect]:
+    """The effects of a fitted set that the data press against a bound of one of their parameters."""
+    return [e for e in trial.effects if beyond(trial, e, model) > PRESSED_GAIN]
+
+
+def beyond(trial: Trial, effect: Effect, model: GroupModel) -> float:
+    """Log-likelihood to be gained beyond the bounds of an effect's parameters, by a straight line from the fit.
+
+    A bound that is the off value does not count: there the effect ends.
+    """
+    found, names = trial.fit, list(trial.fit.values)
+    most = 0.0
+    if found.slopes is None or found.rows is None:
+        return most
+    for parameter in effect.free:
+        name = f"{effect.component}.{parameter}"
+        if name not in found.at_bound or names.index(name) >= found.slopes.shape[1]:
+            continue
+        value = found.values[name]
+        lows, highs = edges(effect, parameter, model)
+        bound = min((*lows, *highs), key=lambda edge: abs(edge - value))
+        if bound == model.nominal(name):
+            continue
+        at = names.index(name)
+        others = np.linalg.qr(np.delete(found.slopes, at, axis=1))[0]
+        own = found.slopes[:, at] - others @ (others.T @ found.slopes[:, at])
+        pull, size = -float(own @ found.rows), float(own @ own)
+        outward = pull > 0.0 if bound in highs else pull < 0.0
+        if outward and size > 0.0:
+            most = max(most, 0.5 * pull**2 / size)
+    return most
+
+
+def edges(effect: Effect, parameter: str, model: GroupModel) -> tuple[list[float], list[float]]:
+    """Where an estimate may have ended, low and high, SI: its declaration, its physical range, the trust in it."""
+    variable, name = declared(effect, parameter), f"{effect.component}.{parameter}"
+    found = [(variable.low, variable.high)]
+    if parameter in effect.ranges:
+        found.append(effect.ranges[parameter].edges(model.nominal(name)))
+    if name in model.group.trusted:
+        found += [model.trust(name, tolerance)[1:] for tolerance in (1.0, np.inf)]
+    lows, highs = zip(*found, strict=True)
+    return list(lows), list(highs)
+
+
+def absurd(
+    effect: Effect, values: Mapping[str, float], nominal: Mapping[str, float], torque: float = math.nan
+) -> bool:
+    """True if a parameter lies beyond its physical range, or at an edge of it that is not its off value.
+
+    Args:
+        effect: the effect.
+        values: its parameters -> estimate, SI.
+        nominal: the same -> value before anything was estimated, SI.
+        torque: greatest torque of the drive, N m; NaN where it is not known: nothing is held against it then.
+    """
+    for parameter, allowed in effect.ranges.items():
+        if parameter not in values or parameter not in nominal:
+            continue
+        value, off = values[parameter], nominal[parameter]
+        low, high = allowed.edges(off, torque)
+        near = RANGE_EDGE * (high - low)
+        if value < low - near or value > high + near:
+            return True
+        if (value < low + near and off != low) or (value > high - near and off != high):
+            return True
+    return False
+
+
+def greatest_torque(model: GroupModel, values: Mapping[str, float]) -> float:
+    """The greatest torque with which a log drives a group's mechanics, N m; NaN where the group has none.
+
+    Args:
+        model: the group over the log.
+        values: ``component.parameter`` -> SI that differs from what the model has.
+    """
+    stages = [component for component, _ in model.stages]
+    if "mechanical" not in stages:
+        return math.nan
+    at = stages.index("mechanical")
+    pressure = model.drive if at == 0 else model.inside(stages[at - 1], "p_load", dict(values))
+    if pressure is None:
+        return math.nan
+    lever = [values.get(n, model.nominal(n)) for n in ("mechanical.A", "mechanical.r")]
+    return float(np.max(np.abs(pressure))) * lever[0] * lever[1]

@@ -1,0 +1,100 @@
+"""Limits of a signal or of its rate: where to look for them, and whether the log ever came near them."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.fitting.fit import Fit, Task
+from cosim.diagnosis.thresholds import UNSEEN_LIMIT
+from fmus.contract import Effect, Free
+
+Array = NDArray[np.float64]
+
+MET = (1.0, 0.99)  # of the extreme of what was measured: there or just below it a limit that was met lies
+ANGLES = ("theta", "slew")  # outputs whose zero is arbitrary
+PREDICTED = (0.99, 0.95)  # the same of what the model predicts without the limit
+
+
+def reached(
+    task: Task, effects: Iterable[Effect], values: Mapping[str, float] | None
+) -> dict[str, tuple[float, ...]]:
+    """``component.parameter`` of a limit -> the extreme of what it limits (a signal, its rate), and a little less, SI.
+
+    A signal that was not measured is the one that the model predicts within the group, if it is to be trusted.
+
+    Args:
+        task: data, model and noise.
+        effects: the effects.
+        values: ``component.parameter`` -> SI as far as known; None where not even its order of magnitude is.
+    """
+    found: dict[str, tuple[float, ...]] = {}
+    for effect in effects:
+        for parameter, free in effect.free.items():
+            rows = limited(task, effect, free, values)
+            if rows is not None:
+                extreme = float(rows.max() if free.starts[0] > 0.0 else rows.min())
+                shares = MET if measured_by(task, effect, free) else PREDICTED
+                # an angle's zero is nowhere in particular: less is less of its range
+                reach = extreme
+                if free.limits in ANGLES:
+                    reach = float(np.copysign(0.5 * np.ptp(rows), free.starts[0]))
+                found[f"{effect.component}.{parameter}"] = tuple(extreme - (1.0 - s) * reach for s in shares)
+    return found
+
+
+def measured_by(task: Task, effect: Effect, free: Free) -> str:
+    """The measured signal that shows what a parameter limits; empty where none does."""
+    signal = task.model.group.shows(effect.component, free.limits) if free.limits else ""
+    return signal if signal in task.measured else ""
+
+
+def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] | None) -> Array | None:
+    """(rows, samples) what a parameter limits: a signal or the size of its rate, SI; None where it limits nothing known."""
+    cuts: tuple[int, ...] = ()
+    if signal := measured_by(task, effect, free):
+        rule = task.rules[signal]
+        rows, interval = rule.windows(task.measured[signal]), rule.bins * task.model.h
+    elif free.limits and values is not None:
+        inside = task.model.inside(effect.component, free.limits, unlimited(task, effect, values))
+        if inside is None:
+            return None
+        rows, interval, cuts = inside[None, :], task.model.step, task.model.step_cuts
+    else:
+        return None
+    if not free.rate:
+        return rows
+    steps = np.abs(np.diff(rows, axis=1)) / interval
+    # from one log to the next nothing moves
+    return np.delete(steps, [k - 1 for k in cuts], axis=1) if cuts else steps
+
+
+def unlimited(task: Task, effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    """The values with the limits of an effect at their nominal ones, SI."""
+    return dict(values) | {
+        n: task.model.nominal(n) for p in effect.free if (n := f"{effect.component}.{p}") in values
+    }
+
+
+def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit, trusted: bool = True) -> Fit:
+    """The fit with limits that the signal does not meet at their nominal value: the data say nothing of them.
+
+    A limit that ended just where the signal has its extreme is one of them: beyond it everything explains as much, so
+    its interval goes from that extreme over the nominal value; `trusted` is as the values of `reached`.
+    """
+    if found.slopes is None:
+        return found
+    nominal: dict[str, float] = {}
+    pulls = -found.log_likelihood - 0.5 * float(np.sum(task.white(found.residuals) ** 2))
+    for effect in effects:
+        for name in (f"{effect.component}.{p}" for p, free in effect.free.items() if free.limits):
+            if name not in found.values:
+                continue
+            away = {name: task.model.nominal(name)}
+            white = task.white(task.residuals(found.values | nominal | away))
+            if -0.5 * float(white @ white) - pulls > found.log_likelihood - UNSEEN_LIMIT:
+                nominal |= away
+    extremes = reached(task, effects, found.values if trusted else None) if nominal else {}
+    spread = {n: abs(v - extremes[n][0]) / 1.96 for n, v in nominal.items() if n in extremes}
+    return replace(found, values=found.values | nominal, deviations=found.deviations | spread)

@@ -1,0 +1,67 @@
+"""Amplitude and phase of a sine of known period, searched for as the two sines that it is a sum of.
+
+A torque that is a sine of the angle looks, over a small range of angles, like a constant and a slope: amplitude and phase
+then lie in a long curved minimum in which a search creeps. In the sizes of sine and cosine the same valley is straight.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NO_AMPLITUDE = 1e-9  # typical sizes: an amplitude below it has no phase
+
+
+class Polar:
+    """Unknowns x, of which some are amplitude and phase of one sine, as coordinates z of a search.
+
+    Args:
+        pairs: places of amplitude and phase among the unknowns.
+        scales: (n,) size of a typical change of each unknown, SI.
+        start: (n,) where the search begins, SI: amplitudes keep its sign, phases stay within half a turn of it.
+        most: (n,) largest size of each unknown, SI; of an amplitude what is beyond counts as this much. None for any size.
+    """
+
+    def __init__(
+        self, pairs: Sequence[tuple[int, int]], scales: Array, start: Array, most: Array | None = None
+    ) -> None:
+        self.pairs, self.scales = tuple(pairs), scales
+        self.most = np.full(scales.size, np.inf) if most is None else most
+        self.start = start
+
+    def sought(self, x: Array) -> Array:
+        """(n,) coordinates of unknowns (n,), SI: in typical changes, a pair's both in those of the amplitude."""
+        z = x / self.scales
+        for i, k in self.pairs:
+            z[i], z[k] = z[i] * np.cos(x[k]), z[i] * np.sin(x[k])
+        return z
+
+    def reported(self, z: Array) -> Array:
+        """(n,) unknowns, SI, at coordinates (n,)."""
+        x = z * self.scales
+        for i, k in self.pairs:
+            sign = -1.0 if self.start[i] < 0.0 else 1.0
+            turned = np.arctan2(sign * z[k], sign * z[i]) - self.start[k]
+            x[i] = sign * min(float(np.hypot(z[i], z[k])) * self.scales[i], self.most[i])
+            x[k] = self.start[k] + np.arctan2(np.sin(turned), np.cos(turned))
+        return x
+
+    def bounds(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Bounds (n,) of the coordinates for bounds of the unknowns, SI; a sine has none."""
+        low, high = low / self.scales, high / self.scales
+        for pair in self.pairs:
+            low[list(pair)], high[list(pair)] = -np.inf, np.inf
+        return low, high
+
+    def turn(self, z: Array) -> Array:
+        """(n, n) change of the unknowns, in typical changes of each, with the coordinates."""
+        found = np.eye(z.size)
+        for i, k in self.pairs:
+            amplitude = max(float(np.hypot(z[i], z[k])), NO_AMPLITUDE)
+            sign = -1.0 if self.start[i] < 0.0 else 1.0
+            cosine, sine = z[i] / amplitude, z[k] / amplitude
+            found[i, [i, k]] = sign * cosine, sign * sine
+            found[k, [i, k]] = np.array([-sine, cosine]) / (amplitude * self.scales[k])
+        return found

@@ -1,0 +1,556 @@
+"""Causes tried on data that took no part in naming them: another log of the machine, or the rest of this one.
+
+A cause that the fitting log asks for but that does not make the prediction of the held-out data better is refused: it
+has described that one log and not the machine.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.budget import current
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.noise import Whitener
+from cosim.diagnosis.fitting.trials import (
+    QUICK_ROUNDS,
+    Trial,
+    candidates_of,
+    quickly,
+    tried,
+    tried_all,
+    unknowns,
+    without,
+)
+from cosim.diagnosis.held_out.free_run import errors, onward, refitted
+from cosim.diagnosis.hypotheses.naming import rivals, worth_naming
+from cosim.diagnosis.record.grid import of_piece
+from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.record.signatures import SAMPLED
+from cosim.diagnosis.residuals.cross_validation import moving, repetitions
+from cosim.diagnosis.residuals.finding import Finding
+from cosim.diagnosis.thresholds import (
+    AS_WELL,
+    CANCELLING,
+    HOPELESS,
+    INDISTINGUISHABLE,
+    RIVALS_HELD_OUT,
+    SURE_SIZE,
+)
+from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, steps_without
+from cosim.inference.thresholds import FEWEST_PARTS, MOST_BLOCKS
+from cosim.logs import Log
+from fmus.contract import Effect
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Held:
+    """Held-out data.
+
+    Attributes:
+        record: the log, from its start.
+        first: sample from which errors count.
+        name: of the log.
+        sha256: of its file.
+        in_turn: it is the fitted logs themselves, each left out in turn.
+    """
+
+    record: Record
+    first: int
+    name: str = ""
+    sha256: str = ""
+    in_turn: bool = False
+
+
+def held_logs(records: Sequence[Record], logs: Sequence[Log]) -> Held:
+    """One or more whole logs held out."""
+    return Held(
+        joined(records), 0, ", ".join(log.name for log in logs), ", ".join(log.sha256 for log in logs)
+    )
+
+
+def leave_one_log_out(record: Record) -> list[tuple[Record, Held]]:
+    """Each log of a record held out in turn: what is fitted then, and what is held out; nothing of one log."""
+    pieces = record.pieces if record.cuts else []
+    return [
+        (joined([*pieces[:i], *pieces[i + 1 :]]), Held(own, 0, f"log {i + 1}"))
+        for i, own in enumerate(pieces)
+    ]
+
+
+def each_in_turn(record: Record) -> Held | None:
+    """The logs of a record, each left out in turn; None of one log."""
+    return Held(record, 0, "each log, left out in turn", in_turn=True) if record.cuts else None
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A cause that held-out data do not bear out.
+
+    Attributes:
+        effect: the effect.
+        group: where it was named.
+        signal: what was compared.
+        gain: log-likelihood that it gains in the fitting log.
+        without, with_it: RMSE on held-out data, SI.
+        sure: the whole fitting log determines its size.
+        instead: the named cause in whose place it would stand, if it explains the fitting log as well as that.
+        in_fitted: the errors are those of a free run over the fitted log.
+    """
+
+    effect: Effect
+    group: str
+    signal: str
+    gain: float
+    without: float
+    with_it: float
+    sure: bool = True
+    instead: str = ""
+    in_fitted: bool = False
+
+
+@dataclass(frozen=True)
+class Step:
+    """A set of causes fitted to the whole fitting log.
+
+    Attributes:
+        effects: the causes.
+        fit: with them.
+        fitted: RMSE over the fitting log, SI.
+        held: RMSE on held-out data, SI.
+        unsure: names of those whose size is too small to matter, whose uncertainty holds no cause at all, or of which
+            two make up for each other.
+        squares: (parts,) mean square of the error in each part of the held-out data, SI; of logs left out in turn
+            over that of the signal in the log, so that each log counts as much. Where the axis drifts, the prediction
+            begins in each part where the machine stands, and `fitted` and `held` are of the same.
+        placed: the parts are those of one run of an axis whose place counts.
+    """
+
+    effects: tuple[Effect, ...]
+    fit: Fit
+    fitted: float
+    held: float
+    unsure: tuple[str, ...] = ()
+    squares: Array = field(default_factory=lambda: np.zeros(1), repr=False)
+    placed: bool = False
+
+    @property
+    def sure(self) -> bool:
+        """True if the whole fitting log determines the size of each."""
+        return not self.unsure
+
+    def clearly_better(self, other: "Step") -> bool:
+        """True if the difference on held-out data is more than the choice of these windows may have made."""
+        return self.sure and self.gain_over(other).sure
+
+    def gain_over(self, other: "Step") -> HeldOutGain:
+        """What this set gains on held-out data over another."""
+        return gain_of_errors(self.squares, other.squares, self.placed)
+
+
+def least(steps: Sequence[Step]) -> Step:
+    """The set that errs least on held-out data; one that is not sure, only where none is."""
+    found = [s for s in steps if s.sure] or list(steps)
+    return reduce(lambda one, other: other if other.gain_over(one).gain > 0.0 else one, found)
+
+
+Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each effect
+
+
+def refuse(
+    finding: Finding, held: Held, tolerance: float, done: Steps | None = None
+) -> tuple[Finding, list[Refused], tuple[Effect, ...]]:
+    """A finding as held-out data see it, its causes that do not help on them, and what is kept of it.
+
+    A cause is kept if without it the error on held-out data is larger by more than the choice of these data may have made
+    (95 %), and if the whole fitting log determines its size.
+    Because some help together only (friction and a limit of the stroke bend the same curve at its two ends), causes are
+    taken in one by one from none and left out one by one from all, and the better end counts. Of a cause that holds
+    another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler. A rival that explains
+    the fitting log as well as a cause takes its place if it is clearly better on held-out data.
+
+    Args:
+        finding: what was named in one group; the one returned is `confirmed` if nothing is refused.
+        held: the held-out data.
+        tolerance: trust in the nominal parameters.
+        done: sets judged already, in an earlier search of this group; it grows.
+    """
+    signal = next((s for s in finding.task.measured if s in held.record.signals), "")
+    finding = preferred(finding, tolerance)
+    waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
+    if not signal or finding.task.model.group.drive not in held.record.signals:
+        return finding, [], finding.chosen.effects
+    step = stepper(finding, held, signal, tolerance, done)
+    losses = {e.name: loss(finding, e, tolerance) for e in waiting}
+    at = balanced(finding, step(waiting), waiting, step, losses)
+    if len(at.effects) < len(waiting):  # some that were left out may help with fewer beside them
+        at = least([at, balanced(finding, step(()), waiting, step, losses)])
+    kept = {e.name for e in at.effects}
+    group = finding.task.model.group.name
+    refused = []
+    for effect in (e for e in waiting if e.name not in kept):
+        with_it = step(widened(finding, at.effects, effect))
+        gain = losses[effect.name]
+        refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
+    if current().over:  # what is kept has not been held against all that could be left out
+        current().leave_out(group, "some of its causes on the held-out data")
+    finding = replace(
+        finding,
+        confirmed=bool(at.effects) and not refused and not current().over,
+        held_squares=at.squares,
+        borne={e.name: borne(at, e, step) for e in at.effects},
+    )
+    if not refused and not current().over:
+        refused = outdone(finding, at, step, signal)
+    return finding, refused, at.effects
+
+
+def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
+    """What an effect of a set gains on held-out data beside the others."""
+    return at.gain_over(step(tuple(e for e in at.effects if e != effect)))
+
+
+def loss(finding: Finding, effect: Effect, tolerance: float) -> float:
+    """Log-likelihood of the fitting log that a chosen effect gains beside the others."""
+    fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance, quickly(tolerance))
+    return finding.chosen.fit.log_likelihood - fewer.fit.log_likelihood
+
+
+def stepper(
+    finding: Finding, held: Held, signal: str, tolerance: float, done: Steps | None = None
+) -> Callable[[tuple[Effect, ...]], Step]:
+    """Fits sets of effects to the whole fitting log and judges them on held-out data, each set once.
+
+    Args:
+        finding: what was named in one group; fits begin where its fit ends.
+        held: the held-out data.
+        signal: what is compared.
+        tolerance: trust in the nominal parameters.
+        done: sets judged already: the error of a free run does not depend on what the noise is held to be; it grows.
+    """
+    done = {} if done is None else done
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        key = frozenset((e.name, *e.free) for e in effects)
+        if key not in done:
+            model, rule = finding.task.model, finding.task.rules[signal]
+            anew = model.group.drifts
+            fit_ = (onward if anew else refitted)(finding, effects, tolerance, finding.chosen.fit)
+            fitted = float(np.sqrt(np.mean(parts_of(fit_.residuals[signal], rule, anew, model.cuts))))
+            trial, apart = Trial(effects, fit_, 0), cancelling(effects, fit_, model)
+            unsure = tuple(
+                e.name for e in effects if e.name in apart or not worth_naming(trial, e, model, tolerance)
+            )
+            if held.in_turn:
+                each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
+                spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
+                # each log counts as much; few logs are cut into as many parts as make an interval
+                count = -(-FEWEST_PARTS // len(each))
+                own = [mean_squares(e, count, anew) for e in each]
+                square = np.concatenate(own)
+                squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
+            else:
+                gone = errors(finding, fit_, held.record)[signal][held.first :]
+                square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
+            placed = model.group.integrates and not anew
+            error = float(np.sqrt(np.mean(square)))
+            done[key] = Step(effects, fit_, fitted, error, unsure, squares, placed)
+        return done[key]
+
+    return step
+
+
+def parts_of(error: Array, rule: Whitener, anew: bool, cuts: tuple[int, ...] = ()) -> Array:
+    """(parts,) mean square of an error in each part, SI: parts as long as a window, or so short that chance can be told.
+
+    Args:
+        error: (n,) of a free run, SI.
+        rule: of the signal.
+        anew: in each part the prediction begins where the machine stands.
+        cuts: first sample of each log but the first.
+    """
+    count = max(FEWEST_PARTS, round(error.size / (rule.bins * rule.window)))
+    return mean_squares(error, min(count, error.size), anew, cuts)
+
+
+def cancelling(effects: tuple[Effect, ...], fit_: Fit, model: GroupModel) -> set[str]:
+    """Names of the effects of a set of which only the sum of two sizes is known: a shifted valve and a constant load.
+
+    Of two sizes that make up for each other the deviation of either is that of the sum by 1 / sqrt(1 - r^2), and itself as
+    much unsure as their correlation r: so it counts as many times.
+    """
+    keys = {f"{e.component}.{e.key}": e.name for e in effects if e.key in e.free}
+    found = set()
+    for pair, r in fit_.correlations.items():
+        if abs(r) > CANCELLING and set(pair) <= set(keys):
+            times = SURE_SIZE / np.sqrt(max(1.0 - r * r, 1e-12))
+            off = [abs(fit_.values[n] - model.nominal(n)) < times * fit_.deviations[n] for n in pair]
+            found |= {keys[n] for n in pair} if any(off) else set()
+    return found
+
+
+def left_out_errors(
+    finding: Finding, effects: tuple[Effect, ...], fit_: Fit, signal: str, tolerance: float, walked: bool
+) -> list[Array]:
+    """(n,) error of a signal in each log, simulated with the estimates that the other logs give, SI.
+
+    These follow from the fit to all by one Gauss-Newton step (`cosim.inference.held_out`).
+
+    Args:
+        finding: what was named in the group.
+        effects: the causes.
+        fit_: the fit to all logs with these.
+        signal: the signal.
+        tolerance: trust in the nominal parameters.
+        walked: that fit is one of `freerun.onward`, not one to the free run.
+    """
+    task, model = finding.task, finding.task.model
+    names, slopes = moving(fit_)
+    steps = np.zeros((len(model.parts), 0))
+    if names and fit_.rows is not None:
+        scales = np.array([fit_.scales[n] for n in names])
+        steps = steps_without(fit_.rows, slopes, repetitions(task, walked)) * scales
+    bounds = {u.name: (u.low, u.high) for u in unknowns(model, effects, tolerance)[0]}
+    found = []
+    for i, (part, measured) in enumerate(
+        zip(model.parts, np.split(task.measured[signal], model.cuts), strict=True)
+    ):
+        moved = {
+            n: float(np.clip(fit_.values[n] + step, *bounds[n]))
+            for n, step in zip(names, steps[i], strict=True)
+        }
+        settings = of_piece(model.fixed | fit_.values | moved, i)
+        found.append(measured - part.simulate(settings)[signal])
+    return found
+
+
+def reconsider(
+    finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float, done: Steps | None = None
+) -> tuple[Finding, tuple[Effect, ...]]:
+    """Hold what could stand in the place of a kept cause against it on held-out data: they may tell the two apart no better.
+
+    An effect is refused because it adds nothing to those that are kept. One that would do as well in the place of one
+    of them belongs to its rivals all the same. Of the rivals in the fitting log the closest are judged.
+
+    Args:
+        finding: what is kept in one group.
+        held: the held-out data.
+        refused: what they refused in this group.
+        tolerance: trust in the nominal parameters.
+        done: sets judged already.
+
+    Returns:
+        The finding with these rivals and what is `undecided`, and the set to keep: of effects that cannot be told apart,
+        the likeliest.
+    """
+    chosen = finding.chosen
+    named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
+    signal = next((s for s in finding.task.measured if s in held.record.signals), "")
+    if not named or not signal or current().over:
+        return finding, chosen.effects
+    order = finding.task.model.group.asked
+    taken = chosen.effects
+    step = stepper(finding, held, signal, tolerance, done)
+    at = step(named)
+    listed, told = dict(finding.rivals), dict(finding.undecided)
+    for effect in named:
+        rest = tuple(e for e in named if e != effect)
+        # what holds the kept one was refused in its place already
+        turned_down = [
+            r.effect
+            for r in refused
+            if not r.instead and r.effect not in chosen.effects and effect not in simpler(finding, r.effect)
+        ]
+        closest = sorted(listed.get(effect.name, ()), key=lambda t: -t.score)
+        beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
+        able = [e for e in turned_down if not hopeless(finding, effect, e, tolerance)]
+        others = dict.fromkeys([*able, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
+        bare = step(rest)
+        undecided = []
+        for other in others:
+            if current().over:
+                break
+            instead = step((*rest, other))
+            more = at.gain_over(instead).gain / min(at.squares.size, MOST_BLOCKS)
+            about_as_well = more < np.log(AS_WELL) or not at.clearly_better(instead)
+            gains = instead.gain_over(bare).sure
+            if other.name not in instead.unsure and gains and about_as_well:
+                undecided.append(other)
+        told[effect.name] = [e.name for e in undecided]
+        known = {e.name for (e,) in beside}
+        sets = [(*rest, e) for e in undecided if e.name not in known]
+        found = tried_all(finding.task, sets, tolerance, chosen.fit)
+        listed[effect.name] = [*listed.get(effect.name, ()), *found]
+        other = likeliest(effect, undecided, order)
+        if other != effect:
+            taken = tuple(other if e == effect else e for e in taken)
+            told[other.name] = [effect.name]
+    finding = replace(finding, rivals=listed, undecided=told)
+    if taken != chosen.effects:
+        marked = tuple(e for e in taken if e.name in SAMPLED)
+        at = shrunk(finding, step(tuple(e for e in taken if e.name not in SAMPLED)), step, {})
+        taken = (*at.effects, *marked)
+        kept = {e.name: borne(at, e, step) for e in at.effects}
+        finding = replace(finding, held_squares=at.squares, borne=kept)
+    return finding, taken
+
+
+def hopeless(finding: Finding, effect: Effect, other: Effect, tolerance: float) -> bool:
+    """True if in the place of a named effect another does not half of what that one does in the fitting log."""
+    task, chosen = finding.task, finding.chosen
+    fewer = without(task, chosen, effect, finding.null, tolerance, quickly(tolerance))
+    lost = chosen.fit.log_likelihood - fewer.fit.log_likelihood
+    instead = tried(task, (*fewer.effects, other), tolerance, chosen.fit, QUICK_ROUNDS, quick=True)
+    return instead.fit.log_likelihood - fewer.fit.log_likelihood < HOPELESS * lost
+
+
+def likeliest(effect: Effect, others: Sequence[Effect], asked: Sequence[str]) -> Effect:
+    """Of effects that cannot be told apart, the one to name: by the mapping's order if it asks for it, else by its odds."""
+    options = [effect, *others]
+    if effect.name in asked:
+        return min(options, key=lambda e: asked.index(e.name) if e.name in asked else len(asked))
+    return max(options, key=lambda e: e.prior)
+
+
+def outdone(
+    finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], signal: str
+) -> list[Refused]:
+    """Rivals that explain the fitting log as well as a kept cause and held-out data clearly worse."""
+    found = []
+    for effect in at.effects:
+        rest = tuple(e for e in at.effects if e != effect)
+        for rival, gain in indistinguishable(finding, effect):
+            other = step((*rest, rival))
+            if at.clearly_better(other):
+                group = finding.task.model.group.name
+                found.append(Refused(rival, group, signal, gain, at.held, other.held, True, effect.name))
+    return found
+
+
+def preferred(finding: Finding, tolerance: float) -> Finding:
+    """Of effects on request that explain the fitting log as well, the one that the machine's mapping names first."""
+    order = finding.task.model.group.asked
+    effects = []
+    for effect in finding.chosen.effects:
+        others = [e for e, _ in indistinguishable(finding, effect) if e.name in order]
+        listed = [effect, *others] if effect.name in order else [effect]
+        effects.append(min(listed, key=lambda e: order.index(e.name) if e.name in order else 0))
+    if tuple(effects) == finding.chosen.effects:
+        return finding
+    finding = replace(finding, chosen=tried(finding.task, tuple(effects), tolerance, finding.chosen.fit))
+    return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), tolerance))
+
+
+def indistinguishable(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
+    """Effects that explain the fitting log as well as a named one in its place, and what they gain over it there."""
+    found = []
+    for trial in finding.rivals.get(effect.name, []):
+        rival = next(e for e in trial.effects if e not in finding.chosen.effects)
+        if trial.score > finding.chosen.score - INDISTINGUISHABLE:
+            found.append((rival, trial.score - finding.chosen.score))
+    return found
+
+
+def balanced(
+    finding: Finding,
+    at: Step,
+    waiting: tuple[Effect, ...],
+    step: Callable[[tuple[Effect, ...]], Step],
+    losses: Mapping[str, float],
+) -> Step:
+    """The set from which nothing can be left out, and into which nothing more can be taken, that held-out data bear out.
+
+    Args:
+        finding: what was named in one group.
+        at: where to begin.
+        waiting: the effects named.
+        step: fits a set of effects.
+        losses: name of an effect -> log-likelihood that it gains in the fitting log; the least is left out first.
+    """
+    for _ in waiting:
+        before = at
+        while not current().over:
+            more = [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]
+            better = [s for s in more if s.clearly_better(at)]
+            for effect in at.effects:
+                rest = tuple(e for e in at.effects if e != effect)
+                more = [step((*rest, e)) for e, _ in indistinguishable(finding, effect) if e not in rest]
+                better += [s for s in more if s.clearly_better(at)]
+            # the one that describes the fitting log best, of those that held-out data bear out
+            if not better:
+                break
+            at = min(better, key=lambda s: s.fitted)
+        at = shrunk(finding, at, step, losses)
+        if {e.name for e in at.effects} == {e.name for e in before.effects}:
+            break
+    return at
+
+
+def shrunk(
+    finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], losses: Mapping[str, float]
+) -> Step:
+    """The set without what held-out data do not bear out, or with something simpler in its place.
+
+    On the way lie sets whose sizes are unsure; what they lead to must not be clearly worse than the last one that was not.
+    """
+    sure = at
+    while at.effects and not current().over:
+        smaller = next_smaller(finding, at, step, losses)
+        if smaller is None:
+            break
+        at = smaller
+        if at.sure:
+            if sure.clearly_better(at):
+                break
+            sure = at
+    return sure if sure.sure else at
+
+
+def next_smaller(
+    finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], losses: Mapping[str, float]
+) -> Step | None:
+    """A set with an effect less, or a simpler one in its place, that held-out data do not speak against; None without one.
+
+    The effect that gains least in the fitting log goes first, before all one whose size is unsure.
+    """
+    in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
+    if not at.sure:
+        first = next(e for e in in_order if e.name in at.unsure)
+        return least([step(e) for e in narrowed(finding, at.effects, first)])
+    worse = []
+    for effect in in_order:
+        for effects in narrowed(finding, at.effects, effect):
+            fewer = step(effects)
+            if at.clearly_better(fewer):
+                continue
+            if fewer.sure:
+                return fewer
+            worse.append(fewer)
+    return least(worse) if worse else None
+
+
+def narrowed(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> list[tuple[Effect, ...]]:
+    """The set without an effect, and those with a simpler one in its place."""
+    rest = tuple(e for e in effects if e != effect)
+    less = [e for e in simpler(finding, effect) if e.name not in {r.name for r in rest}]
+    return [rest, *((*rest, e) for e in less)]
+
+
+def widened(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> tuple[Effect, ...]:
+    """The set with one effect more, in place of those that it holds."""
+    inside = {e.name for e in simpler(finding, effect)}
+    return (*(e for e in effects if e.name not in inside), effect)
+
+
+def simpler(finding: Finding, effect: Effect) -> list[Effect]:
+    """Candidates that change a part of what an effect changes: Coulomb friction for Stribeck friction."""
+    return [
+        e
+        for e in finding.task.model.group.effects()
+        if e.component == effect.component and set(e.free) < set(effect.free)
+    ]

@@ -1,0 +1,72 @@
+"""What a log never exercised: effects that it could not have shown even at a moderate size."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.fitting.fit import jacobian
+from cosim.diagnosis.fitting.trials import declared, trusted
+from cosim.diagnosis.record.signatures import SAMPLED
+from cosim.diagnosis.residuals.finding import Finding
+from cosim.diagnosis.thresholds import NAMING_GAIN
+
+Array = NDArray[np.float64]
+
+
+def exercised(finding: Finding, tolerance: float) -> dict[str, float]:
+    """Effect -> log-likelihood that a moderate size would have gained in this log, nominal parameters free to hide it."""
+    task, null = finding.task, finding.null
+    base = null.fit.values
+    own = trusted(task.model, tolerance)
+    scale = {u.name: u.scale for u in own}
+
+    def white(values: dict[str, float]) -> Array:
+        return task.white(task.residuals(values))
+
+    centre = white(base)
+    hide = np.zeros((centre.size, 0))
+    if own:
+        names = list(base)
+        z = np.array([base[n] / scale[n] for n in names])
+        wide = np.full(z.size, 1e9)
+        hide = jacobian(
+            lambda v: white({n: x * scale[n] for n, x in zip(names, v.tolist(), strict=True)}), z, -wide, wide
+        )
+    found = {}
+    for effect in task.model.group.effects():
+        if effect.name in SAMPLED:  # every log shows those
+            continue
+        moved = dict(base)
+        for parameter, free in effect.free.items():
+            name = f"{effect.component}.{parameter}"
+            variable = declared(effect, parameter)
+            off = task.model.nominal(name)
+            value = (
+                (min if off > 0 else max)(free.starts, key=abs)
+                if free.limits
+                else off + (free.scale if variable.high > off else -free.scale)
+            )
+            moved[name] = float(np.clip(value, variable.low, variable.high))
+        if all(
+            moved[f"{effect.component}.{p}"] == task.model.nominal(f"{effect.component}.{p}")
+            for p in effect.free
+        ):
+            continue  # where such a stop would be nobody knows
+        change = white(moved) - centre
+        # the trusted parameters can take up part of it, at the price of their priors
+        rows = np.concatenate([hide, np.eye(hide.shape[1])])
+        target = np.concatenate([change, np.zeros(hide.shape[1])])
+        if hide.shape[1]:
+            solution, *_ = np.linalg.lstsq(rows, target, rcond=None)
+            target = target - rows @ solution
+        found[effect.name] = 0.5 * float(target @ target)
+    return found
+
+
+def never_exercised(finding: Finding, tolerance: float) -> list[str]:
+    """Effects that this log could not have shown even at a moderate size."""
+    named = set(finding.chosen.names)
+    sure = {
+        e.name: NAMING_GAIN + 0.5 * len(e.free) * float(np.log(finding.null.fit.count))
+        for e in finding.task.model.group.effects()
+    }
+    return [n for n, gain in exercised(finding, tolerance).items() if n not in named and gain < sure[n]]

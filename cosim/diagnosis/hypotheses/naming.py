@@ -1,0 +1,476 @@
+"""Which effects of the library explain a group's residual."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from cosim.compare.metrics import rms
+from cosim.diagnosis.budget import current
+from cosim.diagnosis.fitting.bounds import impossible
+from cosim.diagnosis.fitting.fit import Fit, Task
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.noise import Whitener, broad
+from cosim.diagnosis.fitting.pace import in_exact_steps, paced
+from cosim.diagnosis.fitting.phases import usually_spelled
+from cosim.diagnosis.fitting.trials import (
+    Trial,
+    candidates_of,
+    declared,
+    freed,
+    polished,
+    quickly,
+    tried,
+    tried_all,
+    without,
+)
+from cosim.diagnosis.hypotheses.forms import forms, in_plain_form, in_same_form
+from cosim.diagnosis.hypotheses.local_minima import away_from_stops
+from cosim.diagnosis.hypotheses.pruning import confirmed, prune
+from cosim.diagnosis.hypotheses.screening import identifiable, promising
+from cosim.diagnosis.record.grid import Pieces
+from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.record.signatures import Signature, signatures
+from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise, leftovers, relearned
+from cosim.diagnosis.residuals.local import Event, apart, burst, line
+from cosim.diagnosis.residuals.slow_oscillation import slow_oscillation
+from cosim.diagnosis.thresholds import (
+    BEYOND_TRUST,
+    CALIBRATED_TRUST,
+    COARSE_BETTER,
+    COARSE_PAIRED,
+    INDISTINGUISHABLE,
+    LINE_PERIODS,
+    NAMING_GAIN,
+    NOMINAL_TRUST,
+    ONE_SIDED_95,
+    RIVAL_WITHIN,
+    SINGLE_WITHIN,
+    SURE_SIZE,
+)
+from cosim.inference.pieces import slope
+from fmus.contract import Effect
+
+
+def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:
+    """True if the effect's size matters: beyond its floor and its own uncertainty, beyond trust for a trusted parameter.
+
+    Sizes of one effect that can hardly be told from each other (Coulomb's level and Stribeck's peak) may be sure together.
+    """
+    floored = any(free.floor for free in effect.free.values())
+    large = False
+    for parameter, free in effect.free.items():
+        name = f"{effect.component}.{parameter}"
+        change = abs(trial.fit.values[name] - model.nominal(name))
+        spread = trial.fit.deviations[name]
+        if name in model.group.trusted and len(effect.free) == 1:
+            return change - ONE_SIDED_95 * spread > BEYOND_TRUST * tolerance * abs(model.nominal(name))
+        if (free.floor or not floored) and change > free.floor:
+            if change > SURE_SIZE * spread:
+                return True
+            large = True
+    sizes = sizes_of(effect, model, trial.fit) if large else {}
+    return len(sizes) > 1 and joint(trial.fit, sizes) > float(chi2.isf(2.0 * norm.sf(SURE_SIZE), len(sizes)))
+
+
+def sizes_of(effect: Effect, model: GroupModel, found: Fit) -> dict[str, float]:
+    """``component.parameter`` -> estimate less its off value, of those that are what its size is: in its unit, no phase."""
+    if effect.key not in effect.free:
+        return {}
+    unit = declared(effect, effect.key).unit
+    same_unit = [p for p, free in effect.free.items() if not free.phase and declared(effect, p).unit == unit]
+    names = [f"{effect.component}.{p}" for p in same_unit]
+    return {n: found.values[n] - model.nominal(n) for n in names}
+
+
+def joint(found: Fit, sizes: dict[str, float]) -> float:
+    """Wald's statistic of several estimates against none: chi-square of their number where all are nothing."""
+    names = list(found.values)[: found.covariance.shape[0]]
+    at = [names.index(n) for n in sizes if n in names]
+    if len(at) < len(sizes):
+        return 0.0
+    values = np.array(list(sizes.values()))
+    return float(values @ np.linalg.pinv(found.covariance[np.ix_(at, at)], hermitian=True) @ values)
+
+
+def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float, sure: float = NAMING_GAIN) -> bool:
+    """True if `new` (one effect more) is to be believed over `old`: by `sure` of log-likelihood beyond its price."""
+    effect = new.effects[-1]
+    if not worth_naming(new, effect, model, tolerance) or impossible(new, model):
+        return False
+    if all(f"{effect.component}.{p}" in model.group.trusted for p in effect.free):
+        # its prior has been its price; beyond that it must gain as much as any other cause
+        return new.fit.log_likelihood > old.fit.log_likelihood + sure
+    return new.score > old.score + sure
+
+
+def find(
+    task: Task,
+    record: Record,
+    tolerance: float = NOMINAL_TRUST,
+    most: int = 3,
+    within: bool = True,
+    begin: Trial | None = None,
+) -> Finding:
+    """Name the effects in one group: forward with swaps and removals, the noise learned anew after each step.
+
+    Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
+    whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
+    this log left out do not bear out, or that explain less than what stays unexplained, are taken out again, unless other
+    data will judge them (`within` is False). A search may begin with a set of effects that is known to hold.
+    """
+    candidates = candidates_of(task)
+    null, exact = nominal(task, record, tolerance), task.model
+    if tolerance >= CALIBRATED_TRUST:
+        candidates = identifiable(task, null, candidates)
+    paced(task, exact, null.fit, candidates, tolerance)
+    single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
+    known = task.rules, task.model
+
+    def searched(chosen: Trial) -> tuple[Trial, Trial, list[Trial]]:
+        return onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
+
+    if begin is not None:
+        chosen = tried(task, begin.effects, tolerance, begin.fit)
+    else:
+        chosen = best_single(task, null, single, tolerance) if most else null
+    found = searched(chosen)
+    if begin is None and most and tolerance >= CALIBRATED_TRUST and not current().over:
+        ended = task.rules, task.model
+        task.set_rules(known[0])
+        task.model = known[1]
+        coarse = coarsely(task, null, candidates, tolerance, most)
+        if coarse is not None and remaining(task, coarse) < COARSE_BETTER * remaining(task, found[1]):
+            other = searched(tried(task, coarse.effects, tolerance, coarse.fit))
+            if remaining(task, other[1]) < remaining(task, found[1]):
+                found, ended = other, (task.rules, task.model)
+        task.set_rules(ended[0])
+        task.model = ended[1]
+    null, chosen, single = found
+    null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
+    chosen = in_plain_form(task, chosen, tolerance)
+    single = in_same_form(task, chosen, single, tolerance)
+    if within:  # otherwise other data decide
+        chosen = confirmed(task, chosen, null, tolerance)
+    finding = Finding(task, null, chosen, single, free=tolerance >= CALIBRATED_TRUST)
+    if len(chosen.effects) == 1:
+        single = [to_the_end(task, t, finding, tolerance, SINGLE_WITHIN) for t in single]
+    before, after = (leftovers(task, record, trial.fit) for trial in (null, chosen))
+    finding = replace(finding, single=single, before=before, after=after)
+    if within:
+        finding = prune(finding, record, tolerance)
+        if finding.chosen is not chosen:
+            finding = replace(finding, single=in_same_form(task, finding.chosen, single, tolerance))
+    seen = sampled(task, record, finding.chosen.fit)
+    return replace(
+        finding,
+        # where other data decide some of the causes may go first, and their rivals with them
+        rivals=rivals(task, finding, candidates, tolerance, RIVAL_WITHIN if within else 0.0),
+        events={s: local_tests(task, s, finding.chosen.fit) for s in task.measured},
+        signatures=seen,
+        chosen=with_signatures(usually_spelled(finding.chosen), seen),
+    )
+
+
+def onward(
+    task: Task,
+    record: Record,
+    exact: GroupModel,
+    null: Trial,
+    chosen: Trial,
+    single: list[Trial],
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    most: int,
+) -> tuple[Trial, Trial, list[Trial]]:
+    """The nominal model, the set that a search ends with, and the single effects, all under the noise learned meanwhile.
+
+    Args:
+        task: data, model and noise.
+        record: the log.
+        exact: the model in the log's own steps.
+        null: the nominal model, fitted.
+        chosen: the set with which the search begins.
+        single: every single effect, fitted.
+        candidates: the effects.
+        tolerance: trust in the nominal parameters.
+        most: effects at most.
+    """
+    for _ in range(2 * most):
+        if not chosen.effects or current().over:
+            break
+        if relearned(task, record, chosen.fit):
+            paced(task, exact, chosen.fit, candidates, tolerance)
+            null = tried(task, (), tolerance, null.fit)
+            single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit, single)
+            chosen = fitted_again(task, null, chosen, single, candidates, tolerance)
+        room = 0 < len(chosen.effects) < most
+        more = extended(task, record, chosen, single, candidates, tolerance) if room else None
+        if more is None:
+            break
+        chosen = more
+    return null, chosen, single
+
+
+def remaining(task: Task, trial: Trial) -> float:
+    """RMS of what a set leaves of a group's first signal in the windows, SI; what is constant there counts where it does."""
+    signal, rule = next(iter(task.rules.items()))
+    rows = rule.windows(trial.fit.residuals[signal])
+    return rms((rows - rows.mean(axis=1, keepdims=True) if rule.demean else rows).ravel())
+
+
+def coarsely(
+    task: Task, null: Trial, candidates: tuple[Effect, ...], tolerance: float, most: int
+) -> Trial | None:
+    """What most reduces the error itself, as long as that is sure; None for nothing.
+
+    Where parameters are free and much is wrong, the noise learned from what a poor model leaves is as large and as slow as
+    its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
+    counts as white noise, as few independent values as its correlation allows. Where no single effect is sure, pairs are
+    tried with the likeliest: an end of the travel shows only once the machine moves at the right speed.
+    """
+    known, chosen = task.rules, null
+
+    def weighed(trial: Trial) -> None:
+        task.set_rules({s: broad(rule, trial.fit.residuals[s]) for s, rule in task.rules.items()})
+
+    def worth(trial: Trial) -> float:
+        # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price
+        count = max(-2.0 * chosen.fit.log_likelihood, 2.0)
+        left = float(np.log(max(-2.0 * trial.fit.log_likelihood, 1e-300)))
+        return -0.5 * count * left - 0.5 * trial.price * float(np.log(count))
+
+    def believed(options: list[Trial]) -> Trial | None:
+        if not options:
+            return None
+        best = max(options, key=worth)
+        weighed(best)
+        before = tried(task, chosen.effects, tolerance, chosen.fit)
+        more = tried(task, best.effects, tolerance, best.fit)
+        # a beginning only: what is named is decided later
+        if accepted(more, before, task.model, tolerance, 0.0):
+            return more
+        weighed(chosen)
+        return None
+
+    def joined_by(one: Trial) -> list[Trial]:
+        rest = promising(task, one, (e for e in candidates if e not in one.effects), tolerance)
+        return tried_all(task, [(*one.effects, e) for e in rest], tolerance, one.fit)
+
+    try:
+        weighed(null)
+        chosen = null = tried(task, (), tolerance, null.fit)
+        for _ in range(most):
+            further = [e for e in candidates if e not in chosen.effects]
+            if chosen.effects:
+                further = promising(task, chosen, further, tolerance)
+            options = tried_all(task, [(*chosen.effects, e) for e in further], tolerance, chosen.fit)
+            if not options or current().over:
+                break
+            more = believed(options)
+            if more is None and not chosen.effects:
+                near = sorted(options, key=worth, reverse=True)[:COARSE_PAIRED]
+                more = believed([pair for one in near for pair in joined_by(one)])
+            if more is None:
+                break
+            chosen = swapped(task, more, candidates, tolerance)
+    finally:
+        task.set_rules(known)
+    return chosen if chosen.effects else None
+
+
+def nominal(task: Task, record: Record, tolerance: float) -> Trial:
+    """The model without effects, fitted, and the noise learned from it."""
+    null = tried(task, (), tolerance)
+    learn_noise(task, record, null.fit)
+    null = tried(task, (), tolerance, null.fit)
+    clear = away_from_stops(task, null, tolerance)
+    if clear is not null:
+        learn_noise(task, record, clear.fit)
+        null = tried(task, (), tolerance, clear.fit)
+    return null
+
+
+def best_single(task: Task, null: Trial, single: list[Trial], tolerance: float) -> Trial:
+    """The best single effect that is to be believed over the nominal model, or the nominal model."""
+    better = [t for t in single if accepted(t, null, task.model, tolerance)]
+    return max((polished(task, t, tolerance) for t in better[:2]), key=lambda t: t.score, default=null)
+
+
+def fitted_again(
+    task: Task,
+    null: Trial,
+    chosen: Trial,
+    single: list[Trial],
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+) -> Trial:
+    """The chosen set under the noise learned since, or what is better now."""
+    if len(chosen.effects) == 1 and not chosen.effects[0].is_formed:
+        return best_single(task, null, single, tolerance)
+    return swapped(task, tried(task, chosen.effects, tolerance, chosen.fit), candidates, tolerance)
+
+
+def extended(
+    task: Task,
+    record: Record,
+    chosen: Trial,
+    single: list[Trial],
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+) -> Trial | None:
+    """The chosen set with the best further effect or form of a law, exchanges and removals tried; None if none is sure.
+
+    What the one chosen effect was strained to in the absence of the other may keep a search that begins there from finding
+    it: where something is left, both are sought anew from their own starts (of more effects there are too many).
+    """
+    rest = promising(task, chosen, (e for e in candidates if e not in chosen.effects), tolerance)
+    further = [(*chosen.effects, e) for e in rest]
+    options = tried_all(task, [*further, *forms(task, chosen, single)], tolerance, chosen.fit, single)
+    better = [t for t in options if accepted(t, chosen, task.model, tolerance)]
+    if not better and len(chosen.effects) == 1 and lacking(task, record, chosen.fit):
+        better = [
+            t for t in tried_all(task, further, tolerance) if accepted(t, chosen, task.model, tolerance)
+        ]
+    if not better and len(chosen.effects) == 1:
+        better = beside_rivals(task, chosen, single, candidates, tolerance)
+    if not better:
+        return None
+    found = swapped(task, polished(task, better[0], tolerance), candidates, tolerance)
+    return found if freed(found.effects) != freed(chosen.effects) else None
+
+
+def beside_rivals(
+    task: Task, chosen: Trial, single: list[Trial], candidates: tuple[Effect, ...], tolerance: float
+) -> list[Trial]:
+    """Pairs to be believed over the one chosen effect that hold, in its place, one that explains the log nearly as well.
+
+    Which of two such effects it is may show only once what else is wrong is known.
+    """
+    close = [t for t in single if t.names != chosen.names and t.score > chosen.score - INDISTINGUISHABLE]
+    found: list[Trial] = []
+    for one in close[:2]:
+        rest = promising(task, one, (e for e in candidates if e not in one.effects), tolerance)
+        found += tried_all(task, [(*one.effects, e) for e in rest], tolerance, one.fit)
+    believed = [t for t in found if accepted(t, chosen, task.model, tolerance)]
+    return sorted(believed, key=lambda t: -t.score)
+
+
+def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
+    """What is left of a signal at one time or at one frequency."""
+    white, rule = task.white_of(signal, found.residuals), task.rules[signal]
+    interval, begin = rule.bins * task.model.h, rule.skip * task.model.h
+    event = burst(white, interval, begin)
+    # what happened once may ring as well: a line is what all the rest has
+    tests = {
+        "event": placed_in_time(task, rule, event),
+        "line": line(apart(white, event, interval, begin), interval),
+    }
+    if task.model.grid is None or task.model.grid.even:  # elsewhere bins differ in length
+        own = found.residuals[signal], task.model.drive, task.predicted(found)[signal]
+        left, *motions = (rule.windows(values) for values in own)
+        log, highest = rule.log_of(task.model.drive.size), LINE_PERIODS / (rule.window * interval)
+        # an oscillation goes on within a log, and not from one to the next
+        each = [
+            slow_oscillation(
+                left[log == i].ravel(), [m[log == i].ravel() for m in motions], interval, highest
+            )
+            for i in np.unique(log)
+        ]
+        best = min(each, key=lambda e: e.p_value)
+        tests["oscillation"] = replace(best, p_value=min(1.0, best.p_value * len(each)))
+    return tests
+
+
+def placed_in_time(task: Task, rule: Whitener, event: Event) -> Event:
+    """An event with times of the logs one behind the other, in the place of those counted over the windows."""
+    if not isinstance(task.model.grid, Pieces):
+        return event
+    inside, stamps = rule.layout.inside(task.model.drive.size), task.model.grid.stamps
+    bins = [round((t / task.model.h - rule.skip) / rule.bins) * rule.bins for t in (event.start, event.end)]
+    start, end = (float(stamps[inside[min(k, inside.size - 1)]]) for k in bins)
+    return replace(event, start=start, end=end)
+
+
+def sampled(task: Task, record: Record, found: Fit) -> list[Signature]:
+    """Effects seen in the raw samples of the group's slew reading, of those that the group may show."""
+    reading = task.model.group.reading
+    if reading is None or reading not in task.measured:
+        return []
+    allowed = {e.name for e in task.model.group.effects()}
+    values, noise = record.signals[reading], task.rules[reading].rms
+    last = values[2 * values.size // 3 :]
+    rate = slope(task.predicted(found)[reading], task.model.h, task.model.cuts)[-last.size :]
+    again = {m.effect: m.gain for m in signatures(last, rate, noise)}
+    seen = [m for m in signatures(values, record.rate(reading), noise) if m.effect in allowed]
+    return [replace(m, held_out=again.get(m.effect, 0.0)) for m in seen]
+
+
+def with_signatures(trial: Trial, seen: list[Signature]) -> Trial:
+    """The trial with the parameters of what the samples show among its values."""
+    values = {f"{m.effect.partition('.')[0]}.{m.parameter}": m.value for m in seen}
+    spreads = {f"{m.effect.partition('.')[0]}.{m.parameter}": m.deviation for m in seen}
+    fit_ = replace(trial.fit, values=trial.fit.values | values, deviations=trial.fit.deviations | spreads)
+    return Trial(trial.effects, fit_, trial.price)
+
+
+def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial:
+    """Exchange or drop single effects of a set of two or more while that pays."""
+    while len(chosen.effects) > 1 and not current().over:
+        sets: list[tuple[Effect, ...]] = []
+        for out in chosen.effects:
+            kept = tuple(e for e in chosen.effects if e != out)
+            fewer = without(task, chosen, out, chosen, tolerance, quickly(tolerance))
+            free = (e for e in candidates if e not in chosen.effects)
+            # in the place of the one left out another must make up for what that one explains; beside a trusted
+            # parameter that acts as it does a small dose says nothing of that
+            lost = chosen.fit.log_likelihood - fewer.fit.log_likelihood
+            needed = lost if tolerance >= CALIBRATED_TRUST else 0.0
+            sets += [kept, *((*kept, e) for e in promising(task, fewer, free, tolerance, needed))]
+        best = next(iter(tried_all(task, sets, tolerance, chosen.fit)), chosen)
+        dropped = len(best.effects) < len(chosen.effects)
+        if best.score > chosen.score + (-NAMING_GAIN if dropped else 1.0):
+            chosen = best
+        else:
+            break
+    return chosen
+
+
+def rivals(
+    task: Task,
+    finding: Finding,
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    share: float = RIVAL_WITHIN,
+) -> dict[str, list[Trial]]:
+    """For each accepted effect, the sets in which another stands in its place, best first; `share` as `to_the_end`."""
+    found: dict[str, list[Trial]] = {}
+    for effect in finding.chosen.effects:
+        kept = tuple(e for e in finding.chosen.effects if e != effect)
+        sets = []
+        if kept:
+            fewer = without(task, finding.chosen, effect, finding.null, tolerance, quickly(tolerance))
+            free = (e for e in candidates if e not in finding.chosen.effects)
+            sets = [(*kept, e) for e in promising(task, fewer, free, tolerance)]
+        found[effect.name] = (
+            tried_all(task, sets, tolerance, finding.chosen.fit)
+            if kept
+            else [t for t in finding.single if t.effects[0] != effect]
+        )
+        if kept:  # one effect may do what the whole set does
+            found[effect.name] += [t for t in finding.single if t.effects[0] not in finding.chosen.effects]
+        found[effect.name] = [to_the_end(task, t, finding, tolerance, share) for t in found[effect.name]]
+    return found
+
+
+def to_the_end(
+    task: Task, rival: Trial, finding: Finding, tolerance: float, share: float = RIVAL_WITHIN
+) -> Trial:
+    """A rival that explains nearly as much as the chosen set, fitted until it settles: it may explain as much."""
+    best = finding.chosen.fit.log_likelihood
+    reach = best - max(INDISTINGUISHABLE, share * (best - finding.null.fit.log_likelihood))
+    return (
+        rival
+        if rival.fit.settled or rival.fit.log_likelihood < reach
+        else polished(task, rival, tolerance, hopeful=False)
+    )

@@ -1,0 +1,267 @@
+"""Groups of blocks between measured signals, each driven by a measurement and judged by one; and their simulation.
+
+Between two measured signals the blocks act as one: the compensator, the dead zone and the valve between command and spool;
+the continuity between spool and pressure; mechanics and slew sensor between pressure and angle. `cosim.diagnosis.model.cut`
+finds them in a model's wiring.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.paths import ssp_folder
+from fmus import registry
+from fmus.contract import Effect, Free
+
+Array = NDArray[np.float64]
+
+_LEFT_OUT: ContextVar[frozenset[str]] = ContextVar("left_out", default=frozenset())
+
+
+@contextmanager
+def left_out(*names: str) -> Iterator[None]:
+    """Within this context no group considers the effects of these names: to see what is said of a cause nobody knows."""
+    token = _LEFT_OUT.set(_LEFT_OUT.get() | frozenset(names))
+    try:
+        yield
+    finally:
+        _LEFT_OUT.reset(token)
+
+
+Parts = tuple[
+    tuple[str, float], ...
+]  # a signal as a sum of factor * output (``component.output`` but of the last block)
+SPEED = "omega"  # output of a block that is the rate of its angle
+
+
+@dataclass(frozen=True)
+class Group:
+    """Blocks between two measured signals.
+
+    Attributes:
+        name: the block that is named when nothing closer is known.
+        stages: (component, block) in the order of the signal flow.
+        drive: the signal that drives the first; `held` if it is held over a step.
+        observed: the signals that the group predicts.
+        integrates: the prediction drifts with any constant error of the drive, so only its shape within a window counts.
+        upstream_slot: (component, block, equation) through which the drive passes first, where an effect of the
+            block before acts on what this group feels but not on what is measured.
+        excluded: effects that are no candidates: something else has settled them, or this machine cannot have them.
+        trusted: ``component.parameter`` that is trusted to the tolerance only; all else is taken as exact.
+        parts: observed signal -> what it is made of, where that is not the output of its name.
+        starts: ``component.parameter`` -> the signal whose first value it takes.
+        absolute: a constant error counts; elsewhere each window has an offset of its own.
+        asked: effects that are candidates on request only and were requested.
+        scale: SI unit, or ``component.parameter`` -> how much smaller or larger than on the crane a typical change is, for
+            the searches.
+    """
+
+    name: str
+    stages: tuple[tuple[str, str], ...]
+    drive: str
+    observed: tuple[str, ...]
+    held: bool = False
+    integrates: bool = False
+    upstream_slot: tuple[str, str, str] | None = None
+    excluded: tuple[str, ...] = ()
+    trusted: tuple[str, ...] = ()
+    parts: tuple[tuple[str, Parts], ...] = ()
+    starts: tuple[tuple[str, str], ...] = ()
+    absolute: bool = False
+    asked: tuple[str, ...] = ()
+    scale: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the components, in order."""
+        return tuple(component for component, _ in self.stages)
+
+    @property
+    def kind(self) -> str:
+        """Block whose linear part carries what is missing to the signal: the last one with dynamics."""
+        moving = [block for _, block in self.stages if block in DYNAMIC]
+        return moving[-1] if moving else self.stages[-1][1]
+
+    @property
+    def linear(self) -> tuple[str, ...]:
+        """``component.parameter`` of the linear part that carries what is missing to the signal."""
+        component = next(c for c, b in reversed(self.stages) if b == self.kind)
+        return tuple(f"{component}.{parameter}" for parameter in DYNAMIC.get(self.kind, ()))
+
+    @property
+    def drifts(self) -> bool:
+        """True if a constant error of the drive moves the prediction away, and the place itself does not count."""
+        return self.integrates and not self.absolute
+
+    @property
+    def reading(self) -> str | None:
+        """The signal that a sensor of this group reads, if there is one."""
+        return self.observed[0] if self.stages and self.stages[-1][1] == "sensor" else None
+
+    def is_speed(self, signal: str) -> bool:
+        """True if a signal is the speed, not the angle: a gyroscope or a tachometer."""
+        (output, _), *more = dict(self.parts).get(signal, ((signal, 1.0),))
+        return not more and output.rpartition(".")[2] == SPEED
+
+    def shows(self, component: str, output: str) -> str:
+        """The measured signal that shows an output of a component as it is; empty where none does."""
+        parts = dict(self.parts)
+        end, block = self.stages[-1]
+        for signal in self.observed:
+            made = parts.get(signal, ((signal, 1.0),))
+            if made == ((f"{component}.{output}", 1.0),) or (component == end and made == ((output, 1.0),)):
+                return signal
+        # a sensor shows the angle that it is fed with
+        fed = block == "sensor" and self.components[-2:-1] == (component,)
+        return self.observed[0] if fed and output == "theta" else ""
+
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects of the library that this group can show.
+
+        An effect that acts on what the next group feels, and not on what is measured between, belongs to the next.
+        """
+        slot = self.upstream_slot
+        found = []
+        for effect in registry.effects().values():
+            if effect.name in self.excluded or effect.name in _LEFT_OUT.get():
+                continue
+            if effect.asked and effect.name not in self.asked:
+                continue
+            handed_on = set(effect.fills) == {"driving_pressure"}
+            inside = effect.component in self.components[:-1] or not handed_on
+            handed = slot and handed_on and effect.component == slot[0] and slot[2] in effect.fills
+            if handed or (effect.component in self.components and inside):
+                found.append(scaled(effect.name, self.scale) if self.scale else effect)
+        return tuple(found)
+
+
+# blocks with dynamics, and the parameters of their linear part
+DYNAMIC: dict[str, tuple[str, ...]] = {
+    "dcv": ("K", "w0", "zeta"),
+    "continuity": ("K_c", "T"),
+    "mechanical": ("J", "b"),
+    "simplified": ("k", "a"),
+}
+
+
+@cache
+def scaled(name: str, scale: tuple[tuple[str, float], ...]) -> Effect:
+    """The effect with starts, typical size and floor of each parameter times its own factor or that of its unit."""
+    effect, factors = registry.effects()[name], dict(scale)
+
+    def moved(listed: Mapping[str, Free]) -> dict[str, Free]:
+        found = {}
+        for parameter, item in listed.items():
+            variable = (
+                effect.parameters.get(parameter) or registry.block(block_of(effect)).parameters[parameter]
+            )
+            factor = factors.get(f"{effect.component}.{parameter}", factors.get(variable.unit, 1.0))
+            starts = tuple(v * factor for v in item.starts)
+            found[parameter] = replace(
+                item, starts=starts, scale=item.scale * factor, floor=item.floor * factor
+            )
+        return found
+
+    return replace(effect, free=moved(effect.free), forms=moved(effect.forms))
+
+
+def block_of(effect: Effect) -> str:
+    """Name of the block whose equations an effect changes."""
+    return registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
+
+
+class OurModels(Mapping[str, tuple[Group, ...]]):
+    """The models that come with the package, cut at every signal that a log of the rig may hold."""
+
+    def __getitem__(self, name: str) -> tuple[Group, ...]:
+        """Groups of a model.
+
+        Raises:
+            KeyError: no such model.
+        """
+        if name not in NAMES:
+            raise KeyError(name)
+        return our_groups(name)
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the models."""
+        return iter(NAMES)
+
+    def __len__(self) -> int:
+        """Number of models."""
+        return len(NAMES)
+
+
+@cache
+def our_groups(name: str) -> tuple[Group, ...]:
+    """Groups of one of our models, from its wiring file."""
+    from cosim.diagnosis.model.cut import bound, cut, start_values
+    from cosim.diagnosis.model.wiring import wiring_of_file
+
+    wiring = wiring_of_file(ssp_folder() / f"{name}.ssd")
+    signals = bound(wiring)
+    return cut(wiring, signals, start_values(wiring, None, signals))
+
+
+NAMES = ("full_order", "simplified")
+MODELS: Mapping[str, tuple[Group, ...]] = OurModels()
+
+# what a component is set to where its block's declaration does not say it (ssp/nominal/*.ssv)
+COMPONENT_VALUES = {"compensator.form": 3.0, "compensator.limit": 2.0}
+
+
+def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, ...]:
+    """Groups joined where the signal between them was not measured: they can only be judged as one.
+
+    Of several signals of one group those that were measured stay, and the blocks up to the last that one of them shows.
+    """
+    found: list[Group] = []
+    drives = {g.drive for g in groups}
+    for group in (g if g.observed[0] in drives else narrowed(g, signals) for g in groups):
+        before = found[-1] if found else None
+        if before is not None and before.observed[0] not in signals and before.observed[0] == group.drive:
+            joined = replace(
+                group,
+                name=f"{before.name}+{group.name}",
+                stages=before.stages + group.stages,
+                drive=before.drive,
+                held=before.held,
+                upstream_slot=before.upstream_slot,
+                trusted=before.trusted + group.trusted,
+                starts=before.starts + group.starts,
+                absolute=group.absolute or (before.absolute and not group.integrates),
+            )
+            found[-1] = joined
+        else:
+            found.append(group)
+    return tuple(found)
+
+
+def narrowed(group: Group, signals: Collection[str]) -> Group:
+    """The group where its first signal was not measured but another one was."""
+    seen = tuple(s for s in group.observed if s in signals)
+    if not seen or group.observed[0] in signals:
+        return group
+    parts = dict(group.parts)
+    shown = [output.rpartition(".")[0] for s in seen for output, _ in parts.get(s, ((s, 1.0),))]
+    last = max(group.components.index(c) if c else len(group.stages) - 1 for c in shown)
+    end = group.components[last]
+    made = {
+        s: tuple((output.removeprefix(f"{end}."), factor) for output, factor in parts[s])
+        for s in seen
+        if s in parts
+    }
+    kept = set(group.components[: last + 1])
+    return replace(
+        group,
+        stages=group.stages[: last + 1],
+        observed=seen,
+        trusted=tuple(n for n in group.trusted if n.partition(".")[0] in kept),
+        parts=tuple(made.items()),
+        starts=tuple((n, s) for n, s in group.starts if n.partition(".")[0] in kept),
+    )

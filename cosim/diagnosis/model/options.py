@@ -1,0 +1,93 @@
+"""The table ``[diagnose]`` of a mapping file: what the diagnosis must know of a machine that is not our crane.
+
+[diagnose]
+trusted = ["mechanical.J", "mechanical.b"]
+consider = ["mechanical.constant_load"]
+
+[diagnose.scale]
+"N.m" = 0.1
+"""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from cosim.diagnosis.thresholds import READ_AT_START
+from cosim.errors import UsageError
+from cosim.tables import checked
+from cosim.units import parse_quantity
+from fmus import registry
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+TABLE = "diagnose"
+
+
+class Options(BaseModel):
+    """What a mapping says of a machine.
+
+    Attributes:
+        trusted: parameters that are trusted to the tolerance only, and freed by ``--calibrate``; by default those of our
+            models (CONTRACT section 4) that the machine has.
+        consider: effects that are candidates on request only, and are requested.
+        exclude: effects that this machine cannot have.
+        absolute: signals of which a constant error counts; elsewhere each window has an offset of its own.
+        scale: SI unit, or ``component.parameter`` for one of this unit -> how much smaller or larger than on the crane a
+            typical change is, where searches begin.
+        step: longest step of the simulation, s.
+        rest: time at the start over which the first value of a signal is averaged, s; short where a log begins in motion.
+        sample: what one sample counts as, s, where the sampling interval is not known.
+        held_out_from: the log from this time on (samples, for a log in samples) is not fitted but held out.
+        causes: causes looked for in one group at most.
+        units: SI unit -> name people read for it, such as "kg" for "kg.m2" on a linear axis.
+        blocks: block -> what people call it on this machine.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    trusted: tuple[str, ...] | None = None
+    consider: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    absolute: tuple[str, ...] = ()
+    scale: dict[str, Positive] = {}
+    step: float | None = None
+    sample: float | None = None
+    rest: float = READ_AT_START
+    held_out_from: Positive | None = None
+    causes: Annotated[int, Field(ge=1, le=8)] = 3
+    units: dict[str, str] = {}
+    blocks: dict[str, str] = {}
+
+    @field_validator("step", "sample", "rest", mode="before")
+    @classmethod
+    def _time(cls, value: object) -> float:
+        if not isinstance(value, str):
+            raise ValueError('write a time with its unit, such as "1 ms"')
+        try:
+            found = parse_quantity(value, "s")
+        except UsageError as error:
+            raise ValueError(str(error)) from None
+        if not found > 0.0:
+            raise ValueError("a time must be positive")
+        return found
+
+    @field_validator("consider", "exclude")
+    @classmethod
+    def _effects(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        known = list(registry.effects())
+        for name in names:
+            if name not in known:
+                raise ValueError(f"no effect '{name}'; {registry.suggestion(name, known)}")
+        return names
+
+
+def options_of(content: dict[str, Any], source: object) -> Options:
+    """The table, checked.
+
+    Args:
+        content: the table as read.
+        source: the mapping file, for messages.
+
+    Raises:
+        DataError: a key or value is wrong; the message names it.
+    """
+    return checked(Options, content, TABLE, "a mapping", source)

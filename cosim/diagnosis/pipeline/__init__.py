@@ -1,0 +1,1 @@
+"""The diagnosis from log to findings, step by step."""

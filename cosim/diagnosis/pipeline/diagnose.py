@@ -1,0 +1,559 @@
+"""The diagnosis from log to answer, on one page: prepare, localise and name block by block, extend, measure the gain."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from cosim.diagnosis.budget import Budget, current
+from cosim.diagnosis.budget import within as within_budget
+from cosim.diagnosis.extension.estimate import estimate, gain_by_fmus, worse, write_packages
+from cosim.diagnosis.fitting.bounds import absurd, greatest_torque
+from cosim.diagnosis.fitting.chain import Known, task_for
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.propagated import propagated
+from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried
+from cosim.diagnosis.found import Diagnosis, Interrupted
+from cosim.diagnosis.held_out.causes import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
+from cosim.diagnosis.hypotheses.exercised import never_exercised
+from cosim.diagnosis.hypotheses.naming import find, rivals, to_the_end
+from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
+from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.model.machine import Machine, our_machine
+from cosim.diagnosis.pipeline.origin import traced
+from cosim.diagnosis.pipeline.parts import failure
+from cosim.diagnosis.pipeline.parts import part as part_of
+from cosim.diagnosis.pipeline.reading import clear_of_lag, known_of, take_over
+from cosim.diagnosis.pipeline.stretch import by_twin, chosen_stretch, elsewhere, others
+from cosim.diagnosis.record.grid import grid_of
+from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.record.signatures import SAMPLED
+from cosim.diagnosis.residuals.finding import Finding
+from cosim.diagnosis.residuals.reference import Reference, across, of_group, of_whole, over_logs
+from cosim.diagnosis.thresholds import (
+    CALIBRATED_TRUST,
+    FAST_SAMPLING,
+    FEWEST_SAMPLES,
+    GUESSED_TRUST,
+    NAMING_BUDGET,
+    NOMINAL_TRUST,
+    SEARCH_BUDGET,
+    SEARCHES,
+)
+from cosim.diagnosis.tracker.comparison import compare_tracker
+from cosim.diagnosis.verdict.discrepancy import understood
+from cosim.diagnosis.verdict.verdict import Cause, Rest, adequate, causes, negligible, rests
+from cosim.diagnosis.watch import Watch, watched_by
+from cosim.errors import DataError, UsageError
+from cosim.inference.held_out import gain_of_errors
+from cosim.logs import Log, Tracker, listed
+from fmus.contract import Effect
+
+Array = NDArray[np.float64]
+
+
+def prepare(log: Log, machine: Machine) -> Record:
+    """The log in the model's units, sampled as it was measured, with the load pressure.
+
+    Raises:
+        DataError: there is no command, or the log is too short to hold anything out.
+    """
+    log.require(machine.drive, "anything")
+    second = 1.0 if log.time_unit == "s" else machine.options.sample
+    if second is None:
+        raise DataError(
+            f"{log.source}: the log counts samples and has no time: say in the mapping what one sample counts as, such as "
+            '[diagnose] sample = "10 ms"'
+        )
+    if len(log) < FEWEST_SAMPLES:
+        raise DataError(
+            f"{log.source}: the log has {len(log)} samples; a diagnosis needs at least {FEWEST_SAMPLES}, and windows of its "
+            "own to hold out: record longer, or faster"
+        )
+    if (
+        not log.uniform and log.step <= FAST_SAMPLING
+    ):  # jitter of a fast log: straight lines between its samples lose nothing
+        log = log.resample(log.step)
+    grid, interval = grid_of(log.time * second, machine.options.step, machine.drive not in log.held)
+    gains = {n: item.gain for n, item in machine.signals.items()}
+    signals = {n: v if gains.get(n, 1.0) == 1.0 else gains[n] * v for n, v in log.signals.items()}
+    if "p_load" in log:
+        signals["p_load"] = log.p_load
+    return Record(interval, signals, grid, machine.options.rest)
+
+
+def judge(
+    found: Diagnosis, trust: float, constants: Mapping[str, float] | None = None, watch: Watch | None = None
+) -> None:
+    """Judge all groups whose drive and first observed signal were measured; note what is missing for the others.
+
+    Args:
+        found: record and groups; findings and conclusions are added group by group.
+        trust: relative standard deviation of the nominal parameters.
+        constants: ``component.parameter`` -> SI that is known already, such as a sensor's scale.
+        watch: told about each group.
+    """
+    known: list[Known] = []
+    errors: list[Exception] = []
+    for k, group in enumerate(found.groups):
+        shares = [
+            SEARCH_BUDGET * (k + part) / len(found.groups)
+            for part in (NAMING_BUDGET if found.held else 1.0, 1.0)
+        ]
+        current().allow(shares[0])
+        missing = [s for s in (group.drive, *group.observed[:1]) if s not in found.record.signals]
+        if missing:
+            found.unjudged[group.name] = missing
+            known = []
+            continue
+        try:
+            known = judged(found, group, known, trust, constants, watch, shares[1])
+        except Exception as error:  # the other groups stand
+            errors.append(error)
+            found.failed[group.name] = failure(f"judging {group.name}", error)
+            known = []
+    if errors and not found.findings:
+        raise errors[0]
+
+
+def judged(
+    found: Diagnosis,
+    group: Group,
+    known: list[Known],
+    trust: float,
+    constants: Mapping[str, float] | None,
+    watch: Watch | None,
+    share: float = 1.0,
+) -> list[Known]:
+    """Judge one group; what is known afterwards of the blocks before the next one.
+
+    Args:
+        found: findings and conclusions are added.
+        group: the group.
+        known: the blocks before it that are understood, in order.
+        trust: relative standard deviation of the nominal parameters.
+        constants: ``component.parameter`` -> SI that is known already.
+        watch: told about it.
+        share: of the budget, until which what was named may be tried on held-out data.
+    """
+    with current().searching():
+        enter(found, watch, group.name, f"{group.name}: {len(group.effects())} candidates")
+        return named_in(found, group, known, trust, constants, watch, share)
+
+
+def named_in(
+    found: Diagnosis,
+    group: Group,
+    known: list[Known],
+    trust: float,
+    constants: Mapping[str, float] | None,
+    watch: Watch | None,
+    share: float,
+) -> list[Known]:
+    """As `judged`."""
+    record, held, most = found.record, found.held, found.machine.options.causes
+    # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
+    driving = known if group.integrates else []
+    # where nominal parameters are not trusted several logs judge one another; else windows do, with what is trusted
+    others = held or (each_in_turn(record) if trust >= CALIBRATED_TRUST else None)
+    finding = searched(found, group, trust, constants, driving, most, within=others is None)
+    current().allow(share)
+    if others is not None:
+        finding = borne_out(found, group, finding, others, driving, trust, constants, watch)
+    finding = beside_linear(finding, record, held)
+    if driving:
+        again = partial(searched, found, group, trust, constants, most=most)
+        known, finding = traced(found, finding, known, again, trust)
+    conclude(found, group.name, finding, trust)
+    if group.name == found.groups[-1].name or not adequate(finding):
+        return []
+    upstream = known if not known or known[-1].model.group.observed[0] == group.drive else []
+    return [*upstream, understood(finding, record, trust)]
+
+
+def borne_out(
+    found: Diagnosis,
+    group: Group,
+    finding: Finding,
+    held: Held,
+    known: list[Known],
+    trust: float,
+    constants: Mapping[str, float] | None,
+    watch: Watch | None,
+) -> Finding:
+    """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
+    record, most = found.record, found.machine.options.causes
+    done: Steps = {}
+    best: tuple[Array | None, Finding, tuple[Effect, ...]] | None = None
+    for left in reversed(range(SEARCHES)):
+        if current().over:
+            if finding.chosen.effects:
+                current().leave_out(group.name, "its causes on the held-out data")
+            break
+        count = len(finding.chosen.effects)
+        enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
+        finding, turned_down, kept = refuse(finding, held, trust, done)
+        found.refused += turned_down
+        squares = finding.held_squares
+        placed = group.integrates and not group.drifts
+        # a search without what was refused may end worse
+        if best is not None and not errs_at_most(squares, best[0], placed):
+            finding, kept = keep(best[1], best[2], record, trust), best[2]
+            break
+        best = squares, finding, kept
+        if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
+            finding = replace(finding, rivals=settled(finding, trust))
+            break
+        if left and current().over:
+            current().leave_out(group.name, "another search without what held-out data refused")
+            left = 0
+        if not left:  # no more is looked for: what is kept stands
+            finding = keep(finding, kept, record, trust)
+            break
+        group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
+        begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
+        before = finding
+        finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
+        finding = replace(finding, held_squares=before.held_squares, borne=before.borne)
+    taken = finding.chosen.effects
+    with part_of(found.notes, "holding rivals of the causes against the held-out data"):
+        turned_down = [r for r in found.refused if r.group == group.name]
+        finding, taken = reconsider(finding, held, turned_down, trust, done)
+    return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust)
+
+
+def settled(finding: Finding, trust: float) -> dict[str, list[Trial]]:
+    """The rivals of a finding, those that explain nearly as much fitted until they settle."""
+    return {
+        name: [to_the_end(finding.task, t, finding, trust) for t in found]
+        for name, found in finding.rivals.items()
+    }
+
+
+def errs_at_most(one: Array | None, other: Array | None, placed: bool) -> bool:
+    """True if one search ends with no larger an error on held-out data than another; None where nothing was judged.
+
+    Args:
+        one: (parts,) mean squares.
+        other: those of the other.
+        placed: as `gain_of_errors` takes it.
+    """
+    if one is None or other is None:
+        return other is None
+    return gain_of_errors(one, other, placed).gain >= 0.0
+
+
+def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float) -> Finding:
+    """The finding with those of its effects that held-out data bear out."""
+    begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
+    finding = replace(finding.accept(begin, record), confirmed=kept != ())
+    return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), trust))
+
+
+def beside_linear(finding: Finding, record: Record, held: Held | None) -> Finding:
+    """A finding with a linear model of free order beside it; where that is clearly better, nothing is named on top of it."""
+    task, linear = finding.task, finding.reference
+    if held is None:
+        linear = of_group(task, finding.chosen.fit, record.time)
+    elif finding.held_squares is not None:
+        linear = over_logs(task, record, held.record, held.first, finding.held_squares)
+    finding, signal = replace(finding, reference=linear), next(iter(task.measured))
+    if linear is None or adequate(finding) or not linear.clearly_better:
+        return finding
+    if linear.ours_error**2 - linear.error**2 <= negligible(finding, signal) ** 2:
+        return finding
+    return replace(finding.accept(finding.null, record), lacks_linear=True, rivals={})
+
+
+def searched(
+    found: Diagnosis,
+    group: Group,
+    trust: float,
+    constants: Mapping[str, float] | None,
+    known: list[Known],
+    most: int,
+    *,
+    within: bool = True,
+    begin: Trial | None = None,
+) -> Finding:
+    """What is found in a group that `known` blocks drive; `most` and what follows as `naming.find` takes them."""
+    task = task_for(group, found.record, known)
+    settle(task.model, constants or {})
+    heard = [f.task.rules[group.drive] for f in found.findings.values() if group.drive in f.task.rules]
+    if group.integrates and not known and heard:
+        left = propagated(task, heard[0])
+        task.set_rules({s: replace(rule, propagated=left[s]) for s, rule in task.rules.items()})
+    return find(task, found.record, trust, most, within, begin)
+
+
+def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> None:
+    """Causes, rests and what was never exercised in a group, all at once: an interruption leaves all of it or none."""
+    named, left, never = causes(finding, trust), rests(finding, trust), never_exercised(finding, trust)
+    found.findings[name] = finding
+    found.causes += named
+    found.rests += left
+    found.never += never
+
+
+def enter(found: Diagnosis, watch: Watch | None, name: str, text: str) -> None:
+    """A stage begins, unless somebody has ended the diagnosis in the one before.
+
+    Raises:
+        KeyboardInterrupt: so it is.
+    """
+    if found.budget.ended:
+        raise KeyboardInterrupt
+    found.stage = text
+    if watch is not None:
+        watch.stage(name, text)
+
+
+def settle(model: GroupModel, constants: Mapping[str, float]) -> None:
+    """Take over what is known already."""
+    model.fixed = model.fixed | {
+        n: v for n, v in constants.items() if n.partition(".")[0] in model.group.components
+    }
+
+
+def concluded(found: Diagnosis) -> None:
+    """Order of the causes, and the verdict."""
+    found.causes.sort(key=lambda c: -c.gain)
+    # the last word on each: an earlier search may have refused what a later one bears out
+    named = {(c.group, c.effect.name) for c in found.causes}
+    last = {(r.group, r.effect.name): r for r in found.refused}
+    found.refused = [r for key, r in last.items() if key not in named]
+    found.verdict = verdict_of(found.causes, found.rests)
+    if found.failed and found.verdict in ("adequate", "explained"):  # nobody knows what the rest is like
+        found.verdict = "partly_explained" if found.causes else "interrupted"
+
+
+def not_physical(found: Diagnosis, trust: float) -> bool:
+    """Take the causes of a group back of which one has a size that cannot be; True if there was any."""
+    taken = False
+    for name, finding in list(found.findings.items()):
+        model = finding.task.model
+        own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
+        sizes = [
+            {p: found.values.get(f"{c.effect.component}.{p}", v) for p, (v, _) in c.parameters.items()}
+            for c in own
+        ]
+        off = [{p: model.nominal(f"{c.effect.component}.{p}") for p in c.parameters} for c in own]
+        torque = greatest_torque(model, finding.chosen.fit.values)
+        each = zip(own, sizes, off, strict=True)
+        if not any(absurd(c.effect, size, nominal, torque) for c, size, nominal in each):
+            continue
+        taken = True
+        finding = replace(finding.accept(finding.null, found.record), rivals={}, confirmed=False)
+        found.findings[name] = finding
+        found.causes = [c for c in found.causes if c not in own]
+        found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
+    concluded(found)
+    return taken
+
+
+def taken_back(found: Diagnosis, folder: Path, trust: float) -> None:
+    """Leave the model as it was where its extension predicts data held out worse: such causes are refused."""
+    for name, finding in list(found.findings.items()):
+        signal = next(iter(finding.task.measured))
+        gain = found.gains.get(signal)
+        own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
+        if not own or gain is None:
+            continue
+        found.refused += [Refused(c.effect, name, signal, c.gain, gain.before, gain.after) for c in own]
+        found.findings[name] = finding = finding.accept(finding.null, found.record)
+        found.causes = [c for c in found.causes if c not in own]
+        found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
+    concluded(found)
+    found.values = dict(found.calibrated)
+    gain_by_fmus(found, folder)
+
+
+def beside_the_whole(found: Diagnosis, constants: Mapping[str, float]) -> dict[str, Reference]:
+    """The linear reference from the command to each signal, beside the extended model."""
+    held, drive = found.held, found.machine.drive
+    values = dict(constants) | found.values
+    after = found.after or by_twin(found, found.record, values)
+    signals = [s for s in after if s in found.record.signals and s in found.noise]
+    if held is None:
+        return of_whole(found.record, drive, signals, after, found.window)
+    judged = found.held_after or by_twin(found, held.record, values)
+    return across(found.record, held.record, held.first, drive, signals, judged, found.window)
+
+
+def verdict_of(named: list[Cause], left: list[Rest]) -> str:
+    """One word for the whole."""
+    if not named:
+        return "unexplained" if left else "adequate"
+    return "partly_explained" if left else "explained"
+
+
+def diagnose(
+    log: Log | Sequence[Log],
+    *,
+    tracker: Tracker | None = None,
+    model: str | Machine = "full_order",
+    base: Mapping[str, float] | None = None,
+    held_out: Log | Sequence[Log] | None = None,
+    tolerance: float = NOMINAL_TRUST,
+    calibrate: bool = False,
+    folder: Path | None = None,
+    watch: Watch | None = None,
+    budget: Budget | None = None,
+) -> Diagnosis:
+    """Compare a log with a model, name what the model gets wrong, extend it and measure the gain.
+
+    Of a long log the fits use the five minutes whose command visits most (`stretch`); the rest is then simulated.
+
+    Args:
+        log: the log, or several of one machine: each with a start and a noise of its own, and the unit of repetition.
+        tracker: the external tracker's record of one log, on its own clock.
+        model: the model, or the name of one of ours.
+        base: ``component.parameter`` -> SI in which the model at hand differs from the nominal one.
+        held_out: another log of the machine, or several: gains are measured on it, and a cause that does
+            not help there is refused.
+        tolerance: standard deviation of the trust in each nominal parameter, relative.
+        calibrate: fit the nominal parameters freely, so that only missing structure is a cause.
+        folder: where the extended packages go; without one they are not written and the FMUs are not run.
+        watch: told about each stage.
+        budget: the time it may take; searches then end with the best so far. Unlimited by default.
+
+    Raises:
+        UsageError: an unknown model, or what only one log can have together with several.
+        DataError: the log lacks the command or is too short, or the tracker does not fit to it.
+        Interrupted: Ctrl-C, once the log is prepared.
+    """
+    machine = our_machine(model, base) if isinstance(model, str) else model
+    free = CALIBRATED_TRUST if isinstance(model, str) or not machine.options.trusted else GUESSED_TRUST
+    trust = free if calibrate else tolerance
+    logs = listed(log)
+    if len(logs) > 1 and (tracker is not None or machine.options.held_out_from is not None):
+        what = (
+            "an external tracker goes" if tracker is not None else "diagnose.held_out_from in a mapping goes"
+        )
+        raise UsageError(f"{what} with one log; give one log, or hold out whole logs (--held-out)")
+    parts = [used_part(one, machine, tracker is not None) for one in logs]
+    data: list[Contradiction] = []
+    for at, one in enumerate(parts):
+        told = clock(one, lambda log: prepare(log, machine), machine, trust < CALIBRATED_TRUST)
+        parts[at] = rescaled(one, 1.0 / (told[0].factor or 1.0)) if told else one
+        data += told
+    records = [prepare(part, machine) for part in parts]
+    for one, record in zip(parts, records, strict=True):
+        data += contradictions(one, record, machine, trust < CALIBRATED_TRUST)
+    record, held = parted(joined(records), machine)
+    if held_out is not None:
+        held = held_logs([prepare(one, machine) for one in listed(held_out)], listed(held_out))
+    found = Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals))
+    found.spans = tuple((float(part.time[0]), float(part.time[-1])) for part in parts)
+    found.held = held
+    found.data = list(dict.fromkeys(data))
+    if found.data:
+        contradicted(found, found.data)
+        return found
+    watch, found.budget = watch or Watch(), budget or Budget()
+    try:
+        # small matrices: more threads only wait for one another
+        with threadpool_limits(1), watched_by(watch), within_budget(found.budget):
+            stages(found, logs, parts, tracker, trust, folder, watch)
+    except KeyboardInterrupt:
+        raise Interrupted(found) from None
+    return found
+
+
+def contradicted(found: Diagnosis, data: list[Contradiction]) -> None:
+    """End with labels that the data contradict: no physical cause stands beside them (CONTRACT section 9)."""
+    found.data, found.causes, found.rests, found.never = data, [], [], []
+    found.verdict, found.tracker, found.stage = "implausible_data", None, ""
+    found.before = by_twin(found, found.record, found.machine.base)
+
+
+def used_part(log: Log, machine: Machine, from_start: bool) -> Log:
+    """The part of a log that is fitted."""
+    if log.time_unit != "s" or machine.options.held_out_from is not None:
+        return log
+    return chosen_stretch(log, machine.drive, from_start=from_start)
+
+
+def stages(
+    found: Diagnosis,
+    logs: Sequence[Log],
+    parts: Sequence[Log],
+    tracker: Tracker | None,
+    trust: float,
+    folder: Path | None,
+    watch: Watch,
+) -> None:
+    """The diagnosis stage by stage; each leaves what it found in `found`."""
+    watch.plan(planned(found, tracker is not None, folder is not None))
+    if tracker is not None:
+        enter(found, watch, "tracker", "slew sensor against tracker")
+        seen = compare_tracker(found.record, tracker)
+        if told := against_tracker(found.record, tracker, seen):
+            contradicted(found, told)
+            return
+        take_over(found, seen)
+    constants = known_of(found)
+    judge(found, trust, constants, watch)
+    if tracker is not None and clear_of_lag(found, tracker):
+        constants = known_of(found)
+        judge(found, trust, constants, watch)
+    if not found.findings and tracker is None:
+        missing = sorted({s for names in found.unjudged.values() for s in names})
+        raise DataError(f"{logs[0].source}: no block can be judged; missing signals: {', '.join(missing)}")
+    found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
+    not_physical(found, trust)
+    current().allow(1.0)
+    enter(found, watch, "extended", "extended model")
+    with part_of(found.notes, "the fit of all blocks together"):
+        estimate(found, found.groups, trust, constants)
+        while not_physical(found, trust):  # what is left stands without them
+            estimate(found, found.groups, trust, constants)
+    concluded(found)
+    rest = [p for log, part in zip(logs, parts, strict=True) if part is not log for p in others(log, part)]
+    if rest and found.budget.gone:
+        found.notes.append(found.budget.omitted("the look at the rest of the log"))
+    elif rest:
+        with part_of(found.notes, "the look at the rest of the log"):
+            pieces = ((p, prepare(p, found.machine)) for p in rest)
+            found.elsewhere = elsewhere(found, pieces, constants | found.values)
+    if folder is not None and found.budget.gone:
+        with part_of(found.notes, "the extended package"):
+            write_packages(found, folder)
+        found.notes.append(found.budget.omitted("the gain by the FMUs"))
+    elif folder is not None:
+        enter(found, watch, "gain", "gain on held-out data, by the FMUs")
+        with part_of(found.notes, "the gain by the FMUs"):
+            gain_by_fmus(found, folder)
+            if worse(found):
+                taken_back(found, folder, trust)
+    with part_of(found.notes, "the linear reference of the whole"):
+        found.references = beside_the_whole(found, constants)
+    found.stage = ""
+
+
+def planned(found: Diagnosis, tracker: bool, fmus: bool) -> list[tuple[str, float]]:
+    """The stages to come and their shares of the time, one candidate of a group being 1."""
+    plan = [("tracker", 3.0)] if tracker else []
+    plan += [(g.name, 1.0 + len(g.effects())) for g in found.groups]
+    return [*plan, ("extended", 6.0), *([("gain", 10.0)] if fmus else [])]
+
+
+def parted(record: Record, machine: Machine) -> tuple[Record, Held | None]:
+    """The part of a log that is fitted, and the log with the part that the mapping holds out.
+
+    Raises:
+        DataError: nothing is left to fit, or nothing is held out.
+    """
+    start = machine.options.held_out_from
+    if start is None:
+        return record, None
+    first = int(np.searchsorted(record.time, start * (machine.options.sample or 1.0) * (1.0 - 1e-12)))
+    if first < FEWEST_SAMPLES or first > record.time.size - 2:
+        raise DataError(
+            f"diagnose.held_out_from = {start:g} leaves too little of the log to fit or to hold out"
+        )
+    return record.until(first), Held(record, first)

@@ -1,0 +1,186 @@
+"""A log made ready for the diagnosis, SI."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from cosim.compiled import compiled_block
+from cosim.diagnosis.model.groups import COMPONENT_VALUES, SPEED, Group
+from cosim.diagnosis.record.grid import OF_PIECE, Grid, Pieces, cuts_of, plain_name
+from cosim.diagnosis.record.signatures import bridged, stale
+from cosim.diagnosis.thresholds import READ_AT_START, SAME_INTERVAL
+from cosim.errors import DataError
+from cosim.inference.beginning import level, speed
+from cosim.inference.pieces import by_piece, slope
+from fmus import registry
+
+Array = NDArray[np.float64]
+
+STARTS = ("theta_0", "omega_0", "spool_0", "p_load_0")
+HELD_FOR, HELD_STEPS = (
+    30.0,
+    300,
+)  # s for which a drive is held, and steps of it, until all behind it has settled
+
+
+@dataclass
+class Record:
+    """Uniformly sampled signals.
+
+    Attributes:
+        h: interval between samples, s; the usual one where it varies.
+        signals: name -> (n,) SI, with ``p_load`` where both ports were measured.
+        grid: the stamps and the finer steps of a simulation, or those of several logs one behind the other; None where each
+            sample is a step.
+        rest: s at the start whose mean gives the start angle.
+    """
+
+    h: float
+    signals: dict[str, Array] = field(repr=False)
+    grid: Grid | Pieces | None = field(default=None, repr=False)
+    rest: float = READ_AT_START
+
+    @property
+    def time(self) -> Array:
+        """(n,) s, from zero."""
+        if self.grid is not None:
+            return self.grid.stamps
+        n = len(next(iter(self.signals.values())))
+        return np.asarray(np.arange(n) * self.h, dtype=np.float64)
+
+    @property
+    def cuts(self) -> tuple[int, ...]:
+        """First sample of each log but the first."""
+        return cuts_of(self.grid)
+
+    @property
+    def pieces(self) -> list["Record"]:
+        """The record of each log, by itself."""
+        grid = self.grid
+        if not isinstance(grid, Pieces):
+            return [self]
+        rows = {n: np.split(v, grid.cuts) for n, v in self.signals.items()}
+        return [
+            Record(h, {n: parts[i] for n, parts in rows.items()}, own, self.rest)
+            for i, (h, own) in enumerate(zip(grid.intervals, grid.grids, strict=True))
+        ]
+
+    def until(self, count: int) -> "Record":
+        """The first samples of one log alone."""
+        grid = replace(self.grid, stamps=self.grid.stamps[:count]) if isinstance(self.grid, Grid) else None
+        return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid, self.rest)
+
+    def has(self, *names: str) -> bool:
+        """True if all of these were measured."""
+        return all(name in self.signals for name in names)
+
+    def lost(self, name: str) -> NDArray[np.bool_]:
+        """(n,) True where a signal is stale because a packet was lost."""
+        return by_piece(stale, self.cuts, self.signals[name], self.rate(name))
+
+    def fresh(self, name: str) -> Array:
+        """A signal with its stale samples on straight lines between fresh ones."""
+        return by_piece(bridged, self.cuts, self.signals[name], self.lost(name), self.time)
+
+    def smooth(self, name: str, cutoff: float = 5.0) -> Array:
+        """A signal without what lies above `cutoff` Hz, no phase shift."""
+        return low_pass(self.signals[name], self.h, cutoff, self.cuts)
+
+    def rate(self, name: str, cutoff: float = 5.0) -> Array:
+        """Time derivative of a signal, smoothed."""
+        return slope(self.smooth(name, cutoff), self.h, self.cuts)
+
+
+def joined(records: Sequence[Record]) -> Record:
+    """One record of several logs of one machine, with the signals that all of them have; of one log, the log's own.
+
+    Raises:
+        DataError: their sampling intervals differ by more than `SAME_INTERVAL`.
+    """
+    if len(records) == 1:
+        return records[0]
+    intervals = tuple(r.h for r in records)
+    if max(intervals) > SAME_INTERVAL * min(intervals):
+        told = ", ".join(f"{1e3 * h:.4g} ms" for h in intervals)
+        raise DataError(
+            f"the logs were sampled every {told}: diagnosed together they must have one interval, within "
+            f"{SAME_INTERVAL - 1.0:.0%}; bring the finer ones to the coarsest interval, or diagnose each by itself"
+        )
+    grids = [r.grid if isinstance(r.grid, Grid) else None for r in records]
+    common = [n for n in records[0].signals if all(r.has(n) for r in records)]
+    signals = {n: np.concatenate([r.signals[n] for r in records]) for n in common}
+    pieces = Pieces(tuple(r.time.size for r in records), intervals, tuple(grids))
+    return Record(float(np.median(intervals)), signals, pieces, records[0].rest)
+
+
+def fixed_values(record: Record, group: Group) -> dict[str, float]:
+    """What each log itself fixes: the state at which it starts; a log that begins in motion has more of it than an angle."""
+    found: dict[str, float] = {}
+    begun = [begun_values(piece, group) for piece in record.pieces]
+    moving = {n for values in begun for n in values}  # one log may begin in motion and the next at rest
+    for i, (piece, values) in enumerate(zip(record.pieces, begun, strict=True)):
+        own, first = f"{OF_PIECE}{i}" if i else "", 1 if values else max(1, round(piece.rest / piece.h))
+        found |= {
+            n + own: float(np.mean(piece.signals[s][:first])) for n, s in group.starts if s in piece.signals
+        }
+        found |= {n + own: values.get(n, 0.0) for n in moving}
+    return found
+
+
+def is_start(name: str) -> bool:
+    """Whether ``component.parameter`` is a part of the state at which a log begins."""
+    return plain_name(name).rpartition(".")[2] in STARTS
+
+
+def begun_values(record: Record, group: Group) -> dict[str, float]:
+    """Start values of a group's blocks in a log that begins in motion, SI; empty for one that begins at rest.
+
+    What is measured starts at its first reading, a velocity is the slope of the angle. What is not measured is where the
+    first value of the drive, held for long, would have brought it.
+    """
+    found: dict[str, float] = {}
+    for component, block in group.stages:
+        declared = registry.block(block).parameters
+        if "omega_0" in declared and (s := group.shows(component, "theta")) in record.signals:
+            found[f"{component}.omega_0"] = speed(record.time, record.signals[s])
+        if "omega_0" in declared and (s := group.shows(component, SPEED)) in record.signals:
+            found[f"{component}.omega_0"] = level(record.signals[s])
+        for output in ("spool", "p_load"):
+            if f"{output}_0" in declared and (s := shown_by(group, component, output)) in record.signals:
+                found[f"{component}.{output}_0"] = level(record.signals[s])
+    if not any(found.values()):
+        return {}
+    before = settled(group, float(record.signals[group.drive][0])) if group.drive in record.signals else {}
+    return before | found
+
+
+def shown_by(group: Group, component: str, output: str) -> str:
+    """The signal of a log that shows an output, also where several sensors together show it; empty for none."""
+    together = output in group.observed and component == group.components[-1]
+    return output if together else group.shows(component, output)
+
+
+def settled(group: Group, drive: float) -> dict[str, float]:
+    """Start values of the blocks before a group's last one with dynamics where the drive has been held for long, SI."""
+    found: dict[str, float] = {}
+    signal = np.array([drive])
+    for component, block in group.stages:
+        if block in ("mechanical", "simplified"):  # an angle does not settle
+            break
+        compiled = compiled_block(block, component)
+        own = {n.partition(".")[2]: v for n, v in COMPONENT_VALUES.items() if n.startswith(component + ".")}
+        rows = compiled.run(np.full((1, HELD_STEPS), signal[0]), HELD_FOR / HELD_STEPS, own, signal)
+        for output, values in zip(compiled.outputs, rows, strict=True):
+            if f"{output}_0" in compiled.nominal:
+                found[f"{component}.{output}_0"] = float(values[-1])
+        signal = np.array([rows[0][-1]])
+    return found
+
+
+def low_pass(values: Array, h: float, cutoff: float, cuts: tuple[int, ...] = ()) -> Array:
+    """Values (n,) every h s without what lies above `cutoff` Hz, no phase shift, piece by piece."""
+    sections = butter(2, min(cutoff * 2.0 * h, 0.9), output="sos")
+    return by_piece(lambda row: np.asarray(sosfiltfilt(sections, row)), cuts, values)

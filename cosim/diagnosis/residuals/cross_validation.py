@@ -1,0 +1,130 @@
+"""What an effect gains on windows that were not used to estimate it."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.fitting.fit import Fit, Task
+from cosim.diagnosis.fitting.trials import Trial, without
+from cosim.diagnosis.record.signatures import SAMPLED
+from cosim.inference.held_out import HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
+from cosim.inference.thresholds import FEWEST_PARTS, HELD_EVERY
+from fmus.contract import Effect
+
+Array = NDArray[np.float64]
+
+
+def held_windows(count: int) -> NDArray[np.bool_]:
+    """Which windows are held out: every third, so that they visit every regime of the log."""
+    return np.arange(count) % HELD_EVERY == HELD_EVERY - 1
+
+
+def window_numbers(task: Task) -> NDArray[np.int64]:
+    """The window to which each of a task's whitened values belongs."""
+    shapes = [rule.windows(task.measured[s]).shape for s, rule in task.rules.items()]
+    return np.concatenate([np.repeat(np.arange(count), bins) for count, bins in shapes])
+
+
+def repetitions(task: Task, walked: bool = False) -> NDArray[np.int64]:
+    """The part of the data to which each of a task's whitened values belongs, that is left out as one: a window, or a log.
+
+    What a machine, its oil or what the model lacks change from log to log, the windows of one log have in common.
+
+    Args:
+        task: data of the group.
+        walked: with the steps of the first signal's error from window to window behind (`freerun.Drifting`).
+    """
+    if not task.model.cuts:
+        return window_numbers(task)
+    rows = []
+    for signal, rule in task.rules.items():
+        count, bins = rule.windows(task.measured[signal]).shape
+        rows.append(np.repeat(rule.log_of(task.measured[signal].size)[:count], bins))
+    if walked:
+        signal, rule = next(iter(task.rules.items()))
+        log = rule.log_of(task.measured[signal].size)
+        rows.append(log[:-1][np.diff(log) == 0])
+    return np.concatenate(rows)
+
+
+def errs_less(task: Task, one: Fit, other: Fit, demean: bool) -> bool:
+    """True if one fit leaves less of a group's first signal than another, by more than the choice of the windows may make.
+
+    Args:
+        task: data of the group.
+        one: a fit.
+        other: the one it is held against.
+        demean: what is constant over a window does not count.
+    """
+    signal = next(iter(task.measured))
+    squares = []
+    for fit_ in (one, other):
+        rows = task.rules[signal].windows(fit_.residuals[signal])
+        rows = rows - rows.mean(axis=1, keepdims=True) if demean else rows
+        parts = np.array_split(rows, -(-FEWEST_PARTS // len(rows)), axis=1)  # of few windows, for an interval
+        squares.append(np.concatenate([np.mean(part**2, axis=1) for part in parts]))
+    return ratio_ci95(*squares)[1] < 1.0
+
+
+def part(task: Task, mask: NDArray[np.bool_]) -> Task:
+    """The task on some windows only; discrepancy from upstream counts in each part by itself."""
+    found = replace(task, mask=mask)
+    found.set_rules(task.rules)
+    return found
+
+
+def held_out_gain(task: Task, richer: Fit, poorer: Fit) -> HeldOutGain:
+    """Log-likelihood that one fit gains over another on windows (of several logs: on logs) that had no share in it.
+
+    What is trusted of the nominal values counts as well: a fit that bends them beyond that has its price.
+
+    Args:
+        task: data, model and noise of the group.
+        richer: the fit with the effect.
+        poorer: the fit without it.
+    """
+    block = repetitions(task)
+    found = gain_between(left_out_rows(task, richer, block), left_out_rows(task, poorer, block), block)
+    pulls = [0.5 * float(np.sum(rows_of(task, f)[block.size :] ** 2)) for f in (poorer, richer)]
+    return replace(found, gain=found.gain + pulls[0] - pulls[1])
+
+
+def rows_of(task: Task, found: Fit) -> Array:
+    """Whitened residuals of a fit, then those of its priors."""
+    return task.white(found.residuals) if found.rows is None else found.rows
+
+
+def moving(found: Fit) -> tuple[list[str], Array]:
+    """The estimates that the data move, and the slopes (rows, k) of whitened residuals and priors in them."""
+    if found.slopes is None:
+        return [], np.empty((0, 0))
+    names = list(found.values)[: found.slopes.shape[1]]
+    kept = [i for i, n in enumerate(names) if n not in found.at_bound and np.any(found.slopes[:, i])]
+    return [names[i] for i in kept], found.slopes[:, kept]
+
+
+def left_out_rows(task: Task, found: Fit, block: NDArray[np.int64]) -> Array:
+    """Whitened residuals of each window with the estimate that the others give."""
+    rows, (names, slopes) = rows_of(task, found), moving(found)
+    return left_out(rows, slopes if names else np.empty((rows.size, 0)), block)
+
+
+def left_out_steps(task: Task, found: Fit) -> tuple[list[str], Array]:
+    """Estimates, and (windows, k) what leaving out each window changes of them, SI."""
+    block = window_numbers(task)
+    names, slopes = moving(found)
+    if not names:
+        return [], np.empty((int(block.max(initial=-1)) + 1, 0))
+    scales = np.array([found.scales[n] for n in names])
+    return names, steps_without(rows_of(task, found), slopes, block) * scales
+
+
+def refuted(task: Task, chosen: Trial, null: Trial, tolerance: float) -> list[Effect]:
+    """The effects of a set whose gain on held-out windows (logs) may be nothing, the worst first."""
+    gains = [
+        (held_out_gain(task, chosen.fit, without(task, chosen, e, null, tolerance).fit), e)
+        for e in chosen.effects
+        if e.name not in SAMPLED
+    ]
+    return [e for gain, e in sorted(gains, key=lambda item: item[0].ci95[0]) if not gain.sure]

@@ -1,0 +1,343 @@
+"""The linear reference beside each group and the whole: what a linear model of free order makes of the same data.
+
+Where it beats the extended model on data held out, linear dynamics are missing, and a nonlinear cause named on top of
+them would only stand in for these.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.fitting.fit import Fit, Task
+from cosim.diagnosis.fitting.noise import Whitener, Windows
+from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.residuals.cross_validation import held_windows, left_out_steps
+from cosim.diagnosis.thresholds import REFERENCE_WINDOWS
+from cosim.inference.held_out import mean_squares as begun_anew
+from cosim.inference.held_out import ratio_ci95
+from cosim.inference.linear import Data, LinearModel, reference
+from cosim.inference.pieces import Cuts, by_piece
+
+Array = NDArray[np.float64]
+
+POINTS = 3000  # that a reference is fitted to at most, in each minute or less
+POINTS_OF_LONG = 9000  # of a longer log
+ORDER_PARTS = 8  # of a log, left out in turn to find the order: long beside its slowest motion
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A linear reference held against a model on the same held-out windows.
+
+    Attributes:
+        model: the reference.
+        squares: (windows,) mean square of its error in each, SI.
+        ours: (windows,) the same of the model, SI.
+    """
+
+    model: LinearModel = field(repr=False)
+    squares: Array = field(repr=False)
+    ours: Array = field(repr=False)
+
+    @property
+    def error(self) -> float:
+        """RMSE of the reference, SI."""
+        return float(np.sqrt(self.squares.mean()))
+
+    @property
+    def ours_error(self) -> float:
+        """RMSE of the model, SI."""
+        return float(np.sqrt(self.ours.mean()))
+
+    @property
+    def clearly_better(self) -> bool:
+        """True if the reference's error is smaller by more than the choice of these windows may have made."""
+        return self.squares.size >= REFERENCE_WINDOWS and ratio_ci95(self.squares, self.ours)[1] < 1.0
+
+    @property
+    def words(self) -> str:
+        """Order, poles and delay in words."""
+        return described(self.model)
+
+
+def described(model: LinearModel) -> str:
+    """Order, poles and delay of a linear model in words."""
+    sections = model.sections
+    if not model.order:
+        return "a constant gain"
+    parts = []
+    for rate in sections.first:
+        slow = rate * model.length < 1.0
+        parts.append("an integrator" if slow else f"a lag of {1.0 / rate:.3g} s")
+    for w, zeta in sections.second:
+        if zeta >= 1.0:
+            fast, slow_ = w * (zeta + np.sqrt(zeta**2 - 1.0)), w / (zeta + np.sqrt(zeta**2 - 1.0))
+            parts.append(f"lags of {1.0 / slow_:.3g} and {1.0 / fast:.3g} s")
+        else:
+            parts.append(f"a mode at {w:.3g} rad/s with damping {zeta:.2g}")
+    if sections.delay > 0.5 * model.h:
+        parts.append(f"a delay of {sections.delay:.3g} s")
+    return f"order {model.order}: {', '.join(parts)}"
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """A signal pair on even times, and the window of each point.
+
+    Attributes:
+        u, y: (n,) SI, every `h` s.
+        window: (n,) number of the window of each point, -1 for none.
+        cuts: first point of each log but the first.
+    """
+
+    u: Array
+    y: Array
+    h: float
+    window: NDArray[np.int64]
+    cuts: Cuts = ()
+
+
+def evened(
+    u: Array,
+    y: Array,
+    time: Array,
+    h: float,
+    window: NDArray[np.int64],
+    step: float | None = None,
+    cuts: Cuts = (),
+) -> Uniform:
+    """A drive held from stamp to stamp and a signal (m,) at stamps (m,) on even times, few enough to fit often.
+
+    Args:
+        u: the drive, SI.
+        y: the signal, SI.
+        time: stamps, s.
+        h: usual interval, s.
+        window: (m,) window of each sample, -1 for none.
+        step: interval wanted, s; by default whole samples, so many that there are not too many points.
+        cuts: first sample of each log but the first.
+    """
+    length = float(time[-1] - time[0]) + h
+    if step is None:
+        step = h * max(1, int(np.ceil(length / h / min(POINTS_OF_LONG, max(POINTS, POINTS * length / 60.0)))))
+    if cuts:
+        each = [
+            evened(*part, step=step)
+            for part in zip(
+                np.split(u, cuts),
+                np.split(y, cuts),
+                np.split(time, cuts),
+                [h] * (len(cuts) + 1),
+                np.split(window, cuts),
+                strict=True,
+            )
+        ]
+        ends = np.cumsum([part.u.size for part in each])
+        u, y, window = (np.concatenate([getattr(p, n) for p in each]) for n in ("u", "y", "window"))
+        return Uniform(u, y, step, window, tuple(ends[:-1].tolist()))
+    count = int(length / step + 1e-9)
+    edges = time[0] + np.arange(count + 1) * step
+    ends = np.append(time, time[-1] + h)
+    area = np.concatenate([[0.0], np.cumsum(u * np.diff(ends))])
+    mean = np.diff(np.interp(edges, ends, area)) / step
+    # what the drive does within a bin shows from its end on
+    at = edges[:-1]
+    if step > 1.5 * h:
+        area = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(time))])
+        low, high = np.clip(at - 0.5 * step, time[0], time[-1]), np.clip(at + 0.5 * step, time[0], time[-1])
+        smooth = (np.interp(high, time, area) - np.interp(low, time, area)) / np.maximum(high - low, 1e-12)
+    else:
+        smooth = np.interp(at, time, y)
+    near = np.clip(np.searchsorted(time, at - 0.5 * h), 0, time.size - 1)
+    return Uniform(mean, np.asarray(smooth), step, window[near])
+
+
+def data_of(pair: Uniform, demean: bool, keep: NDArray[np.bool_]) -> Data:
+    """What a reference is fitted to: the points of some windows, each window with an offset of its own or not."""
+    use = np.flatnonzero(keep)
+    number = pair.window[use]
+    starts = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
+    counts = np.diff(np.append(starts, number.size))
+
+    def rows(signals: Array) -> Array:
+        found = signals[:, use]
+        if demean:
+            means = np.add.reduceat(found, starts, axis=1) / counts
+            found = found - np.repeat(means, counts, axis=1)
+        return np.asarray(found)
+
+    return Data(pair.u, pair.y, pair.h, rows, number, pair.cuts)
+
+
+def windows_of(rule: Whitener, count: int) -> NDArray[np.int64]:
+    """(count,) window of each sample by a whitening rule, -1 for none."""
+    return rule.layout.numbers(count)
+
+
+def mean_squares(values: Array, window: NDArray[np.int64], demean: bool) -> Array:
+    """(windows,) mean square of values (n,) in each window, with or without an offset of its own."""
+    use = window >= 0
+    number, counted = window[use], values[use]
+    count = np.maximum(np.bincount(number), 1)
+    squares = np.bincount(number, weights=counted**2) / count
+    if demean:
+        squares = squares - (np.bincount(number, weights=counted) / count) ** 2
+    return np.asarray(squares)
+
+
+def of_group(task: Task, found: Fit, time: Array) -> Reference:
+    """The reference of a group's first signal, both judged in windows that had no share in their estimates.
+
+    Args:
+        task: data and model of the group.
+        found: the fitted model.
+        time: (n,) stamps, s.
+    """
+    signal = next(iter(task.measured))
+    rule = task.rules[signal]
+    y = task.measured[signal]
+    window = windows_of(rule, y.size)
+    cuts = task.model.cuts
+    pair = evened(task.model.drive, y, time, task.model.h, window, cuts=cuts)
+    model = reference(data_of(pair, rule.demean, pair.window >= 0))
+    left = np.zeros(pair.u.size)
+    left[pair.window >= 0] = model.left_out
+    squares = mean_squares(
+        left, pair.window, False
+    )  # without its mean already, where each window has an offset
+    # the same smoothing for both: what lies within a bin is noise
+    ours = y - left_out_prediction(task, found, signal)
+    own = evened(task.model.drive, ours, time, task.model.h, window, cuts=cuts)
+    return Reference(model, squares, mean_squares(own.y, own.window, rule.demean))
+
+
+def left_out_prediction(task: Task, found: Fit, signal: str) -> Array:
+    """(n,) prediction of a signal, each window with the estimate that the others give, SI."""
+    names, steps = left_out_steps(task, found)
+    at_best = task.model.simulate(found.values)[signal]
+    predicted = at_best.copy()
+    window = windows_of(task.rules[signal], predicted.size)
+    inside = np.flatnonzero(window >= 0)
+    for name, moves in zip(names, steps.T, strict=True):
+        size = float(np.max(np.abs(moves)))
+        if size > 0.0:
+            other = task.model.simulate(found.values | {name: found.values[name] + size})[signal]
+            predicted[inside] += (other - at_best)[inside] / size * moves[window[inside]]
+    return np.asarray(predicted)
+
+
+def over_logs(task: Task, record: Record, held: Record, first: int, squares: Array) -> Reference | None:
+    """The reference of a group's first signal, fitted to one log as a free run and judged on held-out data as one.
+
+    Args:
+        task: data of the group.
+        record: the log that is fitted.
+        held: the record that holds the data held out; the same machine.
+        first: sample of it from which errors count.
+        squares: (windows,) mean square of the model's error there, SI.
+    """
+    signal, drive = next(iter(task.measured)), task.model.group.drive
+    if signal not in held.signals or drive not in held.signals:
+        return None
+    model, left = free_run(record, held, first, drive, signal, squares.size, task.model.group.drifts)
+    return Reference(model, left, squares)
+
+
+def free_run(
+    record: Record, held: Record, first: int, drive: str, signal: str, parts: int, anew: bool = False
+) -> tuple[LinearModel, Array]:
+    """A linear model fitted to one record, and (parts,) mean squares of its error over another from sample `first` on.
+
+    With `anew` the prediction begins in each part where the machine stands.
+    """
+    count = record.time.size
+    numbers = np.arange(count) * ORDER_PARTS // count
+    pair = evened(
+        record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
+    )
+    model = reference(data_of(pair, False, pair.window >= 0))
+    window = parted(held.time.size, first, parts)
+    # simulated as finely as it was measured: the poles do not know the steps of the fit
+    other = evened(
+        held.signals[drive], held.signals[signal], held.time, held.h, window, held.h, cuts=held.cuts
+    )
+    simulated = by_piece(lambda u, y: model.simulate(u, y, held.h), other.cuts, other.u, other.y)
+    error, inside = other.y - simulated, np.flatnonzero(other.window >= 0)
+    if not anew:
+        return model, mean_squares(error, other.window, False)
+    begins = tuple(c - int(inside[0]) for c in other.cuts)
+    return model, begun_anew(error[inside], parts, True, begins)
+
+
+def parted(count: int, first: int, parts: int) -> NDArray[np.int64]:
+    """(count,) number of the part of each sample from `first` on, -1 before."""
+    window = np.full(count, -1)
+    for k, part in enumerate(np.array_split(np.arange(first, count), parts)):
+        window[part] = k
+    return window
+
+
+def across(
+    record: Record,
+    held: Record,
+    first: int,
+    drive: str,
+    signals: Iterable[str],
+    after: Mapping[str, Array],
+    window: int,
+) -> dict[str, Reference]:
+    """The reference from the command to each signal, fitted to one log and judged on held-out data, as free runs.
+
+    Args:
+        record: the log that is fitted.
+        held: the record that holds the data held out.
+        first: sample of it from which errors count.
+        drive: the command.
+        signals: those of which a reference is wanted.
+        after: signal -> (n,) what the extended model makes of it over the held-out record, SI.
+        window: samples in a window.
+    """
+    found = {}
+    parts = max(1, round((held.time.size - first) / window))
+    for signal in (s for s in signals if s in held.signals and s in after):
+        model, left = free_run(record, held, first, drive, signal, parts)
+        ours = mean_squares(held.signals[signal] - after[signal], parted(held.time.size, first, parts), False)
+        found[signal] = Reference(model, left, ours)
+    return found
+
+
+def of_whole(
+    record: Record,
+    drive: str,
+    signals: Iterable[str],
+    after: Mapping[str, Array],
+    window: int,
+) -> dict[str, Reference]:
+    """The reference from the command to each signal, both judged on every third window of one log as free runs.
+
+    Args:
+        record: the log.
+        drive: the command.
+        signals: those of which a reference is wanted.
+        after: signal -> (n,) what the extended model makes of it, SI.
+        window: samples in a window.
+    """
+    found = {}
+    numbers = Windows(window, 0, record.cuts).numbers(record.time.size)
+    held = held_windows(int(numbers.max()) + 1)
+    if not held.any():
+        return {}
+    for signal in signals:
+        y = record.signals[signal]
+        pair = evened(record.signals[drive], y, record.time, record.h, numbers, cuts=record.cuts)
+        inside = pair.window >= 0
+        judged = inside & held[np.maximum(pair.window, 0)]
+        model = reference(data_of(pair, False, inside & ~judged))
+        fine = evened(record.signals[drive], y, record.time, record.h, numbers, record.h, record.cuts)
+        predicted = model.predicted(fine.u, record.h, fine.cuts)
+        squares = mean_squares(fine.y - predicted, fine.window, False)[held]
+        ours = mean_squares(y - after[signal], numbers, False)[held]
+        found[signal] = Reference(model, squares, ours)
+    return found

@@ -1,0 +1,1 @@
+"""The slew sensor against an external tracker."""

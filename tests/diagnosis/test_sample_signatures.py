@@ -1,0 +1,68 @@
+"""Rounding and stale samples are read from the samples themselves."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cosim.diagnosis.record.signatures import Signature, grid_step, signatures, stale_share
+from cosim.diagnosis.verdict.verdict import of_signatures
+from cosim.rig import make_log
+
+DEG = np.pi / 180.0
+
+
+def rate_of(values: np.ndarray) -> np.ndarray:
+    """Smoothed rate, rad/s, zero at both ends."""
+    rate = np.gradient(np.convolve(values, np.ones(101) / 101, "same"), 1e-3)
+    rate[:150] = rate[-150:] = 0.0
+    return rate
+
+
+def seen(*hidden: str, decimals: int = 9, noise: float = 1e-4) -> dict[str, float]:
+    """Effects seen in a log printed with so many decimals of a degree."""
+    slew = make_log("mixed", 25.0, list(hidden), seed=5).slew
+    printed = np.round(slew / DEG, decimals) * DEG
+    return {m.effect: m.value for m in signatures(printed, rate_of(printed), noise)}
+
+
+@given(st.floats(1e-4, 0.01), st.integers(-3000, 3000))
+@settings(max_examples=30, deadline=None)
+def test_the_step_of_any_grid_is_found(step: float, first: int) -> None:
+    rng = np.random.default_rng(abs(first))
+    numbers = first + np.cumsum(rng.integers(-2, 3, size=4000))
+    assert grid_step(numbers * step) == pytest.approx(step, rel=1e-6)
+
+
+def test_continuous_readings_lie_on_no_grid() -> None:
+    assert grid_step(np.random.default_rng(1).normal(size=5000)) == 0.0
+
+
+def test_quantisation_is_seen_with_its_size() -> None:
+    assert seen("sensor.quantisation:quantum=0.1 deg") == {"sensor.quantisation": pytest.approx(0.1 * DEG)}
+
+
+def test_dropout_is_seen_with_its_share() -> None:
+    assert seen("sensor.dropout:p_drop=0.08") == {"sensor.dropout": pytest.approx(0.08, abs=0.01)}
+
+
+@pytest.mark.parametrize("decimals", [9, 6, 4, 3, 2])
+def test_how_the_file_was_printed_is_no_effect(decimals: int) -> None:
+    assert seen(decimals=decimals) == {}
+
+
+def test_a_log_at_rest_without_noise_has_no_stale_samples() -> None:
+    values = np.concatenate([np.zeros(4000), np.linspace(0.0, 0.2, 4000), np.full(4000, 0.2)])
+    share, _, _ = stale_share(values, np.gradient(values, 1e-3))
+    assert share < 1e-3
+
+
+def test_a_cause_seen_in_the_samples_has_an_interval_of_its_gain() -> None:
+    """Of 200 in log-likelihood two standard deviations are some 40; no number could not be read back from the answer."""
+    task = SimpleNamespace(model=SimpleNamespace(group=SimpleNamespace(name="mechanical")))
+    mark = Signature("sensor.quantisation", "quantum", 1e-3, 1e-6, 500.0, held_out=200.0)
+    (cause,) = of_signatures(SimpleNamespace(task=task, signatures=[mark]))  # type: ignore[arg-type]
+    assert cause.held_out.ci95 == pytest.approx((200.0 - 1.96 * 20.0, 200.0 + 1.96 * 20.0), abs=0.01)
+    assert cause.held_out.sure
