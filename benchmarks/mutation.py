@@ -30,7 +30,7 @@ INFERENCE, FMUS = "tests/inference/test_", "tests/fmus/test_"
 # each module and its own fast tests
 TESTS = {
     "cosim/inference/beginning.py": (f"{INFERENCE}beginning.py",),
-    "cosim/inference/freeform.py": (f"{INFERENCE}problem.py",),
+    "cosim/inference/freeform.py": (f"{INFERENCE}freeform.py", f"{INFERENCE}problem.py"),
     "cosim/inference/held_out.py": (f"{INFERENCE}held_out_gain.py", f"{INFERENCE}parts_anew.py"),
     "cosim/inference/linear.py": (f"{INFERENCE}linear_reference.py",),
     "cosim/inference/noise.py": (f"{INFERENCE}noise_model.py",),
