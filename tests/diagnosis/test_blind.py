@@ -59,9 +59,10 @@ def test_nothing_is_named_in_a_clean_log(kind: str, seed: int) -> None:
     assert found.verdict == "adequate", [r.what for r in found.rests]
 
 
-def test_an_effect_that_the_library_lacks_stays_unnamed() -> None:
+@pytest.mark.parametrize("blocks", [("continuity",), pytest.param((), marks=pytest.mark.slow)])
+def test_an_effect_that_the_library_lacks_stays_unnamed(blocks: tuple[str, ...]) -> None:
     with left_out("continuity.flow_asymmetry"):
-        found = diagnosed("continuity.flow_asymmetry", seed=21, blocks=("continuity",))
+        found = diagnosed("continuity.flow_asymmetry", seed=21, blocks=blocks)
     assert not [c for c in found.causes if c.group == "continuity"]
     assert "continuity" in [r.block for r in found.rests]
 
