@@ -12,6 +12,7 @@ from cosim.report.words import (
     NOISY,
     PHRASES,
     block_name,
+    limits_met,
     listed,
     nominal_of,
     number,
@@ -102,7 +103,8 @@ def sizes(cause: NamedCause, result: Answer) -> str:
     """The numbers of a cause with their intervals, and the nominal value where one differs from nothing."""
     material = Material(result, 0.0, {}, {})
     found = []
-    for name, item in cause.parameters.items():
+    for name in limits_met(cause, material):
+        item = cause.parameters[name]
         spread = 0.5 * (item.ci95[1] - item.ci95[0])
         low, high = (number(end, spread) for end in item.ci95)
         unit = f" {unit_text(item.unit)}".rstrip()

@@ -50,6 +50,9 @@ def number(value: float, spread: float = 0.0) -> str:
     return f"{value:.{decimals}f}"
 
 
+NOT_MET = "none that the log meets"
+
+
 class Quantity:
     """One estimate as a phrase prints it."""
 
@@ -140,13 +143,27 @@ def listed(items: list[str]) -> str:
 
 def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
     """(what is wrong, how) of a cause; for an effect without words of its own, its parameters."""
-    quantities = {n: Quantity(p, nominal_of(cause, n, material)) for n, p in cause.parameters.items()}
-    if cause.effect in PHRASES:
+    met = limits_met(cause, material)
+    quantities = {n: Quantity(cause.parameters[n], nominal_of(cause, n, material)) for n in met}
+    if cause.effect in PHRASES and len(met) == len(cause.parameters):
         noun, how = PHRASES[cause.effect]
         how += "".join(text for name, text in FORMS.items() if name in quantities)
         return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
     sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
     return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"
+
+
+def limits_met(cause: NamedCause, material: Material) -> list[str]:
+    """Parameters of a cause but the limits of which the log says nothing: they stand where they were, out of reach."""
+    effect = registry.effects().get(cause.effect)
+    found = []
+    for name, item in cause.parameters.items():
+        nominal = nominal_of(cause, name, material)
+        free = effect.free.get(name) if effect else None
+        away = nominal is not None and math.isclose(item.value, nominal, rel_tol=1e-6)
+        if free is None or not free.limits or not away:
+            found.append(name)
+    return found or list(cause.parameters)
 
 
 def nominal_of(cause: NamedCause, name: str, material: Material) -> float | None:

@@ -3,6 +3,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from report_helpers import empty_answer, named
 
@@ -18,8 +19,9 @@ from cosim.diagnosis.answer.schema import (
     Unexplained,
 )
 from cosim.report.earlier import FILES, Earlier
+from cosim.report.material import Material
 from cosim.report.screen import in_words, known_as, lines, show, tables
-from cosim.report.words import NAMES
+from cosim.report.words import NAMES, phrase
 from cosim.system.effects import EFFECTS as PORT_EFFECTS
 from fmus import registry
 
@@ -183,3 +185,18 @@ def test_the_demo_says_its_answer_in_a_few_lines(tmp_path):
         line.startswith("Cause: dry friction (mechanical.coulomb_friction): 99.8 N m") for line in said
     )
     assert said[-1].startswith("Next: ")
+
+
+def test_an_end_that_no_log_reaches_is_not_given_in_numbers():
+    """Of the two ends of a travel the log met one; the other stands where the model has it, 57000 deg away."""
+    ends = {
+        "theta_max": Parameter(value=float(np.degrees(1000.0)), unit="deg", ci95=(-1000.0, 115000.0)),
+        "theta_min": Parameter(value=-156.0, unit="deg", ci95=(-157.0, -155.0)),
+    }
+    cause = friction(effect="mechanical.end_stop", parameters=ends)
+    told = lines(empty_answer(causes=[cause]), OUT)[1]
+    assert "theta_min = -156.0 deg" in told
+    assert "theta_max" not in told
+    _, how = phrase(cause, Material(empty_answer(causes=[cause]), 1e-3, {}, {}))
+    assert "theta_min = -156.0 deg" in how
+    assert "theta_max" not in how
