@@ -5,6 +5,7 @@ code is 0 only when all steps passed.
 """
 
 import argparse
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -39,11 +40,13 @@ def main() -> int:
     parser.add_argument("--slow", action="store_true", help="run the tests marked slow too")
     options, rest = parser.parse_known_args()
     failed: list[str] = []
+    # small matrices beside another worker: more threads only wait for one another
+    environment = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"} | os.environ
     for name, command in steps(options.fix, options.slow, rest).items():
         if name == "tests" and failed:
             print(f"== failed before the tests: {', '.join(failed)}", flush=True)
         print(f"== {name}: {' '.join(command)}", flush=True)
-        if subprocess.run([sys.executable, "-m", *command], cwd=TOP, check=False).returncode:
+        if subprocess.run([sys.executable, "-m", *command], cwd=TOP, env=environment, check=False).returncode:
             failed.append(name)
     return 1 if failed else 0
 

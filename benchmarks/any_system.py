@@ -24,8 +24,8 @@ from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden, read, simulate
 from cosim.anysystem.answer import answer
 from cosim.anysystem.options import AnyOptions
+from cosim.anysystem.pipeline import diagnose_system
 from cosim.anysystem.read import Column, Recording
-from cosim.anysystem.story import diagnose_system
 from cosim.diagnosis.answer.schema import Answer, NamedCause
 from cosim.ssp.read import read_system
 from cosim.system.runs import Runs

@@ -28,8 +28,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from cosim.calibrate import calibrate, read_free
 from cosim.calibrate.free import Free
+from cosim.calibrate.pipeline import Options
 from cosim.calibrate.problem import DIFFERENCE
-from cosim.calibrate.story import Options
 from cosim.compare import Comparator, open_model
 from cosim.diagnosis.model.cut import TRUSTED
 from cosim.logs import Log

@@ -44,10 +44,10 @@ def make(folder: Path, duration: float) -> Path:
 
 def compare(log: Path) -> None:
     """What ``cosim compare LOG --out FOLDER`` does."""
-    from cosim.commands.compare import compare_log
+    from cosim.beside.run import beside
 
     with tempfile.TemporaryDirectory() as out:
-        compare_log(log, out=Path(out), as_json=True, emit=lambda answer: None)
+        beside(log, out=Path(out))
 
 
 def diagnose(log: Path, signals: Sequence[str], without: Sequence[str]) -> None:

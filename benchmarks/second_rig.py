@@ -2,7 +2,7 @@
 
 Draws none, one or two effects in the library's form or another one (`benchmarks.second.cases`), simulates the drive
 with another integrator, writes the CSV, runs ``cosim diagnose`` on it and holds answer and intervals against the truth.
-With ``--strangers`` each log hides a cause that the library lacks (`benchmarks.second.strangers`).
+With ``--strangers`` each log hides a cause that the library lacks (`benchmarks.second.out_of_library`).
 Outcomes go to a JSON lines file; a run that is started again goes on where it stopped.
 """
 
@@ -20,7 +20,7 @@ from rich.console import Console
 
 from benchmarks.blind_suite import read
 from benchmarks.second.cases import Case, draw
-from benchmarks.second.strangers import draw_stranger
+from benchmarks.second.out_of_library import draw_out_of_library
 from benchmarks.second.trial import run_case
 
 LIMIT = 3.0  # half-widths from which an interval is shown as wrong
@@ -78,7 +78,7 @@ def main() -> int:
     options = parser.parse_args()
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     done = {row["case"]["seed"] for row in read(options.file)}
-    drawn = draw_stranger if options.strangers else draw
+    drawn = draw_out_of_library if options.strangers else draw
     todo: list[Case] = [drawn(seed) for seed in range(*options.seeds) if seed not in done]
     options.file.parent.mkdir(parents=True, exist_ok=True)
     with options.file.open("a", encoding="utf-8") as out, ThreadPoolExecutor(options.workers) as pool:

@@ -96,7 +96,8 @@ def _run(words: list[str], as_json: bool) -> int:
     """Runs one command line and returns its exit code; no exception leaves."""
     debug = "--debug" in words or os.environ.get("COSIM_DEBUG", "0") not in ("", "0")
     try:
-        result = typer.main.get_command(make_app()).main(words, prog_name="cosim", standalone_mode=False)
+        with console.on_screen():
+            result = typer.main.get_command(make_app()).main(words, prog_name="cosim", standalone_mode=False)
         return result if isinstance(result, int) else 0
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else INTERNAL_ERROR

@@ -11,6 +11,7 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from enum import Enum
 from functools import cache
 from io import TextIOWrapper
@@ -38,6 +39,54 @@ class _JsonChannel:
 
 
 _channel = _JsonChannel()
+
+
+Heard = Callable[[str, float], None]
+"""Told what is going on, in a few words, and the share that is done, 0 to 1."""
+
+
+@dataclasses.dataclass
+class _Listener:
+    """Who hears of progress and warnings in place of a person at a terminal."""
+
+    progress: Heard | None
+    warnings: list[str]
+
+
+_listener: ContextVar[_Listener | None] = ContextVar("listener", default=None)
+_on_screen: ContextVar[bool] = ContextVar("on_screen", default=False)
+
+
+@contextlib.contextmanager
+def on_screen() -> Iterator[None]:
+    """Within this context `heard_by` changes nothing: the command line shows progress and warnings itself."""
+    token = _on_screen.set(True)
+    try:
+        yield
+    finally:
+        _on_screen.reset(token)
+
+
+@contextlib.contextmanager
+def heard_by(progress: Heard | None) -> Iterator[list[str]]:
+    """Within this context nothing is printed on stderr: `progress` is told, and warnings go into the list.
+
+    The command line is left as it is.
+    """
+    warnings: list[str] = []
+    token = _listener.set(None if _on_screen.get() else _Listener(progress, warnings))
+    try:
+        yield warnings
+    finally:
+        _listener.reset(token)
+
+
+def told(description: str, share: float) -> bool:
+    """Tell a listener of progress; True if there is one, so that nothing is to be shown."""
+    listener = _listener.get()
+    if listener is not None and listener.progress is not None:
+        listener.progress(description, min(max(share, 0.0), 1.0))
+    return listener is not None
 
 
 @cache
@@ -162,6 +211,13 @@ def progress(description: str, total: float) -> Iterator[Advance]:
     """
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+    if told(description, 0.0):
+
+        def tell(done: float) -> None:
+            told(description, done / total if total else 1.0)
+
+        yield tell
+        return
     console = stderr_console()
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -186,7 +242,11 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
 
 
 def warn(message: str) -> None:
-    """One line on stderr that starts with a yellow ``warning:``."""
+    """One line on stderr that starts with a yellow ``warning:``; a listener keeps it instead."""
+    listener = _listener.get()
+    if listener is not None:
+        listener.warnings.append(message)
+        return
     _line("warning:", "yellow", message)
 
 

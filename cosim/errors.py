@@ -25,6 +25,10 @@ class DataError(CosimError):
     exit_code = 3
 
 
+class ColumnsError(DataError):
+    """The columns of a log cannot be told apart by their headings alone: a mapping is needed (exit code 3)."""
+
+
 class ModelError(CosimError):
     """An FMU, SSP or parameter file is bad (exit code 3)."""
 

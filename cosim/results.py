@@ -1,19 +1,23 @@
 """The result of a simulation: signals in SI (or the FMU's own unit), notes, error estimates; and files of it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import UsageError
+from cosim.console import to_jsonable
+from cosim.errors import MissingExtraError, UsageError
 from cosim.files import whole
 from cosim.ssp.hints import did_you_mean
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
+
+    from cosim.plots import Backend
 
 Array = NDArray[np.float64]
 SUFFIXES = (".csv", ".parquet", ".mat")
@@ -43,7 +47,7 @@ class DisplayUnit:
     offset: float = 0.0
 
 
-@dataclass
+@dataclass(frozen=True)
 class Result:
     """A simulation's result; ``result["mechanical.theta"]`` is a signal, also by the name of a system output.
 
@@ -122,6 +126,93 @@ class Result:
             complete=self.complete,
         )
         return frame
+
+    def to_dict(self) -> dict[str, Any]:
+        """Model, times and the range of each signal as plain data: what ``--json`` of the command prints, less the files."""
+        return dict(to_jsonable(self.about()))
+
+    def about(self, si: bool = False) -> dict[str, Any]:
+        """The same, not yet as JSON types.
+
+        Args:
+            si: ranges in SI instead of the units people read.
+        """
+        return {
+            "model": self.model,
+            "label": self.label,
+            "start_time": self.time[0],
+            "stop_time": self.time[-1],
+            "step_size": self.step_size,
+            "steps": len(self.time) - 1,
+            "wall_time": self.wall_time,
+            "parameters": self.parameters,
+            "signals": {name: self._range(name, si) for name in self.signals},
+            "notes": self.notes,
+            "messages": self.messages,
+        }
+
+    def _range(self, name: str, si: bool) -> dict[str, Any]:
+        """Unit, smallest, largest and final value of a signal, and the error of the step size where it was estimated."""
+        shown = None if si else self.display.get(name)
+        factor, offset = (shown.factor, shown.offset) if shown else (1.0, 0.0)
+        unit = shown.name if shown else self.units.get(name, "") or "1"
+        values = self.signals[name]
+        low, high, last = (float(v) * factor + offset for v in (values.min(), values.max(), values[-1]))
+        found: dict[str, Any] = {"unit": unit, "min": low, "max": high, "final": last}
+        if self.errors is not None:
+            error = self.errors[name]
+            found |= {"error": error.largest * abs(factor), "order": error.order}
+        return found
+
+    def to_xarray(self) -> "xr.Dataset":
+        """The signals over ``time``, in the units of `units`; needs the extra ``batch``.
+
+        Raises:
+            MissingExtraError: xarray is not installed.
+        """
+        try:
+            import xarray as xr
+        except ImportError:
+            raise MissingExtraError("an xarray dataset", "batch") from None
+        found = {n: ("time", v, {"units": self.units.get(n, "")}) for n, v in self.signals.items()}
+        about = {"model": self.model, "label": self.label, "step_size": self.step_size}
+        return xr.Dataset(found, coords={"time": ("time", self.time, {"units": "s"})}, attrs=about)
+
+    def plot(self, signals: Sequence[str] | None = None, backend: "Backend" = "auto") -> Any:
+        """Signals over time in the units people read; a plotly or matplotlib figure.
+
+        Args:
+            signals: names; by default those that move.
+            backend: "plotly", "matplotlib", or "auto" for plotly where it is installed.
+        """
+        from cosim.plots import draw
+
+        names = list(signals) if signals is not None else [n for n, v in self.signals.items() if np.ptp(v)]
+        panels = {}
+        for name in names:
+            shown = self.display.get(name)
+            unit = shown.name if shown else self.units.get(name, "") or "1"
+            values = self[name] * shown.factor + shown.offset if shown else self[name]
+            panels[f"{name} [{unit}]"] = {self.label: values}
+        return draw(self.time, panels, backend, f"{self.model}, simulated")
+
+    def lines(self) -> list[str]:
+        """The result in a few lines."""
+        span = float(self.time[-1] - self.time[0])
+        speed = f", {span / self.wall_time:.3g} times real time" if self.wall_time > 0.0 else ""
+        return [f"{self.model}, simulated: {span:g} s in {len(self.time) - 1} steps{speed}", *self.notes]
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        import html
+
+        import pandas as pd
+
+        said = "".join(f"<div>{html.escape(line)}</div>" for line in self.lines())
+        table = pd.DataFrame.from_dict(self.about()["signals"], orient="index").rename_axis("signal")
+        return said + str(table.to_html(border=0))
 
     def write(self, path: Path, display: bool = False) -> Path:
         """Write CSV, Parquet or MAT by the suffix; column headers are ``name [unit]``.

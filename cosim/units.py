@@ -25,6 +25,9 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 _BASE_NAMES = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol",
                "candela": "cd", "radian": "rad"}  # fmt: skip
 
+# what people write and pint would read as a gigaradian, a number of metres, an enzyme's activity
+WRITTEN = {"Grad": "deg", "Grad/s": "deg/s", "Nm": "N.m", "kNm": "kN.m", "U/min": "rpm"}
+
 
 @cache
 def registry() -> "pint.UnitRegistry[Any]":
@@ -39,7 +42,7 @@ def registry() -> "pint.UnitRegistry[Any]":
 
 def fmi_to_pint(unit: str) -> str:
     """FMI's spelling of a unit in pint's: ``kg.m2`` becomes ``kg*m**2``; ``1`` and the empty text are dimensionless."""
-    text = unit.strip()
+    text = WRITTEN.get(unit.strip(), unit.strip())
     if text in ("", "1", "-"):
         return "dimensionless"
     text = (

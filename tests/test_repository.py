@@ -147,6 +147,10 @@ def test_readme_has_two_commands_for_each_system() -> None:
         assert commands[1].endswith("check.py")
 
 
+def test_the_readme_is_short() -> None:
+    assert len((TOP / "README.md").read_text(encoding="utf-8").split()) <= 600, "the rest belongs into docs/"
+
+
 def test_ci_runs_the_readme_command_last() -> None:
     script = (TOP / ".ci" / "run").read_text(encoding="utf-8").strip().splitlines()
     assert script[-1] == _readme_commands("bash")[1]
@@ -256,3 +260,54 @@ def test_the_rooms_of_the_diagnosis_import_in_one_direction() -> None:
     assert {"model", "record", "fitting", "residuals", "hypotheses", "held_out", "verdict"} <= set(needs)
     order = list(TopologicalSorter(needs).static_order())  # raises CycleError, which names the circle
     assert order.index("record") < order.index("verdict") < order.index("pipeline")
+
+
+# the field's words, so that a paper and the code can be read side by side
+HOME_MADE = {
+    "alike": "indistinguishable",
+    "doubt": "discrepancy",
+    "doubts": "discrepancies",
+    "carried": "propagated",
+    "valley": "local minimum",
+    "valleys": "local minima",
+    "memory": "hysteresis",
+    "swing": "slow oscillation",
+    "mark": "signature",
+    "marks": "signatures",
+    "told": "reported",
+    "bent": "strained, or a free-form law",
+    "story": "pipeline",
+    "stranger": "out of the library",
+}
+
+
+def _names(tree: ast.Module) -> list[str]:
+    """Names of functions and classes, and the fields of classes."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            found.append(node.name)
+        if isinstance(node, ast.ClassDef):
+            fields = [n.target for n in node.body if isinstance(n, ast.AnnAssign)]
+            found += [f.id for f in fields if isinstance(f, ast.Name)]
+    return found
+
+
+def test_the_names_of_a_module_are_found() -> None:
+    tree = ast.parse("class A:\n    b: int\n    def c(self): ...\ndef d(): ...\n")
+    assert sorted(_names(tree)) == ["A", "b", "c", "d"]
+
+
+def test_the_diagnosis_and_its_core_use_the_words_of_the_field() -> None:
+    found = []
+    for path in _sources():
+        if path.relative_to(TOP).parts[:2] not in (("cosim", "diagnosis"), ("cosim", "inference")):
+            continue
+        for name in (path.stem, *_names(ast.parse(path.read_text(encoding="utf-8")))):
+            words = set(re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()))
+            found += [f"{path.stem}: {name}: {HOME_MADE[word]}" for word in words & set(HOME_MADE)]
+    assert not found
+
+
+def test_the_inference_core_stands_alone() -> None:
+    assert {other for _, own, other in _imports() if own == "cosim.inference"} <= {"cosim.errors"}

@@ -60,6 +60,21 @@ def test_factors(unit: str, target: str, value: float) -> None:
     assert factor(target, unit) == pytest.approx(1.0 / value, rel=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("unit", "target", "value"),
+    [
+        ("Grad", "rad", math.pi / 180),
+        ("Grad/s", "deg/s", 1.0),
+        ("Nm", "N.m", 1.0),
+        ("kNm", "N.m", 1e3),
+        ("U/min", "rad/s", math.pi / 30),
+    ],
+)
+def test_german_spellings_are_what_their_writer_meant(unit: str, target: str, value: float) -> None:
+    """Pint alone reads a gigaradian, a number of metres and an enzyme's activity."""
+    assert factor(unit, target) == pytest.approx(value)
+
+
 def test_wrong_dimension_names_both() -> None:
     with pytest.raises(UsageError, match=r"'bar' has the wrong dimension: expected one like 'kg\.m2'"):
         factor("bar", "kg.m2")

@@ -77,7 +77,7 @@ def plain_cause(cause: Cause) -> dict[str, Any]:
         "group": cause.group,
         "gain": cause.gain,
         "held_out": cause.held_out.gain,
-        "alike": list(cause.alike),
+        "alike": list(cause.indistinguishable),
         "parameters": {n: [float(v), float(d)] for n, (v, d) in cause.parameters.items()},
     }
 

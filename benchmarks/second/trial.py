@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from benchmarks.second.cases import FLAWS, Case
 from benchmarks.second.machine import Machine, run
+from benchmarks.second.out_of_library import FAULTS, judged_out_of_library
 from benchmarks.second.record import NOISE, SEEN_BY, Sensing, command, eccentric, write
-from benchmarks.second.strangers import STRANGERS, judged_stranger
 from cosim.compare.metrics import rms
 from cosim.units import base_factor
 
@@ -45,8 +45,8 @@ def shown(case: Case) -> dict[str, float]:
     u, sensing, _ = played(case)
     true, found = run(u, Machine(**case.machine)), {}
     for name in case.hidden:
-        if (FLAWS.get(name) or STRANGERS[name]).sensing:
-            if name in STRANGERS:
+        if (FLAWS.get(name) or FAULTS[name]).sensing:
+            if name in FAULTS:
                 error = eccentric(true["angle"], sensing)
                 found[name] = rms(error - error.mean()) / (sensing.noise * NOISE["slew"])
             continue
@@ -99,10 +99,10 @@ def off(case: Case, answer: dict[str, Any]) -> dict[str, list[float]]:
 def judged(case: Case, answer: dict[str, Any]) -> str:
     """In a word: exact, rest (exact, and something unexplained), alike, extra, missed, unexplained or wrong.
 
-    Of a cause that the library lacks what `judged_stranger` says.
+    Of a cause that the library lacks what `judged_out_of_library` says.
     """
-    if case.hidden.keys() <= STRANGERS.keys() and case.hidden:
-        return judged_stranger(case, answer)
+    if case.hidden.keys() <= FAULTS.keys() and case.hidden:
+        return judged_out_of_library(case, answer)
     named = [c["effect"] for c in answer["causes"]]
     reported = {n for c in answer["causes"] for n in (c["effect"], *c["indistinguishable_from"])}
     hidden = set(case.hidden)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.model import place
+from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.anysystem.readings import ON, Grid, Stale
 from cosim.anysystem.search import CLOSE, Finding
-from cosim.anysystem.story import AnyDiagnosis
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.schema import (
     Answer,

@@ -7,9 +7,9 @@ from threadpoolctl import threadpool_limits
 
 from cosim.anysystem.answer import answer, shown_action
 from cosim.anysystem.extend import write_extended
+from cosim.anysystem.pipeline import diagnose_system
 from cosim.anysystem.read import read
-from cosim.anysystem.story import diagnose_system
-from cosim.console import stderr_console, warn
+from cosim.console import stderr_console, told, warn
 from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, UsageError
@@ -17,6 +17,7 @@ from cosim.files import write_text
 from cosim.logs.load import open_source
 from cosim.logs.mapping import load_mapping
 from cosim.report.deliver import make_folder
+from cosim.report.earlier import Earlier
 from cosim.ssp.fmu import MENDED
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
@@ -97,7 +98,7 @@ def diagnose_any(
         calibrate: trusted parameters are fitted freely.
 
     Raises:
-        CosimError: as `cosim.anysystem.story.diagnose_system`.
+        CosimError: as `cosim.anysystem.pipeline.diagnose_system`.
     """
     with read_system(model) as system, threadpool_limits(1):
         recordings, options, others = read([*logs, *held_out], system, mapping)
@@ -108,15 +109,18 @@ def diagnose_any(
             recordings[0].warnings.append(f"no connector of the system, left alone: {', '.join(others)}")
             warn(recordings[0].warnings[-1])
         for advice in structure(system, sorted(recordings[0].signals)).advice:
-            stderr_console().print(advice, markup=False)
+            if not told(advice, 0.0):
+                stderr_console().print(advice, markup=False)
         notes = unlisted(system)
         for text in notes:
             warn(text)
         make_folder(folder)
+        earlier = Earlier(folder)
         with Runs(system) as runs:
 
             def watch(text: str) -> None:
-                stderr_console().print(f"judging {text}", markup=False)
+                if not told(f"judging {text}", 0.0):
+                    stderr_console().print(f"judging {text}", markup=False)
 
             found = diagnose_system(
                 system,
@@ -129,6 +133,7 @@ def diagnose_any(
                 watch=watch,
             )
             found.notes = [*notes, *found.notes]
+            earlier.clear()
             package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
             result = answer(found, package)
     write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))

@@ -13,7 +13,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.anysystem.actions import PARAMETER, Action
-from cosim.anysystem.story import AnyDiagnosis
+from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.diagnosis.answer.schema import Packages
 from cosim.files import write_bytes
 from cosim.native.build import MissingCompilerError, build_native

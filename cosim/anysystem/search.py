@@ -11,7 +11,7 @@ from cosim.anysystem.model import SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
 from cosim.errors import SimulationError
-from cosim.inference.freeform import Told, told
+from cosim.inference.freeform import Explained, explained
 from cosim.inference.held_out import HeldOutGain
 from cosim.inference.noise import quietest
 from cosim.inference.problem import DIFFERENCE, FINE, Fit, Problem
@@ -91,8 +91,8 @@ class Finding:
     rivals: dict[Action, list[tuple[Action, float]]] = field(default_factory=dict)
     held: dict[Action, HeldOutGain] = field(default_factory=dict)
     gains: dict[Action, float] = field(default_factory=dict)
-    told: dict[str, Told] = field(default_factory=dict)
-    before: dict[str, Told] = field(default_factory=dict)
+    told: dict[str, Explained] = field(default_factory=dict)
+    before: dict[str, Explained] = field(default_factory=dict)
     floors: dict[str, float] = field(default_factory=dict)
     spreads: dict[str, float] = field(default_factory=dict)
     free: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -712,7 +712,7 @@ class Search:
             else self._white(signal)
         )
 
-    def _told(self, residual: Mapping[str, Array], candidate: Candidate) -> dict[str, Told]:
+    def _told(self, residual: Mapping[str, Array], candidate: Candidate) -> dict[str, Explained]:
         """What inputs and outputs of the group tell of a residual, signal by signal of the longest log."""
         found = {}
         k = int(np.argmax([s.count for s in self.model.segments]))
@@ -728,10 +728,10 @@ class Search:
         if not (~fitted).any() or not fitted.any():  # whole logs are held out: windows of this one are
             fitted = segment.windows % 3 != 1
         for signal, _ in self.model.group.judged:
-            found[signal] = told(residual[place(signal, k)], shown, fitted, segment.windows, segment.h)
+            found[signal] = explained(residual[place(signal, k)], shown, fitted, segment.windows, segment.h)
         return found
 
-    def _wrong(self, left: Mapping[str, Told], residual: Mapping[str, Array]) -> dict[str, str]:
+    def _wrong(self, left: Mapping[str, Explained], residual: Mapping[str, Array]) -> dict[str, str]:
         """Signals whose residual is systematic, with words."""
         found = {}
         for signal, item in left.items():

@@ -2,3 +2,7 @@
 
 docs/batch.md explains the command, `cosim.batch.conduct.conduct` does what it does.
 """
+
+from cosim.calls import make_callable
+
+make_callable(__name__)

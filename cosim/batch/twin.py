@@ -6,6 +6,7 @@ parameters or what feeds it changed. The numbers agree with those of the FMUs to
 """
 
 import csv
+import dataclasses
 import time as clock
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -127,10 +128,12 @@ class Twin:
         rows = self._rows(plan, grid, step_size, self._sampled(given, grid, plan.held), settings)
         elapsed = clock.perf_counter() - begun
         result = self._result(plan, grid, rows, settings)
-        result.step_size, result.wall_time, result.notes = step_size, elapsed, [*result.notes, *notes]
+        result = dataclasses.replace(
+            result, step_size=step_size, wall_time=elapsed, notes=[*result.notes, *notes]
+        )
         if sink is not None:
             sink(0, result.signals)
-            result.signals = {}
+            result = dataclasses.replace(result, signals={})
         if progress is not None:
             progress(stop_time - start_time)
         return result

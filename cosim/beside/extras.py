@@ -77,16 +77,19 @@ class Extras:
 
     def show(self, comparison: Comparison) -> None:
         """Print tables and sentences."""
-        output = console.stdout_console()
-        texts: list[str] = []
         if self.calibration is not None:
             from cosim.calibrate import present
 
+            output = console.stdout_console()
             for table in present.tables(self.calibration, comparison):
                 output.print(table)
-            texts = present.explanations(self.calibration)
-        for text in texts:
-            output.print(text, markup=False, soft_wrap=True)
+            for text in present.explanations(self.calibration):
+                output.print(text, markup=False, soft_wrap=True)
+        self.show_further()
+
+    def show_further(self) -> None:
+        """Print what observer and tracker say."""
+        output = console.stdout_console()
         if self.observer is not None:
             from cosim.compare import observer_present
 

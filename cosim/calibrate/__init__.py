@@ -9,6 +9,9 @@ docs/calibrate.md explains how it works and how well.
 
 from cosim.calibrate.free import Free, read_free
 from cosim.calibrate.outcome import Calibration, Parameter
-from cosim.calibrate.story import calibrate
+from cosim.calibrate.pipeline import calibrate
+from cosim.calls import make_callable
 
 __all__ = ["Calibration", "Free", "Parameter", "calibrate", "read_free"]
+
+make_callable(__name__)

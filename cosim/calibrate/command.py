@@ -8,8 +8,8 @@ from cosim import console
 from cosim.calibrate.free import read_free
 from cosim.calibrate.outcome import Calibration
 from cosim.calibrate.picture import write_picture
+from cosim.calibrate.pipeline import HELD_OUT, STARTS, Options, calibrate
 from cosim.calibrate.present import as_data, write_ssv
-from cosim.calibrate.story import HELD_OUT, STARTS, Options, calibrate
 from cosim.compare import Comparator, CompareTable
 from cosim.compare.outcome import Comparison
 from cosim.errors import UsageError

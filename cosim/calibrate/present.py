@@ -86,6 +86,29 @@ def _score_cells(comparison: Comparison, name: str, fit: SignalFit, held: bool) 
     return [*cells, f"{fit.after.noise_floor * scale:.3g}"]
 
 
+def answer(found: Calibration, comparison: Comparison) -> list[str]:
+    """What a calibration says, in a few lines: each parameter, what the log does not determine, how much better."""
+    lines = []
+    for p in found.parameters:
+        unit, scale = p.shown
+        head, _, *numbers = _cells(p)
+        name, shown = head.rsplit(" [", 1)[0], "" if unit == "1" else f" {unit}"
+        if not p.determined:
+            continue
+        lines.append(
+            f"Calibrated: {name} = {numbers[0]}{shown}, {numbers[1].replace(' .. ', ' to ')}, from {p.start * scale:.6g}"
+        )
+    lines += [f"Not determined: {item.why}." for item in found.undetermined]
+    held = {n: s for n, s in found.signals.items() if s.held_before is not None and s.held_after is not None}
+    for name, fit in held.items():
+        unit, scale = comparison.shown(name)
+        before, after = (s.rmse * scale for s in (fit.held_before, fit.held_after) if s is not None)
+        lines.append(
+            f"Better: error of {name} on held-out data, {before:.3g} before, {after:.3g} {unit} after"
+        )
+    return lines
+
+
 def explanations(found: Calibration) -> list[str]:
     """What stands below the tables, one sentence each."""
     lines = [f"Not determined: {item.why}." for item in found.undetermined]

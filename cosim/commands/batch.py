@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim import console
+from cosim.options import Verbose
 
 if TYPE_CHECKING:
     from cosim.batch.conduct import Report
 
 MISSED = 1
 SHOWN = 12  # lines of a table on the terminal
-SHOWN_SCORES = (" rmse [", " final [", " max [")
 
 Logs = Annotated[list[str] | None, typer.Argument(help="Logs, folders of logs, or patterns.", metavar="LOG")]
 PlanFile = Annotated[
@@ -128,6 +128,7 @@ def batch(
     out: Out = Path("batch"),
     fresh: Fresh = False,
     retry_failed: RetryFailed = False,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Run many simulations, comparisons or diagnoses; interrupted, the same command goes on where it stopped.
@@ -137,28 +138,35 @@ def batch(
     options = {
         key: value
         for key, value in locals().items()
-        if key not in ("plan", "out", "fresh", "retry_failed", "as_json")
+        if key not in ("plan", "out", "fresh", "retry_failed", "verbose", "as_json")
     }
-    run_batch(plan, options, out, fresh, retry_failed, as_json)
+    run_batch(plan, options, out, fresh, retry_failed, as_json, verbose)
 
 
 def run_batch(
-    plan: Path | None, options: dict[str, Any], out: Path, fresh: bool, retry_failed: bool, as_json: bool
+    plan: Path | None,
+    options: dict[str, Any],
+    out: Path,
+    fresh: bool,
+    retry_failed: bool,
+    as_json: bool,
+    verbose: bool = False,
 ) -> None:
     """Do what the command does, with the options by the names of its arguments.
 
     Raises:
         CosimError: whatever is wrong; typer.Exit with 1 where a threshold is missed.
     """
-    from cosim.batch.conduct import conduct, require_extra
+    from cosim import api
+    from cosim.batch.conduct import require_extra
     from cosim.errors import SimulationError
 
     require_extra()
-    report = conduct(asked(plan, options), out, fresh=fresh, retry_failed=retry_failed, warn=console.warn)
+    report = api.batch(asked(plan, options), out, fresh=fresh, retry_failed=retry_failed).report
     if as_json:
         console.emit_json(report.about)
     else:
-        _show(report)
+        _show(report, verbose)
     if report.none_done:
         first = report.about["failures"][0]
         raise SimulationError(f"no run was done; run {first['run']}: {first['reason']}")
@@ -200,37 +208,27 @@ def asked(plan: Path | None, options: dict[str, Any]) -> Any:
     return with_options(load_plan(plan) if plan is not None else Plan(), given)
 
 
-def _show(report: "Report") -> None:
-    output, about = console.stdout_console(), report.about
-    rate = f", {about['runs_per_second']:.3g} runs a second" if about["runs_per_second"] else ""
-    before = f", {about['runs_before']} of them before" if about["runs_before"] else ""
-    output.print(
-        f"{about['task']}, engine {about['engine']}: {about['done']} of {about['runs']} runs done{before}, "
-        f"{about['failed']} failed{rate}",
-        markup=False,
-        soft_wrap=True,
-    )
-    if "diagnoses" in about:
-        rows = [
-            [r["log"], r.get("verdict") or r["status"], r.get("causes") or ""] for r in about["diagnoses"]
-        ]
-        output.print(console.table("Diagnoses", ["log", "verdict", "causes"], rows))
-    else:
-        _show_scores(about)
-    for limit in about["thresholds"]:
-        state = "kept" if limit["passed"] else f"MISSED by {limit['runs_missed']} runs"
-        largest = "-" if limit["rmse"] is None else f"{limit['rmse']:.4g} {limit['unit']}"
-        text = f"threshold {state}: RMSE of {limit['signal']} up to {largest}, limit {limit['limit']:.4g} {limit['unit']}"
-        output.print(text, markup=False, soft_wrap=True)
-    for file in about["files"].values():
-        output.print(f"written: {file}", markup=False, soft_wrap=True)
+def _show(report: "Report", verbose: bool) -> None:
+    from cosim.batch.screen import lines
+
+    if verbose:
+        about = report.about
+        if "diagnoses" in about:
+            rows = [
+                [r["log"], r.get("verdict") or r["status"], r.get("causes") or ""] for r in about["diagnoses"]
+            ]
+            console.stdout_console().print(console.table("Diagnoses", ["log", "verdict", "causes"], rows))
+        else:
+            _show_scores(about)
+    for text in lines(report):
+        console.stdout_console().print(text, markup=False, soft_wrap=True)
 
 
 def _show_scores(about: dict[str, Any]) -> None:
+    from cosim.batch.screen import strongest, telling
+
     output, scores = console.stdout_console(), about["scores"]
-    moving = [name for name, found in scores.items() if found["min"] != found["max"]] or list(scores)
-    # the end of the chain is what people ask for
-    names = [n for n in reversed(moving) if any(part in n for part in SHOWN_SCORES)] or moving
+    names = telling(about)
     rows = [[n, scores[n]["min"], scores[n]["q50"], scores[n]["max"]] for n in names[:SHOWN]]
     more = (
         f" ({len(scores) - len(rows)} more in {about['files']['runs'].name})"
@@ -238,15 +236,7 @@ def _show_scores(about: dict[str, Any]) -> None:
         else ""
     )
     output.print(console.table(f"Scores over all runs{more}", ["score", "min", "median", "max"], rows))
-    strongest = sorted(
-        (
-            (abs(rank), name, parameter, rank)
-            for name in names
-            for parameter, rank in about["sensitivity"].get(name, {}).items()
-        ),
-        reverse=True,
-    )
-    rows = [[name, parameter, rank] for _, name, parameter, rank in strongest[:SHOWN]]
+    rows = [[name, parameter, rank] for name, parameter, rank in strongest(about, names)[:SHOWN]]
     if rows:
         output.print(
             console.table("Strongest rank correlations", ["score", "parameter", "rank correlation"], rows)

@@ -1,6 +1,5 @@
 """``cosim compare``: a model beside a log."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,14 +7,11 @@ import typer
 
 from cosim import console
 from cosim.errors import UsageError
+from cosim.options import Verbose
 
 if TYPE_CHECKING:
-    from cosim.beside.extras import Extras
-    from cosim.compare import CompareTable, Comparison
-    from cosim.logs import Log, Mapping
-    from cosim.ssp.system import System
+    from cosim.api import ComparisonResult
 
-DEFAULT_MODEL = "full_order"
 MISSED = 1
 
 
@@ -90,13 +86,17 @@ def compare(
         Path | None, typer.Option("--out", "-o", help="Folder for pictures and series.", metavar="DIR")
     ] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Write the series as CSV instead of Parquet.")] = False,
+    verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Simulate a model on a log's command and show what it gets wrong, per signal and per block.
 
     A block is driven by what was measured before it, so an error shows where it arises.
     """
-    missed = compare_log(
+    calibration = _calibration(calibrate, free, prior, fit_to, held_out, starts)
+    from cosim import api
+
+    found = api.beside(
         log,
         model=model,
         mapping=mapping,
@@ -104,140 +104,20 @@ def compare(
         settings=settings or [],
         step_size=step_size,
         thresholds=threshold or [],
-        calibration=_calibration(calibrate, free, prior, fit_to, held_out, starts),
+        calibration=calibration,
         observer=observer,
         external=external,
-        out=out,
+        out=Path("calibration") if calibration is not None and out is None else out,
         csv=csv,
-        as_json=as_json,
     )
-    if missed:
-        raise typer.Exit(MISSED)
-
-
-def compare_log(
-    file: Path,
-    *,
-    model: str | None = None,
-    mapping: Path | None = None,
-    parameter_sets: list[Path] | None = None,
-    settings: list[str] | None = None,
-    step_size: str | None = None,
-    thresholds: list[str] | None = None,
-    calibration: dict[str, Any] | None = None,
-    observer: bool = False,
-    external: Path | None = None,
-    out: Path | None = None,
-    csv: bool = False,
-    as_json: bool = False,
-    emit: Callable[[Any], None] = console.emit_json,
-) -> bool:
-    """Do what the command does; `demo` uses it too, and puts the JSON object that `emit` gets into its own.
-
-    `calibration` holds the attributes of `cosim.calibrate.command.Request`. Returns whether a threshold was missed.
-
-    Raises:
-        DataError, ModelError, UsageError, SimulationError: whatever is wrong with log, model, request or run.
-    """
-    from cosim.beside.extras import Extras
-    from cosim.compare import Comparator, CompareTable, load_mapping
-    from cosim.compare.limits import check_limits, read_limits
-    from cosim.compare.present import as_data
-    from cosim.logs import load_log
-
-    names, table = load_mapping(mapping) if mapping is not None else (None, CompareTable())
-    loaded = load_log(file, names)
-    source, table = _source(model, mapping, names, table, loaded)
-    with Comparator(loaded, source, table=table, step=_seconds(step_size)) as comparator:
-        limits = read_limits(thresholds or [], comparator)
-        given = _parameters(comparator.system, table, parameter_sets, settings)
-        extras = Extras(comparator, given)
-        if calibration is not None:
-            given = extras.calibrate(calibration, table, names)
-        _beside(extras, observer, external)
-        with console.progress(f"comparing with {comparator.system.name}", 1.0):
-            comparison = comparator.run(given)
-        results = check_limits(comparison, limits)
-        folder = Path("calibration") if calibration is not None and out is None else out
-        written = {} if folder is None else write_files(comparison, folder, csv)
-        written |= {} if folder is None else extras.write(comparison, folder)
-    if as_json:
-        emit(_answer(comparison, as_data(comparison, source), extras, results, written))
-    else:
-        _show(comparison, results, written, extras)
-    return any(not result["passed"] for result in results)
-
-
-def _source(
-    model: str | None, mapping: Path | None, names: "Mapping | None", table: "CompareTable", log: "Log"
-) -> tuple[Path, "CompareTable"]:
-    """The file to simulate, and what the signals stand for in it: a machine in one file is made first."""
-    from cosim.compare import open_model
-
-    if mapping is not None and names is not None and names.machine and model is None:
-        from cosim.machines import made_for
-
-        made = made_for(mapping, log)
-        return open_model(str(made.ssd)), made.table
-    return open_model(*_reference(model, names, table)), table
-
-
-def _beside(extras: "Extras", observer: bool, external: Path | None) -> None:
-    """Observer and tracker beside the log, where asked for."""
-    if observer:
-        extras.observe()
-    if external is not None:
-        extras.track(external)
-
-
-def _parameters(
-    system: "System", table: "CompareTable", sets: list[Path] | None, settings: list[str] | None
-) -> dict[str, Any]:
-    """Start values from the mapping's .ssv files, the command line's, and its single settings, the later ones stronger."""
-    from cosim.request import parameters
-
-    return parameters(system, [*table.parameter_files, *(sets or [])], settings or [])
-
-
-def _seconds(text: str | None) -> float | None:
-    """A step as the user wrote it, in s."""
-    from cosim.units import parse_quantity
-
-    return parse_quantity(text, "s") if text else None
-
-
-def _answer(
-    comparison: "Comparison",
-    data: dict[str, Any],
-    extras: "Extras",
-    results: list[Any],
-    written: dict[str, Path],
-) -> dict[str, Any]:
-    """The JSON object; the comparison's notes go to stderr."""
-    for note in comparison.notes:
+    for note in found.comparison.notes:
         console.warn(note)
-    return {**data, **extras.as_data(comparison), "thresholds": results, "files": written}
-
-
-def write_files(comparison: "Comparison", folder: Path, csv: bool) -> dict[str, Path]:
-    """Write pictures and series; returns name -> file.
-
-    Raises:
-        UsageError: the folder cannot be written to.
-    """
-    from cosim.compare.picture import write_pictures
-    from cosim.compare.present import write_series
-    from cosim.errors import UsageError
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        written = write_pictures(comparison, folder)
-        written["series"] = write_series(comparison, folder / f"series.{'csv' if csv else 'parquet'}")
-    except OSError as error:
-        raise UsageError(
-            f"cannot write into '{folder}' ({error.strerror or error}); name another folder"
-        ) from None
-    return written
+    if as_json:
+        console.emit_json(found.to_dict())
+    else:
+        show(found, verbose)
+    if not found.passed:
+        raise typer.Exit(MISSED)
 
 
 def _calibration(
@@ -261,39 +141,32 @@ def _calibration(
     return given if wanted else None
 
 
-def _reference(
-    model: str | None, mapping: "Mapping | None", table: "CompareTable"
-) -> tuple[str, Path | None]:
-    """The model's name or file, and the folder where a file that the mapping names may lie."""
-    if model is not None:
-        return model, None
-    if mapping is not None and mapping.model is not None:
-        return mapping.model, table.folder if mapping.path is None else mapping.path.parent
-    return DEFAULT_MODEL, None
-
-
-def _show(
-    comparison: "Comparison", results: list[dict[str, Any]], written: dict[str, Path], extras: "Extras"
-) -> None:
+def show(found: "ComparisonResult", verbose: bool) -> None:
+    """Print the answer; with `verbose` the tables before it."""
     from cosim.compare.present import explanations, tables
 
-    output = console.stdout_console()
-    log = comparison.log
-    kind = "synthetic log" if log.synthetic else "log"
-    span = comparison.time[-1] - comparison.time[0]
-    line = f"{log.source} ({kind}, {span:.6g} s at {comparison.step:.6g} s) and model {comparison.model}, simulated"
-    output.print(line, markup=False, soft_wrap=True)
-    for note in comparison.notes:
-        console.warn(note)
-    for table in tables(comparison):
-        if table.rows:
-            output.print(table)
-    for text in explanations(comparison):
+    output, comparison = console.stdout_console(), found.comparison
+
+    def say(text: str) -> None:
         output.print(text, markup=False, soft_wrap=True)
-    extras.show(comparison)
-    for result in results:
-        state, name, unit = "kept" if result["passed"] else "MISSED", result["signal"], result["unit"]
-        text = f"RMSE of {name} {result['rmse']:.4g} {unit}, limit {result['limit']:.4g} {unit}"
-        output.print(f"threshold {state}: {text}", markup=False, soft_wrap=True)
-    for file in written.values():
-        output.print(f"written: {file}", markup=False, soft_wrap=True)
+
+    if verbose:
+        say(found.beside.headline())
+        for table in tables(comparison):
+            if table.rows:
+                output.print(table)
+        for text in explanations(comparison):
+            say(text)
+        found.beside.extras.show(comparison)
+        for text in found.beside.threshold_lines():
+            say(text)
+    else:
+        for text in found.lines():
+            say(text)
+        found.beside.extras.show_further()
+    for file in found.beside.written.values():
+        say(f"written: {file}")
+    if not verbose:
+        say(
+            f"Next: cosim diagnose {comparison.log.source} names the cause; --verbose shows each signal and block"
+        )

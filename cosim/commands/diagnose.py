@@ -1,10 +1,11 @@
 """``cosim diagnose``: names what the simulation gets wrong in a log, extends the model and measures the gain."""
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from cosim.options import Verbose
 
 
 def register(app: typer.Typer) -> None:
@@ -53,39 +54,27 @@ def diagnose(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),
+    verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
-    from cosim.anysystem.command import any_system, diagnose_any
-    from cosim.console import emit_json, warn
-    from cosim.diagnosis.budget import parse_budget
-    from cosim.errors import UsageError
-    from cosim.logs import load_log, load_tracker
-    from cosim.report.deliver import diagnose_into, show
+    from cosim import api
+    from cosim.console import emit_json
+    from cosim.report.screen import show
 
-    seconds = parse_budget(budget) if budget is not None else math.inf
-    foreign = any_system(model, mapping, log[0])
-    if foreign is not None:
-        if external is not None:
-            raise UsageError(
-                "--external goes with our crane; give the tracker's signal as a column of the log"
-            )
-        result = diagnose_any(out, log, foreign, mapping, held_out or (), tolerance, calibrate)
-        if as_json:
-            emit_json(result.model_dump())
-        else:
-            show(result, out)
-        return
-    loaded = [load_log(file, mapping) for file in log]
-    tracker = load_tracker(external) if external is not None else None
-    others = [load_log(file, mapping) for file in held_out or ()]
-    for file, read in zip([*log, *(held_out or ())], [*loaded, *others], strict=True):
-        for warning in read.warnings:
-            warn(f"{file}: {warning}" if file is not log[0] or len(log) > 1 else warning)
-    result = diagnose_into(
-        out, loaded, tracker, model, tolerance, calibrate, mapping, others or None, seconds
+    found = api.diagnose(
+        log,
+        model,
+        mapping=mapping,
+        external=external,
+        held_out=held_out or (),
+        tolerance=tolerance,
+        calibrate=calibrate,
+        budget=budget,
+        out=out,
+        verbose=verbose,
     )
     if as_json:
-        emit_json(result.model_dump())
+        emit_json(found.to_dict())
     else:
-        show(result, out)
+        show(found.answer, out, verbose)

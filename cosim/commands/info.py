@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim import console
-from cosim.errors import DataError, ModelError
+from cosim.errors import ColumnsError, DataError, ModelError
 
 if TYPE_CHECKING:
     from cosim.logs import Log, Tracker
@@ -25,9 +25,12 @@ def info(
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping file (TOML), for a log whose columns have other names.")
     ] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="A row of bars for each column of a log.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Show what a file holds: signals, units, ranges, sampling and damage of a log; the main facts of a model.
+
+    A log whose columns have other names is shown as it stands, with guesses which column is which signal.
 
     Exit code 3: the file is bad; 5: its type needs an optional dependency.
     """
@@ -38,15 +41,16 @@ def info(
         facts = _fmu_facts(file) if kind == ".fmu" else _ssp_facts(file)
         rows = facts.get("variables") or facts.get("files") or []
     else:
-        facts = log_facts(file, mapping)
-        rows = facts["signals"]
+        facts = log_or_columns(file, mapping, plot)
+        rows = facts.get("signals") or facts["columns"]
     if as_json:
         console.emit_json(facts)
         return
     output = console.stdout_console()
     for key, value in facts.items():
-        if not isinstance(value, (list, dict)):
-            output.print(f"{key}: {value}", soft_wrap=True, markup=False)
+        if key not in ("why", "next") and not isinstance(value, (list, dict)):
+            text = f"{value:.12g}" if isinstance(value, float) else value
+            output.print(f"{key}: {text}", soft_wrap=True, markup=False)
     if rows:
         shown = [list(row.values()) for row in rows[:MOST_ROWS]]
         output.print(console.table("", list(rows[0]), shown))
@@ -54,6 +58,89 @@ def info(
             output.print(f"and {len(rows) - MOST_ROWS} more: see them all with --json", markup=False)
     for warning in facts.get("warnings", ()):
         console.warn(warning)
+    for line in facts.get("plot", ()):
+        output.print(line, markup=False, soft_wrap=True)
+    for line in (*_guessed(facts.get("guesses", {})), facts.get("next", "")):
+        if line:
+            output.print(line, markup=False, soft_wrap=True)
+
+
+def _guessed(guesses: dict[str, dict[str, Any]]) -> list[str]:
+    return [f"{name} is probably '{g['column']}' [{g['unit']}], by {g['why']}" for name, g in guesses.items()]
+
+
+def log_or_columns(path: Path, mapping: Path | None, plot: bool) -> dict[str, Any]:
+    """What a log holds; of one whose columns are not our signals what stands in the file, and guesses.
+
+    Raises:
+        DataError: the file or the mapping is bad.
+        MissingExtraError: its type needs an optional dependency.
+    """
+    from cosim.logs.overview import overview
+
+    try:
+        facts = log_facts(path, mapping)
+    except ColumnsError as error:
+        if mapping is not None:
+            raise
+        facts = column_facts(path, str(error))
+    if plot:
+        columns = overview(path).columns
+        wide = max(len(c.label.text) for c in columns)
+        facts["plot"] = [f"{c.label.text:<{wide}}  {c.spark()}" for c in columns]
+    return facts
+
+
+def column_facts(path: Path, why: str) -> dict[str, Any]:
+    """A log whose columns are not our signals, as it stands in the file: columns, time, guesses, and what to do next.
+
+    Args:
+        path: the log.
+        why: it cannot be read as it is.
+
+    Raises:
+        DataError: the file is bad.
+    """
+    from cosim.logs.guess import guesses
+    from cosim.logs.overview import overview
+
+    found = overview(path)
+    clock = found.clock
+    facts: dict[str, Any] = {"file": path, "kind": "log with other columns", "samples": found.samples}
+    if clock is None:
+        facts["time"] = "no column looks like a time"
+    else:
+        named = "" if clock.column is None else found.columns[clock.column].label.text
+        facts |= {
+            "time_column": named or "each column has stamps of its own",
+            "time_unit": clock.unit + (f" (guessed: {clock.guessed})" if clock.guessed else ""),
+            "duration": f"{clock.duration:.6g} s",
+            "rate": f"{clock.rate:.6g} samples a second",
+            "gaps": clock.gaps,
+            "not_rising": clock.backwards,
+        }
+    made = guesses(found)
+    return facts | {
+        "columns": [
+            {
+                "column": c.label.text,
+                "unit": c.unit or "?",
+                "min": float(c.finite.min()) if c.finite.size else "",
+                "mean": float(c.finite.mean()) if c.finite.size else "",
+                "max": float(c.finite.max()) if c.finite.size else "",
+                "missing": c.missing,
+                "shape": c.kind,
+            }
+            for c in found.columns
+        ],
+        "guesses": {
+            name: {"column": g.column.label.text, "unit": g.unit, "gain": g.gain, "why": g.why}
+            for name, g in made.items()
+        },
+        "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
+        "why": why,
+        "next": f"Next: cosim init {path} writes these guesses into a mapping; correct it, then give it with --mapping",
+    }
 
 
 def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:

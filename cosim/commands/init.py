@@ -1,11 +1,14 @@
-"""``cosim init``: writes a mapping for a model and a log of anybody's."""
+"""``cosim init``: writes a first mapping for a log with other column names, for our crane or for anybody's model."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from cosim import console
+from cosim.errors import UsageError
+
+MODELS = (".ssp", ".fmu")
 
 
 def register(app: typer.Typer) -> None:
@@ -14,8 +17,14 @@ def register(app: typer.Typer) -> None:
 
 
 def init(
-    model: Annotated[Path, typer.Argument(help="Package or FMU (.ssp, .fmu).", metavar="MODEL")],
-    log: Annotated[Path, typer.Argument(help="Measured data.", metavar="LOG")],
+    first: Annotated[
+        Path, typer.Argument(help="The log; or a package or FMU, and then the log.", metavar="[MODEL] LOG")
+    ],
+    second: Annotated[Path | None, typer.Argument(help="The log.", metavar="LOG", hidden=True)] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(help="full_order, simplified, or any .ssp or .fmu [default: full_order]."),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Mapping file [default: LOG with .toml].", metavar="FILE"),
@@ -23,23 +32,70 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Write over a file that exists.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Write a mapping: columns matched to connectors by name and unit, what is left in comments."""
-    from cosim.anysystem.start import mapping_text
-    from cosim.errors import UsageError
-    from cosim.files import write_text
-    from cosim.ssp.read import read_system
+    """Write a mapping: columns matched to signals by name, unit and shape, what is left in comments.
 
+    With a package or FMU the signals are its connectors, else those of the crane.
+    """
+    from cosim.files import write_text
+
+    log, asked = _log_and_model(first, second, model)
     target = out or log.with_suffix(".toml")
     if target.exists() and not force:
         raise UsageError(f"{target} exists: name another file (--out), or write over it (--force)")
-    with read_system(model) as system:
-        text, told, left = mapping_text(system, model, log, target.parent)
+    if asked.lower().endswith(MODELS):
+        text, told, left = _of_connectors(Path(asked), log, target)
+    else:
+        text, told, left = _of_signals(asked, log)
     write_text(target, text)
     if as_json:
         console.emit_json({"mapping": str(target), "matched": told, "open": left})
         return
+
+    def say(line: str) -> None:
+        console.stdout_console().print(line, markup=False, soft_wrap=True)
+
     for line in told:
-        console.stdout_console().print(line, markup=False)
+        say(line)
     for line in left:
-        console.stdout_console().print(f"open: {line}", markup=False)
-    console.stdout_console().print(f"written to {target}", markup=False)
+        say(f"open: {line}")
+    say(f"written to {target}: check each line, above all those marked CHECK")
+    say(f"Next: cosim info {log} --mapping {target}, then cosim diagnose {log} --mapping {target}")
+
+
+def _log_and_model(first: Path, second: Path | None, model: str | None) -> tuple[Path, str]:
+    """The log, and the model by name or file.
+
+    Raises:
+        UsageError: there is no log, or two models.
+    """
+    if second is None:
+        if first.suffix.lower() in MODELS:
+            raise UsageError(f"{first} is a model: name the log too, as in 'cosim init {first} LOG'")
+        return first, model or "full_order"
+    if model is not None:
+        raise UsageError(f"two models, {first} and {model}: give one, as in 'cosim init LOG --model {model}'")
+    return second, str(first)
+
+
+def _of_connectors(model: Path, log: Path, target: Path) -> tuple[str, list[str], list[str]]:
+    """A mapping for any system; raises as `cosim.anysystem.start.mapping_text`."""
+    from cosim.anysystem.start import mapping_text
+    from cosim.ssp.read import read_system
+
+    with read_system(model) as system:
+        return mapping_text(system, model, log, target.parent)
+
+
+def _of_signals(model: str, log: Path) -> tuple[str, list[str], list[str]]:
+    """A mapping for the crane's signals; raises as `cosim.logs.overview.overview`."""
+    from cosim.logs.guess import guesses, mapping_text
+    from cosim.logs.overview import overview
+
+    found = overview(log)
+    made = guesses(found)
+    told = [f"{g.column.label.text} -> {name} [{g.unit}], by {g.why}" for name, g in made.items()]
+    used: set[Any] = {g.column.index for g in made.values()} | {found.clock.column if found.clock else None}
+    left = [f"column '{c.label.text}'" for c in found.columns if c.index not in used]
+    if found.clock is None:
+        left.insert(0, "no column looks like a time: the interval between samples is to be given")
+    return mapping_text(found, made, model), told, left

@@ -185,7 +185,7 @@ def _plant(
 
 def _system(stack: contextlib.ExitStack, model: str, settings: list[str]) -> "Plant":
     """A system of FMUs, native ones where there is a compiler."""
-    from cosim.commands.simulate import native_or_not
+    from cosim.api.simulating import native_or_not
     from cosim.live.crane import SystemPlant
     from cosim.native.build import MissingCompilerError, compiler
     from cosim.request import model_path

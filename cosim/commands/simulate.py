@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,10 +11,8 @@ from cosim import console
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cosim.master import Limits, Runner
+    from cosim.master import Limits
     from cosim.results import Result
-
-DEFAULT_STOP, DEFAULT_STEP = 10.0, 1e-3  # [s], where neither option nor model says
 
 Model = Annotated[
     str, typer.Argument(help="An .ssp or .fmu file, a machine (.toml), or simplified, full_order, physical.")
@@ -90,36 +88,27 @@ def simulate(
     as_json: AsJson = False,
 ) -> None:
     """Simulate a system of FMUs: components in wiring order, each step with the values its sources just computed."""
-    from cosim.errors import UsageError
-    from cosim.master import Runner
-    from cosim.request import model_path, parameters, read_inputs, seconds
+    from cosim import api
+    from cosim.request import seconds
     from cosim.results import check_suffix
 
     if out is not None:
         check_suffix(out)
-    if mapping is not None and played is None:
-        raise UsageError("--mapping says how to read a log, so it needs --input")
-    of_machine = Path(model) if model.lower().endswith(".toml") else None
-    log = played if mapping in (None, of_machine) else None
-    mapping = mapping or (of_machine if played is not None else None)
-    with (
-        native_or_not(model_path(model, played is not None, log), native) as path,
-        Runner(path, limits=_limits(stall, memory)) as runner,
-    ):
-        system = runner.system
-        step = seconds(step_size, "--step-size") if step_size else system.step_size or DEFAULT_STEP
-        options: dict[str, Any] = {
-            "parameters": parameters(system, parameter_set or [], settings or []),
-            "record": record or None,
-            "start_time": system.start_time or 0.0,
-            "partial_step": partial_step,
-        }
-        stop = system.stop_time or DEFAULT_STOP
-        if played is not None:
-            options["inputs"], options["start_time"], stop = read_inputs(played, mapping, system, step)
-        stop = seconds(stop_time, "--stop-time") if stop_time else stop
-        with _leaving(out, si, as_json):
-            result = _run(runner, stop, step, estimate_error, options)
+    with _leaving(out, si, as_json):
+        result = api.simulate(
+            model,
+            None if stop_time is None else seconds(stop_time, "--stop-time"),
+            None if step_size is None else seconds(step_size, "--step-size"),
+            parameters=settings,
+            parameter_sets=parameter_set or [],
+            inputs=played,
+            mapping=mapping,
+            record=record,
+            estimate_error=estimate_error,
+            partial_step=partial_step,
+            native=native,
+            limits=_limits(stall, memory),
+        )
     for note in [*result.notes, *result.messages]:
         console.warn(note)
     if out is not None:
@@ -177,65 +166,17 @@ def _leaving(out: Path | None, si: bool, as_json: bool) -> "Iterator[None]":
         raise
 
 
-@contextmanager
-def native_or_not(path: Path, native: bool) -> "Iterator[Path]":
-    """The model file itself, or a copy of it with native FMUs, which is deleted afterwards."""
-    if not native:
-        yield path
-        return
-    from cosim.native.package import swapped
-    from cosim.ssp.archive import scratch_folder
-
-    folder, _ = scratch_folder()
-    with folder:
-        yield swapped(path, Path(folder.name, path.name))
-
-
-def _run(runner: "Runner", stop: float, step: float, estimate: bool, options: dict[str, Any]) -> "Result":
-    with console.progress(f"simulating {runner.system.name}", stop - options["start_time"]) as bar:
-        simulate = runner.coupling_error if estimate else runner.run
-        return simulate(stop, step, progress=bar, **options)
-
-
 def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
-    rows = []
-    for name, values in result.signals.items():
-        shown = None if si else result.display.get(name)
-        factor, offset = (shown.factor, shown.offset) if shown else (1.0, 0.0)
-        unit = shown.name if shown else result.units.get(name, "") or "1"
-        low, high, last = (float(v) * factor + offset for v in (values.min(), values.max(), values[-1]))
-        row: dict[str, Any] = {"signal": name, "unit": unit, "min": low, "max": high, "final": last}
-        if result.errors is not None:
-            error = result.errors[name]
-            row |= {"error": error.largest * abs(factor), "order": error.order}
-        rows.append(row)
+    about = result.about(si)
     follows = _tracking(result)
     if as_json:
-        console.emit_json(
-            {
-                "model": result.model,
-                "label": result.label,
-                "start_time": result.time[0],
-                "stop_time": result.time[-1],
-                "step_size": result.step_size,
-                "steps": len(result.time) - 1,
-                "wall_time": result.wall_time,
-                "parameters": result.parameters,
-                "signals": {row.pop("signal"): row for row in rows},
-                **({} if follows is None else {"tracking": follows}),
-                "notes": result.notes,
-                "messages": result.messages,
-                "path": out,
-            }
-        )
+        tracking = {} if follows is None else {"tracking": follows}
+        console.emit_json({**about, **tracking, "path": out})
         return
     output = console.stdout_console()
-    span = float(result.time[-1] - result.time[0])
-    speed = f"{span / result.wall_time:.3g} times real time"
-    title = f"{result.model}, simulated: {span:g} s in {len(result.time) - 1} steps, {speed}"
-    output.print(
-        console.table(title, list(rows[0]) if rows else ["signal"], [list(row.values()) for row in rows])
-    )
+    rows = [{"signal": name, **row} for name, row in about["signals"].items()]
+    columns = list(rows[0]) if rows else ["signal"]
+    output.print(console.table(result.lines()[0], columns, [list(row.values()) for row in rows]))
     if follows is not None:
         output.print(
             f"tracking: error {follows['rmse']:.3g} deg rms, {follows['largest']:.3g} deg at most,"

@@ -7,6 +7,7 @@
 docs/compare.md explains the tables.
 """
 
+from cosim.calls import make_callable
 from cosim.compare.comparator import Comparator
 from cosim.compare.mapping import CompareTable, load_mapping
 from cosim.compare.metrics import Score, fit_percent, noise_floor, rms
@@ -26,3 +27,5 @@ __all__ = [
     "open_model",
     "rms",
 ]
+
+make_callable(__name__)

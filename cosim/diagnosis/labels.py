@@ -78,11 +78,11 @@ class Mistake:
     """A mistake in the labels that is tried.
 
     Attributes:
-        told: what would be said of it.
+        reported: what would be said of it.
         undone: signals as they would be without it.
     """
 
-    told: Contradiction
+    reported: Contradiction
     undone: Callable[[Signals], dict[str, Array]] = field(repr=False)
 
 
@@ -113,8 +113,8 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
     tried = ((m, shapes(record, m.undone(record.signals), groups)) for m in mistakes)
     right = [(min(abs(r) for _, r in each), m) for m, each in tried if plausible(each, shape)]
     if right:
-        return [max(right, key=lambda item: item[0])[1].told]
-    return exchanged_with_supply(record.signals) or (stranger(as_labelled) if trusted else [])
+        return [max(right, key=lambda item: item[0])[1].reported]
+    return exchanged_with_supply(record.signals) or (other_machine(as_labelled) if trusted else [])
 
 
 def in_range(record: Record, name: str) -> bool:
@@ -250,7 +250,7 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
             yield Contradiction(name, f"{name} never moves", remedy)
 
 
-def stranger(each: list[tuple[float, float]]) -> list[Contradiction]:
+def other_machine(each: list[tuple[float, float]]) -> list[Contradiction]:
     """A log of another machine: not one of its blocks answers as the model's, however wrong a single one may be."""
     if len(each) < FEWEST_BLOCKS or any(USUAL_GAIN[0] <= abs(gain) <= USUAL_GAIN[1] for gain, _ in each):
         return []

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from types import TracebackType
 
-from cosim.console import stderr_console
+from cosim.console import stderr_console, told
 from cosim.diagnosis.watch import Watch
 
 LAST = (("next", 3.0), ("report", 2.0))  # stages after the diagnosis itself, and their shares of the time
@@ -25,7 +25,7 @@ class ShownProgress(Watch):
             TextColumn("left"),
             console=console,
             transient=True,
-            disable=not self._on_terminal,
+            disable=told("diagnosis", 0.0) or not self._on_terminal,
         )
         self._task = self._bar.add_task("diagnosis", total=None)
         self._shares: dict[str, float] = {}
@@ -52,7 +52,7 @@ class ShownProgress(Watch):
     def stage(self, name: str, text: str) -> None:
         """See `Watch.stage`."""
         self._now, self._text, self._passes = name, text, 0
-        if not self._on_terminal:
+        if not told(text, self.done(0.0) / (sum(self._shares.values()) or 1.0)) and not self._on_terminal:
             stderr_console().print(f"diagnosis: {text}", markup=False, soft_wrap=True)
         self._bar.update(self._task, description=text, completed=self.done(0.0))
 
@@ -64,6 +64,7 @@ class ShownProgress(Watch):
             if self._passes == 0
             else f"{self._text}, pass {self._passes + 1}: {done}/{total}"
         )
+        told(text, self.done(part) / (sum(self._shares.values()) or 1.0))
         self._bar.update(self._task, description=text, completed=self.done(part))
         self._passes += done == total
 

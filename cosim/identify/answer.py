@@ -47,6 +47,16 @@ class Answer:
         """A log was made by the virtual rig."""
         return bool(self.data.get("synthetic"))
 
+    def summary(self) -> list[str]:
+        """The answer in a few lines: each parameter with its interval in the unit people read, and the sentences."""
+        found = []
+        for name, quantity in self.parameters.items():
+            unit, scale = current().quantity(quantity.unit, declared(name).display)
+            low, high = sorted(end * scale for end in quantity.interval)
+            shown = "" if unit == "1" else f" {unit}"
+            found.append(f"{name} = {quantity.value * scale:.4g}{shown}, {low:.4g} to {high:.4g} (95 %)")
+        return found + self.lines
+
     def as_data(self, files: Mapping[str, Path]) -> dict[str, Any]:
         """The JSON object."""
         found = {name: q.as_data() for name, q in self.parameters.items()}
@@ -124,8 +134,8 @@ def write_files(answer: Answer, folder: Path) -> dict[str, Path]:
     return written
 
 
-def finish(answer: Answer, out: Path | None, as_json: bool) -> None:
-    """Write the files, and print the answer."""
+def finish(answer: Answer, out: Path | None, as_json: bool, verbose: bool = True) -> None:
+    """Write the files, and print the answer: a line for each parameter, or with `verbose` the tables."""
     written = write_files(answer, out) if out is not None else {}
     for note in answer.notes:
         console.warn(note)
@@ -135,10 +145,14 @@ def finish(answer: Answer, out: Path | None, as_json: bool) -> None:
     output = console.stdout_console()
     if answer.synthetic:
         output.print("from a synthetic log", markup=False)
-    for title, columns, rows in answer.tables:
-        if rows:
-            output.print(console.table(title, columns, rows))
-    for line in answer.lines:
-        output.print(line, markup=False, soft_wrap=True)
+    if verbose or not answer.parameters:  # without parameters the tables are the answer
+        for title, columns, rows in answer.tables:
+            if rows:
+                output.print(console.table(title, columns, rows))
+        for line in answer.lines:
+            output.print(line, markup=False, soft_wrap=True)
+    else:
+        for line in answer.summary():
+            output.print(line, markup=False, soft_wrap=True)
     for path in written.values():
         output.print(f"written: {path}", markup=False, soft_wrap=True)

@@ -17,7 +17,7 @@ RIDGE = 1e-3  # of a feature's own power, per sample
 
 
 @dataclass(frozen=True)
-class Told:
+class Explained:
     """What free functions of some signals tell of a residual.
 
     Attributes:
@@ -64,13 +64,13 @@ def features(signal: Array, h: float) -> Array:
     return np.stack(rows)
 
 
-def told(
+def explained(
     residual: Array,
     signals: Mapping[str, Array],
     fitted: NDArray[np.bool_],
     windows: NDArray[np.int64],
     h: float,
-) -> Told:
+) -> Explained:
     """What free functions of the signals tell of a residual (n,), fitted on one part and measured on the rest.
 
     Args:
@@ -105,7 +105,7 @@ def told(
         by[name] = float(np.var(weights[mine] @ table[mine]))
     total = max(sum(by.values()), 1e-300)
     before, after = (float(np.sqrt(np.mean(e[out] ** 2))) for e in (r, r - series))
-    return Told(before, after, ratio_ci95(one, other), {n: v / total for n, v in by.items()}, series)
+    return Explained(before, after, ratio_ci95(one, other), {n: v / total for n, v in by.items()}, series)
 
 
 def _by_window(errors: Array, windows: NDArray[np.int64]) -> Array:

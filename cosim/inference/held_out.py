@@ -98,20 +98,51 @@ def gain_between(richer: Array, poorer: Array, block: NDArray[np.int64]) -> Held
     return HeldOutGain(gain, float(np.sqrt(np.sum(sums**2))), repetitions)
 
 
-def gain_of_errors(richer: Array, poorer: Array) -> HeldOutGain:
-    """What one hypothesis gains over another on data that had no share in either estimate.
+def contrast(one: Array, other: Array) -> Array:
+    """(parts,) half the logarithm of how much smaller the error of `one` is in each part of the data, from mean squares.
 
-    The size of the error is unknown, so each of n independent parts gains log(poorer / richer) of the root mean square; the
-    interval is that of the ratio.
+    By how many times it is smaller counts, and not by how much: once in a log somebody pushes the machine, and a mean of
+    squares would hear nothing but that. Below what the better of the two leaves in half of the parts no difference counts
+    (the likelihood of Student's t, whose scale that is).
+
+    Args:
+        one: (parts,) mean squares of an error.
+        other: the same of another.
+    """
+    scale = max(min(float(np.median(one)), float(np.median(other))), 1e-300)
+    return np.asarray(0.5 * (np.log(other + scale) - np.log(one + scale)))
+
+
+def smaller_by(one: Array, other: Array) -> tuple[float, tuple[float, float]]:
+    """Mean `contrast` of two errors, and its 95 % interval by resampling parts, those side by side kept together."""
+    found = contrast(one, other)
+    blocks = np.array_split(found, min(found.size, MOST_BLOCKS))
+    sums, sizes = (np.array([f(b) for b in blocks], float) for f in (np.sum, np.size))
+    rows = np.random.default_rng(1).integers(0, sums.size, (RESAMPLED, sums.size))
+    means = sums[rows].sum(axis=1) / sizes[rows].sum(axis=1)
+    low, high = np.quantile(means, [0.025, 0.975])
+    return float(found.mean()), (float(low), float(high))
+
+
+def smaller_in_size(one: Array, other: Array) -> tuple[float, tuple[float, float]]:
+    """As `smaller_by`, by the logarithm of the ratio of the two RMSE: for the parts of one run whose place counts."""
+    ratio = float(np.sqrt(one.sum() / max(float(other.sum()), 1e-300)))
+    low, high = ratio_ci95(one, other)
+    gain, least, most = (-float(np.log(max(r, 1e-300))) for r in (ratio, high, low))
+    return gain, (least, most)
+
+
+def gain_of_errors(richer: Array, poorer: Array, placed: bool = False) -> HeldOutGain:
+    """What one hypothesis gains over another on data that had no share in either estimate.
 
     Args:
         richer: (windows,) mean square of the error with the effect.
         poorer: (windows,) the same without it.
+        placed: the parts are those of one run whose place counts: its error is compared by size.
     """
     parts = min(richer.size, MOST_BLOCKS)
-    ratio = float(np.sqrt(richer.sum() / max(float(poorer.sum()), 1e-300)))
-    gain, *ends = (-parts * float(np.log(max(r, 1e-300))) for r in (ratio, *ratio_ci95(richer, poorer)))
-    return HeldOutGain(gain, ends=(ends[1], ends[0]))
+    gain, ends = (smaller_in_size if placed else smaller_by)(richer, poorer)
+    return HeldOutGain(parts * gain, ends=(parts * ends[0], parts * ends[1]))
 
 
 def mean_squares(error: Array, parts: int, anew: bool = False, cuts: tuple[int, ...] = ()) -> Array:

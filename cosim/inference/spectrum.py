@@ -73,6 +73,8 @@ def learn(signals: dict[str, Bands], prior: Array) -> dict[str, Noise]:
         prior: (p, p) information that priors bring.
     """
     found = {name: _fit(b, b.power) for name, b in signals.items()}
+    if not any(b.gram.any() for b in signals.values()):  # nothing was absorbed
+        return found
     for _ in range(RESTORED):
         spectra = {name: _spectrum(b, found[name]) for name, b in signals.items()}
         information = prior + sum(

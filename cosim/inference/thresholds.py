@@ -184,3 +184,17 @@ ROUNDING: Annotated[
     "rounding of double numbers under differences",
     "arithmetic",
 ] = 1e-8
+HELD_EVERY: Annotated[
+    int,
+    "windows",
+    "every so many windows one is held out",
+    "they visit every regime of the log, and two thirds are left to fit",
+    "not measured by itself",
+] = 3
+FITTED_WINDOWS: Annotated[
+    int,
+    "windows",
+    "windows into which data are cut, some of which are held out",
+    "thirty repetitions are many, and each window still sees the motion",
+    "not measured by itself",
+] = 30

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cosim.errors import DataError, UsageError
+from cosim.errors import ColumnsError, DataError, UsageError
 from cosim.logs.mapping import Column, Mapping, SignalColumn
 from cosim.logs.source import Label, Source, closest
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
@@ -39,6 +39,11 @@ class Pick:
     plausible: tuple[float, float] | None = None
 
 
+def remedy(source: Source) -> str:
+    """What to type where the headings do not say which column is which."""
+    return f"'cosim init {source.path}' writes a mapping with guesses"
+
+
 def choose(
     source: Source, known: Sequence[str], select: Sequence[str] | None
 ) -> tuple[list[Pick], list[str]]:
@@ -68,16 +73,16 @@ def choose(
             unknown.append(f"'{label.text}'{closest(label.name, known)}")
         elif name in picks:
             other = source.labels[picks[name].index].text
-            raise DataError(
+            raise ColumnsError(
                 f"{source.path}: columns '{other}' and '{label.text}' are both '{name}': delete one, or say with a"
-                " mapping which to use"
+                f" mapping which to use ({remedy(source)})"
             )
         elif name in wanted:
             picks[name] = _pick_known(source, index, label, name)
     if not picks.keys() - {"time", SYNTHETIC_COLUMN} and select is None:
-        raise DataError(
+        raise ColumnsError(
             f"{source.path}: no column is a known signal ({', '.join(known)}); found"
-            f" {', '.join(unknown[:20]) or 'none'}: rename them, or give a mapping file"
+            f" {', '.join(unknown[:20]) or 'none'}: {remedy(source)}"
         )
     notes = [f"ignored columns: {', '.join(unknown)}"] if unknown else []
     return list(picks.values()), notes
@@ -93,9 +98,9 @@ def _pick_known(source: Source, index: int, label: Label, name: str) -> Pick:
         return Pick(name, index, "1", "1", 1.0)
     signal = SIGNALS[name]
     if label.unit is None and not (name == "time" and source.clock(index) is not None):
-        raise DataError(
+        raise ColumnsError(
             f"{source.path}: column '{label.text}' has no unit: write it into the header, such as"
-            f" '{name} [{signal.unit}]', or give a mapping"
+            f" '{name} [{signal.unit}]', or give a mapping ({remedy(source)})"
         )
     return Pick(
         name,
@@ -112,7 +117,7 @@ def _factor(source: Source, label: Label, unit: str, si: str) -> float:
     try:
         return conversion(unit, si)
     except UsageError as error:
-        raise DataError(f"{source.path}: column '{label.text}': {error}") from None
+        raise ColumnsError(f"{source.path}: column '{label.text}': {error} ({remedy(source)})") from None
 
 
 def choose_mapped(source: Source, mapping: Mapping, select: Sequence[str] | None) -> list[Pick]:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import DataError
+from cosim.errors import ColumnsError, DataError
 from cosim.logs.channels import MdfSource, TdmsSource
-from cosim.logs.choose import Pick, choose, choose_mapped
+from cosim.logs.choose import Pick, choose, choose_mapped, remedy
 from cosim.logs.jumps import describe, jumps
 from cosim.logs.log import Gap, Log, Tracker
 from cosim.logs.mapping import Mapping, load_mapping
@@ -215,8 +215,9 @@ def _time(
     clocks = {p.name: source.clock(p.index) for p in picks if p.name in columns and p.name != "time"}
     stamps = {name: clock for name, clock in clocks.items() if clock is not None}
     if len(stamps) < len(clocks) or not stamps:
-        raise DataError(
+        raise ColumnsError(
             f"{source.path}: there is no time column: add 'time [s]', or name the column or the step in a mapping"
+            f" ({remedy(source)})"
         )
     return _align(source, stamps, columns, {p.name for p in picks if p.held})
 

@@ -5,12 +5,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
 from cosim.logs.source import closest
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cosim.plots import Backend
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -222,6 +228,38 @@ class Log(_Record):
         from cosim.signals import conversion
 
         return self.require(name) / conversion(self.display[name], self.units[name])
+
+    def to_frame(self, si: bool = False) -> "pd.DataFrame":
+        """A pandas table with a column ``name [unit]`` for each signal, ``time [s]`` first.
+
+        Args:
+            si: in SI instead of the units people read.
+        """
+        import pandas as pd
+
+        columns = {"time [s]": self.time}
+        for name in self.signals:
+            unit = self.units[name] if si else self.display[name]
+            columns[f"{name} [{unit}]"] = self.signals[name] if si else self.in_display_units(name)
+        frame = pd.DataFrame(columns)
+        frame.attrs.update(source=str(self.source), synthetic=self.synthetic, warnings=list(self.warnings))
+        return frame
+
+    def plot(self, backend: "Backend" = "auto") -> Any:
+        """Every signal over time in the unit people read; a plotly or matplotlib figure."""
+        from cosim.plots import draw
+
+        kind = "synthetic log" if self.synthetic else "log"
+        panels = {f"{n} [{self.display[n]}]": {n: self.in_display_units(n)} for n in self.signals}
+        return draw(self.time, panels, backend, f"{self.source.name} ({kind})")
+
+    def _repr_html_(self) -> str:
+        import html
+
+        kind = "synthetic log" if self.synthetic else "log"
+        head = f"{html.escape(self.source.name)} ({kind}): {len(self)} samples in {self.duration:.6g} s"
+        table = self.to_frame().describe().loc[["min", "mean", "max"]].T
+        return f"<div>{head}</div>{table.to_html(border=0)}"
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """The master: loads a system once and simulates it as often as asked."""
 
+import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
 from functools import partial
@@ -149,7 +150,7 @@ class Runner:
         except SimulationError as error:
             if reached and sink is None:
                 error.partial = self._result(task, {n: v[:reached] for n, v in kept.items()}, notes, reached)
-                error.partial.complete = False
+                error.partial = dataclasses.replace(error.partial, complete=False)
                 error.partial.notes.append(f"incomplete, up to t = {grid[reached - 1]:.9g} s: {error}")
             raise
         return self._result(task, kept, notes, len(grid))
@@ -180,11 +181,11 @@ class Runner:
             shown: dict[str, Any] = {"progress": advance} if progress is not None else {}
             runs.append(self.run(stop_time, step_size / part, **options, **shown))
         result = runs[0]
-        result.errors = {
+        errors = {
             name: estimate(result.signals[name], runs[1].signals[name][::2], runs[2].signals[name][::4])
             for name in result.signals
         }
-        return result
+        return dataclasses.replace(result, errors=errors)
 
     # Helpers
 

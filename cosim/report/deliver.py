@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cosim.console import stderr_console, stdout_console, table, warn
+from cosim.console import stderr_console, warn
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.experiment import Proposal, proposal_for, write_command
@@ -27,6 +27,7 @@ from cosim.files import write_text
 from cosim.interrupts import stoppable
 from cosim.lexicon import speaking
 from cosim.logs import Log, Tracker, listed
+from cosim.report.earlier import Earlier
 from cosim.report.folder import keep
 from cosim.report.material import gather
 from cosim.report.page import save_and_report
@@ -54,6 +55,7 @@ def diagnose_into(
     mapping: Path | None = None,
     held_out: Log | Sequence[Log] | None = None,
     budget: float = math.inf,
+    verbose: bool = False,
 ) -> Answer:
     """Run the whole diagnosis and write its folder: JSON, extended packages, comparison, report.
 
@@ -70,6 +72,7 @@ def diagnose_into(
         mapping: the mapping file with which the log was read.
         held_out: another log of the machine, or several, on which gains are measured.
         budget: time it may take, s; what was not tried is said on stderr and among the warnings.
+        verbose: say on stderr beforehand what these signals can tell apart.
 
     Raises:
         CosimError: as `cosim.diagnosis.pipeline.diagnose.diagnose`.
@@ -77,8 +80,10 @@ def diagnose_into(
     allowed = Budget(budget)
     logs = listed(log)
     machine = machine_of(asked, logs[0], mapping)
-    announce(logs, tracker, machine)
+    if verbose:
+        announce(logs, tracker, machine)
     make_folder(folder)
+    earlier = Earlier(folder)
     with (
         threadpool_limits(1),
         speaking(machine.lexicon),
@@ -99,9 +104,11 @@ def diagnose_into(
             )
             for warning in allowed.warnings:
                 warn(warning)
+            earlier.clear()
             return delivered(found, logs, folder, watch)
         except Interrupted as stop:
             watch.close()
+            earlier.clear()
             leave(stop.found, logs, folder)
             raise
 
@@ -197,52 +204,3 @@ def leave(found: Diagnosis, log: Log | Sequence[Log], folder: Path) -> None:
     written(found, log, folder, None)
     judged = ", ".join(found.findings) or "no block"
     warn(f"{folder} holds what was found: {judged} judged; run it again for the rest")
-
-
-def show(result: Answer, out: Path) -> None:
-    """Print the answer for people."""
-    kind = "synthetic log" if result.synthetic else "measured log"
-    stdout_console().print(f"verdict: {result.verdict} ({kind}, model {result.model})")
-    for label in result.data:
-        stdout_console().print(f"data: {label.finding}: {label.remedy}", markup=False)
-    for cause in result.causes:
-        numbers = ", ".join(
-            f"{n} = {p.value:.6g} {p.unit} ({p.ci95[0]:.6g} to {p.ci95[1]:.6g})"
-            for n, p in cause.parameters.items()
-        )
-        place = f" of {cause.component}.{cause.connector}" if cause.component else ""
-        place += f" ({cause.where})" if cause.where else ""
-        stdout_console().print(f"cause: {cause.effect}{place}: {numbers}", markup=False)
-        if cause.indistinguishable_from:
-            stdout_console().print(
-                f"  cannot be told from: {', '.join(cause.indistinguishable_from)}", markup=False
-            )
-    for item in result.refused:
-        stdout_console().print(f"refused: {item.effect}: {item.why}", markup=False)
-    for rest in result.unexplained:
-        stdout_console().print(f"unexplained in {rest.block}: {rest.what}", markup=False)
-    rows = [
-        (
-            s,
-            f"{g.rmse_before:.4g}",
-            f"{g.rmse_after:.4g}",
-            f"{result.linear[s].rmse:.4g}" if s in result.linear else "",
-            f"{g.noise_floor:.4g}",
-            g.unit,
-        )
-        for s, g in result.gain.items()
-    ]
-    if rows:
-        stdout_console().print(
-            table(
-                f"Error on {result.held_out}, before and after",
-                ["signal", "before", "after", "linear model", "noise", "unit"],
-                rows,
-            )
-        )
-    if result.next_experiment:
-        stdout_console().print(
-            f"next experiment: {result.next_experiment.why}: {result.next_experiment.excitation}",
-            markup=False,
-        )
-    stdout_console().print(f"written to {out}", markup=False)

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 ANSWER, SERIES, PREDICTED = "diagnosis.json", "comparison.parquet", "next_experiment.parquet"
 HELD_OUT = "held_out.parquet"
+REMEDY = "give a folder that 'cosim diagnose LOG --out FOLDER' has written"
 _KEY = b"cosim.report"
 
 
@@ -87,22 +88,30 @@ def load(folder: Path) -> Material:
     """
     import pyarrow as pa
 
-    remedy = "give a folder that 'cosim diagnose LOG --out FOLDER' has written"
     for name in (ANSWER, SERIES):
         if not (folder / name).is_file():
-            raise DataError(f"{folder} has no {name}: {remedy}")
-    try:
-        answer = Answer.model_validate(_known(json.loads((folder / ANSWER).read_text(encoding="utf-8"))))
-    except ValueError as error:
-        first = str(error).splitlines()[0]
-        raise DataError(f"{folder / ANSWER} is not a diagnosis of this version ({first}): {remedy}") from None
+            raise DataError(f"{folder} has no {name}: {REMEDY}")
+    answer = read_answer(folder)
     with speaking(lexicon_of(answer)):
         try:
             return _read(folder, answer)
         except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
             raise DataError(
-                f"{folder / SERIES} does not hold the series of a diagnosis ({type(error).__name__}: {error}): {remedy}"
+                f"{folder / SERIES} does not hold the series of a diagnosis ({type(error).__name__}: {error}): {REMEDY}"
             ) from None
+
+
+def read_answer(folder: Path) -> Answer:
+    """The answer of a diagnosis folder.
+
+    Raises:
+        DataError: it is not what `cosim diagnose` writes.
+    """
+    try:
+        return Answer.model_validate(_known(json.loads((folder / ANSWER).read_text(encoding="utf-8"))))
+    except ValueError as error:
+        first = str(error).splitlines()[0]
+        raise DataError(f"{folder / ANSWER} is not a diagnosis of this version ({first}): {REMEDY}") from None
 
 
 def lexicon_of(answer: Answer) -> Lexicon:

@@ -19,12 +19,14 @@ from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, lexicon_of, loa
 from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
 from cosim.report.words import (
+    NOT_MET,
     block_name,
     by_error,
     doubts,
     effect_in_block,
     fit_text,
     kind_of_motion,
+    limits_met,
     number,
     phrase,
     prose,
@@ -185,8 +187,14 @@ def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str
     effect = registry.effects().get(cause.effect)
     _, how = phrase(cause, material)
     title = effect_in_block(cause.effect)
+    met = limits_met(cause, material)
     rows = [
-        (name, described(effect, cause, name), parameter, interval(parameter))
+        (
+            name,
+            described(effect, cause, name),
+            parameter,
+            interval(parameter) if name in met else (NOT_MET, ""),
+        )
         for name, parameter in cause.parameters.items()
     ]
     return {

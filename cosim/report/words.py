@@ -4,7 +4,7 @@ import math
 import tomllib
 from pathlib import Path
 
-from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter
+from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, SignalGain
 from cosim.lexicon import current
 from cosim.report.material import Material, component_of
 from cosim.report.names import BLOCK_NAMES, QUANTITIES, SIGNAL_NAMES, TURNING
@@ -14,6 +14,7 @@ NOISY = 1.1  # times the sensor's noise within which an error is called the nois
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
 PHRASES: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what the simulation gets wrong, and how
+NAMES: dict[str, str] = _TEXTS["names"]  # effect -> what people call it
 FORMS: dict[str, str] = _TEXTS["forms"]  # parameter of another form of a law -> what it adds to that
 CAPTIONS: dict[str, str] = _TEXTS["captions"]
 
@@ -34,15 +35,22 @@ def axis(name: str, unit: str) -> str:
 
 
 def number(value: float, spread: float = 0.0) -> str:
-    """A number with two digits of its spread, or four significant ones without a spread."""
+    """A number to the digits that its spread leaves, or with four significant ones without a spread.
+
+    The spread keeps two digits below 3.55 and one above, as the Particle Data Group rounds.
+    """
     if not math.isfinite(value):
         return "unknown"
     if abs(value) >= 1e6 or 0.0 < abs(value) < 1e-4:
         return f"{value:.4g}"
     if not (spread > 0.0 and math.isfinite(spread)):
         return f"{value:.4g}" if abs(value) < 1e4 else f"{float(f'{value:.4g}'):.0f}"
-    decimals = min(max(1 - math.floor(math.log10(spread)), 0), 6)
+    power = math.floor(math.log10(spread))
+    decimals = min(max((1 if spread < 3.55 * 10.0**power else 0) - power, 0), 6)
     return f"{value:.{decimals}f}"
+
+
+NOT_MET = "none that the log meets"
 
 
 class Quantity:
@@ -135,20 +143,36 @@ def listed(items: list[str]) -> str:
 
 def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
     """(what is wrong, how) of a cause; for an effect without words of its own, its parameters."""
-    quantities = {}
-    for name, parameter in cause.parameters.items():
-        try:
-            full = f"{component_of(cause)}.{name}"
-            nominal: float | None = material.nominal(full) / _scale(cause, name, parameter)
-        except (KeyError, ModuleNotFoundError):
-            nominal = None
-        quantities[name] = Quantity(parameter, nominal)
-    if cause.effect in PHRASES:
+    met = limits_met(cause, material)
+    quantities = {n: Quantity(cause.parameters[n], nominal_of(cause, n, material)) for n in met}
+    if cause.effect in PHRASES and len(met) == len(cause.parameters):
         noun, how = PHRASES[cause.effect]
         how += "".join(text for name, text in FORMS.items() if name in quantities)
         return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
     sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
     return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"
+
+
+def limits_met(cause: NamedCause, material: Material) -> list[str]:
+    """Parameters of a cause but the limits of which the log says nothing: they stand where they were, out of reach."""
+    effect = registry.effects().get(cause.effect)
+    found = []
+    for name, item in cause.parameters.items():
+        nominal = nominal_of(cause, name, material)
+        free = effect.free.get(name) if effect else None
+        away = nominal is not None and math.isclose(item.value, nominal, rel_tol=1e-6)
+        if free is None or not free.limits or not away:
+            found.append(name)
+    return found or list(cause.parameters)
+
+
+def nominal_of(cause: NamedCause, name: str, material: Material) -> float | None:
+    """Nominal value of one of a cause's parameters, in the parameter's unit; None where nothing of ours declares it."""
+    try:
+        full = f"{component_of(cause)}.{name}"
+        return material.nominal(full) / _scale(cause, name, cause.parameters[name])
+    except (KeyError, ModuleNotFoundError):
+        return None
 
 
 def _scale(cause: NamedCause, name: str, parameter: Parameter) -> float:
@@ -200,12 +224,17 @@ def gain_clause(answer: Answer) -> str:
     )
     joint = ", which is " if end == "the sensor's noise" else ", "
     return (
-        f"the error of the {signal_name(signal)} on data not used for fitting falls from "
+        f"the error of the {signal_name(signal)} on data not used for fitting{span_of(gain)} falls from "
         f"{before} to {after} {unit}{joint}{end}"
     )
 
 
-def told(answer: Answer, wrong: list[tuple[str, str]]) -> str:
+def span_of(gain: SignalGain) -> str:
+    """Over how long a prediction its error is, where that is not the whole log."""
+    return "" if gain.horizon is None else f", predicted over {gain.horizon:.2g} s at a time,"
+
+
+def reported(answer: Answer, wrong: list[tuple[str, str]]) -> str:
     """What is wrong, and what the extension gains: one sentence for one cause, one for each of several."""
     gain = gain_clause(answer)
     if len(wrong) == 1:
@@ -234,14 +263,14 @@ def sentence(material: Material) -> str:
         judged = listed([block_name(name) for name in material.parts] or ["no block"])
         if not answer.causes:
             return f"The diagnosis was interrupted. Judged until then: {judged}; no cause was named."
-        return f"The diagnosis was interrupted. Judged until then: {judged}. " + told(
+        return f"The diagnosis was interrupted. Judged until then: {judged}. " + reported(
             answer, [phrase(c, material) for c in answer.causes]
         )
     if not answer.causes:
         return (
             f"The simulation gets something wrong in the {blocks}, and no effect of the library explains it."
         )
-    text = told(answer, [phrase(c, material) for c in answer.causes])
+    text = reported(answer, [phrase(c, material) for c in answer.causes])
     if answer.verdict == "partly_explained":
         text += f" Something else in the {blocks} stays unexplained."
     return text

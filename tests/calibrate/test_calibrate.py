@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.calibrate import calibrate, read_free
-from cosim.calibrate.story import Options
+from cosim.calibrate.pipeline import Options
 from cosim.compare import Comparator
 from cosim.errors import DataError, UsageError
 from cosim.rig import Noise

@@ -1,6 +1,7 @@
 """``cosim compare --calibrate`` as a user runs it: the .ssv serves, the JSON says all, errors help."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,7 @@ def test_tables_say_what_was_found(run, log_file, tmp_path):
         "2",
         "--out",
         tmp_path,
+        "--verbose",
     ]
     code, out, _ = run("compare", log_file, *words)
     assert code == 0
@@ -69,6 +71,19 @@ def test_tables_say_what_was_found(run, log_file, tmp_path):
     assert "2 of 2 starts" in out
     tables = out.split("Calibrated parameters")[1].split("Not determined:")[0]
     assert max(map(len, tables.splitlines())) <= 80
+
+
+def test_a_calibration_in_a_line_for_each_parameter(run, log_file, tmp_path):
+    words = ("--calibrate", "--free", "mechanical.b", "--starts", "1", "--out", tmp_path)
+    code, out, _ = run("compare", log_file, *words)
+    assert code == 0
+    assert re.search(
+        r"^Calibrated: mechanical.b = [\d.]+ N.m.s/rad, [\d.]+ to [\d.]+, from 26661", out, re.M
+    ), out
+    assert re.search(
+        r"^Better: error of slew on held-out data, [\d.]+ before, [\d.]+ deg after", out, re.M
+    ), out
+    assert "Calibrated parameters" not in out
 
 
 def test_a_mapping_can_say_what_is_free(run, log_file, tmp_path):

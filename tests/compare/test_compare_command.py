@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from matplotlib.image import imread
 
 from cosim.logs import write_log
 from cosim.paths import examples_folder
+from cosim.report.earlier import COMPARED
 
 DEMO = examples_folder() / "synthetic_demo.csv"
 NUMBERS = {"unit", "rmse", "fit_percent", "max_error", "max_error_time", "rmse_windows", "offset", "noise_floor",
@@ -64,6 +66,14 @@ def test_series_hold_what_the_table_is_made_of(run, log_file, tmp_path):
     np.testing.assert_allclose(table.to_numpy(), series.to_numpy(), rtol=1e-12)
 
 
+def test_an_earlier_comparison_is_said_and_leaves_nothing_behind(run, log_file, tmp_path):
+    _, out, _ = run("compare", log_file, "--json", "--out", tmp_path, "--csv")
+    assert {Path(file).name for file in json.loads(out)["files"].values()} <= set(COMPARED)
+    _, _, err = run("compare", log_file, "--json", "--out", tmp_path)
+    assert "holds an earlier comparison (3 files): its files are replaced" in err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["blocks.png", "series.parquet", "signals.png"]
+
+
 def test_pictures_show_something(run, log_file, tmp_path):
     _, out, _ = run("compare", log_file, "--json", "--out", tmp_path)
     for name in ("signals", "blocks"):
@@ -90,7 +100,7 @@ def test_figures_have_an_axis_pair_for_each_signal(clean, packages):
 
 
 def test_tables_fit_a_narrow_terminal(run, log_file):
-    code, out, _ = run("compare", log_file)
+    code, out, _ = run("compare", log_file, "--verbose")
     assert code == 0
     assert "Signals (model driven by the command alone)" in out
     assert "Blocks (each driven by what was measured)" in out
@@ -100,6 +110,23 @@ def test_tables_fit_a_narrow_terminal(run, log_file):
     assert re.search(r"Largest block error against noise: mechanical \+ sensor, in slew", out)
     assert "Not judged: observer" in out
     assert "synthetic log" in out
+
+
+def test_the_answer_is_a_few_lines(run, log_file):
+    code, out, _ = run("compare", log_file, "--set", "mechanical.b=10000")
+    said = out.splitlines()
+    assert code == 0
+    assert len(said) <= 7
+    assert "synthetic log" in said[0]
+    assert re.match(
+        r"Most wrong: slew angle \(slew\): [\d.]+ deg RMSE, fit .* %, [\d.]+ times its noise", said[1]
+    )
+    assert said[2].startswith(
+        "It arises in: mechanical + sensor (driven by p_load), in the slew angle (slew): "
+    )
+    assert any(line.startswith("Within noise: ") and "spool position (spool)" in line for line in said)
+    assert any(line.startswith("Not judged: observer") for line in said)
+    assert said[-1].startswith(f"Next: cosim diagnose {log_file}")
 
 
 @pytest.mark.parametrize(("limit", "code"), [("10 deg", 0), ("0.001 deg", 1), ("0.5", 0), ("1e-6", 1)])

@@ -86,10 +86,10 @@ def test_a_thinned_line_keeps_every_peak():
 PEAK = """
 import json, resource, sys
 from pathlib import Path
-from cosim.commands.compare import compare_log
+from cosim.beside.run import beside
 from cosim.compare import recording
 recording.MOST_KEPT = 0
-compare_log(Path(sys.argv[1]), out=Path(sys.argv[2]), as_json=True, emit=lambda answer: None)
+beside(Path(sys.argv[1]), out=Path(sys.argv[2]))
 print(json.dumps(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024))
 """
 

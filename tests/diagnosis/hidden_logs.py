@@ -1,8 +1,11 @@
 """Logs with something hidden in them, and what the diagnosis says, for the tests."""
 
+import dataclasses
+
 import numpy as np
 
 from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.model.machine import Machine, our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, make_log
 from cosim.rig.parameters import nominal_value
@@ -28,10 +31,23 @@ def off(seed: int, *hidden: str) -> dict[str, float]:
     return values
 
 
-def told(
-    *hidden: str, seed: int, seconds: float = 30.0, kind: str = "white", excitation: str = "mixed"
+def only(*blocks: str) -> Machine:
+    """Our crane, of which these blocks alone are judged: for what shows in them a diagnosis of a few seconds."""
+    machine = our_machine("full_order")
+    kept = tuple(group for group in machine.groups if group.name in blocks)
+    assert len(kept) == len(blocks)
+    return dataclasses.replace(machine, groups=kept)
+
+
+def diagnosed(
+    *hidden: str,
+    seed: int,
+    seconds: float = 30.0,
+    kind: str = "white",
+    excitation: str = "mixed",
+    blocks: tuple[str, ...] = (),
 ) -> Diagnosis:
-    """Diagnosis of a log with these effects at the rig's moderate size."""
+    """Diagnosis of a log with these effects at the rig's moderate size; of these blocks alone, where any are named."""
     noise = Noise(kind=kind, correlation_time=0.03)
     run = make_log(excitation, seconds, hidden, seed=seed, settings=off(seed, *hidden), noise=noise)
-    return diagnose(as_log(run))
+    return diagnose(as_log(run), model=only(*blocks) if blocks else "full_order")

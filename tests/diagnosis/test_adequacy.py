@@ -15,7 +15,7 @@ from cosim.diagnosis.verdict import free_form_law as bent
 from cosim.diagnosis.verdict.verdict import systematic
 from cosim.rig import make_log
 from cosim.rig.write import as_log
-from tests.diagnosis.hidden_logs import off, told
+from tests.diagnosis.hidden_logs import diagnosed, off
 
 Array = NDArray[np.float64]
 H, N = 1e-3, 60_000
@@ -74,15 +74,17 @@ def test_the_parts_of_the_rule() -> None:
 @pytest.mark.slow
 def test_a_drive_that_friction_holds_is_not_called_a_dead_sensor() -> None:
     """Both explain a slew that hardly moves; a sensor that reads a thirtieth of the angle is the less likely of the two."""
-    found = told("mechanical.coulomb_friction:tau_c=400 N.m", seed=52, seconds=30.0, excitation="small_steps")
+    found = diagnosed(
+        "mechanical.coulomb_friction:tau_c=400 N.m", seed=52, seconds=30.0, excitation="small_steps"
+    )
     (cause,) = found.causes
     assert cause.effect.name != "sensor.gain"
-    assert {"sensor.gain", "mechanical.coulomb_friction"} <= {cause.effect.name, *cause.alike}
+    assert {"sensor.gain", "mechanical.coulomb_friction"} <= {cause.effect.name, *cause.indistinguishable}
 
 
 @pytest.mark.slow
 def test_a_drive_that_stands_has_no_torque_along_its_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    finding = told(seed=53, seconds=21.0).findings["mechanical"]
+    finding = diagnosed(seed=53, seconds=21.0).findings["mechanical"]
     assert bent.with_free_function(finding.task, finding.null, "omega") is not None
     assert bent.with_free_function(finding.task, finding.null, "theta") is None
     gain = bent.with_free_function(finding.task, finding.null, "p_load") - finding.null.fit.log_likelihood
@@ -99,5 +101,5 @@ def test_a_law_of_which_only_a_ratio_is_known_is_tried_at_a_usual_size() -> None
     found = diagnose(as_log(run))
     (cause,) = found.causes
     assert cause.effect.name == "mechanical.coulomb_friction"
-    assert "mechanical.viscous_friction" in cause.alike
+    assert "mechanical.viscous_friction" in cause.indistinguishable
     assert cause.parameters["tau_c"][0] <= USUAL_SIZE * cause.effect.free["tau_c"].scale * (1.0 + 1e-9)

@@ -10,11 +10,11 @@ from cosim.diagnosis.fitting.bounds import absurd, beyond, impossible
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.groups import left_out
-from cosim.diagnosis.pipeline import diagnose as story
+from cosim.diagnosis.pipeline import diagnose as pipeline
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry
-from tests.diagnosis.hidden_logs import told
+from tests.diagnosis.hidden_logs import diagnosed
 
 GRAVITY = "mechanical.gravity_load:tau_g=190 N.m,theta_g=-20 deg"
 RIPPLE = registry.effects()["mechanical.gear_ripple"]
@@ -24,7 +24,7 @@ RIPPLE = registry.effects()["mechanical.gear_ripple"]
 def without_gravity() -> Iterator[Diagnosis]:
     """Gravity hidden in a log whose diagnosis does not know it: the nearest law is a ripple of too long a period."""
     with left_out("mechanical.gravity_load"):
-        yield told(GRAVITY, seed=11, seconds=40.0)
+        yield diagnosed(GRAVITY, seed=11, seconds=40.0)
 
 
 @pytest.mark.slow
@@ -40,14 +40,14 @@ def test_a_ripple_at_the_bound_of_its_period_is_not_named(without_gravity: Diagn
 
 @pytest.mark.slow
 def test_a_true_ripple_is_not_at_a_bound() -> None:
-    found = told("mechanical.gear_ripple:tau_r=80 N.m,n_r=20,phi_r=0.5", seed=5, seconds=25.0)
+    found = diagnosed("mechanical.gear_ripple:tau_r=80 N.m,n_r=20,phi_r=0.5", seed=5, seconds=25.0)
     assert [c.effect.name for c in found.causes] == ["mechanical.gear_ripple"]
     finding = found.findings["mechanical"]
     assert beyond(finding.chosen, RIPPLE, finding.task.model) == 0.0
 
 
 def test_an_effect_that_ends_at_its_off_value_is_only_absent() -> None:
-    finding = told(seed=3, seconds=25.0).findings["mechanical"]
+    finding = diagnosed(seed=3, seconds=25.0).findings["mechanical"]
     friction = registry.effects()["mechanical.coulomb_friction"]
     trial = tried(finding.task, (friction,), 0.01, finding.null.fit)
     assert np.isfinite(trial.fit.log_likelihood)
@@ -83,8 +83,8 @@ def test_no_absurd_cause_is_named_even_where_nobody_looks_at_the_labels(
     mistake: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for check in ("contradictions", "clock"):
-        monkeypatch.setattr(story, check, lambda *_: [])
+        monkeypatch.setattr(pipeline, check, lambda *_: [])
     log = as_log(make_log("mixed", 21.0, [], seed=3))
-    found = story.diagnose(MISTAKES[mistake][0](log, np.random.default_rng(0)))
+    found = pipeline.diagnose(MISTAKES[mistake][0](log, np.random.default_rng(0)))
     assert found.verdict == "unexplained"
     assert found.causes == []

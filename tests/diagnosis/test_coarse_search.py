@@ -1,6 +1,7 @@
 """Where much is wrong and parameters are free, causes are first sought by the error itself."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ from scipy.signal import lfilter
 
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.noise import broad, plain
-from cosim.diagnosis.fitting.trials import candidates_of
+from cosim.diagnosis.fitting.trials import candidates_of, unused
+from cosim.diagnosis.hypotheses import naming
 from cosim.diagnosis.hypotheses.naming import coarsely, nominal
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import our_machine
@@ -55,3 +57,30 @@ def test_an_end_of_the_travel_that_was_met_is_among_the_first(pair: tuple[Record
     assert found is not None
     assert "mechanical.end_stop" in found.names
     assert task.rules == rules  # the noise is as it was learned
+
+
+def test_where_no_effect_is_sure_alone_pairs_are_tried(
+    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record, group = pair
+    task = task_for(group, record, [])
+    null = nominal(task, record, CALIBRATED_TRUST)
+    candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
+    monkeypatch.setattr(naming, "accepted", lambda new, *_: len(new.effects) == 2)
+    found = coarsely(task, null, candidates, CALIBRATED_TRUST, 1)
+    assert found is not None
+    assert len(found.effects) == 2
+    assert "mechanical.end_stop" in found.names
+
+
+def test_the_other_end_of_the_travel_is_sought_though_one_was_found(pair: tuple[Record, Group]) -> None:
+    record, group = pair
+    task = task_for(group, record, [])
+    null = nominal(task, record, CALIBRATED_TRUST)
+    stop = next(e for e in candidates_of(task) if e.name == "mechanical.end_stop")
+    off = {n: task.model.nominal(n) for n in ("mechanical.theta_max", "mechanical.theta_min")}
+    near = replace(null.fit, values=null.fit.values | off | {"mechanical.theta_max": 0.3})
+    starts = (1.0, -0.2)
+    assert unused(task, (stop,), "mechanical.theta_min", near, starts) == (-0.2,)
+    assert unused(task, (stop,), "mechanical.theta_max", near, starts) == ()
+    assert unused(task, (stop,), "mechanical.J", near, starts) == ()

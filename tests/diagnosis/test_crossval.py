@@ -6,7 +6,7 @@ from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.thresholds import BEYOND_TRUST, NOMINAL_TRUST
 from cosim.rig import Noise, as_log, make_log
 from cosim.rig.parameters import nominal_value
-from tests.diagnosis.hidden_logs import told
+from tests.diagnosis.hidden_logs import diagnosed
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_a_stop_that_the_other_windows_hardly_touch_is_not_refuted() -> None:
 @pytest.mark.slow
 def test_a_parameter_off_its_trust_is_held_against_one_within_it() -> None:
     """Under a prior that the data overwhelm the alternative would have nearly the same value, and chance would decide."""
-    (cause,) = told("continuity.flow_gain", seed=81).causes
+    (cause,) = diagnosed("continuity.flow_gain", seed=81).causes
     assert cause.effect.name == "continuity.flow_gain"
     assert cause.held_out.gain > 0.2 * cause.gain
 

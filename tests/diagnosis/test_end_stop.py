@@ -29,7 +29,7 @@ def only(told: Diagnosis) -> Cause:
 
 def test_an_end_of_the_travel_is_named_and_measured() -> None:
     cause = only(found("mechanical.end_stop"))
-    assert (cause.effect.name, cause.alike) == ("mechanical.end_stop", [])
+    assert (cause.effect.name, cause.indistinguishable) == ("mechanical.end_stop", [])
     for name, angle in (("theta_max", 16.0), ("theta_min", 12.0)):
         value, deviation = cause.parameters[name]
         assert np.degrees(value) == pytest.approx(angle, abs=0.02)
@@ -47,7 +47,7 @@ def test_also_where_only_command_and_angle_were_measured() -> None:
 def test_a_saturated_sensor_is_no_end_of_the_travel() -> None:
     """The drive has moved on: the reading comes back later than the drive is reversed."""
     cause = only(found("sensor.saturation"))
-    assert (cause.effect.name, cause.alike) == ("sensor.saturation", [])
+    assert (cause.effect.name, cause.indistinguishable) == ("sensor.saturation", [])
     assert np.degrees(cause.parameters["high"][0]) == pytest.approx(16.0, abs=0.02)
 
 
@@ -63,7 +63,7 @@ def test_an_end_that_the_library_lacks_is_not_named_for_something_else() -> None
 def test_a_constant_load_is_a_candidate_without_being_asked_for() -> None:
     """A sensor that drifts shows the same where viscous friction alone holds the drive; so both are told."""
     cause = only(found("mechanical.constant_load"))
-    assert "mechanical.constant_load" in (cause.effect.name, *cause.alike)
+    assert "mechanical.constant_load" in (cause.effect.name, *cause.indistinguishable)
 
 
 @pytest.mark.slow
@@ -79,4 +79,4 @@ def test_beside_friction_a_constant_load_is_told_from_a_drift() -> None:
         "mechanical.coulomb_friction",
     }
     load = next(c for c in told.causes if c.effect.name == "mechanical.constant_load")
-    assert "sensor.drift" not in load.alike
+    assert "sensor.drift" not in load.indistinguishable

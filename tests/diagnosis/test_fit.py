@@ -54,14 +54,14 @@ def test_a_bound_does_not_end_the_search(start: float) -> None:
 
 
 def test_doubt_along_a_direction_leaves_nothing_to_gain_there() -> None:
-    doubtful = task(5.0 * X)
-    before = float(np.sum(doubtful.white(doubtful.residuals({})) ** 2))
-    doubtful.doubt = {"y": 100.0 * X[None, :]}
-    doubtful.set_rules(doubtful.rules)
-    after = float(np.sum(doubtful.white(doubtful.residuals({})) ** 2))
+    unsure = task(5.0 * X)
+    before = float(np.sum(unsure.white(unsure.residuals({})) ** 2))
+    unsure.discrepancy = {"y": 100.0 * X[None, :]}
+    unsure.set_rules(unsure.rules)
+    after = float(np.sum(unsure.white(unsure.residuals({})) ** 2))
     assert after < 1e-2 * before
     other = X**2 - X @ X**2 / (X @ X) * X
-    assert np.sum(doubtful.white({"y": other}) ** 2) == pytest.approx(float(other @ other), rel=1e-6)
+    assert np.sum(unsure.white({"y": other}) ** 2) == pytest.approx(float(other @ other), rel=1e-6)
 
 
 def test_windows_outside_the_mask_do_not_count() -> None:

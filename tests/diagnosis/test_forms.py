@@ -17,7 +17,7 @@ SIZES = {COULOMB: {"tau_c": 120.0}, STRIBECK: {"tau_c": 80.0, "tau_s": 100.0, "o
 FORM = {"lugre": ("z_s", 2e-5), "smooth": ("omega_v", 5e-4), "sharp": ("", 0.0)}
 
 
-def told_of(effect: str, friction: str, seed: int):
+def diagnosed_of(effect: str, friction: str, seed: int):
     """Diagnosis of a log with friction of that form."""
     hidden = f"{effect}:" + ",".join(f"{n}={v}" for n, v in SIZES[effect].items())
     run = make_log("mixed", 30.0, [hidden], seed=seed, settings=off(seed), friction=friction)
@@ -35,7 +35,7 @@ def told_of(effect: str, friction: str, seed: int):
     ],
 )
 def test_the_form_is_found_and_nothing_beside_it(effect, friction) -> None:
-    found = told_of(effect, friction, seed=4711)
+    found = diagnosed_of(effect, friction, seed=4711)
     assert [c.effect.name for c in found.causes] == [effect]
     assert not found.rests
     (cause,) = found.causes
@@ -65,7 +65,7 @@ def test_friction_in_which_the_drive_only_creeps_is_no_dead_sensor() -> None:
 
 @pytest.mark.parametrize("effect", [COULOMB, pytest.param(STRIBECK, marks=pytest.mark.slow)])
 def test_sharp_friction_keeps_its_simplest_form(effect) -> None:
-    (cause,) = told_of(effect, "sharp", seed=815).causes
+    (cause,) = diagnosed_of(effect, "sharp", seed=815).causes
     assert cause.effect == registry.effects()[effect]
     assert not set(cause.parameters) & set(cause.effect.forms)
 
@@ -122,7 +122,7 @@ def test_which_friction_holds_a_drive_at_rest_cannot_be_told() -> None:
     run = make_log("small_steps", 30.0, hidden, seed=68, amplitude=0.5)
     assert np.ptp(run.true["theta"]) == 0.0
     (cause,) = diagnose(as_log(run)).causes
-    assert "mechanical.stribeck_friction" in (cause.effect.name, *cause.alike)
+    assert "mechanical.stribeck_friction" in (cause.effect.name, *cause.indistinguishable)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from cosim.logs import load_log
 FRICTION = {"tau_c": 100.0, "tau_s_friction": 120.0, "omega_s": 0.007}
 
 
-def told_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, **settings):
+def diagnosed_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, **settings):
     """Diagnosis of a log, all signals measured."""
     rng = np.random.default_rng(seed)
     u = command(*how, 1000, rng)
@@ -38,7 +38,7 @@ def told_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, **settings)
     ids=["exponential", "Gauss", "two lags", "one lag", "creeping", "kinematic"],
 )
 def test_the_form_is_found_only_where_it_is(tmp_path, effect, settings, form, size) -> None:
-    found = told_of(tmp_path, 11, **settings)
+    found = diagnosed_of(tmp_path, 11, **settings)
     (cause,) = found.causes
     assert cause.effect.name == effect
     assert not found.rests
@@ -54,7 +54,7 @@ def test_the_form_is_found_only_where_it_is(tmp_path, effect, settings, form, si
 def test_a_form_that_hides_in_its_own_signal_shows_in_the_blocks_behind(tmp_path, seed) -> None:
     """A turbulent leak, lost in the noise of the pressure, was called friction or unexplained in the mechanics."""
     sensing = Sensing(noise=2.0, colour=0.02)
-    found = told_of(tmp_path, seed, ("stairs", 40.0, 0.7), sensing, c_l=0.43, p_turb=1.9e6)
+    found = diagnosed_of(tmp_path, seed, ("stairs", 40.0, 0.7), sensing, c_l=0.43, p_turb=1.9e6)
     assert [c.effect.name for c in found.causes] == ["continuity.leakage"]
     assert not found.rests
     assert "k_t" not in found.findings["continuity"].chosen.effects[0].free
@@ -71,9 +71,9 @@ def test_a_form_that_hides_in_its_own_signal_shows_in_the_blocks_behind(tmp_path
 )
 def test_two_bent_laws_are_told_apart_by_what_they_depend_on_not_by_a_detail(tmp_path, settings, apart):
     """A valve that opens softly, by another law than the library's, was friction that creeps, and nothing else."""
-    found = told_of(tmp_path, 11, ("sines", 25.0, 0.87), Sensing(noise=1.8), **settings)
+    found = diagnosed_of(tmp_path, 11, ("sines", 25.0, 0.87), Sensing(noise=1.8), **settings)
     (cause,) = found.causes
     assert cause.effect.is_formed
     if apart:
         assert cause.effect.name == "mechanical.coulomb_friction"
-    assert ("continuity.cracking_pressure" in (cause.effect.name, *cause.alike)) != apart
+    assert ("continuity.cracking_pressure" in (cause.effect.name, *cause.indistinguishable)) != apart

@@ -10,11 +10,23 @@ import pytest
 from cosim.diagnosis.extension.estimate import vanished
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
-from cosim.diagnosis.held_out.causes import Held, Refused, Step, balanced, borne, cancelling, reconsider
+from cosim.diagnosis.held_out.causes import (
+    Held,
+    Refused,
+    Step,
+    balanced,
+    borne,
+    cancelling,
+    least,
+    likeliest,
+    reconsider,
+)
+from cosim.diagnosis.held_out.gain import begun_anew
 from cosim.diagnosis.hypotheses.naming import find
 from cosim.diagnosis.model.groups import MODELS
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.diagnosis.verdict.verdict import causes
 from cosim.rig import make_log
@@ -84,8 +96,8 @@ def test_an_effect_whose_size_is_in_doubt_goes_before_one_that_gains_less() -> N
 
     def step(effects: tuple[Effect, ...]) -> Step:
         tried.append(frozenset(e.name for e in effects))
-        error, doubtful = next((v for k, v in sets.items() if {e.name for e in k} == tried[-1]), (100.0, ()))
-        return Step(effects, FIT, 1.0, error, doubtful, np.full(24, error**2))
+        error, unsure = next((v for k, v in sets.items() if {e.name for e in k} == tried[-1]), (100.0, ()))
+        return Step(effects, FIT, 1.0, error, unsure, np.full(24, error**2))
 
     named = (COULOMB, BACKLASH, CRACKING)
     losses = {COULOMB.name: 500.0, BACKLASH.name: 50.0, CRACKING.name: 5.0}
@@ -104,8 +116,8 @@ def test_a_set_that_is_sure_is_not_left_for_nothing_by_way_of_sets_that_are_not(
     }
 
     def step(effects: tuple[Effect, ...]) -> Step:
-        error, doubtful = next(v for k, v in sets.items() if {e.name for e in k} == {e.name for e in effects})
-        return Step(effects, FIT, 1.0, error, doubtful, np.full(24, error**2))
+        error, unsure = next(v for k, v in sets.items() if {e.name for e in k} == {e.name for e in effects})
+        return Step(effects, FIT, 1.0, error, unsure, np.full(24, error**2))
 
     named = (COULOMB, BACKLASH)
     found = balanced(MECHANICS, step(named), named, step, {})  # type: ignore[arg-type]
@@ -121,7 +133,9 @@ def test_what_is_told_of_a_kept_cause_is_what_has_decided() -> None:
         return Step(effects, FIT, 1.0, error, squares=error**2 * np.linspace(0.8, 1.2, 24))
 
     at = step((COULOMB, BACKLASH))
-    assert borne(at, COULOMB, step).gain == pytest.approx(24 * np.log(2.0))
+    # of what half of the parts leave nothing counts: log((64 + 16) / (16 + 16)) / 2 in each
+    assert borne(at, COULOMB, step).gain == pytest.approx(12 * np.log(2.5), rel=0.01)
+    assert borne(replace(at, placed=True), COULOMB, step).gain == pytest.approx(24 * np.log(2.0))
     assert borne(at, COULOMB, step).sure == at.clearly_better(step((BACKLASH,)))
     assert borne(at, BACKLASH, step).gain < 0.1
 
@@ -137,17 +151,17 @@ def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_bett
     assert finding.chosen.effects == (COULOMB,)
     assert not {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     turned_down = [Refused(e, group.name, "slew", 0.0, 1.0, 2.0) for e in refused]
-    reconsider(finding, Held(other, 0), turned_down, 0.01)
+    finding, _ = reconsider(finding, Held(other, 0), turned_down, 0.01)
     added = {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     assert added == {CRACKING.name}
     # and the answer says so: what held-out data leave undecided is what cannot be told apart
     assert CRACKING.name in finding.undecided[COULOMB.name]
     (cause,) = causes(finding, 0.01)
-    assert set(cause.alike) == set(finding.undecided[COULOMB.name])
+    assert set(cause.indistinguishable) == set(finding.undecided[COULOMB.name])
 
 
 def test_what_ended_at_its_off_values_is_no_cause_though_held_out_data_liked_it() -> None:
-    """Borne out or not: of an end of the travel out of reach nothing is left. One that is needed may be of doubtful size."""
+    """Borne out or not: of an end of the travel out of reach nothing is left. One that is needed may be of unsure size."""
     stop = registry.effects()["mechanical.end_stop"]
     model = SimpleNamespace(
         nominal=lambda n: {"theta_max": 1e3, "theta_min": -1e3}.get(n.partition(".")[2], 0.0),
@@ -183,3 +197,39 @@ def test_of_two_that_make_up_for_each_other_neither_is_sure() -> None:
     assert cancelling((offset,), fitted(-0.999), model) == set()  # type: ignore[arg-type]  # J is no cause
     # each is known to a hundredth, and to a quarter if the correlation spoils its deviation as much again
     assert both(-0.999, 100.0) == set()
+
+
+def test_of_effects_that_cannot_be_told_apart_the_likeliest_is_named() -> None:
+    """The mapping's order goes before the odds: an end of the travel before a sensor that saturates."""
+    saturation, stop, friction = (
+        registry.effects()[n]
+        for n in ("sensor.saturation", "mechanical.end_stop", "mechanical.coulomb_friction")
+    )
+    assert likeliest(saturation, [friction, stop], ()) == friction
+    assert likeliest(saturation, [stop], ()) == stop
+    assert likeliest(stop, [saturation], ()) == stop
+    assert likeliest(saturation, [stop], ("sensor.saturation",)) == saturation
+    assert likeliest(saturation, [stop], ("mechanical.end_stop", "sensor.saturation")) == stop
+
+
+def test_the_set_that_errs_least_in_part_after_part_is_taken_and_a_sure_one_first() -> None:
+    squares = np.full(22, 0.01)
+    pushed = np.where(np.arange(22) == 4, 0.9, 0.0004)
+    plain = Step((), FIT, 1.0, 0.1, squares=squares)
+    better = Step((), FIT, 1.0, 0.2, squares=pushed)
+    assert least([plain, better]) is better
+    assert least([better, plain]) is better
+    doubtful = replace(better, unsure=("dcv.offset",))
+    assert least([doubtful, plain]) is plain
+    assert least([doubtful]) is doubtful
+
+
+def test_a_drifting_prediction_begins_in_each_window_where_the_machine_stands() -> None:
+    time = np.arange(100) * 0.1
+    measured = np.sin(time)
+    record = Record(0.1, {"slew": measured, "u": measured})
+    drifting = {"slew": measured + np.repeat([0.0, 5.0, -3.0, 7.0], 25), "u": measured + 1.0}
+    found = begun_anew(record, drifting, ["slew"], 25, 25)
+    assert found["slew"][25:] == pytest.approx(measured[25:])
+    assert found["slew"][:25] == pytest.approx(drifting["slew"][:25])
+    assert found["u"] is drifting["u"]

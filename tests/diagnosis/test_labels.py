@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.labels import MISTAKES, changed, said
 from cosim.diagnosis.answer.answer import answer
-from cosim.diagnosis.labels import against_tracker, contradictions, saturated, stranger
+from cosim.diagnosis.labels import against_tracker, contradictions, other_machine, saturated
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.tracker.comparison import compare_tracker
@@ -115,8 +115,8 @@ def test_a_stop_with_a_noisy_sensor_and_stale_samples_are_no_saturation(hidden: 
 
 
 def test_a_log_all_of_whose_blocks_are_off_is_of_another_machine_and_one_of_them_is_not() -> None:
-    (told,) = stranger([(5.0, 0.9), (0.1, 0.99), (12.0, 0.95)])
+    (told,) = other_machine([(5.0, 0.9), (0.1, 0.99), (12.0, 0.95)])
     assert told.signal == "all"
-    assert stranger([(5.0, 0.9), (1.1, 0.99), (12.0, 0.95)]) == []
-    assert stranger([(5.0, 0.9)]) == []
-    assert stranger([(0.255, 0.9), (-1.05, 0.99), (-0.93, 0.99)]) == []
+    assert other_machine([(5.0, 0.9), (1.1, 0.99), (12.0, 0.95)]) == []
+    assert other_machine([(5.0, 0.9)]) == []
+    assert other_machine([(0.255, 0.9), (-1.05, 0.99), (-0.93, 0.99)]) == []

@@ -45,7 +45,7 @@ def test_a_log_slower_than_the_command_gets_an_experiment_too(tmp_path: Path) ->
     (cause,) = found.causes
     assert {"mechanical.coulomb_friction", "continuity.cracking_pressure"} <= {
         cause.effect.name,
-        *cause.alike,
+        *cause.indistinguishable,
     }
     answer = delivered(found, slow, tmp_path)
     assert answer.next_experiment is not None
@@ -60,7 +60,7 @@ def test_proposal_resolves_the_ambiguity(tmp_path: Path) -> None:
     log = as_log(make_log("steps", 20.0, HIDDEN, seed=4, amplitude=0.8))
     first = diagnose(log)
     assert [c.effect.name for c in first.causes] == ["mechanical.coulomb_friction"]
-    assert "continuity.cracking_pressure" in first.causes[0].alike
+    assert "continuity.cracking_pressure" in first.causes[0].indistinguishable
     proposal = proposal_for(MODELS["full_order"], first.findings, first.causes, first.start, first.values)
     assert proposal is not None
     assert proposal.predicted_gain > 20.0
@@ -69,7 +69,7 @@ def test_proposal_resolves_the_ambiguity(tmp_path: Path) -> None:
     run = make_log("file", 30.0, HIDDEN, seed=5, command_file=written.file)
     second = diagnose(as_log(run))
     assert [c.effect.name for c in second.causes] == ["mechanical.coulomb_friction"]
-    assert "continuity.cracking_pressure" not in second.causes[0].alike
+    assert "continuity.cracking_pressure" not in second.causes[0].indistinguishable
     realised = {e.name: behind for e, behind in second.causes[0].rivals}["continuity.cracking_pressure"]
     # the prediction is to first order in the rival's parameters, and the noise is another
     assert 0.3 < realised / proposal.predicted_gain < 3.0

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.odd_logs import Odd, drawn, run_case
 from cosim.diagnosis.answer.experiment import Rehearsal
 from cosim.diagnosis.model.groups import MODELS
-from cosim.diagnosis.pipeline import diagnose as story
+from cosim.diagnosis.pipeline import diagnose as pipeline
 from cosim.diagnosis.pipeline.parts import part
 from cosim.errors import DataError
 from cosim.logs import load_log
@@ -39,7 +39,7 @@ def test_the_answer_is_there_though_everything_after_it_fails(
     def broken(*arguments: object, **named: object) -> None:
         raise RuntimeError("broken on purpose")
 
-    for room, name in ((story, "gain_by_fmus"), (deliver, "proposal_for"), (deliver, "save_and_report")):
+    for room, name in ((pipeline, "gain_by_fmus"), (deliver, "proposal_for"), (deliver, "save_and_report")):
         monkeypatch.setattr(room, name, broken)
     answer = deliver.diagnose_into(tmp_path, load_log(EXAMPLE), None, None, 0.01, False)
     assert [c.effect for c in answer.causes] == ["mechanical.coulomb_friction"]
@@ -51,16 +51,16 @@ def test_the_answer_is_there_though_everything_after_it_fails(
 
 
 def test_a_block_whose_judging_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    searched = story.searched
+    searched = pipeline.searched
 
     def but_one(found, group, *arguments, **named):
         if group.name == "continuity":
             raise FloatingPointError("no number")
         return searched(found, group, *arguments, **named)
 
-    monkeypatch.setattr(story, "searched", but_one)
+    monkeypatch.setattr(pipeline, "searched", but_one)
     run = make_log("mixed", 21.0, ["dcv.gain"], seed=3)
-    found = story.diagnose(as_log(run))
+    found = pipeline.diagnose(as_log(run))
     assert [c.effect.name for c in found.causes] == ["dcv.gain"]
     assert found.verdict == "partly_explained"
     assert "FloatingPointError" in found.failed["continuity"]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from hidden_logs import told
+from hidden_logs import diagnosed
 
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.hypotheses.naming import beside_rivals
@@ -13,7 +13,7 @@ from fmus import registry
 @pytest.mark.slow
 def test_which_of_two_close_effects_it_is_may_show_once_the_other_cause_is_known() -> None:
     hidden = ("mechanical.coulomb_friction", "mechanical.inertia")
-    finding = told(*hidden, seed=27, seconds=40.0).findings["mechanical"]
+    finding = diagnosed(*hidden, seed=27, seconds=40.0).findings["mechanical"]
     task, known = finding.task, registry.effects()
     names = ("continuity.cracking_pressure", "mechanical.coulomb_friction", "mechanical.inertia")
     opens, dry, heavy = (known[n] for n in names)

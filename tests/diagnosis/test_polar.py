@@ -24,16 +24,18 @@ def test_unknowns_come_back_and_change_as_told(
     polar = Polar([(1, 3)], SCALES, start)
     x = np.array([other, amplitude, 7.0 - other, phase])
     z = polar.sought(x)
-    np.testing.assert_allclose(polar.told(z), x, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(polar.reported(z), x, rtol=1e-9, atol=1e-9)
     size = 1e-6 * float(np.hypot(z[1], z[3]))
-    steps = [(polar.told(z + d) - polar.told(z - d)) / (2.0 * size * SCALES) for d in size * np.eye(4)]
+    steps = [
+        (polar.reported(z + d) - polar.reported(z - d)) / (2.0 * size * SCALES) for d in size * np.eye(4)
+    ]
     np.testing.assert_allclose(polar.turn(z), np.stack(steps, axis=1), rtol=1e-4, atol=1e-6)
 
 
 @given(st.floats(0.0, 10.0), st.floats(-3.0, 3.0))
 def test_an_amplitude_stays_within_its_bounds(amplitude: float, phase: float) -> None:
     polar = Polar([(0, 1)], np.array([0.2, 1.0]), np.array([0.3, 0.0]), np.array([0.95, 1e3]))
-    found = polar.told(polar.sought(np.array([amplitude, phase])))
+    found = polar.reported(polar.sought(np.array([amplitude, phase])))
     assert found[0] == pytest.approx(min(amplitude, 0.95), abs=1e-12)
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.diagnosis.record.signatures import Mark, grid_step, marks, stale_share
-from cosim.diagnosis.verdict.verdict import marked
+from cosim.diagnosis.record.signatures import Signature, grid_step, signatures, stale_share
+from cosim.diagnosis.verdict.verdict import of_signatures
 from cosim.rig import make_log
 
 DEG = np.pi / 180.0
@@ -25,7 +25,7 @@ def seen(*hidden: str, decimals: int = 9, noise: float = 1e-4) -> dict[str, floa
     """Effects seen in a log printed with so many decimals of a degree."""
     slew = make_log("mixed", 25.0, list(hidden), seed=5).slew
     printed = np.round(slew / DEG, decimals) * DEG
-    return {m.effect: m.value for m in marks(printed, rate_of(printed), noise)}
+    return {m.effect: m.value for m in signatures(printed, rate_of(printed), noise)}
 
 
 @given(st.floats(1e-4, 0.01), st.integers(-3000, 3000))
@@ -62,7 +62,7 @@ def test_a_log_at_rest_without_noise_has_no_stale_samples() -> None:
 def test_a_cause_seen_in_the_samples_has_an_interval_of_its_gain() -> None:
     """Of 200 in log-likelihood two standard deviations are some 40; no number could not be read back from the answer."""
     task = SimpleNamespace(model=SimpleNamespace(group=SimpleNamespace(name="mechanical")))
-    mark = Mark("sensor.quantisation", "quantum", 1e-3, 1e-6, 500.0, held_out=200.0)
-    (cause,) = marked(SimpleNamespace(task=task, marks=[mark]))  # type: ignore[arg-type]
+    mark = Signature("sensor.quantisation", "quantum", 1e-3, 1e-6, 500.0, held_out=200.0)
+    (cause,) = of_signatures(SimpleNamespace(task=task, signatures=[mark]))  # type: ignore[arg-type]
     assert cause.held_out.ci95 == pytest.approx((200.0 - 1.96 * 20.0, 200.0 + 1.96 * 20.0), abs=0.01)
     assert cause.held_out.sure

@@ -8,7 +8,7 @@ from benchmarks.second.machine import Machine, run
 from benchmarks.second.record import Sensing, command, write
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.residuals.local import NO_EVENT
-from cosim.diagnosis.residuals.slow_oscillation import swing
+from cosim.diagnosis.residuals.slow_oscillation import slow_oscillation
 from cosim.logs import load_log
 
 INTERVAL, N = 0.01, 6000
@@ -32,7 +32,7 @@ def test_noise_hardly_ever_swings(colour: str) -> None:
     found = []
     for _ in range(30):
         noise = lfilter([1.0], COLOURS[colour], rng.normal(size=N))
-        found.append(swing(noise, [motion(rng)], INTERVAL, 0.4).p_value)
+        found.append(slow_oscillation(noise, [motion(rng)], INTERVAL, 0.4).p_value)
     assert min(found) > 1e-3
     assert np.mean(np.array(found) < 0.1) < 0.35
 
@@ -41,7 +41,9 @@ def test_noise_hardly_ever_swings(colour: str) -> None:
 def test_an_oscillation_is_found_in_a_random_walk(frequency: float) -> None:
     rng = np.random.default_rng(22)
     walk = lfilter([1.0], COLOURS["random walk"], 0.02 * rng.normal(size=N))
-    found = swing(walk + 1.5 * np.sin(2.0 * np.pi * frequency * TIME + 0.4), [motion(rng)], INTERVAL, 0.4)
+    found = slow_oscillation(
+        walk + 1.5 * np.sin(2.0 * np.pi * frequency * TIME + 0.4), [motion(rng)], INTERVAL, 0.4
+    )
     assert found.p_value < 1e-6
     assert found.start == pytest.approx(frequency, abs=0.3 / TIME[-1])
     assert found.size == pytest.approx(1.5 / np.sqrt(2.0), rel=0.15)
@@ -52,15 +54,17 @@ def test_what_a_periodic_motion_leaves_of_itself_is_no_swing() -> None:
     wave = 2.0 * np.pi * 0.2 * TIME
     moves = np.sin(wave) + 0.3 * np.sin(3.0 * wave)
     residual = 0.1 * np.sin(wave + 1.0) + 0.05 * rng.normal(size=N)
-    assert swing(residual, [moves], INTERVAL, 0.4).p_value > 1e-3
+    assert slow_oscillation(residual, [moves], INTERVAL, 0.4).p_value > 1e-3
     # the same oscillation beside another motion
-    assert swing(residual, [motion(rng)], INTERVAL, 0.4).p_value < 1e-8
+    assert slow_oscillation(residual, [motion(rng)], INTERVAL, 0.4).p_value < 1e-8
 
 
 def test_too_little_says_nothing() -> None:
-    assert swing(np.zeros(N), [TIME], INTERVAL, 0.4) == NO_EVENT
-    assert swing(np.sin(TIME[:100]), [TIME[:100]], INTERVAL, 0.4) == NO_EVENT
-    assert swing(np.sin(TIME[:1000]), [], INTERVAL, 0.4) == NO_EVENT  # four periods of 0.4 Hz in ten seconds
+    assert slow_oscillation(np.zeros(N), [TIME], INTERVAL, 0.4) == NO_EVENT
+    assert slow_oscillation(np.sin(TIME[:100]), [TIME[:100]], INTERVAL, 0.4) == NO_EVENT
+    assert (
+        slow_oscillation(np.sin(TIME[:1000]), [], INTERVAL, 0.4) == NO_EVENT
+    )  # four periods of 0.4 Hz in ten seconds
 
 
 @pytest.mark.parametrize("rate", [pytest.param(1000, marks=pytest.mark.slow), 100])

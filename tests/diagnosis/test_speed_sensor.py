@@ -42,7 +42,7 @@ def files(
     return log, mapping
 
 
-def told(folder: Path, columns: tuple[str, ...], *hidden: str, bias: float = 0.0) -> Diagnosis:
+def diagnosed(folder: Path, columns: tuple[str, ...], *hidden: str, bias: float = 0.0) -> Diagnosis:
     path, mapping = files(folder, columns, *hidden, bias=bias)
     log = load_log(path, mapping)
     return diagnose(log, model=machine_of("full_order", log, mapping))
@@ -79,18 +79,18 @@ def test_a_gyroscope_beside_the_angle_shows_the_same_group(tmp_path: Path) -> No
     ],
 )
 def test_friction_is_found_in_a_speed(tmp_path: Path, columns: tuple[str, ...]) -> None:
-    found = told(tmp_path, columns, "mechanical.coulomb_friction:tau_c=400 N.m")
+    found = diagnosed(tmp_path, columns, "mechanical.coulomb_friction:tau_c=400 N.m")
     assert [c.effect.name for c in found.causes] == ["mechanical.coulomb_friction"]
     assert found.causes[0].parameters["tau_c"][0] == pytest.approx(400.0, rel=0.05)
     assert found.verdict == "explained"
 
 
 def test_a_gyroscopes_own_offset_is_no_cause(tmp_path: Path) -> None:
-    found = told(tmp_path, (*PRESSURES, "slew_rate"), bias=0.01)
+    found = diagnosed(tmp_path, (*PRESSURES, "slew_rate"), bias=0.01)
     assert found.causes == []
     assert found.verdict == "adequate"
 
 
 def test_the_speed_tells_that_the_angle_sensor_is_wrong(tmp_path: Path) -> None:
-    found = told(tmp_path, (*PRESSURES, "slew", "slew_rate"), "sensor.drift")
+    found = diagnosed(tmp_path, (*PRESSURES, "slew", "slew_rate"), "sensor.drift")
     assert [c.effect.name for c in found.causes] == ["sensor.drift"]

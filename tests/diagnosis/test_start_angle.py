@@ -15,7 +15,7 @@ START = np.radians(50.0)
 def test_the_scale_of_the_sensor_is_the_one_that_the_whole_chain_bears_out(tracked: bool) -> None:
     run = make_log("mixed", 40.0, ["sensor.gain:gain=1.08"], seed=6, start=START, tracker=True)
     found = diagnose(as_log(run), tracker=as_tracker(run) if tracked else None)
-    named = {n for c in found.causes for n in (c.effect.name, *c.alike)}
+    named = {n for c in found.causes for n in (c.effect.name, *c.indistinguishable)}
     assert "sensor.gain" in named
     if "sensor.gain" in found.values:
         assert found.values["sensor.gain"] == pytest.approx(1.08, rel=0.01)

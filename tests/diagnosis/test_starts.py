@@ -11,7 +11,7 @@ from cosim.diagnosis.fitting.trials import FIRST_ROUNDS, Trial, led_on, tried
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, as_log, make_log
 from fmus import registry
-from tests.diagnosis.hidden_logs import told
+from tests.diagnosis.hidden_logs import diagnosed
 
 X = np.linspace(0.0, 9.0, 400)
 HIDDEN = np.linalg.qr(np.stack([X, np.cos(3.0 * X)], axis=1))[0]
@@ -51,9 +51,9 @@ def test_a_size_is_found_at_once(size: float, off_value: float) -> None:
 @pytest.mark.slow
 def test_gravity_over_a_short_range_of_angles_is_found_in_the_first_rounds() -> None:
     """Amplitude and phase lie in a long valley there, along which a search from afar creeps."""
-    finding = told("mechanical.gravity_load:tau_g=100 N.m,theta_g=17 deg", seed=18, seconds=40.0).findings[
-        "mechanical"
-    ]
+    finding = diagnosed(
+        "mechanical.gravity_load:tau_g=100 N.m,theta_g=17 deg", seed=18, seconds=40.0
+    ).findings["mechanical"]
     effect = registry.effects()["mechanical.gravity_load"]
     trial = tried(finding.task, (effect,), 0.01, finding.null.fit, FIRST_ROUNDS)
     assert trial.fit.values["mechanical.tau_g"] == pytest.approx(100.0, rel=0.1)

@@ -175,7 +175,7 @@ def test_a_seam_that_is_never_crossed_is_not_pretended() -> None:
     assert not np.isfinite(finding.everything.deviations["sensor.bias"])
     assert np.isfinite(finding.everything.deviations["tracker.offset"])
     (cause,) = finding.causes
-    assert {cause.effect.name, *cause.alike} >= {"tracker.seam", "sensor.bias"}
+    assert {cause.effect.name, *cause.indistinguishable} >= {"tracker.seam", "sensor.bias"}
     assert finding.never == [], "either would have shown, though not which of the two"
 
 
@@ -225,7 +225,7 @@ def test_a_converter_that_cuts_off_is_no_bias(
     (cause,) = read(0.5 * DEG).causes
     assert "sensor.bias" in {
         cause.effect.name,
-        *cause.alike,
+        *cause.indistinguishable,
     }  # a motion that stays below the seam shows no difference
 
 

@@ -27,7 +27,7 @@ def test_an_asymmetry_below_the_noise_of_the_pressure_is_declared_beside_the_dri
     assert [c.effect.block for c in found.causes if c.group == "mechanical"]
     for cause in found.causes:
         if cause.group == "mechanical":
-            assert "continuity.flow_asymmetry" in cause.alike
+            assert "continuity.flow_asymmetry" in cause.indistinguishable
 
 
 @pytest.mark.slow
@@ -51,7 +51,7 @@ def test_a_drift_beyond_what_the_pressure_allows_has_no_rival_upstream() -> None
     run = make_log("mixed", 60.0, [Hidden("sensor.drift", {"drift": 5e-4})], seed=24)
     (cause,) = diagnose(as_log(run)).causes
     assert cause.effect.name == "sensor.drift"
-    assert not [n for n in cause.alike if n.startswith(("dcv.", "continuity.flow"))]
+    assert not [n for n in cause.indistinguishable if n.startswith(("dcv.", "continuity.flow"))]
 
 
 @pytest.mark.parametrize(("k_s", "tau_s"), [(2.6e5, 1e-3), (0.0, 0.3), (5e8, 0.1)])

@@ -124,6 +124,9 @@ def test_command_writes_a_parameter_set_a_picture_and_json(tmp_path):
     text = call("mechanics", file).stdout
     assert "from a synthetic log" in text
     assert "no constant load shows in this log" in text
+    assert "mechanical.tau_c = " in text
+    assert "95 % from" not in text  # the table
+    assert "95 % from" in call("mechanics", file, "--verbose").stdout
 
 
 def test_picture_shows_the_friction_law():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import SimulationError
-from cosim.inference.freeform import told
+from cosim.inference.freeform import explained
 from cosim.inference.noise import Noise
 from cosim.inference.problem import Problem
 from cosim.inference.unknowns import Unknown
@@ -70,9 +70,9 @@ def test_held_out_windows_bear_a_true_gain_out_and_not_one_of_chance() -> None:
 def test_a_free_function_tells_what_a_residual_depends_on_and_nothing_of_noise() -> None:
     rng = np.random.default_rng(5)
     other = rng.standard_normal(N // 50).repeat(50)
-    found = told(0.1 * U**2 + 0.02 * rng.standard_normal(N), {"u": U, "v": other}, FITTED, WINDOW, 0.01)
+    found = explained(0.1 * U**2 + 0.02 * rng.standard_normal(N), {"u": U, "v": other}, FITTED, WINDOW, 0.01)
     assert found.sure
     assert found.after == pytest.approx(0.02, rel=0.1)
     assert max(found.by, key=lambda name: found.by[name]) == "u"
-    noise = told(0.02 * rng.standard_normal(N), {"u": U, "v": other}, FITTED, WINDOW, 0.01)
+    noise = explained(0.02 * rng.standard_normal(N), {"u": U, "v": other}, FITTED, WINDOW, 0.01)
     assert noise.size < 0.2 * noise.before

@@ -32,6 +32,15 @@ def test_a_log_as_json(write):
     assert rows["p_a"]["max"] == pytest.approx(full_log_columns()["p_a", "bar"].max())
 
 
+def test_a_whole_csv_is_read_without_pandas(write):
+    path = write(csv_text(full_log_columns()))
+    script = f"import sys; from cosim.logs import load_log; load_log({str(path)!r}); print('pandas' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, cwd=TOP
+    )
+    assert done.stdout.strip() == "False", "its import is a quarter of the time of a short command"
+
+
 def test_a_log_for_people(write):
     result = run(write(csv_text({**full_log_columns(), ("torque", "N.m"): [0.0] * 400})))
     assert result.returncode == 0, result.stderr

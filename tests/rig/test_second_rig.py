@@ -9,8 +9,8 @@ from rig_helpers import clean, lively
 
 from benchmarks.second.cases import FLAWS, draw
 from benchmarks.second.machine import Machine, run
+from benchmarks.second.out_of_library import FAULTS, draw_out_of_library
 from benchmarks.second.record import NOISE, SEEN_BY
-from benchmarks.second.strangers import STRANGERS, draw_stranger
 from benchmarks.second.trial import judged, off, shown
 from cosim.rig import Hidden
 
@@ -111,14 +111,14 @@ def test_an_interval_is_held_against_the_truth():
     assert told["mechanical.coulomb_friction.tau_c"] == pytest.approx([105.0, truth, (105.0 - truth) / 10.0])
 
 
-@pytest.mark.parametrize("name", STRANGERS)
-def test_every_stranger_changes_what_is_measured(name):
-    cases = [c for c in map(draw_stranger, range(40)) if name in c.hidden]
+@pytest.mark.parametrize("name", FAULTS)
+def test_every_out_of_library_fault_changes_what_is_measured(name):
+    cases = [c for c in map(draw_out_of_library, range(40)) if name in c.hidden]
     assert max(shown(case)[name] for case in cases) > 5.0
 
 
-def test_a_stranger_is_to_be_called_unexplained_in_its_block():
-    case = next(c for c in map(draw_stranger, range(400)) if "stranger.hose" in c.hidden)
+def test_an_out_of_library_fault_is_to_be_called_unexplained_in_its_block():
+    case = next(c for c in map(draw_out_of_library, range(400)) if "stranger.hose" in c.hidden)
     there, elsewhere = {"block": "continuity"}, {"block": "dcv"}
     assert judged(case, answer(unexplained=[there])) == "honest"
     assert judged(case, answer(unexplained=[elsewhere])) == "elsewhere"

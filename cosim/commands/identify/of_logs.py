@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from cosim.commands.identify.prepare import AsJson
+from cosim.options import Verbose
 
 LogFile = Annotated[Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4 or .tdms.", metavar="LOG")]
 LogFiles = Annotated[
@@ -48,6 +49,7 @@ def identify_all(
     start: From = None,
     stop: To = None,
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Dead zone, valve, pressure and mechanics from one log, and one .ssv for the model."""
@@ -58,7 +60,7 @@ def identify_all(
 
     known = nominal(settings or [])
     answer = all_answer(load(log, mapping, start, stop), known, quantity(cutoff, "Hz", "--filter"))
-    finish(answer, out, as_json)
+    finish(answer, out, as_json, verbose)
 
 
 def dead_zone(
@@ -72,6 +74,7 @@ def dead_zone(
     start: From = None,
     stop: To = None,
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Break points and slopes of the valve's dead zone, best from a slow ramp.
@@ -90,7 +93,9 @@ def dead_zone(
         raise UsageError(f"--response '{response}': choose {', '.join(RESPONSES)}")
     known = nominal(settings or [])
     loaded = load(log, mapping, start, stop)
-    finish(dead_zone_answer(loaded, known, response, quantity(cutoff, "Hz", "--filter")), out, as_json)
+    finish(
+        dead_zone_answer(loaded, known, response, quantity(cutoff, "Hz", "--filter")), out, as_json, verbose
+    )
 
 
 def transfer_function(
@@ -115,6 +120,7 @@ def transfer_function(
     start: From = None,
     stop: To = None,
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Transfer functions fitted to logs: a table of candidates, and the one to use, by BIC and held-out fit."""
@@ -128,7 +134,7 @@ def transfer_function(
     structures = [structure(text, at_zero, delay) for text in order or []]
     known = nominal(settings or [])
     loaded = [load(log, mapping, start, stop) for log in logs]
-    finish(transfer_function_answer(loaded, chosen, structures, known), out, as_json)
+    finish(transfer_function_answer(loaded, chosen, structures, known), out, as_json, verbose)
 
 
 def frf(
@@ -158,6 +164,7 @@ def frf(
     start: From = None,
     stop: To = None,
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Frequency response with its uncertainty, from stepped sines or by Welch's method, and a fit to it."""
@@ -179,7 +186,7 @@ def frf(
     )
     known = nominal(settings or [])
     loaded = [load(log, mapping, start, stop) for log in logs]
-    finish(frf_answer(loaded, chosen, known, wanted), out, as_json)
+    finish(frf_answer(loaded, chosen, known, wanted), out, as_json, verbose)
 
 
 def mechanics(
@@ -198,6 +205,7 @@ def mechanics(
     start: From = None,
     stop: To = None,
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Inertia, viscous and dry friction and a constant load from load pressure (or torque) and angle (4.27).
@@ -213,7 +221,10 @@ def mechanics(
     loaded = load(log, mapping, start, stop)
     machine = machine_of(None, loaded, mapping)
     finish(
-        mechanics_answer(loaded, machine, settings or [], quantity(highest, "Hz", "--highest")), out, as_json
+        mechanics_answer(loaded, machine, settings or [], quantity(highest, "Hz", "--highest")),
+        out,
+        as_json,
+        verbose,
     )
 
 
@@ -230,6 +241,7 @@ def drive(
     start: From = None,
     stop: To = None,
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Static curve of a drive, speed against command: dead zone, slope and top speed of either side.
@@ -244,7 +256,7 @@ def drive(
 
     plain = load_mapping(mapping) if mapping is not None else None
     loaded = [load(log, mapping, start, stop) for log in logs]
-    finish(drive_answer(loaded, plain, command, motion), out, as_json)
+    finish(drive_answer(loaded, plain, command, motion), out, as_json, verbose)
 
 
 def observer(
@@ -261,6 +273,7 @@ def observer(
     start: From = None,
     stop: To = None,
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """State space, controllability, observability, root locus, and the observer's gain from its poles."""
@@ -271,4 +284,6 @@ def observer(
 
     known = nominal(settings or [])
     loaded = None if log is None else load(log, mapping, start, stop)
-    finish(observer_answer(loaded, known, pole or [], quantity(cutoff, "Hz", "--filter")), out, as_json)
+    finish(
+        observer_answer(loaded, known, pole or [], quantity(cutoff, "Hz", "--filter")), out, as_json, verbose
+    )

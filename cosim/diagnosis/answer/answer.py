@@ -176,7 +176,8 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
             within["next_log_ci95"] = (max(low, told.next_log_ci95[0]), min(high, told.next_log_ci95[1]))
         parameters[parameter] = told.model_copy(update=within)
     rivals = [
-        Rival(effect=e.name, why_not=reason(behind, e.name in cause.alike)) for e, behind in cause.rivals[:8]
+        Rival(effect=e.name, why_not=reason(behind, e.name in cause.indistinguishable))
+        for e, behind in cause.rivals[:8]
     ]
     low, high = cause.held_out.ci95
     evidence = {
@@ -191,7 +192,7 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         parameters=parameters,
         evidence=evidence,
         rivals=rivals,
-        indistinguishable_from=cause.alike,
+        indistinguishable_from=list(cause.indistinguishable),
     )
 
 
@@ -231,14 +232,14 @@ def parameter_of(
     )
 
 
-def reason(behind: float, alike: bool) -> str:
+def reason(behind: float, indistinguishable: bool) -> str:
     """Words for how far a rival lies behind."""
-    if alike and behind > INDISTINGUISHABLE:
+    if indistinguishable and behind > INDISTINGUISHABLE:
         return (
             f"{behind:.0f} in log-likelihood behind, which tells nothing while the law is known only nearly: "
             "this log cannot tell the two apart"
         )
-    if alike:
+    if indistinguishable:
         return f"only {behind:.1f} in log-likelihood behind: this log cannot tell the two apart"
     return f"explains the log worse by {behind:.0f} in log-likelihood (less the price of its parameters)"
 
@@ -264,6 +265,7 @@ def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:
             fit_percent_before=gain.fit_before,
             fit_percent_after=gain.fit_after,
             ci95_of_ratio=gain.ratio_ci95,
+            horizon=gain.horizon if np.isfinite(gain.horizon) else None,
         )
     return found
 

@@ -228,13 +228,13 @@ def proposal_for(
 ) -> Proposal | None:
     """An experiment for the first cause that has a twin in this log, or None; `size` and `interval` as in `propose`."""
     for cause in causes:
-        if not cause.alike or cause.group not in findings:
+        if not cause.indistinguishable or cause.group not in findings:
             continue
         finding = findings[cause.group]
         twins = [
             t
             for t in finding.rivals.get(cause.effect.name, [])
-            if any(e.name == cause.alike[0] for e in t.effects)
+            if any(e.name == cause.indistinguishable[0] for e in t.effects)
         ]
         if not twins:
             continue
@@ -244,9 +244,9 @@ def proposal_for(
         first = base | finding.chosen.fit.values
         second = base | twins[0].fit.values
         loose, _ = unknowns(finding.task.model, twins[0].effects, tolerance)
-        why = f"tells {cause.effect.name} from {cause.alike[0]}, which this log cannot"
+        why = f"tells {cause.effect.name} from {cause.indistinguishable[0]}, which this log cannot"
         found = propose(groups, first, second, loose, rules, why, fixed, size=size, interval=interval)
-        return found and replace(found, models=(cause.effect.name, cause.alike[0]))
+        return found and replace(found, models=(cause.effect.name, cause.indistinguishable[0]))
     return None
 
 

@@ -110,7 +110,10 @@ class Packages(Model):
 
 
 class SignalGain(Model):
-    """Error on held-out windows, before and after the extension."""
+    """Error on held-out windows, before and after the extension.
+
+    `horizon`: s after which the prediction begins anew where the machine stands; None for one run over the whole log.
+    """
 
     rmse_before: float
     rmse_after: float
@@ -119,6 +122,7 @@ class SignalGain(Model):
     fit_percent_before: float
     fit_percent_after: float
     ci95_of_ratio: tuple[float, float]
+    horizon: float | None = None
 
 
 class LinearReference(Model):

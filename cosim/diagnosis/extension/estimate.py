@@ -1,6 +1,6 @@
 """The extended model of a diagnosis: its values from all blocks together, its packages, and its gain by the FMUs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.between import estimates, fit_of, over_logs, task_of
 from cosim.diagnosis.held_out.causes import Held, Refused, left_out_errors
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
-from cosim.diagnosis.held_out.gain import measure, run_package
+from cosim.diagnosis.held_out.gain import Gain, begun_anew, measure, run_package
 from cosim.diagnosis.hypotheses.naming import worth_naming
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import of_piece
@@ -85,7 +85,7 @@ def estimate(
             groups, diagnosis.record, rules, effects, begin, start, tolerance, mask, constants
         )
 
-    chain = weighed(diagnosis, groups, fitted, near)
+    chain = weighed(diagnosis, groups, fitted, near, tolerance)
     diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
     diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
     diagnosis.start = {n: chain.values.get(n, v) for n, v in start.items()}
@@ -117,7 +117,7 @@ def estimate_alone(
     """Values of the extended model where one group is all that was judged: what makes its free run best on held-out data.
 
     Of an axis that drifts there are two estimates: from how the error moves from window to window, and from the free run
-    over the log, which that log's course may have bent. Data held out tell which one predicts them better.
+    over the log, which that log's course may have biased. Data held out tell which one predicts them better.
     """
     record, held, task = diagnosis.record, diagnosis.held, finding.task
     signal, rule = next(iter(task.rules.items()))
@@ -129,8 +129,8 @@ def estimate_alone(
     if held is not None and signal in held.record.signals and task.model.group.drifts:
         error = partial(held_error, finding, held, signal, tolerance)
         other = onward(finding, effects, tolerance, near)
-        in_doubt = vanished(finding, effects, [], best, tolerance) is not None
-        if in_doubt or error(effects, other, True) <= error(effects, best, False):
+        unsure = vanished(finding, effects, [], best, tolerance) is not None
+        if unsure or error(effects, other, True) <= error(effects, best, False):
             best, walked = other, True
         other = onward(finding, (), tolerance, finding.null.fit)
         plain = min((plain, False), (other, True), key=lambda fit: error((), *fit))[0]
@@ -141,10 +141,10 @@ def estimate_alone(
             rest = tuple(e for e in effects if e is not lost)
             fewer = free(finding, rest, tolerance, near)
             less = errs_less(task, best, fewer, demean=False)
-            if less and lost not in needed:  # its parameters may be in doubt, itself it is not
+            if less and lost not in needed:  # its parameters may be unsure, itself it is not
                 needed.append(lost)
                 continue
-            turn_down(diagnosis, finding, lost, best, fewer, tolerance)
+            finding = turn_down(diagnosis, finding, lost, best, fewer, tolerance)
             best, effects = fewer, rest
     diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
     diagnosis.correlations = best.correlations
@@ -213,15 +213,17 @@ def vanished(
 
 def turn_down(
     diagnosis: Diagnosis, finding: Finding, effect: Effect, with_it: Fit, without_it: Fit, tolerance: float
-) -> None:
-    """Take a cause back of which the free run leaves nothing."""
+) -> Finding:
+    """The finding without a cause of which the free run leaves nothing; it is refused."""
     name, signal = finding.task.model.group.name, next(iter(finding.task.measured))
     before, after = rms(without_it.residuals[signal]), rms(with_it.residuals[signal])
     gain = next(c.gain for c in diagnosis.causes if c.effect is effect)
     diagnosis.refused.append(Refused(effect, name, signal, gain, before, after, sure=False, in_fitted=True))
     diagnosis.causes = [c for c in diagnosis.causes if c.effect is not effect]
-    finding.accept(without(finding.task, finding.chosen, effect, finding.null, tolerance), diagnosis.record)
+    left = without(finding.task, finding.chosen, effect, finding.null, tolerance)
+    diagnosis.findings[name] = finding = finding.accept(left, diagnosis.record)
     diagnosis.rests = [r for r in diagnosis.rests if r.block != name] + rests(finding, tolerance)
+    return finding
 
 
 def write_packages(diagnosis: Diagnosis, folder: Path) -> tuple[Path, dict[str, float], dict[str, float]]:
@@ -262,6 +264,27 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     diagnosis.held_after = run_package(extended, held.record, machine, standing(start, values))
     window = diagnosis.window
     diagnosis.gains = measure(held.record, diagnosis.held_before, diagnosis.held_after, window, held.first)
+    drifting = [s for g in diagnosis.groups if g.drifts for s in g.observed]
+    if diagnosis.causes and any(diagnosis.gains[s].after > diagnosis.gains[s].before for s in drifting):
+        diagnosis.gains |= ahead(diagnosis, held, [s for s in drifting if s in diagnosis.gains])
+
+
+def ahead(diagnosis: Diagnosis, held: Held, signals: Sequence[str]) -> dict[str, Gain]:
+    """Errors of predictions over a window each, from where the machine stands, on what was held out.
+
+    Where one push in minutes decides the end of a free run, it says nothing of the machine: such an axis is then judged by
+    how its prediction goes on, as its causes were.
+
+    Args:
+        diagnosis: with the runs of both packages.
+        held: what was held out.
+        signals: of the axes that drift.
+    """
+    record, window = held.record, diagnosis.window
+    before = begun_anew(record, diagnosis.held_before, signals, window, held.first)
+    after = begun_anew(record, diagnosis.held_after, signals, window, held.first)
+    found = measure(record, before, after, window, held.first)
+    return {s: replace(found[s], horizon=window * record.h) for s in signals}
 
 
 def worse(diagnosis: Diagnosis) -> bool:

@@ -135,7 +135,7 @@ def fitted_chain(
 
 def whole_run(rule: Whitener) -> Whitener:
     """The rule for a run that the command alone drives: no offsets, and the start counts."""
-    return replace(rule, demean=False, skip=0, carried=None)
+    return replace(rule, demean=False, skip=0, propagated=None)
 
 
 def by_component(values: Mapping[str, float]) -> dict[str, dict[str, float]]:

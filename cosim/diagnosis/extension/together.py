@@ -5,91 +5,144 @@ whether a leak turns turbulent, or whether it is a leak at all or a smaller flow
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from cosim.diagnosis.fitting.fit import Fit
-from cosim.diagnosis.fitting.trials import charged
+from cosim.diagnosis.fitting.trials import Trial, charged, tried
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import INDISTINGUISHABLE, NAMING_GAIN
-from cosim.diagnosis.verdict.verdict import Cause, names_of
+from cosim.diagnosis.verdict.verdict import Cause, cause_of, names_of, rests
 from fmus.contract import Effect
 
 # effects and where the search begins -> the fit
 Fitted = Callable[[tuple[Effect, ...], dict[str, float]], Fit]
 
 
-def weighed(diagnosis: Diagnosis, groups: tuple[Group, ...], fitted: Fitted, near: dict[str, float]) -> Fit:
+def weighed(
+    diagnosis: Diagnosis,
+    groups: tuple[Group, ...],
+    fitted: Fitted,
+    near: dict[str, float],
+    tolerance: float,
+) -> Fit:
     """The fit of all blocks together, with the causes that it asks for in the blocks that others follow.
 
     Args:
         diagnosis: its causes take another form, or the place of one another, where that is sure; those that are sure to be
-            worse are no longer declared alike.
+            worse are no longer declared indistinguishable.
         groups: the groups of the model, in order.
         fitted: fits the whole chain.
         near: where the search begins.
+        tolerance: trust in the nominal parameters.
     """
-    listed = [c for c in diagnosis.causes if c.group in diagnosis.findings]
-    best = fitted(tuple(c.effect for c in listed), near)
+    places = [k for k, cause in enumerate(diagnosis.causes) if cause.group in diagnosis.findings]
+    best = fitted(tuple(diagnosis.causes[k].effect for k in places), near)
     # over all windows at one offset, readings in steps make the likelihood jagged: it says little of small differences
     if any(finding.task.steps for finding in diagnosis.findings.values()):
         return best
-    for cause in listed:
-        if cause.group != groups[-1].name:
-            best = against_rivals(diagnosis.findings[cause.group], listed, cause, fitted, best)
-            best = in_best_form(listed, cause, fitted, best)
+    for k in places:
+        if diagnosis.causes[k].group == groups[-1].name:
+            continue
+
+        def instead(effect: Effect, begin: dict[str, float], at: int = k) -> Fit:
+            return fitted(tuple(effect if i == at else diagnosis.causes[i].effect for i in places), begin)
+
+        best = against_rivals(diagnosis, k, instead, best, tolerance)
+        best = in_best_form(diagnosis, k, instead, best, tolerance)
     return best
 
 
-def in_best_form(listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -> Fit:
-    """The best fit with any form of a cause's law; the cause has that form afterwards."""
-    plain = cause.effect
+# an effect in the place of a cause and where the search begins -> the fit
+Instead = Callable[[Effect, dict[str, float]], Fit]
+
+
+def in_best_form(diagnosis: Diagnosis, at: int, instead: Instead, best: Fit, tolerance: float) -> Fit:
+    """The best fit with any form of a cause's law; the cause has that form afterwards. Arguments as `against_rivals`."""
+    plain = diagnosis.causes[at].effect
     for parameter, free in plain.forms.items() if not plain.is_formed else ():
         formed = plain.formed(parameter)
         begin = best.values | {f"{formed.component}.{parameter}": free.starts[0]}
-        other = fitted(tuple(formed if c is cause else c.effect for c in listed), begin)
+        other = instead(formed, begin)
         if other.log_likelihood - charged(1, other) > best.log_likelihood + NAMING_GAIN:
-            best = other
-            rename(cause, formed, best)
+            best, before = other, diagnosis.causes[at]
+            finding = diagnosis.findings[before.group]
+            effects = tuple(formed if e == plain else e for e in finding.chosen.effects)
+            trial = tried(finding.task, effects, tolerance, finding.chosen.fit)
+            renew(diagnosis, at, finding.accept(trial, diagnosis.record), formed, best, tolerance)
+            # of the effect, whatever its form, all blocks have told what can stand in its place
+            diagnosis.causes[at] = replace(
+                diagnosis.causes[at], rivals=before.rivals, indistinguishable=before.indistinguishable
+            )
     return best
 
 
-def against_rivals(finding: Finding, listed: list[Cause], cause: Cause, fitted: Fitted, best: Fit) -> Fit:
-    """The best fit with a cause or one declared alike in its place; the cause is that one afterwards."""
+def against_rivals(diagnosis: Diagnosis, at: int, instead: Instead, best: Fit, tolerance: float) -> Fit:
+    """The best fit with a cause or one declared indistinguishable in its place; the cause is that one afterwards.
+
+    Args:
+        diagnosis: its cause, finding and rests are renewed.
+        at: place of the cause.
+        instead: fits the whole chain with an effect in its place.
+        best: the fit with the cause.
+        tolerance: trust in the nominal parameters.
+    """
+    cause = diagnosis.causes[at]
+    finding = diagnosis.findings[cause.group]
     kept = {e for e in finding.chosen.effects if e != cause.effect}
-    for trial in list(finding.rivals.get(cause.effect.name, ())):
+    declared = set(cause.indistinguishable)
+    for trial in finding.rivals.get(cause.effect.name, ()):
+        finding = diagnosis.findings[cause.group]
         new = [e for e in trial.effects if e not in finding.chosen.effects]
         # one effect in the place of a whole set is another matter, and so is what another exchange has made of a set
-        if len(new) != 1 or new[0].name not in cause.alike or set(trial.effects) != {*kept, *new}:
+        if len(new) != 1 or new[0].name not in cause.indistinguishable or set(trial.effects) != {*kept, *new}:
             continue
         (rival,) = new
-        effects = tuple(rival if c is cause else c.effect for c in listed)
-        other = fitted(effects, best.values | trial.fit.values)
+        other = instead(rival, best.values | trial.fit.values)
         more = trial.price - finding.chosen.price
         ahead = other.log_likelihood - best.log_likelihood - charged(more, other)
         # nearly as good is no reason to change: what spans the same numbers would take turns
         if ahead <= INDISTINGUISHABLE:
-            placed_behind(cause, rival, -ahead)
+            cause = placed_behind(cause, rival, -ahead)
             continue
         old, best = cause.effect, other
-        finding.rivals[rival.name] = [finding.chosen, *finding.rivals[old.name]]
-        finding.chosen = trial
-        rename(cause, rival, best)
-        placed_behind(cause, old, ahead)
+        renew(diagnosis, at, exchanged(finding, trial, old, rival, diagnosis), rival, best, tolerance)
+        # what all blocks have told from the old one stays told
+        left = declared - set(cause.indistinguishable)
+        cause = placed_behind(diagnosis.causes[at], old, ahead)
+        cause = replace(cause, indistinguishable=[n for n in cause.indistinguishable if n not in left])
+    diagnosis.causes[at] = cause
     return best
 
 
-def placed_behind(cause: Cause, rival: Effect, behind: float) -> None:
-    """Put an effect among the rivals of a cause, so far behind it in log-likelihood."""
+def renew(
+    diagnosis: Diagnosis, at: int, finding: Finding, effect: Effect, found: Fit, tolerance: float
+) -> None:
+    """Put an effect of a finding in the place of a cause.
+
+    Gain, held-out figures and rivals are its own, and so is what it leaves; the estimates are those of all blocks together.
+    """
+    name = diagnosis.causes[at].group
+    diagnosis.findings[name] = finding
+    own = {p: (found.values[n], found.deviations[n]) for p, n in names_of(effect).items()}
+    diagnosis.causes[at] = replace(cause_of(finding, effect, tolerance), effect=effect, parameters=own)
+    diagnosis.rests = [r for r in diagnosis.rests if r.block != name] + rests(finding, tolerance)
+
+
+def exchanged(finding: Finding, trial: Trial, old: Effect, rival: Effect, diagnosis: Diagnosis) -> Finding:
+    """A finding with a rival of one of its effects in that one's place, which becomes its rival."""
+    others = [finding.chosen, *(t for t in finding.rivals[old.name] if t is not trial)]
+    return replace(finding.accept(trial, diagnosis.record), rivals={**finding.rivals, rival.name: others})
+
+
+def placed_behind(cause: Cause, rival: Effect, behind: float) -> Cause:
+    """A cause with an effect among its rivals, so far behind it in log-likelihood."""
     others = {cause.effect.name, rival.name}
-    cause.rivals = sorted(
-        [(rival, behind), *(r for r in cause.rivals if r[0].name not in others)], key=lambda r: r[1]
+    listed = [(rival, behind), *(r for r in cause.rivals if r[0].name not in others)]
+    kept = [n for n in cause.indistinguishable if n not in others]
+    return replace(
+        cause,
+        rivals=sorted(listed, key=lambda r: r[1]),
+        indistinguishable=[rival.name, *kept] if behind < INDISTINGUISHABLE else kept,
     )
-    alike = [n for n in cause.alike if n not in others]
-    cause.alike = [rival.name, *alike] if behind < INDISTINGUISHABLE else alike
-
-
-def rename(cause: Cause, effect: Effect, found: Fit) -> None:
-    """Give a cause another effect, or another form of it, with the estimates of a fit."""
-    cause.effect = effect
-    cause.parameters = {p: (found.values[n], found.deviations[n]) for p, n in names_of(effect).items()}

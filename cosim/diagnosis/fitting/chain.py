@@ -42,7 +42,7 @@ class Known:
         price: free parameters of its causes beyond those of the nominal model.
         others: every single effect as it was tried, or what can hardly be told from its causes.
         lacking: (n,) what its laws lack, as far as that is known, in its first signal, SI; None for nothing.
-        doubts: (n,) changes of that signal one standard deviation along each doubt of its laws.
+        discrepancies: (n,) changes of that signal one standard deviation along each discrepancy of its laws.
     """
 
     model: GroupModel
@@ -51,13 +51,13 @@ class Known:
     price: int = 0
     others: list[Trial] = field(default_factory=list)
     lacking: Array | None = None
-    doubts: list[Array] = field(default_factory=list)
+    discrepancies: list[Array] = field(default_factory=list)
 
 
 def directions(fit: Fit) -> list[dict[str, float]]:
     """Values of the estimates one standard deviation along each principal direction of their uncertainty."""
     spread = np.diag(fit.covariance) > 0.0  # of a stop that is never met the data say nothing
-    # marks in the samples have no covariance
+    # signatures in the samples have no covariance
     names = [n for n, live in zip(fit.values, spread, strict=False) if live]
     if not names:
         return []
@@ -70,7 +70,7 @@ def directions(fit: Fit) -> list[dict[str, float]]:
 
 
 def in_any_form(task: Task, chosen: Trial, tolerance: float) -> Fit:
-    """Estimates of a chosen set with the form of a law free that has several: what the log leaves open of it is doubt.
+    """Estimates of a chosen set with the form of a law free that has several: what the log leaves open of it is discrepancy.
 
     That a leak turns turbulent may hide in the pressure's noise, and yet push the column by what its simplest law lacks.
     """
@@ -86,7 +86,7 @@ def in_any_form(task: Task, chosen: Trial, tolerance: float) -> Fit:
 
 
 def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
-    """Drive of the next group from the groups before it, in order; and the drive one standard deviation along each doubt."""
+    """Drive of the next group from the groups before it, in order; and the drive one deviation along each discrepancy."""
 
     def run(values: list[dict[str, float]], at: int = 0, change: Array | None = None) -> Array:
         signal = record.signals[known[0].model.group.drive]
@@ -101,7 +101,7 @@ def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
     moved = []
     for i, item in enumerate(known):
         moved += [run([*best[:i], values, *best[i + 1 :]]) for values in directions(item.fit)]
-        moved += [run(best, i, change) for change in item.doubts]
+        moved += [run(best, i, change) for change in item.discrepancies]
     return run(best), moved
 
 
@@ -145,6 +145,6 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     task.late = SKEW * min(record.h, SKEW_INTERVAL) * float(np.sqrt(len(known) + 1))
     base = model.simulate({})
     others = [GroupModel(group, signal, record.h, fixed, record.grid).simulate({}) for signal in moved]
-    task.doubt = {s: np.stack([base[s], *(o[s] - base[s] for o in others)]) for s in observed}
+    task.discrepancy = {s: np.stack([base[s], *(o[s] - base[s] for o in others)]) for s in observed}
     task.retime({s: base[s] for s in observed}, record.time)
     return task

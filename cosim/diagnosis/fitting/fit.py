@@ -86,7 +86,7 @@ class Fit:
     @property
     def correlations(self) -> dict[tuple[str, str], float]:
         """Correlation of each pair of estimates."""
-        names = list(self.values)[: self.covariance.shape[0]]  # marks in the samples have none
+        names = list(self.values)[: self.covariance.shape[0]]  # signatures in the samples have none
         return correlations(names, self.covariance)
 
 
@@ -98,10 +98,10 @@ class Task:
         model: the group over the log.
         measured: signal -> (n,) SI.
         rules: signal -> whitening rule.
-        doubt: signal -> (k, n) changes of the prediction by one standard deviation of what blocks before this group are
-            not known exactly; it counts as noise.
+        discrepancy: signal -> (k, n) changes of the prediction by one standard deviation of what is not known exactly of
+            the blocks before this group; it counts as noise.
         mask: (windows,) windows that count, or None for all.
-        late: standard deviation of the timing of observed signals against the drive, s; its doubt is the first row.
+        late: standard deviation of the timing of observed signals against the drive, s; its discrepancy is the first row.
         steps: signal -> step of its readings where that is coarser than their noise, SI.
         lost: signal -> (n,) True where its sample is stale: there its residual lies on a straight line, not its reading.
     """
@@ -109,7 +109,7 @@ class Task:
     model: GroupModel
     measured: Mapping[str, Array]
     rules: dict[str, Whitener]
-    doubt: Mapping[str, Array] = field(default_factory=dict)
+    discrepancy: Mapping[str, Array] = field(default_factory=dict)
     mask: NDArray[np.bool_] | None = None
     shrink: tuple[Array, Array] | None = field(default=None, repr=False)
     late: float = 0.0
@@ -117,20 +117,20 @@ class Task:
     lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def retime(self, predicted: Mapping[str, Array], time: Array) -> None:
-        """Take the doubt of the timing from what is predicted now, signal -> (n,) SI, at these times (n,), s."""
+        """Take the discrepancy of the timing from what is predicted now, signal -> (n,) SI, at these times (n,), s."""
         if self.late > 0.0:
             rows = {s: -self.late * slope(y, time, self.model.cuts)[None] for s, y in predicted.items()}
-            self.doubt = {s: np.concatenate([row, self.doubt[s][1:]]) for s, row in rows.items()}
+            self.discrepancy = {s: np.concatenate([row, self.discrepancy[s][1:]]) for s, row in rows.items()}
 
     def set_rules(self, rules: dict[str, Whitener]) -> None:
-        """Take over whitening rules, and prepare how doubt shrinks what lies along it."""
+        """Take over whitening rules, and prepare how discrepancy shrinks what lies along it."""
         self.rules = rules
         self.shrink = None
-        if self.doubt:
+        if self.discrepancy:
             columns = np.stack(
                 [
-                    self.rows(dict(zip(self.doubt, row, strict=True)))
-                    for row in zip(*self.doubt.values(), strict=True)
+                    self.rows(dict(zip(self.discrepancy, row, strict=True)))
+                    for row in zip(*self.discrepancy.values(), strict=True)
                 ],
                 axis=1,
             )
@@ -163,7 +163,7 @@ class Task:
         return found
 
     def rows(self, residuals: Mapping[str, Array]) -> Array:
-        """All signals' residuals, independent and of unit size but for doubt, in one row."""
+        """All signals' residuals, independent and of unit size but for discrepancy, in one row."""
         parts = []
         for name, rule in self.rules.items():
             rows = rule(residuals[name])
@@ -217,7 +217,7 @@ def fit(
     priors = [(i, u.prior) for i, u in enumerate(unknowns) if u.prior is not None]
 
     def cost(z: Array) -> Array:
-        x = polar.told(z)
+        x = polar.reported(z)
         white = task.white(task.residuals(base | dict(zip(names, x.tolist(), strict=True))))
         extra = [(x[i] - mean) / deviation for i, (mean, deviation) in priors]
         return np.concatenate([white, extra])
@@ -338,7 +338,7 @@ def summarised(
     scaled = turn * polar.scales[:, None]
     covariance = scaled @ np.linalg.pinv(found.jac.T @ found.jac) @ scaled.T
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
-    estimate = dict(zip(names, polar.told(found.x).tolist(), strict=True))
+    estimate = dict(zip(names, polar.reported(found.x).tolist(), strict=True))
     ends = zip(names, found.x, *bounds, strict=True)
     residuals, stepped = task.kept(base | estimate)
     return Fit(

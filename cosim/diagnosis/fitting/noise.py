@@ -85,11 +85,11 @@ class Whitener:
         demean: each window has a free offset.
         sizes: variance of the white and of each correlated noise, in squares of the signal's unit.
         skip: samples at the start that do not count: the state in which the log begins is not known.
-        carried: (window, window) covariance of what the noise of a measured drive leaves in the bins of a window, None for
-            nothing; in squares of the signal's unit.
+        propagated: (window, window) covariance of what the noise of a measured drive leaves in the bins of a window, in
+            squares of the signal's unit; None for nothing.
         cuts: first sample of each log but the first, where several are behind one another: no window reaches across, and
             `skip` samples at the start of each do not count.
-        scales: size of the noise in each log over that of all, on average one; empty where all are alike.
+        scales: size of the noise in each log over that of all, on average one; empty where all are the same.
     """
 
     bins: int
@@ -97,7 +97,7 @@ class Whitener:
     demean: bool
     sizes: tuple[float, ...]
     skip: int = 0
-    carried: Array | None = field(default=None, repr=False, compare=False)
+    propagated: Array | None = field(default=None, repr=False, compare=False)
     cuts: Cuts = ()
     scales: tuple[float, ...] = ()
     matrix: Array = field(init=False, repr=False, compare=False)
@@ -106,8 +106,8 @@ class Whitener:
     def __post_init__(self) -> None:
         """Prepare the matrix that whitens a window."""
         covariance = np.tensordot(np.array(self.sizes), kinds(self.window), axes=1)
-        if self.carried is not None:
-            covariance = covariance + self.carried
+        if self.propagated is not None:
+            covariance = covariance + self.propagated
         factor = cholesky(covariance, lower=True)
         matrix = solve_triangular(factor, np.eye(self.window), lower=True)
         object.__setattr__(self, "matrix", matrix.T.copy())
@@ -150,8 +150,10 @@ class Whitener:
         if not self.cuts:
             return self
         by = self.scales[log] ** 2 if self.scales else 1.0
-        carried = None if self.carried is None else by * self.carried
-        return replace(self, cuts=(), scales=(), sizes=tuple(by * s for s in self.sizes), carried=carried)
+        propagated = None if self.propagated is None else by * self.propagated
+        return replace(
+            self, cuts=(), scales=(), sizes=tuple(by * s for s in self.sizes), propagated=propagated
+        )
 
     def of_any_log(self) -> "Whitener":
         """The rule for a log with the noise that these have on average."""
@@ -219,7 +221,7 @@ def broad(rule: Whitener, residual: Array) -> Whitener:
     ends = np.flatnonzero(share < 1.0 / np.e)
     length = float(share[: ends[0] if ends.size else rule.window].sum())
     size = max(float(covariance[0]), NO_NOISE**2) * max(1.0, 2.0 * length)
-    return replace(rule, sizes=(size,) + (0.0,) * len(CORRELATION_TIMES), carried=None, scales=())
+    return replace(rule, sizes=(size,) + (0.0,) * len(CORRELATION_TIMES), propagated=None, scales=())
 
 
 def learned(rule: Whitener, residual: Array, absorbed: Iterable[Array], least: float = 0.0) -> Whitener:
@@ -285,8 +287,8 @@ def learned_at(
     freedom = np.ones(rows.shape[0])
     shapes = expected(rule.window, rule.demean)
     there = np.zeros((1, shapes.shape[1]))
-    if rule.carried is not None:
-        there = periodogram(rule.carried, rule.demean)[None]
+    if rule.propagated is not None:
+        there = periodogram(rule.propagated, rule.demean)[None]
     kept = np.ones(shapes.shape[1], dtype=bool)
     listed = [(centred(rule, column) / over).ravel() for column in absorbed]
     if listed:
@@ -300,8 +302,8 @@ def learned_at(
         q = q.reshape(*rows.shape, -1)
         freedom = 1.0 - np.sum(q**2, axis=(1, 2)) / rule.window
         remaining = behind(q, rule.demean, kinds(rule.window), shapes)
-        if rule.carried is not None:
-            there = behind(q, rule.demean, rule.carried[None], there)
+        if rule.propagated is not None:
+            there = behind(q, rule.demean, rule.propagated[None], there)
         # where the projection leaves little, little can be learned, and what is left there is far from independent
         kept = np.asarray((remaining > REMAINING * shapes).all(axis=0))
         if kept.sum() < FEWEST_FREQUENCIES:  # windows too short for anything better

@@ -1,7 +1,7 @@
 """Amplitude and phase of a sine of known period, searched for as the two sines that it is a sum of.
 
 A torque that is a sine of the angle looks, over a small range of angles, like a constant and a slope: amplitude and phase
-then lie in a long bent valley in which a search creeps. In the sizes of sine and cosine the same valley is straight.
+then lie in a long curved minimum in which a search creeps. In the sizes of sine and cosine the same valley is straight.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ class Polar:
             z[i], z[k] = z[i] * np.cos(x[k]), z[i] * np.sin(x[k])
         return z
 
-    def told(self, z: Array) -> Array:
+    def reported(self, z: Array) -> Array:
         """(n,) unknowns, SI, at coordinates (n,)."""
         x = z * self.scales
         for i, k in self.pairs:

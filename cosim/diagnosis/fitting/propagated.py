@@ -1,4 +1,4 @@
-"""Noise of a measured drive, carried into the signals of the group that it drives.
+"""Noise of a measured drive, propagated into the signals of the group that it drives.
 
 Where the block before the mechanics is not understood, the measured pressure drives them, and its noise is integrated into
 a random walk of the angle. Free functions take most of that for something systematic, and what they leave to learn the
@@ -20,7 +20,7 @@ REPEATS = 4  # draws, of which the size is taken
 SEED = 2019
 
 
-def carried(task: Task, rule: Whitener) -> dict[str, Array]:
+def propagated(task: Task, rule: Whitener) -> dict[str, Array]:
     """Signal -> (window, window) covariance that the noise of the measured drive, by its `rule`, leaves in a window's bins.
 
     The shape is that of an integral; the size is that of the model's answers to drawn noise.

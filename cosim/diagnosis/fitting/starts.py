@@ -44,8 +44,8 @@ def fit_from_starts(
 ) -> Fit:
     """Best of the fits that begin at the `keep` most promising combinations of the starts.
 
-    Parameters with a prior that an earlier fit has bent far off it begin there and, in further combinations, at their
-    prior: what bent them may be what this fit is to find.
+    Parameters with a prior that an earlier fit has strained far off it begin there and, in further combinations, at their
+    prior: what strained them may be what this fit is to find.
 
     Args:
         task: data, model and noise.
@@ -57,14 +57,14 @@ def fit_from_starts(
         slopes: (rows, k) of the fit without the effect: what its own parameters can take up is not the effect's.
         quick: as `fit` takes it.
     """
-    bent = {
+    strained = {
         u.name: u.prior[0]
         for u in unknowns
         if u.prior and abs(u.start - u.prior[0]) > STRAINED_START * u.prior[1]
     }
     hidden = None if size is None or slopes is None else np.linalg.qr(slopes)[0]
     kinds: list[list[Begun]] = []
-    for straight in ({}, bent) if bent else ({},):
+    for straight in ({}, strained) if strained else ({},):
         trials: list[Begun] = []
         kinds.append(trials)
         # where a limit is out of reach nothing changes with it: a search cannot begin there
@@ -79,8 +79,8 @@ def fit_from_starts(
 
         seen = [(v | straight, white(v | straight)) for v in combined(unknowns, starts)]
         if size is not None:
-            for alike in alike_but_for_the_phase(seen, size):
-                white(bounded(sized(alike, size, off, hidden), unknowns))
+            for same in differing_in_phase(seen, size):
+                white(bounded(sized(same, size, off, hidden), unknowns))
     # the best of either kind: what bends a parameter is worth nothing at its prior until its size is right to the last digit
     best = (sorted(trials, key=lambda trial: trial[:2])[: max(1, keep // len(kinds))] for trials in kinds)
     begun = [placed(unknowns, values) for *_, values in itertools.chain.from_iterable(best)]
@@ -95,7 +95,7 @@ def combined(unknowns: list[Unknown], starts: Mapping[str, tuple[float, ...]]) -
         yield {u.name: float(v) for u, v in zip(unknowns, combination, strict=True)}
 
 
-def alike_but_for_the_phase(seen: list[Seen], size: Size) -> list[list[Seen]]:
+def differing_in_phase(seen: list[Seen], size: Size) -> list[list[Seen]]:
     """Combinations with the largest size, those that differ in the phase alone together."""
     largest = max((values[size.name] for values, _ in seen), key=lambda value: abs(value - size.off))
     groups: dict[tuple[float, ...], list[Seen]] = {}
@@ -106,21 +106,21 @@ def alike_but_for_the_phase(seen: list[Seen], size: Size) -> list[list[Seen]]:
     return list(groups.values())
 
 
-def sized(alike: list[Seen], size: Size, off: Array, hidden: Array | None) -> Values:
+def sized(same: list[Seen], size: Size, off: Array, hidden: Array | None) -> Values:
     """The size (and the phase) that explains most of what is left without the effect.
 
     Args:
-        alike: combinations that differ in the phase alone: one, or two a quarter of a turn apart.
+        same: combinations that differ in the phase alone: one, or two a quarter of a turn apart.
         size: what sets the size.
         off: (n,) whitened residual without the effect.
         hidden: (n or more, k) orthonormal: what the other parameters can take up; None for nothing.
     """
-    columns = np.stack([white - off for _, white in alike], axis=1)
+    columns = np.stack([white - off for _, white in same], axis=1)
     if hidden is not None:
         own = hidden[: off.size]  # below them stand the priors' rows
         columns = columns - own @ (own.T @ columns)
     share = np.linalg.lstsq(columns, -off, rcond=None)[0]
-    values = dict(alike[0][0])
+    values = dict(same[0][0])
     grown = values[size.name] - size.off
     values[size.name] = size.off + grown * float(np.hypot(*share) if share.size == 2 else share[0])
     if share.size == 2:

@@ -249,7 +249,7 @@ def without(
 
 
 def quickly(tolerance: float) -> bool:
-    """True where quick fits do: beside trusted parameters that act alike the valley is narrow, and they stay on its side."""
+    """True where quick fits do: beside trusted parameters that act alike the minimum is narrow, and they keep to it."""
     return QUICK and tolerance >= CALIBRATED_TRUST
 
 

@@ -123,7 +123,7 @@ def task_of(task: Task, log: int) -> Task:
         task,
         model=own,
         measured={s: np.split(v, cuts)[log] for s, v in task.measured.items()},
-        doubt={s: np.split(rows, cuts, axis=1)[log] for s, rows in task.doubt.items()},
+        discrepancy={s: np.split(rows, cuts, axis=1)[log] for s, rows in task.discrepancy.items()},
         lost={s: np.split(v, cuts)[log] for s, v in task.lost.items()},
         mask=None,
     )

@@ -5,7 +5,8 @@ has described that one log and not the machine.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,16 @@ from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Whitener
-from cosim.diagnosis.fitting.trials import Trial, candidates_of, quickly, tried, tried_all, unknowns, without
+from cosim.diagnosis.fitting.trials import (
+    QUICK_ROUNDS,
+    Trial,
+    candidates_of,
+    quickly,
+    tried,
+    tried_all,
+    unknowns,
+    without,
+)
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.hypotheses.naming import rivals, worth_naming
 from cosim.diagnosis.record.grid import of_piece
@@ -22,9 +32,16 @@ from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.cross_validation import moving, repetitions
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.diagnosis.thresholds import AS_WELL, CANCELLING, INDISTINGUISHABLE, RIVALS_HELD_OUT, SURE_SIZE
-from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, ratio_ci95, steps_without
-from cosim.inference.thresholds import FEWEST_PARTS
+from cosim.diagnosis.thresholds import (
+    AS_WELL,
+    CANCELLING,
+    HOPELESS,
+    INDISTINGUISHABLE,
+    RIVALS_HELD_OUT,
+    SURE_SIZE,
+)
+from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, steps_without
+from cosim.inference.thresholds import FEWEST_PARTS, MOST_BLOCKS
 from cosim.logs import Log
 from fmus.contract import Effect
 
@@ -106,33 +123,40 @@ class Step:
         fit: with them.
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
-        doubtful: names of those whose size is too small to matter, whose uncertainty holds no cause at all, or of which
+        unsure: names of those whose size is too small to matter, whose uncertainty holds no cause at all, or of which
             two make up for each other.
         squares: (parts,) mean square of the error in each part of the held-out data, SI; of logs left out in turn
-            over that of the signal in the log, so that each log counts alike. Where the axis drifts, the prediction
+            over that of the signal in the log, so that each log counts as much. Where the axis drifts, the prediction
             begins in each part where the machine stands, and `fitted` and `held` are of the same.
+        placed: the parts are those of one run of an axis whose place counts.
     """
 
     effects: tuple[Effect, ...]
     fit: Fit
     fitted: float
     held: float
-    doubtful: tuple[str, ...] = ()
+    unsure: tuple[str, ...] = ()
     squares: Array = field(default_factory=lambda: np.zeros(1), repr=False)
+    placed: bool = False
 
     @property
     def sure(self) -> bool:
         """True if the whole fitting log determines the size of each."""
-        return not self.doubtful
-
-    @property
-    def judged(self) -> float:
-        """What counts against other sets: of a set that is not sure, nothing does."""
-        return self.held if self.sure else np.inf
+        return not self.unsure
 
     def clearly_better(self, other: "Step") -> bool:
         """True if the difference on held-out data is more than the choice of these windows may have made."""
-        return self.sure and ratio_ci95(self.squares, other.squares)[1] < 1.0
+        return self.sure and self.gain_over(other).sure
+
+    def gain_over(self, other: "Step") -> HeldOutGain:
+        """What this set gains on held-out data over another."""
+        return gain_of_errors(self.squares, other.squares, self.placed)
+
+
+def least(steps: Sequence[Step]) -> Step:
+    """The set that errs least on held-out data; one that is not sure, only where none is."""
+    found = [s for s in steps if s.sure] or list(steps)
+    return reduce(lambda one, other: other if other.gain_over(one).gain > 0.0 else one, found)
 
 
 Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each effect
@@ -140,8 +164,8 @@ Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each
 
 def refuse(
     finding: Finding, held: Held, tolerance: float, done: Steps | None = None
-) -> tuple[list[Refused], tuple[Effect, ...]]:
-    """The causes of a finding that do not help on held-out data, and what is kept of it.
+) -> tuple[Finding, list[Refused], tuple[Effect, ...]]:
+    """A finding as held-out data see it, its causes that do not help on them, and what is kept of it.
 
     A cause is kept if without it the error on held-out data is larger by more than the choice of these data may have made
     (95 %), and if the whole fitting log determines its size.
@@ -151,21 +175,21 @@ def refuse(
     the fitting log as well as a cause takes its place if it is clearly better on held-out data.
 
     Args:
-        finding: what was named in one group; `confirmed` is set if nothing is refused, and `held_squares`.
+        finding: what was named in one group; the one returned is `confirmed` if nothing is refused.
         held: the held-out data.
         tolerance: trust in the nominal parameters.
         done: sets judged already, in an earlier search of this group; it grows.
     """
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
-    prefer(finding, tolerance)
+    finding = preferred(finding, tolerance)
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
     if not signal or finding.task.model.group.drive not in held.record.signals:
-        return [], finding.chosen.effects
+        return finding, [], finding.chosen.effects
     step = stepper(finding, held, signal, tolerance, done)
     losses = {e.name: loss(finding, e, tolerance) for e in waiting}
     at = balanced(finding, step(waiting), waiting, step, losses)
     if len(at.effects) < len(waiting):  # some that were left out may help with fewer beside them
-        at = min(at, balanced(finding, step(()), waiting, step, losses), key=lambda s: s.judged)
+        at = least([at, balanced(finding, step(()), waiting, step, losses)])
     kept = {e.name for e in at.effects}
     group = finding.task.model.group.name
     refused = []
@@ -175,17 +199,20 @@ def refuse(
         refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
     if current().over:  # what is kept has not been held against all that could be left out
         current().leave_out(group, "some of its causes on the held-out data")
-    finding.confirmed = bool(at.effects) and not refused and not current().over
-    finding.held_squares = at.squares
-    finding.borne = {e.name: borne(at, e, step) for e in at.effects}
+    finding = replace(
+        finding,
+        confirmed=bool(at.effects) and not refused and not current().over,
+        held_squares=at.squares,
+        borne={e.name: borne(at, e, step) for e in at.effects},
+    )
     if not refused and not current().over:
         refused = outdone(finding, at, step, signal)
-    return refused, at.effects
+    return finding, refused, at.effects
 
 
 def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
     """What an effect of a set gains on held-out data beside the others."""
-    return gain_of_errors(at.squares, step(tuple(e for e in at.effects if e != effect)).squares)
+    return at.gain_over(step(tuple(e for e in at.effects if e != effect)))
 
 
 def loss(finding: Finding, effect: Effect, tolerance: float) -> float:
@@ -216,13 +243,13 @@ def stepper(
             fit_ = (onward if anew else refitted)(finding, effects, tolerance, finding.chosen.fit)
             fitted = float(np.sqrt(np.mean(parts_of(fit_.residuals[signal], rule, anew, model.cuts))))
             trial, apart = Trial(effects, fit_, 0), cancelling(effects, fit_, model)
-            doubtful = tuple(
+            unsure = tuple(
                 e.name for e in effects if e.name in apart or not worth_naming(trial, e, model, tolerance)
             )
             if held.in_turn:
                 each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
                 spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
-                # each log counts alike; few logs are cut into as many parts as make an interval
+                # each log counts as much; few logs are cut into as many parts as make an interval
                 count = -(-FEWEST_PARTS // len(each))
                 own = [mean_squares(e, count, anew) for e in each]
                 square = np.concatenate(own)
@@ -230,7 +257,9 @@ def stepper(
             else:
                 gone = errors(finding, fit_, held.record)[signal][held.first :]
                 square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
-            done[key] = Step(effects, fit_, fitted, float(np.sqrt(np.mean(square))), doubtful, squares)
+            placed = model.group.integrates and not anew
+            error = float(np.sqrt(np.mean(square)))
+            done[key] = Step(effects, fit_, fitted, error, unsure, squares, placed)
         return done[key]
 
     return step
@@ -253,7 +282,7 @@ def cancelling(effects: tuple[Effect, ...], fit_: Fit, model: GroupModel) -> set
     """Names of the effects of a set of which only the sum of two sizes is known: a shifted valve and a constant load.
 
     Of two sizes that make up for each other the deviation of either is that of the sum by 1 / sqrt(1 - r^2), and itself as
-    much in doubt as their correlation r: so it counts as many times.
+    much unsure as their correlation r: so it counts as many times.
     """
     keys = {f"{e.component}.{e.key}": e.name for e in effects if e.key in e.free}
     found = set()
@@ -302,31 +331,33 @@ def left_out_errors(
 
 def reconsider(
     finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float, done: Steps | None = None
-) -> tuple[Effect, ...]:
+) -> tuple[Finding, tuple[Effect, ...]]:
     """Hold what could stand in the place of a kept cause against it on held-out data: they may tell the two apart no better.
 
     An effect is refused because it adds nothing to those that are kept. One that would do as well in the place of one
     of them belongs to its rivals all the same. Of the rivals in the fitting log the closest are judged.
 
     Args:
-        finding: what is kept in one group; `rivals` grows, and `undecided` is set.
+        finding: what is kept in one group.
         held: the held-out data.
         refused: what they refused in this group.
         tolerance: trust in the nominal parameters.
         done: sets judged already.
 
     Returns:
-        The set to keep: of effects that cannot be told apart, the likeliest.
+        The finding with these rivals and what is `undecided`, and the set to keep: of effects that cannot be told apart,
+        the likeliest.
     """
     chosen = finding.chosen
     named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
     if not named or not signal or current().over:
-        return chosen.effects
+        return finding, chosen.effects
     order = finding.task.model.group.asked
     taken = chosen.effects
     step = stepper(finding, held, signal, tolerance, done)
     at = step(named)
+    listed, told = dict(finding.rivals), dict(finding.undecided)
     for effect in named:
         rest = tuple(e for e in named if e != effect)
         # what holds the kept one was refused in its place already
@@ -335,35 +366,47 @@ def reconsider(
             for r in refused
             if not r.instead and r.effect not in chosen.effects and effect not in simpler(finding, r.effect)
         ]
-        closest = sorted(finding.rivals.get(effect.name, []), key=lambda t: -t.score)
+        closest = sorted(listed.get(effect.name, ()), key=lambda t: -t.score)
         beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
-        others = dict.fromkeys([*turned_down, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
+        able = [e for e in turned_down if not hopeless(finding, effect, e, tolerance)]
+        others = dict.fromkeys([*able, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
         bare = step(rest)
         undecided = []
         for other in others:
             if current().over:
                 break
             instead = step((*rest, other))
-            about_as_well = instead.held < AS_WELL * at.held or not at.clearly_better(instead)
-            gains = ratio_ci95(instead.squares, bare.squares)[1] < 1.0
-            if other.name not in instead.doubtful and gains and about_as_well:
+            more = at.gain_over(instead).gain / min(at.squares.size, MOST_BLOCKS)
+            about_as_well = more < np.log(AS_WELL) or not at.clearly_better(instead)
+            gains = instead.gain_over(bare).sure
+            if other.name not in instead.unsure and gains and about_as_well:
                 undecided.append(other)
-        finding.undecided[effect.name] = [e.name for e in undecided]
+        told[effect.name] = [e.name for e in undecided]
         known = {e.name for (e,) in beside}
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
-        finding.rivals[effect.name] = [*finding.rivals.get(effect.name, []), *found]
+        listed[effect.name] = [*listed.get(effect.name, ()), *found]
         other = likeliest(effect, undecided, order)
         if other != effect:
             taken = tuple(other if e == effect else e for e in taken)
-            finding.undecided[other.name] = [effect.name]
+            told[other.name] = [effect.name]
+    finding = replace(finding, rivals=listed, undecided=told)
     if taken != chosen.effects:
         marked = tuple(e for e in taken if e.name in SAMPLED)
         at = shrunk(finding, step(tuple(e for e in taken if e.name not in SAMPLED)), step, {})
         taken = (*at.effects, *marked)
-        finding.held_squares = at.squares
-        finding.borne = {e.name: borne(at, e, step) for e in at.effects}
-    return taken
+        kept = {e.name: borne(at, e, step) for e in at.effects}
+        finding = replace(finding, held_squares=at.squares, borne=kept)
+    return finding, taken
+
+
+def hopeless(finding: Finding, effect: Effect, other: Effect, tolerance: float) -> bool:
+    """True if in the place of a named effect another does not half of what that one does in the fitting log."""
+    task, chosen = finding.task, finding.chosen
+    fewer = without(task, chosen, effect, finding.null, tolerance, quickly(tolerance))
+    lost = chosen.fit.log_likelihood - fewer.fit.log_likelihood
+    instead = tried(task, (*fewer.effects, other), tolerance, chosen.fit, QUICK_ROUNDS, quick=True)
+    return instead.fit.log_likelihood - fewer.fit.log_likelihood < HOPELESS * lost
 
 
 def likeliest(effect: Effect, others: Sequence[Effect], asked: Sequence[str]) -> Effect:
@@ -381,7 +424,7 @@ def outdone(
     found = []
     for effect in at.effects:
         rest = tuple(e for e in at.effects if e != effect)
-        for rival, gain in alike(finding, effect):
+        for rival, gain in indistinguishable(finding, effect):
             other = step((*rest, rival))
             if at.clearly_better(other):
                 group = finding.task.model.group.name
@@ -389,21 +432,21 @@ def outdone(
     return found
 
 
-def prefer(finding: Finding, tolerance: float) -> None:
-    """Of effects on request that explain the fitting log alike, take the one that the machine's mapping names first."""
+def preferred(finding: Finding, tolerance: float) -> Finding:
+    """Of effects on request that explain the fitting log as well, the one that the machine's mapping names first."""
     order = finding.task.model.group.asked
     effects = []
     for effect in finding.chosen.effects:
-        others = [e for e, _ in alike(finding, effect) if e.name in order]
+        others = [e for e, _ in indistinguishable(finding, effect) if e.name in order]
         listed = [effect, *others] if effect.name in order else [effect]
         effects.append(min(listed, key=lambda e: order.index(e.name) if e.name in order else 0))
-    if tuple(effects) != finding.chosen.effects:
-        finding.chosen = tried(finding.task, tuple(effects), tolerance, finding.chosen.fit)
-        candidates = candidates_of(finding.task)
-        finding.rivals = rivals(finding.task, finding, candidates, tolerance)
+    if tuple(effects) == finding.chosen.effects:
+        return finding
+    finding = replace(finding, chosen=tried(finding.task, tuple(effects), tolerance, finding.chosen.fit))
+    return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), tolerance))
 
 
-def alike(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
+def indistinguishable(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
     """Effects that explain the fitting log as well as a named one in its place, and what they gain over it there."""
     found = []
     for trial in finding.rivals.get(effect.name, []):
@@ -436,7 +479,7 @@ def balanced(
             better = [s for s in more if s.clearly_better(at)]
             for effect in at.effects:
                 rest = tuple(e for e in at.effects if e != effect)
-                more = [step((*rest, e)) for e, _ in alike(finding, effect) if e not in rest]
+                more = [step((*rest, e)) for e, _ in indistinguishable(finding, effect) if e not in rest]
                 better += [s for s in more if s.clearly_better(at)]
             # the one that describes the fitting log best, of those that held-out data bear out
             if not better:
@@ -453,7 +496,7 @@ def shrunk(
 ) -> Step:
     """The set without what held-out data do not bear out, or with something simpler in its place.
 
-    On the way lie sets whose sizes are in doubt; what they lead to must not be clearly worse than the last one that was not.
+    On the way lie sets whose sizes are unsure; what they lead to must not be clearly worse than the last one that was not.
     """
     sure = at
     while at.effects and not current().over:
@@ -473,12 +516,12 @@ def next_smaller(
 ) -> Step | None:
     """A set with an effect less, or a simpler one in its place, that held-out data do not speak against; None without one.
 
-    The effect that gains least in the fitting log goes first, before all one whose size is in doubt.
+    The effect that gains least in the fitting log goes first, before all one whose size is unsure.
     """
     in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
     if not at.sure:
-        first = next(e for e in in_order if e.name in at.doubtful)
-        return min((step(e) for e in narrowed(finding, at.effects, first)), key=lambda s: (s.judged, s.held))
+        first = next(e for e in in_order if e.name in at.unsure)
+        return least([step(e) for e in narrowed(finding, at.effects, first)])
     worse = []
     for effect in in_order:
         for effects in narrowed(finding, at.effects, effect):
@@ -488,7 +531,7 @@ def next_smaller(
             if fewer.sure:
                 return fewer
             worse.append(fewer)
-    return min(worse, key=lambda s: s.held, default=None)
+    return least(worse) if worse else None
 
 
 def narrowed(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> list[tuple[Effect, ...]]:

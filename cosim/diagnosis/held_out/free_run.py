@@ -51,8 +51,8 @@ def refitted(
 ) -> Fit:
     """Trusted parameters and effects fitted to the error over the whole log.
 
-    Over a whole log sticking makes the error jagged, with several valleys. The search begins where the fit in windows
-    ends, so that it finds the valley that the shape of the signal speaks for, and goes on until it gains no more. What is
+    Over a whole log sticking makes the error jagged, with several local minima. The search begins where the fit in windows
+    ends, so that it finds the minimum that the shape of the signal speaks for, and goes on until it gains no more. What is
     left of a real machine's log is mostly what the model lacks and not noise, so parts of the log stand for independent
     repetitions in the intervals (sandwich estimator; Huber 1967, White 1982).
 

@@ -1,7 +1,8 @@
 """What the extension gains, measured on held-out windows by running the real FMUs of both packages on the log's command."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, of_piece
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.residuals.cross_validation import held_windows
-from cosim.inference.thresholds import FEWEST_PARTS
+from cosim.inference.thresholds import FEWEST_PARTS, STANDS
 from cosim.master import Runner
 
 Array = NDArray[np.float64]
@@ -27,6 +28,7 @@ class Gain:
         before, after: RMSE.
         ratio_ci95: interval of after/before, by resampling windows.
         fit_before, fit_after: best fit %, MATLAB's NRMSE fit.
+        horizon: s after which the prediction begins anew where the machine stands; infinite for one run over all.
     """
 
     before: float
@@ -34,6 +36,7 @@ class Gain:
     ratio_ci95: tuple[float, float]
     fit_before: float
     fit_after: float
+    horizon: float = float("inf")
 
 
 def run_package(path: Path, record: Record, machine: Machine, start: Mapping[str, float]) -> dict[str, Array]:
@@ -74,6 +77,29 @@ def run_alone(path: Path, record: Record, machine: Machine, start: Mapping[str, 
     for signal, parts in wanted.items():
         values = sum(factor * result.signals[str(port)] for port, factor in parts)
         found[signal] = grid.sampled(np.asarray(values)) if isinstance(grid, Grid) else np.asarray(values)
+    return found
+
+
+def begun_anew(
+    record: Record, simulated: Mapping[str, Array], signals: Collection[str], window: int, first: int
+) -> dict[str, Array]:
+    """What was simulated, of some signals shifted in each window to where the machine stands at its start.
+
+    Args:
+        record: the log.
+        simulated: signal -> (n,) of a free run, SI.
+        signals: those of axes that drift.
+        window: samples in a window.
+        first: sample where the first begins.
+    """
+    edges = np.unique([*range(first, record.time.size, window), *record.cuts, record.time.size])
+    found = dict(simulated)
+    for signal in (s for s in signals if s in simulated and s in record.signals):
+        shifted = simulated[signal].copy()
+        for low, high in pairwise(edges[edges >= first]):
+            there = slice(low, low + max(1, round(STANDS * (high - low))))
+            shifted[low:high] += np.mean(record.signals[signal][there] - simulated[signal][there])
+        found[signal] = shifted
     return found
 
 

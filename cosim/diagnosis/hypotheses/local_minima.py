@@ -1,7 +1,7 @@
 """Where a search begins that stops would mislead: what just meets a stop makes the error jagged over the parameters.
 
 A spool that grazes a stop loses its speed there, and what follows goes with the root of how far beyond it would have gone.
-The error then has many valleys, even over the trusted parameters of a model that lacks nothing.
+The error then has many local minima, even over the trusted parameters of a model that lacks nothing.
 """
 
 import numpy as np

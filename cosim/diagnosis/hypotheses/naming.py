@@ -30,10 +30,10 @@ from cosim.diagnosis.hypotheses.pruning import confirmed, prune
 from cosim.diagnosis.hypotheses.screening import identifiable, promising
 from cosim.diagnosis.record.grid import Pieces
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.record.signatures import Mark, marks
+from cosim.diagnosis.record.signatures import Signature, signatures
 from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise, leftovers, relearned
 from cosim.diagnosis.residuals.local import Event, apart, burst, line
-from cosim.diagnosis.residuals.slow_oscillation import swing
+from cosim.diagnosis.residuals.slow_oscillation import slow_oscillation
 from cosim.diagnosis.thresholds import (
     BEYOND_TRUST,
     CALIBRATED_TRUST,
@@ -78,8 +78,8 @@ def sizes_of(effect: Effect, model: GroupModel, found: Fit) -> dict[str, float]:
     if effect.key not in effect.free:
         return {}
     unit = declared(effect, effect.key).unit
-    alike = [p for p, free in effect.free.items() if not free.phase and declared(effect, p).unit == unit]
-    names = [f"{effect.component}.{p}" for p in alike]
+    same_unit = [p for p, free in effect.free.items() if not free.phase and declared(effect, p).unit == unit]
+    names = [f"{effect.component}.{p}" for p in same_unit]
     return {n: found.values[n] - model.nominal(n) for n in names}
 
 
@@ -154,18 +154,22 @@ def find(
         chosen = confirmed(task, chosen, null, tolerance)
     finding = Finding(task, null, chosen, single, free=tolerance >= CALIBRATED_TRUST)
     if len(chosen.effects) == 1:
-        finding.single = single = [to_the_end(task, t, finding, tolerance, SINGLE_WITHIN) for t in single]
-    finding.before = leftovers(task, record, finding.null.fit)
-    finding.after = leftovers(task, record, finding.chosen.fit)
+        single = [to_the_end(task, t, finding, tolerance, SINGLE_WITHIN) for t in single]
+    before, after = (leftovers(task, record, trial.fit) for trial in (null, chosen))
+    finding = replace(finding, single=single, before=before, after=after)
     if within:
-        prune(finding, record, tolerance)
+        finding = prune(finding, record, tolerance)
         if finding.chosen is not chosen:
-            finding.single = in_same_form(task, finding.chosen, single, tolerance)
-    finding.rivals = rivals(task, finding, candidates, tolerance)
-    finding.events = {s: local_tests(task, s, finding.chosen.fit) for s in task.measured}
-    finding.marks = sampled(task, record, finding.chosen.fit)
-    finding.chosen = with_marks(usually_spelled(finding.chosen), finding.marks)
-    return finding
+            finding = replace(finding, single=in_same_form(task, finding.chosen, single, tolerance))
+    seen = sampled(task, record, finding.chosen.fit)
+    return replace(
+        finding,
+        # where other data decide some of the causes may go first, and their rivals with them
+        rivals=rivals(task, finding, candidates, tolerance, RIVAL_WITHIN if within else 0.0),
+        events={s: local_tests(task, s, finding.chosen.fit) for s in task.measured},
+        signatures=seen,
+        chosen=with_signatures(usually_spelled(finding.chosen), seen),
+    )
 
 
 def onward(
@@ -317,7 +321,7 @@ def extended(
 ) -> Trial | None:
     """The chosen set with the best further effect or form of a law, exchanges and removals tried; None if none is sure.
 
-    What the one chosen effect was bent to in the absence of the other may keep a search that begins there from finding
+    What the one chosen effect was strained to in the absence of the other may keep a search that begins there from finding
     it: where something is left, both are sought anew from their own starts (of more effects there are too many).
     """
     rest = promising(task, chosen, (e for e in candidates if e not in chosen.effects), tolerance)
@@ -368,11 +372,13 @@ def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
         log, highest = rule.log_of(task.model.drive.size), LINE_PERIODS / (rule.window * interval)
         # an oscillation goes on within a log, and not from one to the next
         each = [
-            swing(left[log == i].ravel(), [m[log == i].ravel() for m in motions], interval, highest)
+            slow_oscillation(
+                left[log == i].ravel(), [m[log == i].ravel() for m in motions], interval, highest
+            )
             for i in np.unique(log)
         ]
         best = min(each, key=lambda e: e.p_value)
-        tests["swing"] = replace(best, p_value=min(1.0, best.p_value * len(each)))
+        tests["oscillation"] = replace(best, p_value=min(1.0, best.p_value * len(each)))
     return tests
 
 
@@ -386,7 +392,7 @@ def placed_in_time(task: Task, rule: Whitener, event: Event) -> Event:
     return replace(event, start=start, end=end)
 
 
-def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:
+def sampled(task: Task, record: Record, found: Fit) -> list[Signature]:
     """Effects seen in the raw samples of the group's slew reading, of those that the group may show."""
     reading = task.model.group.reading
     if reading is None or reading not in task.measured:
@@ -395,12 +401,12 @@ def sampled(task: Task, record: Record, found: Fit) -> list[Mark]:
     values, noise = record.signals[reading], task.rules[reading].rms
     last = values[2 * values.size // 3 :]
     rate = slope(task.predicted(found)[reading], task.model.h, task.model.cuts)[-last.size :]
-    again = {m.effect: m.gain for m in marks(last, rate, noise)}
-    seen = [m for m in marks(values, record.rate(reading), noise) if m.effect in allowed]
+    again = {m.effect: m.gain for m in signatures(last, rate, noise)}
+    seen = [m for m in signatures(values, record.rate(reading), noise) if m.effect in allowed]
     return [replace(m, held_out=again.get(m.effect, 0.0)) for m in seen]
 
 
-def with_marks(trial: Trial, seen: list[Mark]) -> Trial:
+def with_signatures(trial: Trial, seen: list[Signature]) -> Trial:
     """The trial with the parameters of what the samples show among its values."""
     values = {f"{m.effect.partition('.')[0]}.{m.parameter}": m.value for m in seen}
     spreads = {f"{m.effect.partition('.')[0]}.{m.parameter}": m.deviation for m in seen}
@@ -417,7 +423,7 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
             fewer = without(task, chosen, out, chosen, tolerance, quickly(tolerance))
             free = (e for e in candidates if e not in chosen.effects)
             # in the place of the one left out another must make up for what that one explains; beside a trusted
-            # parameter that acts alike a small dose says nothing of that
+            # parameter that acts as it does a small dose says nothing of that
             lost = chosen.fit.log_likelihood - fewer.fit.log_likelihood
             needed = lost if tolerance >= CALIBRATED_TRUST else 0.0
             sets += [kept, *((*kept, e) for e in promising(task, fewer, free, tolerance, needed))]
@@ -431,9 +437,13 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
 
 
 def rivals(
-    task: Task, finding: Finding, candidates: tuple[Effect, ...], tolerance: float
+    task: Task,
+    finding: Finding,
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    share: float = RIVAL_WITHIN,
 ) -> dict[str, list[Trial]]:
-    """For each accepted effect, the sets in which another stands in its place, best first."""
+    """For each accepted effect, the sets in which another stands in its place, best first; `share` as `to_the_end`."""
     found: dict[str, list[Trial]] = {}
     for effect in finding.chosen.effects:
         kept = tuple(e for e in finding.chosen.effects if e != effect)
@@ -449,7 +459,7 @@ def rivals(
         )
         if kept:  # one effect may do what the whole set does
             found[effect.name] += [t for t in finding.single if t.effects[0] not in finding.chosen.effects]
-        found[effect.name] = [to_the_end(task, t, finding, tolerance) for t in found[effect.name]]
+        found[effect.name] = [to_the_end(task, t, finding, tolerance, share) for t in found[effect.name]]
     return found
 
 

@@ -20,22 +20,22 @@ def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial
     return chosen
 
 
-def prune(finding: Finding, record: Record, tolerance: float) -> None:
-    """Take out of a finding what explains less than it leaves, and what is more than the log can tell."""
+def prune(finding: Finding, record: Record, tolerance: float) -> Finding:
+    """The finding without what explains less than it leaves, and what is more than the log can tell."""
     if not finding.free:  # a model known only roughly leaves more than any cause explains
-        drop_outweighed(finding, record, tolerance)
-        simplified(finding, record, tolerance)
-    moderated(finding, record, tolerance)
+        finding = drop_outweighed(finding, record, tolerance)
+        finding = simplified(finding, record, tolerance)
+    finding = moderated(finding, record, tolerance)
     # what is left of a set, or has taken its place, must hold in other windows as well
     held = confirmed(finding.task, finding.chosen, finding.null, tolerance)
-    if held is not finding.chosen:
-        finding.accept(held, record)
+    return finding if held is finding.chosen else finding.accept(held, record)
 
 
-def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> None:
-    """Take causes out that explain less than what stays unexplained."""
+def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> Finding:
+    """The finding without causes that explain less than what stays unexplained."""
     while out := outweighed(finding, tolerance):
-        finding.accept(without(finding.task, finding.chosen, out, finding.null, tolerance), record)
+        finding = finding.accept(without(finding.task, finding.chosen, out, finding.null, tolerance), record)
+    return finding
 
 
 def outweighed(finding: Finding, tolerance: float) -> Effect | None:
@@ -51,15 +51,15 @@ def outweighed(finding: Finding, tolerance: float) -> Effect | None:
     return effect if loss < left else None
 
 
-def simplified(finding: Finding, record: Record, tolerance: float) -> None:
-    """Put the simplest effect in the place of a set, if the difference is less than what both leave unexplained.
+def simplified(finding: Finding, record: Record, tolerance: float) -> Finding:
+    """The simplest effect in the place of a set, if the difference is less than what both leave unexplained.
 
     Where even the best set leaves something, its law is known only nearly, and a difference smaller than what is left
     tells nothing: friction of another form than the library's is friction, not a falling curve with more damping.
     """
     chosen, left = finding.chosen, unexplained(finding)
     if not chosen.effects or left <= INDISTINGUISHABLE:
-        return
+        return finding
     simpler = [
         t
         for t in finding.single
@@ -69,18 +69,17 @@ def simplified(finding: Finding, record: Record, tolerance: float) -> None:
     ]
     in_order = sorted(simpler, key=lambda t: (t.price, -t.score))
     best = next((t for t in in_order if not refuted(finding.task, t, finding.null, tolerance)), None)
-    if best is not None:
-        finding.accept(polished(finding.task, best, tolerance), record)
+    return finding if best is None else finding.accept(polished(finding.task, best, tolerance), record)
 
 
-def moderated(finding: Finding, record: Record, tolerance: float) -> None:
-    """Put an effect of a usual size in the place of one beyond all sizes, if the log cannot tell the two apart.
+def moderated(finding: Finding, record: Record, tolerance: float) -> Finding:
+    """An effect of a usual size in the place of one beyond all sizes, if the log cannot tell the two apart.
 
     A drive that hardly moves may be held by friction or be watched by a sensor that reads a thirtieth of the angle.
     """
     chosen, model = finding.chosen, finding.task.model
     if len(chosen.effects) != 1 or size_of(chosen, model) <= USUAL_SIZE:
-        return
+        return finding
     # a law of another form may do what its simplest one is far from: friction that lets the drive creep
     forms: list[tuple[Effect, ...]] = [
         (e.formed(p),) for t in finding.single for e in t.effects if not e.is_formed for p in e.forms
@@ -90,16 +89,17 @@ def moderated(finding: Finding, record: Record, tolerance: float) -> None:
         of_usual_size(finding.task, t.effects, tolerance, USUAL_SIZE) if size_of(t, model) > USUAL_SIZE else t
         for t in tried_all(finding.task, forms, tolerance)
     ]
-    alike = [
+    as_good = [
         t
         for t in (*finding.single, *formed)
         if t.score > chosen.score - INDISTINGUISHABLE
         and size_of(t, model) <= USUAL_SIZE * (1.0 + 1e-9)
         and not impossible(t, model)
     ]
-    if alike:
-        best = max(alike, key=lambda t: t.score)
-        finding.accept(polished(finding.task, best, tolerance), record)
+    if not as_good:
+        return finding
+    best = max(as_good, key=lambda t: t.score)
+    return finding.accept(polished(finding.task, best, tolerance), record)
 
 
 def size_of(trial: Trial, model: GroupModel) -> float:

@@ -15,12 +15,12 @@ from cosim.diagnosis.extension.estimate import estimate, gain_by_fmus, worse, wr
 from cosim.diagnosis.fitting.bounds import absurd, greatest_torque
 from cosim.diagnosis.fitting.chain import Known, task_for
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.fitting.propagated import carried
+from cosim.diagnosis.fitting.propagated import propagated
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.held_out.causes import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
 from cosim.diagnosis.hypotheses.exercised import never_exercised
-from cosim.diagnosis.hypotheses.naming import find, rivals
+from cosim.diagnosis.hypotheses.naming import find, rivals, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
@@ -49,6 +49,7 @@ from cosim.diagnosis.verdict.discrepancy import understood
 from cosim.diagnosis.verdict.verdict import Cause, Rest, adequate, causes, negligible, rests
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
+from cosim.inference.held_out import gain_of_errors
 from cosim.logs import Log, Tracker, listed
 from fmus.contract import Effect
 
@@ -163,7 +164,7 @@ def named_in(
     current().allow(share)
     if others is not None:
         finding = borne_out(found, group, finding, others, driving, trust, constants, watch)
-    beaten_by_linear(finding, record, held)
+    finding = beside_linear(finding, record, held)
     if driving:
         again = partial(searched, found, group, trust, constants, most=most)
         known, finding = traced(found, finding, known, again, trust)
@@ -187,7 +188,7 @@ def borne_out(
     """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
     record, most = found.record, found.machine.options.causes
     done: Steps = {}
-    best: tuple[float, Finding, tuple[Effect, ...]] | None = None
+    best: tuple[Array | None, Finding, tuple[Effect, ...]] | None = None
     for left in reversed(range(SEARCHES)):
         if current().over:
             if finding.chosen.effects:
@@ -195,14 +196,17 @@ def borne_out(
             break
         count = len(finding.chosen.effects)
         enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
-        turned_down, kept = refuse(finding, held, trust, done)
+        finding, turned_down, kept = refuse(finding, held, trust, done)
         found.refused += turned_down
-        error = float(np.mean(finding.held_squares)) if finding.held_squares is not None else np.inf
-        if best is not None and error > best[0]:  # a search without what was refused has ended worse
+        squares = finding.held_squares
+        placed = group.integrates and not group.drifts
+        # a search without what was refused may end worse
+        if best is not None and not errs_at_most(squares, best[0], placed):
             finding, kept = keep(best[1], best[2], record, trust), best[2]
             break
-        best = error, finding, kept
+        best = squares, finding, kept
         if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
+            finding = replace(finding, rivals=settled(finding, trust))
             break
         if left and current().over:
             current().leave_out(group.name, "another search without what held-out data refused")
@@ -214,36 +218,55 @@ def borne_out(
         begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
         before = finding
         finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
-        finding.held_squares, finding.borne = before.held_squares, before.borne
+        finding = replace(finding, held_squares=before.held_squares, borne=before.borne)
     taken = finding.chosen.effects
     with part_of(found.notes, "holding rivals of the causes against the held-out data"):
-        taken = reconsider(finding, held, [r for r in found.refused if r.group == group.name], trust, done)
+        turned_down = [r for r in found.refused if r.group == group.name]
+        finding, taken = reconsider(finding, held, turned_down, trust, done)
     return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust)
+
+
+def settled(finding: Finding, trust: float) -> dict[str, list[Trial]]:
+    """The rivals of a finding, those that explain nearly as much fitted until they settle."""
+    return {
+        name: [to_the_end(finding.task, t, finding, trust) for t in found]
+        for name, found in finding.rivals.items()
+    }
+
+
+def errs_at_most(one: Array | None, other: Array | None, placed: bool) -> bool:
+    """True if one search ends with no larger an error on held-out data than another; None where nothing was judged.
+
+    Args:
+        one: (parts,) mean squares.
+        other: those of the other.
+        placed: as `gain_of_errors` takes it.
+    """
+    if one is None or other is None:
+        return other is None
+    return gain_of_errors(one, other, placed).gain >= 0.0
 
 
 def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float) -> Finding:
     """The finding with those of its effects that held-out data bear out."""
     begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
-    finding.accept(begin, record)
-    finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), trust)
-    finding.confirmed = kept != ()
-    return finding
+    finding = replace(finding.accept(begin, record), confirmed=kept != ())
+    return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), trust))
 
 
-def beaten_by_linear(finding: Finding, record: Record, held: Held | None) -> None:
-    """Hold a finding against a linear model of free order; where that is clearly better, nothing is named on top of it."""
-    task = finding.task
+def beside_linear(finding: Finding, record: Record, held: Held | None) -> Finding:
+    """A finding with a linear model of free order beside it; where that is clearly better, nothing is named on top of it."""
+    task, linear = finding.task, finding.reference
     if held is None:
-        finding.reference = of_group(task, finding.chosen.fit, record.time)
+        linear = of_group(task, finding.chosen.fit, record.time)
     elif finding.held_squares is not None:
-        finding.reference = over_logs(task, record, held.record, held.first, finding.held_squares)
-    linear, signal = finding.reference, next(iter(task.measured))
+        linear = over_logs(task, record, held.record, held.first, finding.held_squares)
+    finding, signal = replace(finding, reference=linear), next(iter(task.measured))
     if linear is None or adequate(finding) or not linear.clearly_better:
-        return
-    if linear.ours_error**2 - linear.error**2 > negligible(finding, signal) ** 2:
-        finding.lacks_linear = True
-        finding.accept(finding.null, record)
-        finding.rivals = {}
+        return finding
+    if linear.ours_error**2 - linear.error**2 <= negligible(finding, signal) ** 2:
+        return finding
+    return replace(finding.accept(finding.null, record), lacks_linear=True, rivals={})
 
 
 def searched(
@@ -262,8 +285,8 @@ def searched(
     settle(task.model, constants or {})
     heard = [f.task.rules[group.drive] for f in found.findings.values() if group.drive in f.task.rules]
     if group.integrates and not known and heard:
-        left = carried(task, heard[0])
-        task.set_rules({s: replace(rule, carried=left[s]) for s, rule in task.rules.items()})
+        left = propagated(task, heard[0])
+        task.set_rules({s: replace(rule, propagated=left[s]) for s, rule in task.rules.items()})
     return find(task, found.record, trust, most, within, begin)
 
 
@@ -311,7 +334,7 @@ def concluded(found: Diagnosis) -> None:
 def not_physical(found: Diagnosis, trust: float) -> bool:
     """Take the causes of a group back of which one has a size that cannot be; True if there was any."""
     taken = False
-    for name, finding in found.findings.items():
+    for name, finding in list(found.findings.items()):
         model = finding.task.model
         own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
         sizes = [
@@ -324,8 +347,8 @@ def not_physical(found: Diagnosis, trust: float) -> bool:
         if not any(absurd(c.effect, size, nominal, torque) for c, size, nominal in each):
             continue
         taken = True
-        finding.accept(finding.null, found.record)
-        finding.rivals, finding.confirmed = {}, False
+        finding = replace(finding.accept(finding.null, found.record), rivals={}, confirmed=False)
+        found.findings[name] = finding
         found.causes = [c for c in found.causes if c not in own]
         found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
     concluded(found)
@@ -334,14 +357,14 @@ def not_physical(found: Diagnosis, trust: float) -> bool:
 
 def taken_back(found: Diagnosis, folder: Path, trust: float) -> None:
     """Leave the model as it was where its extension predicts data held out worse: such causes are refused."""
-    for name, finding in found.findings.items():
+    for name, finding in list(found.findings.items()):
         signal = next(iter(finding.task.measured))
         gain = found.gains.get(signal)
         own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
         if not own or gain is None:
             continue
         found.refused += [Refused(c.effect, name, signal, c.gain, gain.before, gain.after) for c in own]
-        finding.accept(finding.null, found.record)
+        found.findings[name] = finding = finding.accept(finding.null, found.record)
         found.causes = [c for c in found.causes if c not in own]
         found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
     concluded(found)

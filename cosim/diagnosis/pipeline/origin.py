@@ -38,7 +38,7 @@ def traced(
     if not finding.chosen.effects and adequate(finding):
         return known, finding
     listed = origins(finding, known, found.record)
-    finding.upstream = upstream_rivals(finding, listed, known)
+    finding = replace(finding, upstream=upstream_rivals(finding, listed, known))
     if found.held is not None:
         return known, finding
     clearly = INDISTINGUISHABLE if finding.chosen.effects else NAMING_GAIN
@@ -50,14 +50,21 @@ def traced(
         if other.chosen.effects or not adequate(other):
             continue
         close = [o.trial for o in listed if o is not origin and o.behind < origin.behind + INDISTINGUISHABLE]
-        alike = list(dict.fromkeys(e.name for t in close for e in t.effects if e not in trial.effects))
-        if taken(found, finding, item, origin, alike, tolerance):
+        indistinguishable = list(
+            dict.fromkeys(e.name for t in close for e in t.effects if e not in trial.effects)
+        )
+        if taken(found, finding, item, origin, indistinguishable, tolerance):
             return moved, other
     return known, finding
 
 
 def taken(
-    found: Diagnosis, shown: Finding, item: Known, origin: Origin, alike: list[str], tolerance: float
+    found: Diagnosis,
+    shown: Finding,
+    item: Known,
+    origin: Origin,
+    indistinguishable: list[str],
+    tolerance: float,
 ) -> bool:
     """Name an origin in its own block, with what was named where it showed among its rivals; False if it leaves too much.
 
@@ -66,23 +73,29 @@ def taken(
         shown: what was found where it showed.
         item: the block with it.
         origin: the explanation.
-        alike: effects of the blocks before that explain as much.
+        indistinguishable: effects of the blocks before that explain as much.
         tolerance: trust in the nominal parameters.
     """
     name = item.model.group.name
     before = found.findings[name]
-    finding = replace(before)
-    finding.accept(polished(before.task, origin.trial, tolerance), found.record)
-    finding.rivals = rivals(finding.task, finding, candidates_of(finding.task), tolerance)
+    finding = before.accept(polished(before.task, origin.trial, tolerance), found.record)
+    finding = replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), tolerance))
     named = causes(finding, tolerance)
-    new = [c for c in named if c.effect not in before.chosen.effects]
-    if not new:
+    if all(c.effect in before.chosen.effects for c in named):
         return False
-    for cause in new:
-        cause.rivals = [*rivals_where_shown(shown, origin), *cause.rivals]
-        # its own signal hardly shows it, nor tells it from others: what it explains is what the group behind shows
-        cause.gain += shown.chosen.score - shown.null.score - origin.behind
-        cause.alike = alike
+    # its own signal hardly shows it, nor tells it from others: what it explains is what the group behind shows
+    more = shown.chosen.score - shown.null.score - origin.behind
+    named = [
+        c
+        if c.effect in before.chosen.effects
+        else replace(
+            c,
+            rivals=[*rivals_where_shown(shown, origin), *c.rivals],
+            gain=c.gain + more,
+            indistinguishable=indistinguishable,
+        )
+        for c in named
+    ]
     found.findings[name] = finding
     found.causes = [c for c in found.causes if c.group != name] + named
     found.rests = [r for r in found.rests if r.block != name] + rests(finding, tolerance)

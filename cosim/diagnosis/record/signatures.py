@@ -1,7 +1,7 @@
 """Effects seen in the raw samples and not in the shape of a residual: rounding to steps, and stale samples.
 
 A model with its own pseudo-random lost packets can never meet those of the log, and a rounded model is jagged: least
-squares is blind to both. They leave exact marks instead: readings on a grid, and readings that repeat to the last digit.
+squares is blind to both. They leave exact signatures instead: readings on a grid, or that repeat to the last digit.
 A stale sample tells nothing new of the machine, and its lateness would pass for inertia: fits leave it out.
 """
 
@@ -33,13 +33,13 @@ SAMPLED = ("sensor.quantisation", "sensor.dropout")
 
 
 @dataclass(frozen=True)
-class Mark:
+class Signature:
     """An effect found in the samples.
 
     Attributes:
         effect: its name.
         parameter: its parameter, with `value` and standard deviation, SI.
-        gain: log-likelihood of the marks against chance.
+        gain: log-likelihood of the signature against chance.
         held_out: the same in the last third of the log alone.
     """
 
@@ -134,8 +134,8 @@ def noisy(values: Array) -> bool:
     return own / np.sqrt(70.0) > OWN_NOISE * COMPUTED * moved
 
 
-def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
-    """The effects whose marks the slew readings (n,) [rad] bear.
+def signatures(values: Array, rate: Array, noise: float) -> list[Signature]:
+    """The effects whose signatures the slew readings (n,) [rad] bear.
 
     Args:
         values: readings as logged.
@@ -146,11 +146,11 @@ def marks(values: Array, rate: Array, noise: float) -> list[Mark]:
     if step > COARSE * noise:
         # each reading on the grid by chance: the width of the test, 1 in 50
         gain = values.size * float(np.log(CHANCE_ON_GRID))
-        return [Mark("sensor.quantisation", "quantum", step, step / values.size, gain)]
+        return [Signature("sensor.quantisation", "quantum", step, step / values.size, gain)]
     share, spread, natural = stale_share(values, rate)
     if lost(share, spread, natural):
         gain = values.size * share * float(np.log(share / max(natural, 1.0 / values.size)))
-        return [Mark("sensor.dropout", "p_drop", share, spread, gain)]
+        return [Signature("sensor.dropout", "p_drop", share, spread, gain)]
     return []
 
 

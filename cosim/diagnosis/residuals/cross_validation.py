@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.trials import Trial, without
 from cosim.diagnosis.record.signatures import SAMPLED
-from cosim.diagnosis.thresholds import HELD_EVERY
 from cosim.inference.held_out import HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
-from cosim.inference.thresholds import FEWEST_PARTS
+from cosim.inference.thresholds import FEWEST_PARTS, HELD_EVERY
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -69,7 +68,7 @@ def errs_less(task: Task, one: Fit, other: Fit, demean: bool) -> bool:
 
 
 def part(task: Task, mask: NDArray[np.bool_]) -> Task:
-    """The task on some windows only; doubt from upstream counts in each part by itself."""
+    """The task on some windows only; discrepancy from upstream counts in each part by itself."""
     found = replace(task, mask=mask)
     found.set_rules(task.rules)
     return found

@@ -1,6 +1,7 @@
 """What is known of one group while its causes are looked for, and what is left when they are taken out."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 
@@ -12,7 +13,7 @@ from cosim.diagnosis.fitting.noise import centred, learned
 from cosim.diagnosis.fitting.rounded import concentration
 from cosim.diagnosis.fitting.trials import Trial, freed
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.record.signatures import Mark
+from cosim.diagnosis.record.signatures import Signature
 from cosim.diagnosis.residuals.bases import free_bases
 from cosim.diagnosis.residuals.cross_validation import window_numbers
 from cosim.diagnosis.residuals.freeform import Basis, Leftover, explain
@@ -35,9 +36,9 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Finding:
-    """What was found in one group.
+    """What was found in one group: a value, of which each step of the diagnosis makes another.
 
     Attributes:
         task: data, model and noise.
@@ -47,7 +48,7 @@ class Finding:
         rivals: for each accepted effect, sets that differ in that effect, best first.
         before, after: what free functions still explain, by signal.
         events: what is left at one time ("event") or one frequency ("line") only, by signal.
-        marks: effects seen in the raw samples.
+        signatures: effects seen in the raw samples.
         upstream: effects of the blocks before, with how far each explains the log worse than the accepted one.
         confirmed: held-out data have borne out the chosen effects.
         free: the nominal parameters are fitted freely, so nothing says how little the model must leave.
@@ -61,25 +62,24 @@ class Finding:
     task: Task
     null: Trial
     chosen: Trial
-    single: list[Trial] = field(default_factory=list)
-    rivals: dict[str, list[Trial]] = field(default_factory=dict)
-    before: dict[str, Leftover] = field(default_factory=dict)
-    after: dict[str, Leftover] = field(default_factory=dict)
-    events: dict[str, dict[str, Event]] = field(default_factory=dict)
-    marks: list[Mark] = field(default_factory=list)
-    upstream: list[tuple[Effect, float]] = field(default_factory=list)
+    single: Sequence[Trial] = ()
+    rivals: Mapping[str, Sequence[Trial]] = field(default_factory=dict)
+    before: Mapping[str, Leftover] = field(default_factory=dict)
+    after: Mapping[str, Leftover] = field(default_factory=dict)
+    events: Mapping[str, Mapping[str, Event]] = field(default_factory=dict)
+    signatures: Sequence[Signature] = ()
+    upstream: Sequence[tuple[Effect, float]] = ()
     confirmed: bool = False
     free: bool = False
     reference: Reference | None = None
-    borne: dict[str, HeldOutGain] = field(default_factory=dict)
-    undecided: dict[str, list[str]] = field(default_factory=dict)
+    borne: Mapping[str, HeldOutGain] = field(default_factory=dict)
+    undecided: Mapping[str, Sequence[str]] = field(default_factory=dict)
     held_squares: Array | None = field(default=None, repr=False)
     lacks_linear: bool = False
 
-    def accept(self, chosen: Trial, record: Record) -> None:
-        """Accept another set, and see what it leaves."""
-        self.chosen = chosen
-        self.after = leftovers(self.task, record, chosen.fit)
+    def accept(self, chosen: Trial, record: Record) -> "Finding":
+        """The finding with another set accepted, and what that leaves."""
+        return replace(self, chosen=chosen, after=leftovers(self.task, record, chosen.fit))
 
 
 def bases_of(task: Task, record: Record, found: Fit) -> dict[str, list[Basis]]:
@@ -107,7 +107,7 @@ def learn_noise(task: Task, record: Record, found: Fit) -> None:
     for signal, bases in bases_of(task, record, found).items():
         # not of the path since a reversal: what friction's law lacks lies along it as well, and would pass for less noise
         smooth = (b.columns() for b in bases if not isinstance(b, Reversals))
-        columns = chain.from_iterable([*smooth, task.doubt.get(signal, ())])
+        columns = chain.from_iterable([*smooth, task.discrepancy.get(signal, ())])
         least = quietest(task.measured[signal])
         rules[signal] = learned(task.rules[signal], found.residuals[signal], columns, least)
         if signal in task.steps:
@@ -138,40 +138,41 @@ def lacking(task: Task, record: Record, found: Fit) -> bool:
 def relearned(task: Task, record: Record, found: Fit) -> bool:
     """Learn the noise from a fit; True if it is smaller than was thought, otherwise the rules stay as they were.
 
-    Likewise if the doubt of the timing has moved: what a late signal looks like depends on what is predicted.
+    Likewise if the discrepancy of the timing has moved: what a late signal looks like depends on what is predicted.
     """
-    rules, doubt = task.rules, task.doubt
+    rules, discrepancy = task.rules, task.discrepancy
     learn_noise(task, record, found)
     if any(task.rules[s].sigma < NOISE_SMALLER * rule.sigma for s, rule in rules.items()):
         return True
     if (
         task.late
-        and np.linalg.norm(task.rows({s: d[0] - doubt[s][0] for s, d in task.doubt.items()})) > TIMING_MOVED
+        and np.linalg.norm(task.rows({s: d[0] - discrepancy[s][0] for s, d in task.discrepancy.items()}))
+        > TIMING_MOVED
     ):
         return True
-    task.doubt = doubt
+    task.discrepancy = discrepancy
     task.set_rules(rules)
     return False
 
 
-def bent(finding: Finding) -> bool:
-    """True if a nominal parameter is itself a cause: the null model has then bent it already and leaves nothing of it."""
+def nominal_is_cause(finding: Finding) -> bool:
+    """True if a nominal parameter is itself a cause: the null model has then moved it already and leaves nothing of it."""
     return bool(set(finding.task.model.group.trusted) & set(freed(finding.chosen.effects)))
 
 
 def at_first(finding: Finding, signal: str) -> float:
-    """Size of what the nominal model leaves in a signal beyond noise, SI; of a bent one, what is changed against nominal."""
+    """Size of what the nominal model leaves in a signal beyond noise, SI; of one moved so, the change against nominal."""
     size, task = finding.before[signal].rms, finding.task
-    if not bent(finding):
+    if not nominal_is_cause(finding):
         return size
     change = task.residuals({})[signal] - finding.chosen.fit.residuals[signal]
     return max(size, float(np.sqrt(np.mean(centred(task.rules[signal], change) ** 2))))
 
 
 def gained(finding: Finding) -> float:
-    """Log-likelihood that the chosen effects gain over the nominal model; of a bent one, over the nominal parameters."""
+    """Log-likelihood that the chosen effects gain over the nominal model; of one moved so, over the nominal parameters."""
     null = finding.null.fit.log_likelihood
-    if bent(finding):
+    if nominal_is_cause(finding):
         white = finding.task.white(finding.task.residuals({}))
         null = min(null, -0.5 * float(white @ white))
     return finding.chosen.fit.log_likelihood - null

@@ -31,7 +31,7 @@ TAPERS = 7  # of that bandwidth that leak next to nothing
 PADDED = 4  # how much finer than one period a log the frequencies lie
 
 
-def swing(residual: Array, motions: Sequence[Array], interval: float, highest: float) -> Event:
+def slow_oscillation(residual: Array, motions: Sequence[Array], interval: float, highest: float) -> Event:
     """The frequency at which a residual holds an oscillation over the whole log that no motion has.
 
     Args:
@@ -82,7 +82,7 @@ def swing(residual: Array, motions: Sequence[Array], interval: float, highest: f
 
 
 def spanned(transforms: list[Transforms]) -> Transforms:
-    """(frequencies, tapers, k) orthonormal directions of several signals' transforms; zeros where two are alike."""
+    """(frequencies, tapers, k) orthonormal directions of several signals' transforms; zeros where two are the same."""
     stacked = np.stack(transforms, axis=2)
     stacked = stacked / np.maximum(np.linalg.norm(stacked, axis=1, keepdims=True), 1e-300)
     basis, sizes, _ = np.linalg.svd(stacked, full_matrices=False)

@@ -44,7 +44,7 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 
-@dataclass
+@dataclass(frozen=True)
 class TrackerFinding:
     """What the tracker says.
 

@@ -121,7 +121,7 @@ class TrackerModel:
     def fit(self, names: Sequence[str], start: Mapping[str, float]) -> Fit:
         """Least squares over offset, rate and `names`, from `start` and from the seam alone: the better one.
 
-        Where the motion is hardly longer than the seam is high, a wrong scale of the sensor is a valley of its own.
+        Where the motion is hardly longer than the seam is high, a wrong scale of the sensor is a local minimum of its own.
         """
         found = self.fit_from(names, start)
         if SEAM not in names or len(names) == 1:

@@ -2,7 +2,7 @@
 
 A real hysteresis is no single play and a real leak no laminar one. What is left of the cause in its own signal may be lost
 in the noise there, and yet stand out where it is integrated: friction of a few N m was named for it. So what a block
-delivers is corrected by what free functions find in its residual, as far as they can be trusted; the rest of them is doubt.
+delivers is corrected by what free functions find in its residual, as far as they can be trusted; their rest is discrepancy.
 """
 
 import numpy as np
@@ -17,13 +17,13 @@ from cosim.diagnosis.verdict.upstream import alternatives
 
 Array = NDArray[np.float64]
 
-LEAST_DIRECTION = 1e-3  # of the largest: what a direction of doubt must move to count
+LEAST_DIRECTION = 1e-3  # of the largest: what a direction of the discrepancy must move to count
 
 
 def understood(finding: Finding, record: Record, tolerance: float) -> Known:
     """A group as it is handed on to the one behind it."""
     task, chosen = finding.task, finding.chosen
-    lacking, doubts = doubt_of_law(finding, record)
+    lacking, discrepancies = discrepancy_of_law(finding, record)
     return Known(
         task.model,
         in_any_form(task, chosen, tolerance),
@@ -31,17 +31,17 @@ def understood(finding: Finding, record: Record, tolerance: float) -> Known:
         chosen.price,
         alternatives(finding),
         lacking,
-        doubts,
+        discrepancies,
     )
 
 
-def doubt_of_law(finding: Finding, record: Record) -> tuple[Array | None, list[Array]]:
-    """Correction (n,) of a group's first signal and its changes (n,) one standard deviation along each doubt of the laws.
+def discrepancy_of_law(finding: Finding, record: Record) -> tuple[Array | None, list[Array]]:
+    """Correction (n,) of a group's first signal and its changes (n,) one deviation along each discrepancy of the laws.
 
     Ridge regression of the residual on all free functions, each within LAW_KNOWN_TO of what the causes explain.
 
     Args:
-        finding: what was found in the group; nothing, or causes of laws that have one form only, leave no doubt.
+        finding: what was found in the group; nothing, or causes of laws that have one form only, leave no discrepancy.
         record: the log.
     """
     chosen, task = finding.chosen, finding.task

@@ -23,7 +23,7 @@ LAW_CUTOFF = 20.0  # Hz: a measured signal holds little above but noise
 
 
 def behind(task: Task, one: tuple[Effect, Trial], other: tuple[Effect, Trial]) -> float | None:
-    """Log-likelihood by which the second of two bent laws explains the log worse, each with a free function beside it.
+    """Log-likelihood by which the second of two laws explains the log worse, each with a free function beside it.
 
     None where the two depend on the same signal, or one of them is no torque along a signal.
     """

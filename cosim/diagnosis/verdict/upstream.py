@@ -42,7 +42,7 @@ def alternatives(finding: Finding) -> list[Trial]:
     """Every single effect of a group in which nothing is named, otherwise what can hardly be told from what is."""
     chosen = finding.chosen
     if not chosen.effects:
-        return finding.single
+        return list(finding.single)
     sets = [t for listed in finding.rivals.values() for t in listed]
     return [
         t
@@ -63,7 +63,7 @@ def origins(finding: Finding, known: list[Known], record: Record) -> list[Origin
     found = []
     for at, item in enumerate(known):
         for trial in item.others:
-            # a parameter that is free already counts as doubt of the drive
+            # a parameter that is free already counts in the drive's covariance
             new = [e for e in trial.effects if e not in item.named]
             if any(n in item.model.group.trusted for n in freed(tuple(new))):
                 continue
@@ -114,7 +114,7 @@ def gain_downstream(finding: Finding, known: list[Known], at: int, trial: Trial,
 
 
 def bare(known: Known) -> Known:
-    """Blocks as known, without their doubt."""
+    """Blocks as known, without their discrepancy."""
     return replace(known, fit=replace(known.fit, covariance=np.empty((0, 0))))
 
 

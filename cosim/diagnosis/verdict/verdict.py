@@ -1,6 +1,7 @@
 """From fits to answers: what is a cause, what cannot be told apart, what stays unexplained."""
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from cosim.diagnosis.thresholds import (
     ROUNDING_SHARE,
     STRAIN_MARGIN,
 )
-from cosim.diagnosis.verdict import free_form_law as bent
+from cosim.diagnosis.verdict import free_form_law
 from cosim.inference.held_out import HeldOutGain
 from fmus import registry
 from fmus.contract import Effect
@@ -35,7 +36,7 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Cause:
     """A named cause.
 
@@ -47,19 +48,19 @@ class Cause:
         held_out: log-likelihood gained on data that had no share in the estimates, with its interval: on held-out logs,
             on each of several logs left out in turn, or on windows of the log left out in turn.
         rivals: (effect, log-likelihood behind the chosen set).
-        alike: effects that the data cannot tell from this one.
+        indistinguishable: effects that the data cannot tell from this one.
     """
 
     effect: Effect
     group: str
-    parameters: dict[str, tuple[float, float]]
+    parameters: Mapping[str, tuple[float, float]]
     gain: float
     held_out: HeldOutGain
-    rivals: list[tuple[Effect, float]] = field(default_factory=list)
-    alike: list[str] = field(default_factory=list)
+    rivals: Sequence[tuple[Effect, float]] = ()
+    indistinguishable: Sequence[str] = ()
 
 
-@dataclass
+@dataclass(frozen=True)
 class Rest:
     """Something systematic that nothing in the library explains; `span` is when, s, if only one stretch is off."""
 
@@ -92,7 +93,7 @@ def sole_form(finding: Finding) -> bool:
 def rounding(finding: Finding, signal: str) -> float:
     """Step of the grid on which a signal's readings lie, SI; 0 without one."""
     read = signal == finding.task.model.group.reading
-    steps = [m.value for m in finding.marks if m.effect == "sensor.quantisation" and read]
+    steps = [m.value for m in finding.signatures if m.effect == "sensor.quantisation" and read]
     return max(steps, default=0.0)
 
 
@@ -140,7 +141,7 @@ def stands(finding: Finding) -> bool:
     return not any(local(finding, s, e) and e.gain > gain for s, e in listed)
 
 
-def marked(finding: Finding) -> list[Cause]:
+def of_signatures(finding: Finding) -> list[Cause]:
     """Causes seen in the raw samples; of a log-likelihood ratio the variance is taken as twice its mean, as of a shift."""
     effects, group = registry.effects(), finding.task.model.group.name
     return [
@@ -151,44 +152,42 @@ def marked(finding: Finding) -> list[Cause]:
             m.gain,
             HeldOutGain(m.held_out, float(np.sqrt(2.0 * max(m.held_out, 0.0)))),
         )
-        for m in finding.marks
+        for m in finding.signatures
     ]
 
 
 def causes(finding: Finding, tolerance: float) -> list[Cause]:
     """The named causes of a group; none where something large stays unexplained."""
-    found = marked(finding)
+    found = of_signatures(finding)
     if not finding.chosen.effects or not stands(finding):
         return found
-    for effect in finding.chosen.effects:
-        rivals = [
-            (other_of(t, finding.chosen), shortfall(t, finding.chosen))
-            for t in finding.rivals.get(effect.name, [])
-        ]
-        rivals += finding.upstream
-        rivals.sort(key=lambda item: item[1])
-        fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance)
-        values = finding.chosen.fit
-        found.append(
-            Cause(
-                effect,
-                finding.task.model.group.name,
-                {p: (values.values[n], values.deviations[n]) for p, n in names_of(effect).items()},
-                values.log_likelihood - fewer.fit.log_likelihood,
-                finding.borne.get(effect.name) or held_out_gain(finding.task, finding.chosen.fit, fewer.fit),
-                rivals,
-                list(
-                    dict.fromkeys(
-                        [
-                            *(e.name for e, behind in finding.upstream if behind < INDISTINGUISHABLE),
-                            *indistinguishable(finding, effect, fewer),
-                            *bent_alike(finding, effect),
-                        ]
-                    )
-                ),
-            )
-        )
+    found += [cause_of(finding, effect, tolerance) for effect in finding.chosen.effects]
     return sorted(found, key=lambda c: -c.gain)
+
+
+def cause_of(finding: Finding, effect: Effect, tolerance: float) -> Cause:
+    """One of the chosen effects as a cause, with its own figures."""
+    chosen, task = finding.chosen, finding.task
+    rivals = [(other_of(t, chosen), shortfall(t, chosen)) for t in finding.rivals.get(effect.name, ())]
+    rivals += finding.upstream
+    fewer = without(task, chosen, effect, finding.null, tolerance)
+    return Cause(
+        effect,
+        task.model.group.name,
+        {p: (chosen.fit.values[n], chosen.fit.deviations[n]) for p, n in names_of(effect).items()},
+        chosen.fit.log_likelihood - fewer.fit.log_likelihood,
+        finding.borne.get(effect.name) or held_out_gain(task, chosen.fit, fewer.fit),
+        sorted(rivals, key=lambda item: item[1]),
+        list(
+            dict.fromkeys(
+                [
+                    *(e.name for e, behind in finding.upstream if behind < INDISTINGUISHABLE),
+                    *indistinguishable(finding, effect, fewer),
+                    *indistinguishable_in_any_form(finding, effect),
+                ]
+            )
+        ),
+    )
 
 
 def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[str]:
@@ -221,8 +220,8 @@ def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[st
     return found
 
 
-def bent_alike(finding: Finding, effect: Effect) -> list[str]:
-    """Rivals that a chosen effect beats only by a detail, where both laws had to be bent and may be bent otherwise.
+def indistinguishable_in_any_form(finding: Finding, effect: Effect) -> list[str]:
+    """Rivals that a chosen effect beats only by a detail, where both laws took another form and may take a further one.
 
     Such a rival would stand as a cause by itself, and is as good where both are free in their form.
     """
@@ -230,7 +229,7 @@ def bent_alike(finding: Finding, effect: Effect) -> list[str]:
     for trial in finding.rivals.get(effect.name, []) if effect.is_formed else ():
         rival, short = other_of(trial, finding.chosen), shortfall(trial, finding.chosen)
         if rival.is_formed and INDISTINGUISHABLE <= short < LEFT_BY_ONE**2 * gained(finding):
-            behind = bent.behind(finding.task, (effect, finding.chosen), (rival, trial))
+            behind = free_form_law.behind(finding.task, (effect, finding.chosen), (rival, trial))
             # the free functions take up some noise, each of its own
             if behind is not None and behind < NAMING_GAIN:
                 found.append(rival.name)
@@ -340,7 +339,7 @@ def local_rests(finding: Finding, signal: str) -> list[Rest]:
             continue
         if kind == "event":
             words = f"{signal} is off between {event.start:.1f} and {event.end:.1f} s only: something happened once"
-        elif kind == "swing":
+        elif kind == "oscillation":
             words = (
                 f"{signal} swings at {event.start:.3f} Hz all the time, whatever the machine is asked to do"
             )

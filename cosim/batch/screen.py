@@ -1,0 +1,69 @@
+"""A batch in a few lines of words."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cosim.batch.conduct import Report
+
+
+def headline(about: dict[str, Any]) -> str:
+    """How many runs of what were done, and how fast."""
+    rate = f", {about['runs_per_second']:.3g} runs a second" if about["runs_per_second"] else ""
+    before = f", {about['runs_before']} of them before" if about["runs_before"] else ""
+    return (
+        f"{about['task']}, engine {about['engine']}: {about['done']} of {about['runs']} runs done{before}, "
+        f"{about['failed']} failed{rate}"
+    )
+
+
+def threshold_lines(about: dict[str, Any]) -> list[str]:
+    """Each threshold, kept or missed."""
+    found = []
+    for limit in about["thresholds"]:
+        state = "kept" if limit["passed"] else f"MISSED by {limit['runs_missed']} runs"
+        largest = "-" if limit["rmse"] is None else f"{limit['rmse']:.4g} {limit['unit']}"
+        found.append(
+            f"threshold {state}: RMSE of {limit['signal']} up to {largest}, limit {limit['limit']:.4g} {limit['unit']}"
+        )
+    return found
+
+
+SHOWN_SCORES = (" rmse [", " final [", " max [")
+FEW = 3  # scores in the answer
+MANY = 20  # diagnoses in the answer
+
+
+def telling(about: dict[str, Any]) -> list[str]:
+    """The scores that differ between runs, those that people ask for first: the end of the chain."""
+    scores = about["scores"]
+    moving = [name for name, found in scores.items() if found["min"] != found["max"]] or list(scores)
+    return [n for n in reversed(moving) if any(part in n for part in SHOWN_SCORES)] or moving
+
+
+def strongest(about: dict[str, Any], names: list[str]) -> list[tuple[str, str, float]]:
+    """(score, parameter, rank correlation), the strongest first."""
+    found = [
+        (name, parameter, rank)
+        for name in names
+        for parameter, rank in about["sensitivity"].get(name, {}).items()
+    ]
+    return sorted(found, key=lambda item: (-abs(item[2]), item[0], item[1]))
+
+
+def lines(report: "Report") -> list[str]:
+    """The whole answer: what was done, each diagnosis or the scores that tell most, thresholds, files, what next."""
+    about = report.about
+    told = [headline(about), *threshold_lines(about)]
+    rows = [(r["log"], r.get("verdict") or r["status"], r.get("causes")) for r in about.get("diagnoses", [])]
+    told += [f"{log}: {verdict}{f', {causes}' if causes else ''}" for log, verdict, causes in rows[:MANY]]
+    if len(rows) > MANY:
+        told.append(f"and {len(rows) - MANY} logs more")
+    names = [] if rows else telling(about)
+    for name in names[:FEW]:
+        found = about["scores"][name]
+        told.append(f"{name}: median {found['q50']:.4g}, {found['min']:.4g} to {found['max']:.4g}")
+    for name, parameter, rank in strongest(about, names)[:1]:
+        told.append(f"Strongest influence: {parameter} on {name}, rank correlation {rank:.2f}")
+    if len(names) > FEW:
+        told.append(f"{len(about['scores']) - FEW} more scores: --verbose, or {about['files']['runs']}")
+    return [*told, *(f"written: {file}" for file in about["files"].values())]

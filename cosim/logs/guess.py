@@ -1,0 +1,226 @@
+"""Which column is which signal, by name (in several languages), unit, range and shape; and a mapping that says so.
+
+A guess is a line for a person to check: it is written into a mapping with its reason, never used unseen.
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.errors import UsageError
+from cosim.logs.overview import Column, Overview, plain
+from cosim.signals import SIGNALS, conversion
+
+# parts of words, without accents; German, English, French, Spanish, Italian, Scandinavian, Finnish, Polish
+_PRESSURE = r"pressure|druck|pression|presion|pressione|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
+_ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
+_RATE = r"rate|speed|velocity|geschw|drehzahl|vitesse|velocidad|velocit|hastig|nopeus|predkosc|omega|torque|moment|drehmo"
+_ANGLE = r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b"
+NAMES: dict[str, str] = {
+    "slew_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
+    "slew_rate_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
+    "slew": rf"(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}))",
+    "p_supply": rf"(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor|matning|syotto|zasil"
+    r"|\bs\b|\bp\s?0\b))|\bps\b",
+    "p_a": rf"(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
+    "p_b": rf"(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
+    "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
+    "u": r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
+    r"|sterow|duty|\bpwm\b|\bu\b|ventil|valve|valvula|soupape",
+}
+RAW = ("V", "mV", "A", "mA")  # of a command: needs a gain
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A column taken for a signal.
+
+    Attributes:
+        signal: the signal.
+        column: the column.
+        unit: unit of the value after the scaling.
+        gain: factor on the reading.
+        why: the reason, in words.
+        check: whether the unit or scale is a guess as well.
+    """
+
+    signal: str
+    column: Column
+    unit: str
+    gain: float
+    why: str
+    check: bool
+
+
+def guesses(found: Overview) -> dict[str, Guess]:
+    """Signal -> the column that it probably is: by name first, then by unit and shape."""
+    clock = found.clock.column if found.clock else None
+    free = [c for c in found.columns if c.index != clock and c.finite.size and c.label.name != "synthetic"]
+    made: dict[str, Guess] = {}
+    ranked = sorted(
+        ((_score(c, signal), -c.index, signal, c) for c in free for signal in NAMES),
+        key=lambda item: (-item[0], -item[1]),
+    )
+    taken: set[int] = set()
+    for score, _, signal, column in ranked:
+        if score > 0.0 and signal not in made and column.index not in taken:
+            made[signal] = _guess(signal, column, f"its name ('{column.label.name}')")
+            taken.add(column.index)
+    for signal, column, why in _by_shape([c for c in free if c.index not in taken], made):
+        made[signal] = _guess(signal, column, why)
+    return {signal: made[signal] for signal in SIGNALS if signal in made}
+
+
+def _score(column: Column, signal: str) -> float:
+    """How well a name and unit fit a signal; 0 where they do not."""
+    if not _fits(column, signal):
+        return 0.0
+    words = plain(column.label.alias or column.label.name)
+    if signal in (column.label.name, column.label.alias):
+        return 4.0
+    if not re.search(NAMES[signal], words):
+        return 0.0
+    exact = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # weak: any valve signal
+    return 1.0 + (column.unit is not None) - 0.5 * exact
+
+
+def _fits(column: Column, signal: str) -> bool:
+    """Whether a column's unit can be the signal's."""
+    if column.unit is None:
+        return True
+    if signal == "u" and column.unit in RAW:
+        return True
+    return _convertible(column.unit, SIGNALS[signal].si)
+
+
+def _convertible(unit: str, target: str) -> bool:
+    try:
+        conversion(unit, target)
+    except UsageError:
+        return False
+    return True
+
+
+def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Column, str]]:
+    """What is left, by unit and shape, where only one reading is possible."""
+    told: list[tuple[str, Column, str]] = []
+    moving = [c for c in free if not c.constant]
+    for signal, unit, what in (("slew", "rad", "an angle"), ("spool", "m", "a length")):
+        alone = [c for c in moving if c.unit is not None and _convertible(c.unit, unit)]
+        if signal not in made and len(alone) == 1:
+            told.append((signal, alone[0], f"the only column that is {what} and is not named otherwise"))
+    commands = [c for c in moving if c.held and (c.unit in (None, "1", "%", *RAW))]
+    if "u" not in made and len(commands) == 1:
+        told.append(("u", commands[0], "the only column that moves in steps, as a command does"))
+    pressures = [c for c in free if c.unit is not None and _convertible(c.unit, "Pa")]
+    if len(pressures) == 3 and not {"p_supply", "p_a", "p_b"} & set(made):
+        supply = max(pressures, key=lambda c: float(np.mean(c.finite)))
+        one, two = (c for c in pressures if c is not supply)
+        told.append(("p_supply", supply, "the highest of three pressures"))
+        told += [(name, c, "the order of the columns") for name, c in (("p_a", one), ("p_b", two))]
+    return told
+
+
+def _guess(signal: str, column: Column, why: str) -> Guess:
+    """A guess with unit and scale."""
+    largest = float(np.max(np.abs(column.finite)))
+    if signal == "u" and (column.unit in RAW or (column.unit is None and largest > 105.0)):
+        gain = float(f"{1.0 / largest:.4g}") if largest else 1.0
+        return Guess(signal, column, "1", gain, why, check=True)
+    if column.unit is not None:
+        gon = column.label.unit == "grad"  # a degree in German, a gon elsewhere
+        return Guess(signal, column, column.unit, 1.0, why, check=gon)
+    ranges = {
+        "u": ((1.05, "1"), (105.0, "%")),
+        "spool": ((0.01, "m"), (50.0, "mm"), (1e9, "um")),
+        "slew": ((6.3, "rad"), (1e9, "deg")),
+        "slew_estimate": ((6.3, "rad"), (1e9, "deg")),
+        "slew_rate_estimate": ((0.5, "rad/s"), (1e9, "deg/s")),
+    }.get(signal, ((450.0, "bar"), (4.5e4, "kPa"), (1e12, "Pa")))
+    unit = next((unit for most, unit in ranges if largest <= most), ranges[-1][1])
+    return Guess(signal, column, unit, 1.0, f"{why}; unit by its range", check=True)
+
+
+def mapping_text(found: Overview, made: dict[str, Guess], model: str) -> str:
+    """A mapping with the guesses, each with its reason, and the other columns in comments.
+
+    Args:
+        found: the file.
+        made: the guesses.
+        model: name or path of the model.
+    """
+    name = found.path.name
+    lines = [
+        f"# Which column of {name} is which signal, as guessed by 'cosim init'. Check each line; a value is",
+        "#   sign * gain * (reading - zero) + offset   in `unit`.",
+        f"# Then: cosim info {name} --mapping THIS_FILE    and: cosim diagnose {name} --mapping THIS_FILE",
+        f"model = {_quoted(model)}",
+        "",
+        "[time]",
+    ]
+    clock = found.clock
+    if clock is None or clock.column is None:
+        lines += [
+            "# no column looks like a time: name one (column = ...), or give the interval between samples",
+            "step = 0.001    # CHECK",
+            'unit = "s"',
+        ]
+    else:
+        note = f"    # CHECK: {clock.guessed}" if clock.guessed else ""
+        lines += [
+            f"column = {_column_of(found, found.columns[clock.column])}",
+            f"unit = {_quoted(clock.unit)}{note}",
+        ]
+    for guess in made.values():
+        lines += ["", *_entry(found, guess)]
+    used = {guess.column.index for guess in made.values()} | ({clock.column} if clock else set())
+    rest = [c for c in found.columns if c.index not in used]
+    missing = [n for n in NAMES if n not in made and not n.endswith("estimate")]
+    if missing:
+        text = "; ".join(f"{n}: {SIGNALS[n].text}" for n in missing)
+        lines += ["", f"# not found among the columns: {text}"]
+    if rest:
+        lines += ["", "# other columns; to use one, give it the name of a signal, or a name of your own"]
+    for column in rest:
+        lines += [
+            f"# [signals.{_identifier(column)}]",
+            f"# column = {_column_of(found, column)}",
+            f"# unit = {_quoted(column.unit or '1')}    # {_range(column)}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _entry(found: Overview, guess: Guess) -> list[str]:
+    column = guess.column
+    mark = "    # CHECK" if guess.check else ""
+    lines = [
+        f"[signals.{guess.signal}]    # {SIGNALS[guess.signal].text}",
+        f"# guessed by {guess.why}; {_range(column)}",
+        f"column = {_column_of(found, column)}",
+        f"unit = {_quoted(guess.unit)}{mark}",
+    ]
+    if guess.gain != 1.0:
+        lines.append(f"gain = {guess.gain!r}    # CHECK: full command for the largest reading")
+    return lines
+
+
+def _range(column: Column) -> str:
+    if not column.finite.size:
+        return f"no numbers: {column.why}" if column.why else "empty"
+    return f"{np.min(column.finite):.4g} to {np.max(column.finite):.4g}, {column.kind}"
+
+
+def _column_of(found: Overview, column: Column) -> str:
+    """The heading, or the position where two columns have the same one."""
+    same = [c for c in found.columns if c.label.called(column.label.text)]
+    return _quoted(column.label.text) if len(same) == 1 else str(column.index + 1)
+
+
+def _identifier(column: Column) -> str:
+    text = re.sub(r"\W+", "_", plain(column.label.alias or column.label.name)).strip("_") or "column"
+    return text if text.isidentifier() else f"column_{column.index + 1}"
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

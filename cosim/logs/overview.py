@@ -1,0 +1,256 @@
+"""What is in a file of measured data, whatever its columns are called: for a first look, and for guesses.
+
+Nothing is mended or converted here; `cosim.logs.load` does that once it is known which column is which signal.
+"""
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import DataError, UsageError
+from cosim.logs.load import open_source
+from cosim.logs.source import Label, Source
+from cosim.signals import check_spelling, conversion
+from cosim.units import parse_unit
+
+Array = NDArray[np.float64]
+
+TIME_WORDS = re.compile(
+    r"\b(time|timestamps?|t|tout|zeit\w*|uhrzeit|temps|tiempo|tempo|tid|aika|czas|vremya|время|时间|時間|sec|seconds|sekunden)\b"
+)
+# spellings of units that people write and pint reads as another unit or not at all
+SPELLINGS = {
+    "grad": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "degre": "deg", "degres": "deg", "grados": "deg",
+    "gradi": "deg", "grader": "deg", "grad/s": "deg/s", "°/s": "deg/s", "nm": "N.m", "n·m": "N.m", "n*m": "N.m",
+    "knm": "kN.m", "u/min": "rpm", "1/min": "rpm", "tr/min": "rpm", "sek": "s", "sec": "s", "sekunden": "s",
+    "seconds": "s", "msec": "ms", "millisekunden": "ms", "µs": "us", "μs": "us", "prozent": "%", "percent": "%",
+    "pct": "%", "-": "1",
+}  # fmt: skip
+_EXACT = {"Pa": "Pa", "mm": "mm", "Nm": "N.m"}  # case matters where a small letter is another unit
+RATES = (5.0, 2e4)  # 1/s, of a machine's log: decides in which unit an unlabelled clock counts
+GAP = 1.5  # medians beyond which an interval is one with samples missing
+BARS = "▁▂▃▄▅▆▇█"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column as it stands in the file.
+
+    Attributes:
+        index: from 0.
+        label: its heading.
+        unit: unit in a spelling that a mapping takes, or None where the heading has none that can be read.
+        values: (n,), NaN where missing; empty where it holds no numbers.
+        why: why it could not be read, or empty.
+    """
+
+    index: int
+    label: Label
+    unit: str | None
+    values: Array
+    why: str = ""
+
+    @cached_property
+    def finite(self) -> Array:
+        """The values that are there."""
+        return self.values[np.isfinite(self.values)]
+
+    @property
+    def missing(self) -> int:
+        """Values that are not there."""
+        return int(self.values.size - self.finite.size)
+
+    @property
+    def constant(self) -> bool:
+        """Whether it never moves."""
+        return bool(self.finite.size) and bool(np.ptp(self.finite) == 0.0)
+
+    @cached_property
+    def held(self) -> bool:
+        """Whether it stays for long and then jumps, as a command does."""
+        if self.finite.size < 20 or self.constant:
+            return False
+        return float(np.mean(np.diff(self.finite) == 0.0)) > 0.7
+
+    @property
+    def kind(self) -> str:
+        """Its shape in a word."""
+        if not self.values.size:
+            return "text"
+        if not self.finite.size:
+            return "empty"
+        return "constant" if self.constant else "steps" if self.held else "moves"
+
+    def spark(self, width: int = 60) -> str:
+        """The column as a row of bars."""
+        if not self.finite.size:
+            return ""
+        filled = np.interp(np.arange(self.values.size), np.flatnonzero(np.isfinite(self.values)), self.finite)
+        parts = [float(part.mean()) for part in np.array_split(filled, min(width, filled.size))]
+        low, high = min(parts), max(parts)
+        if high == low:
+            return BARS[0] * len(parts)
+        return "".join(BARS[min(int(8 * (x - low) / (high - low)), 7)] for x in parts)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How time is told.
+
+    Attributes:
+        column: index of the time column, None where each column has stamps of its own.
+        unit: of the stamps.
+        guessed: why this unit, where the heading does not say it; else empty.
+        seconds: (n,) stamps [s].
+    """
+
+    column: int | None
+    unit: str
+    guessed: str
+    seconds: Array
+
+    @property
+    def step(self) -> float:
+        """Median interval, s."""
+        return float(np.median(np.diff(self.seconds))) if self.seconds.size > 1 else 0.0
+
+    @property
+    def rate(self) -> float:
+        """Samples a second; 0 where time stands still."""
+        return 1.0 / self.step if self.step > 0.0 else 0.0
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample, s."""
+        return float(self.seconds[-1] - self.seconds[0]) if self.seconds.size else 0.0
+
+    @property
+    def gaps(self) -> int:
+        """Intervals in which samples are missing."""
+        return int(np.sum(np.diff(self.seconds) > GAP * self.step)) if self.step > 0.0 else 0
+
+    @property
+    def backwards(self) -> int:
+        """Intervals in which time stands still or goes back."""
+        return int(np.sum(np.diff(self.seconds) <= 0.0))
+
+
+@dataclass(frozen=True)
+class Overview:
+    """A file at first sight.
+
+    Attributes:
+        path: the file.
+        columns: all of them, in their order.
+        clock: how time is told, None where no column looks like a time.
+        warnings: what the reader had to do to the file.
+    """
+
+    path: Path
+    columns: tuple[Column, ...]
+    clock: Clock | None
+    warnings: tuple[str, ...]
+
+    @property
+    def samples(self) -> int:
+        """Rows."""
+        return max((c.values.size for c in self.columns), default=0)
+
+
+def overview(path: Path) -> Overview:
+    """Reads every column of a file.
+
+    Raises:
+        DataError: the file is missing, of an unknown type, or cannot be read at all.
+        MissingExtraError: its type needs an optional dependency.
+    """
+    source = open_source(path)
+    columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
+    return Overview(path, columns, _clock(source, columns), tuple(source.warnings))
+
+
+def _values(source: Source) -> list[Array | str]:
+    """Each column's values, or why it has none: a column of text does not keep the others from being read."""
+    indices = range(len(source.labels))
+    try:
+        return list(source.read(indices))
+    except DataError:
+        found: list[Array | str] = []
+        for k in indices:
+            try:
+                found += source.read([k])
+            except DataError as error:
+                found.append(str(error).removeprefix(f"{source.path}: "))
+        return found
+
+
+def _column(source: Source, index: int, values: Array | str) -> Column:
+    label = source.labels[index]
+    unit = spelled(label.unit)
+    if isinstance(values, str):
+        return Column(index, label, unit, np.empty(0), values)
+    return Column(index, label, unit, values)
+
+
+def spelled(unit: str | None) -> str | None:
+    """A unit in a spelling that a mapping takes; None for no unit and for what is none."""
+    if unit is None:
+        return None
+    text = unit.strip()
+    found = _EXACT.get(text) or SPELLINGS.get(text.lower()) or text
+    try:
+        check_spelling(found)
+        parse_unit(found)
+    except UsageError:
+        return None
+    return found
+
+
+def plain(name: str) -> str:
+    """A name as words: small letters without accents, a blank where case, digits or signs part it."""
+    text = re.sub(r"(?<=[a-zäöüß])(?=[A-Z])|(?<=\D)(?=\d)|(?<=\d)(?=\D)", " ", name)
+    text = unicodedata.normalize("NFKD", text.lower().replace("ß", "ss"))
+    text = "".join(sign for sign in text if not unicodedata.combining(sign))
+    return " ".join(re.findall(r"\w+", text.replace("_", " ")))
+
+
+def _clock(source: Source, columns: tuple[Column, ...]) -> Clock | None:
+    """The time column: by its name or unit, else the one that rises evenly."""
+    for column in columns:
+        stamps = source.clock(column.index)
+        if stamps is not None and len(stamps) > 1:
+            return Clock(None, "s", "", np.asarray(stamps, dtype=np.float64))
+    rising = [c for c in columns if c.finite.size > 1 and float(np.mean(np.diff(c.finite) > 0.0)) > 0.9]
+    named = [c for c in rising if TIME_WORDS.search(plain(c.label.name.rpartition(".")[2]))]
+    timed = [c for c in rising if c.unit is not None and _is_time(c.unit)]
+    even = [
+        c for c in rising if c.unit is None and np.ptp(np.diff(c.finite)) < 0.5 * np.median(np.diff(c.finite))
+    ]
+    likely = [*(c for c in named if c in timed), *named, *timed, *even]
+    if not likely:
+        return None
+    column = likely[0]
+    if column.unit is not None and _is_time(column.unit):
+        return Clock(column.index, column.unit, "", column.finite * conversion(column.unit, "s"))
+    step = float(np.median(np.diff(column.finite)))
+    for unit in ("s", "ms", "us", "ns"):
+        scale = conversion(unit, "s")
+        if RATES[0] <= 1.0 / (step * scale) <= RATES[1]:
+            break
+    else:
+        unit, scale = "s", 1.0
+    why = f"steps of {step:.4g}, so {1.0 / (step * scale):.4g} samples a second if it counts {unit}"
+    return Clock(column.index, unit, why, column.finite * scale)
+
+
+def _is_time(unit: str) -> bool:
+    try:
+        conversion(unit, "s")
+    except UsageError:
+        return False
+    return True

@@ -1,0 +1,55 @@
+"""Results of an earlier run in the folder of a new one: said, and never left among the new ones."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cosim.console import warn
+
+FILES = (
+    "diagnosis.json",
+    "report.html",
+    "comparison.parquet",
+    "held_out.parquet",
+    "next_experiment.csv",
+    "next_experiment.parquet",
+    "extended.ssp",
+    "extended_open.ssp",
+    "extended_native.ssp",
+    "extended.ssv",
+)
+"""Every file that a diagnosis writes."""
+COMPARED = (
+    "signals.png",
+    "blocks.png",
+    "series.parquet",
+    "series.csv",
+    "observer.png",
+    "tracker.png",
+    "calibrated.ssv",
+    "calibration.json",
+    "calibration.png",
+)
+"""Every file that a comparison writes, with calibration, observer and tracker."""
+
+
+class Earlier:
+    """What of an earlier run lies in a folder; says so on stderr when made.
+
+    Args:
+        folder: of the results.
+        files: what such a run writes.
+        what: such a run, in a word.
+    """
+
+    def __init__(self, folder: Path, files: Sequence[str] = FILES, what: str = "diagnosis") -> None:
+        self._stamps = {
+            path: path.stat().st_mtime_ns for path in (folder / name for name in files) if path.is_file()
+        }
+        if self._stamps:
+            warn(f"{folder} holds an earlier {what} ({len(self._stamps)} files): its files are replaced")
+
+    def clear(self) -> None:
+        """Delete those that the new run has not written again: a package or a proposal that it does not have."""
+        for path, stamp in self._stamps.items():
+            if path.is_file() and path.stat().st_mtime_ns == stamp:
+                path.unlink()

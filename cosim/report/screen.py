@@ -1,0 +1,252 @@
+"""A diagnosis on the screen: the answer in a few lines of words with numbers, tables only where they are asked for."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from cosim.console import stdout_console, table
+from cosim.diagnosis.answer.schema import Answer, NamedCause
+from cosim.report.material import Material
+from cosim.report.words import (
+    NAMES,
+    NOISY,
+    PHRASES,
+    block_name,
+    limits_met,
+    listed,
+    nominal_of,
+    number,
+    signal_name,
+    span_of,
+    telling,
+    unit_text,
+)
+
+REPORT = "report.html"
+MOST = 3  # names in a line; the rest are counted
+_WORD = re.compile(r"\b[a-z_]+\.[a-z_]+\b")
+
+
+def known_as(effect: str) -> str:
+    """An effect by the name people know, with its identifier: "dry friction (mechanical.coulomb_friction)"."""
+    name = NAMES.get(effect)
+    return f"{name} ({effect})" if name else effect
+
+
+def in_words(text: str) -> str:
+    """A sentence in which every identifier of an effect has its name before it."""
+    return _WORD.sub(lambda found: known_as(found[0]), text)
+
+
+def show(result: Answer, out: Path, verbose: bool = False) -> None:
+    """Print the answer for people.
+
+    Args:
+        result: the diagnosis.
+        out: its folder.
+        verbose: the tables too, before the answer.
+    """
+    output = stdout_console()
+    if verbose:
+        for found in tables(result):
+            output.print(found)
+    for line in lines(result, out):
+        output.print(line, markup=False, soft_wrap=True)
+
+
+def lines(result: Answer, out: Path) -> list[str]:
+    """The answer, a line for each question: what is wrong, how sure, how much better, where the report is, what next."""
+    kind = "synthetic log" if result.synthetic else "measured log"
+    head = f"verdict: {result.verdict.replace('_', ' ')} ({kind}, model {result.model})"
+    told = [head, *wrong(result), *sure(result), *better(result), *not_judged(result)]
+    if (out / REPORT).is_file():
+        told.append(f"Report: {out / REPORT}")
+    else:
+        told.append(f"Results: {out / 'diagnosis.json'}")
+    told.append(f"Next: {next_step(result, out)}")
+    return told
+
+
+def wrong(result: Answer) -> Iterator[str]:
+    """What is wrong, a line for each cause and each rest."""
+    for label in result.data:
+        yield f"Wrong: the log contradicts its own labels: {label.finding}. {sentence(label.remedy)}"
+    for cause in result.causes:
+        yield f"Cause: {place(cause)}: {sizes(cause, result)}"
+    for rest in result.unexplained:
+        yield (
+            f"Unexplained: {block_name(rest.block)}: {rest.what}; no effect of the library explains it "
+            f"({rest.residual_rms:.2g} {unit_text(rest.unit)})".replace(" )", ")")
+        )
+    for item in result.refused:
+        yield f"Refused: {in_words(item.effect)}: {item.why}"
+    if result.verdict == "adequate":
+        judged = listed([block_name(where.block) for where in result.localisation] or ["model"])
+        yield (
+            f"Nothing is wrong: in {judged}, what the simulation leaves is no more than noise and the tolerance of the "
+            "nominal parameters allow"
+        )
+    if result.verdict == "interrupted":
+        yield f"Interrupted ({result.interrupted}): what is said here was found until then"
+
+
+def place(cause: NamedCause) -> str:
+    """A cause by name, and where it sits in a system of any FMUs."""
+    name = known_as(cause.effect)
+    if cause.component and cause.connector:
+        where = f" ({cause.where})" if cause.where else ""
+        return f"{name} at {cause.component}.{cause.connector}{where}"
+    return name
+
+
+def sizes(cause: NamedCause, result: Answer) -> str:
+    """The numbers of a cause with their intervals, and the nominal value where one differs from nothing."""
+    material = Material(result, 0.0, {}, {})
+    found = []
+    for name in limits_met(cause, material):
+        item = cause.parameters[name]
+        spread = 0.5 * (item.ci95[1] - item.ci95[0])
+        low, high = (number(end, spread) for end in item.ci95)
+        unit = f" {unit_text(item.unit)}".rstrip()
+        label = "" if len(cause.parameters) == 1 and not cause.component else f"{name} = "
+        found.append(
+            f"{label}{number(item.value, spread)}{unit}, {low} to {high}{_nominal(material, cause, name)}"
+        )
+    return "; ".join(found) + " (95 %)"
+
+
+def _nominal(material: Material, cause: NamedCause, name: str) -> str:
+    """``instead of 764 kg m²`` for a parameter whose nominal value says something: where the report names it."""
+    if f"{{{name}.nominal}}" not in PHRASES.get(cause.effect, ["", ""])[1]:
+        return ""
+    value = nominal_of(cause, name, material)
+    return (
+        "" if value is None else f" instead of {value:.4g} {unit_text(cause.parameters[name].unit)}".rstrip()
+    )
+
+
+def sure(result: Answer) -> Iterator[str]:
+    """How sure each name is: what the log cannot tell it from, and the next best explanation."""
+    for cause in result.causes:
+        alike = cause.indistinguishable_from
+        told = []
+        if alike:
+            told.append(
+                f"this log cannot tell it from {listed([in_words(a) for a in alike[:MOST]])}{_more(alike)}"
+            )
+        behind = next((r for r in cause.rivals if r.effect not in alike), None)
+        if behind is not None:
+            told.append(f"next best is {in_words(behind.effect)}, which {_clause(behind.why_not)}")
+        if not told:
+            told.append("no other effect of the library comes near")
+        name = f" of {NAMES.get(cause.effect, cause.effect)}" if len(result.causes) > 1 else ""
+        yield f"How sure{name}: {'; '.join(told)}"
+    if result.verdict == "adequate" and result.not_exercised:
+        never = result.not_exercised
+        yield f"How sure: this log could not have shown {listed([in_words(e) for e in never[:MOST]])}{_more(never)}"
+
+
+def _clause(why: str) -> str:
+    """A reason as it goes behind "which"."""
+    return why if why.startswith(("explains", "is ", "was ", "gains", "does ")) else f"is {why}"
+
+
+def _more(names: list[str]) -> str:
+    return f" and {len(names) - MOST} more" if len(names) > MOST else ""
+
+
+def better(result: Answer) -> Iterator[str]:
+    """How much the extended model gains on data not used for fitting, in the signal that gains most."""
+    signal = telling(result)
+    if signal is None or not result.causes:
+        return
+    gain = result.gain[signal]
+    unit = f" {unit_text(gain.unit)}".rstrip()
+    text = f"error of the {signal_name(signal)} on data not used for fitting{span_of(gain)} "
+    if gain.rmse_after < gain.rmse_before:
+        text += f"falls from {gain.rmse_before:.2g} to {gain.rmse_after:.2g}{unit}"
+    else:
+        text += f"stays at {gain.rmse_before:.2g}{unit}"
+    noise = f"{gain.noise_floor:.2g}{unit}"
+    near = gain.rmse_after <= NOISY * gain.noise_floor
+    text += f", the sensor's noise ({noise})" if near else f"; the sensor's noise is {noise}"
+    if signal in result.linear and gain.horizon is None:
+        text += f"; a linear model leaves {result.linear[signal].rmse:.2g}{unit}"
+    yield f"Better: {text}"
+
+
+def not_judged(result: Answer) -> Iterator[str]:
+    """Blocks that could not be judged, in one line."""
+    if result.not_judged:
+        found = [f"{block_name(name)} ({why})" for name, why in result.not_judged.items()]
+        yield f"Not judged: {'; '.join(found)}"
+
+
+def next_step(result: Answer, out: Path) -> str:
+    """What to do next, as a sentence."""
+    if result.data:
+        return "correct the label (in the header or a mapping) and diagnose again"
+    if result.verdict == "interrupted":
+        return "run it again for the rest"
+    proposed = result.next_experiment
+    if proposed is not None:
+        shape, length = (proposed.excitation.get(name, "") for name in ("shape", "duration_s"))
+        what = f"{shape}, {length:.3g} s" if isinstance(length, float) else f"{shape}"
+        told = f"{proposed.file} ({what})" if proposed.file else what
+        return f"drive the machine with {told}: it {in_words(proposed.why)}"
+    if result.extended is not None:
+        return f"cosim simulate {result.extended.ssp} runs the extended model"
+    if result.verdict == "adequate":
+        return "use the model as it is"
+    if result.helpful_signals:
+        return f"log more: {in_words(result.helpful_signals[0])}"
+    return (
+        f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
+    )
+
+
+def sentence(text: str) -> str:
+    """A clause as a sentence of its own, without the full stop."""
+    return text[:1].upper() + text[1:].rstrip(".")
+
+
+def tables(result: Answer) -> Iterator[object]:
+    """What lies behind the answer: errors of signals and blocks, rivals, what the signals can tell apart."""
+    if result.localisation:
+        yield table(
+            "Blocks, each driven by what was measured",
+            ["block", "signal", "share of error %", "residual", "noise", "unit"],
+            [
+                (x.block, x.signal, f"{100.0 * x.share:.0f}", x.residual_rms, x.noise_floor, x.unit)
+                for x in result.localisation
+            ],
+        )
+    if result.gain:
+        yield table(
+            f"Error on {result.held_out}, before and after",
+            ["signal", "before", "after", "linear model", "noise", "unit"],
+            [
+                (
+                    s,
+                    f"{g.rmse_before:.4g}",
+                    f"{g.rmse_after:.4g}",
+                    f"{result.linear[s].rmse:.4g}" if s in result.linear else "",
+                    f"{g.noise_floor:.4g}",
+                    g.unit,
+                )
+                for s, g in result.gain.items()
+            ],
+        )
+    rivals = [(c.effect, r.effect, r.why_not) for c in result.causes for r in c.rivals]
+    if rivals:
+        yield table("Other explanations", ["cause", "rival", "why not"], rivals)
+    if result.isolability:
+        yield table(
+            "What each residual can show",
+            ["residual", "effects"],
+            [(", ".join(x.residual), ", ".join(x.effects)) for x in result.isolability],
+        )
+    if result.helpful_signals:
+        yield table("Further signals", ["what they would add"], [(text,) for text in result.helpful_signals])
+    if result.not_exercised:
+        yield table("Not shown by this log", ["effect"], [(known_as(e),) for e in result.not_exercised])

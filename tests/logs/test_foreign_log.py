@@ -1,0 +1,220 @@
+"""The first contact with a log of other names: what `cosim info` shows, what `cosim init` guesses and writes."""
+
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from log_files import TOP
+from scipy.io import savemat
+
+from cosim.errors import ColumnsError
+from cosim.logs import load_log
+from cosim.logs.guess import NAMES, guesses, mapping_text
+from cosim.logs.overview import overview, plain, spelled
+from cosim.rig import make_log
+from cosim.signals import SIGNALS
+
+GERMAN = {
+    "time": ("Zeit (ms)", 1e3),
+    "u": ("Ventilbefehl (%)", 100.0),
+    "spool": ("Schieberweg (mm)", 1e3),
+    "p_supply": ("Systemdruck (bar)", 1e-5),
+    "p_a": ("Druck A (bar)", 1e-5),
+    "p_b": ("Druck B (bar)", 1e-5),
+    "slew": ("Schwenkwinkel (Grad)", 180.0 / np.pi),
+}
+
+
+@pytest.fixture(scope="module")
+def rig():
+    """Three seconds of the virtual rig, SI."""
+    run = make_log("steps", 3.0, [], seed=1)
+    return {"time": np.arange(run.u.size) * 1e-3} | {n: run.signals[n] for n in GERMAN if n in run.signals} | {
+        "u": run.u, "p_supply": run.p_supply, "p_a": run.p_a, "p_b": run.p_b
+    }  # fmt: skip
+
+
+@pytest.fixture
+def german(rig, write):
+    """The same as a German logger writes it."""
+    columns = [rig[name] * scale for name, (_, scale) in GERMAN.items()]
+    head = ";".join([*(text for text, _ in GERMAN.values()), "Öltemperatur (°C)"])
+    lines = [
+        ";".join(f"{x:.9g}".replace(".", ",") for x in (*row, 45.5)) for row in zip(*columns, strict=True)
+    ]
+    return write("\n".join([head, *lines]) + "\n", "messung.csv", encoding="cp1252")
+
+
+def cosim(*words):
+    command = [sys.executable, "-m", "cosim", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=120, cwd=TOP)
+
+
+def test_a_german_log_is_shown_guessed_and_read(german, rig):
+    shown = cosim("info", german, "--plot")
+    assert shown.returncode == 0, shown.stderr
+    assert "time_unit: ms\n" in shown.stdout
+    assert "rate: 1000 samples a second" in shown.stdout
+    assert "Öltemperatur (°C)" in shown.stdout
+    assert "u is probably 'Ventilbefehl (%)' [%], by its name ('Ventilbefehl')" in shown.stdout
+    assert len(re.findall("[▁▂▃▄▅▆▇█]{60}", shown.stdout)) == 8
+    assert shown.stdout.splitlines()[-1].startswith(f"Next: cosim init {german}")
+    made = cosim("init", german)
+    assert made.returncode == 0, made.stderr
+    log = load_log(german, german.with_suffix(".toml"))
+    assert set(log.signals) == set(GERMAN) - {"time"}
+    np.testing.assert_allclose(log.time, rig["time"], atol=1e-12)
+    for name in log.signals:
+        # nine digits were written; the scale of a pressure is some 1e7 Pa
+        np.testing.assert_allclose(
+            log[name], rig[name], rtol=1e-8, atol=1e-8 * np.max(np.abs(rig[name])), err_msg=name
+        )
+    assert cosim("init", german).returncode == 2, "a mapping is not written over"
+
+
+def test_columns_as_json_and_a_model_by_option(german):
+    facts = json.loads(cosim("info", german, "--json").stdout)
+    assert facts["kind"] == "log with other columns"
+    assert {name: g["column"] for name, g in facts["guesses"].items()} == {
+        name: text for name, (text, _) in GERMAN.items() if name != "time"
+    }
+    assert "cosim init" in facts["why"]
+    out = german.with_name("own.toml")
+    assert cosim("init", german, "--model", "simplified", "--out", out).returncode == 0
+    assert load_log(german, out).model == "simplified"
+
+
+def test_every_message_about_columns_names_the_command(german, write):
+    for text in ("time [s],slew\n0,1\n1,2\n", "slew [deg]\n1\n2\n", "time [s],u [deg]\n0,1\n1,2\n"):
+        path = write(text, "a.csv")
+        with pytest.raises(ColumnsError, match=re.escape(f"'cosim init {path}'")):
+            load_log(path)
+    assert f"'cosim init {german}'" in cosim("diagnose", german).stderr
+
+
+@pytest.mark.parametrize(
+    ("signal", "headings"),
+    [
+        ("u", ["Command", "valve_cmd", "Ventilansteuerung", "Stellgröße", "commande", "mando joystick", "ohjaus", "PWM"]),
+        ("spool", ["spoolPosition", "Schieberweg", "tiroir", "corredera", "luistin asento", "slide pos"]),
+        ("p_supply", ["Supply pressure", "pump_pressure", "Pumpendruck", "Versorgungsdruck", "pression d'alimentation",
+                      "p0", "presión bomba"]),
+        ("p_a", ["pA", "PA", "p_a1", "Druck A", "pressure port A", "pression A", "tryck A", "paine A"]),
+        ("p_b", ["pB", "PB", "Druck_B", "pressure.B", "presión B"]),
+        ("slew", ["Slew angle", "swing", "Schwenkwinkel", "Drehwinkel", "angle", "ángulo de giro", "kulma", "theta"]),
+        ("slew_estimate", ["slew estimate", "geschätzter Winkel", "observer angle"]),
+    ],
+)  # fmt: skip
+def test_names_in_several_languages(signal, headings, write):
+    for heading in headings:
+        path = write(f"t,{heading}\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(50)))
+        assert list(guesses(overview(path))) == [signal], heading
+
+
+def test_names_that_say_something_else_are_left_alone(write):
+    for heading in (
+        "oil temperature",
+        "slew speed (deg/s)",
+        "Drehzahl (1/min)",
+        "Drehmoment (Nm)",
+        "battery",
+        "x",
+    ):
+        ramp = np.sin(np.arange(50.0))
+        path = write(f"t,{heading}\n" + "".join(f"{k / 100},{ramp[k]}\n" for k in range(50)))
+        assert guesses(overview(path)) == {}, heading
+
+
+def test_what_names_do_not_say_units_and_shapes_may(write):
+    time = np.arange(400) / 100
+    columns = {
+        "ch0 (V)": np.where(time % 2 < 1, 5.0, -5.0),
+        "ch1 (bar)": 80 + time,
+        "ch2 (bar)": 170 + np.sin(time),
+        "ch3 (bar)": 90 - time,
+        "ch4 (deg)": 10 * np.sin(time),
+        "ch5 (mm)": np.cos(time),
+    }
+    rows = zip(time, *columns.values(), strict=True)
+    text = (
+        ",".join(["ch", *columns]) + "\n" + "".join(",".join(f"{x:.6f}" for x in row) + "\n" for row in rows)
+    )
+    found = overview(write(text))
+    made = guesses(found)
+    assert {n: g.column.label.name for n, g in made.items()} == {
+        "u": "ch0", "p_a": "ch1", "p_supply": "ch2", "p_b": "ch3", "slew": "ch4", "spool": "ch5"
+    }  # fmt: skip
+    assert (made["u"].gain, made["u"].unit, made["u"].check) == (0.2, "1", True)
+    assert found.clock is not None
+    assert (found.clock.column, found.clock.unit) == (0, "s")
+    log = load_log(found.path, _written(found, made))
+    assert np.max(np.abs(log["u"])) == pytest.approx(1.0)
+
+
+def _written(found, made):
+    path = found.path.with_suffix(".toml")
+    path.write_text(mapping_text(found, made, "full_order"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("step", "unit"), [(0.001, "s"), (0.05, "s"), (1, "ms"), (20, "ms"), (1000, "us")])
+def test_the_unit_of_a_clock_without_one(step, unit, write):
+    found = overview(write("t,slew\n" + "".join(f"{k * step},{k % 5}\n" for k in range(100))))
+    assert found.clock is not None
+    assert found.clock.unit == unit
+    assert "samples a second if it counts" in found.clock.guessed
+    assert "# CHECK: steps of" in mapping_text(found, guesses(found), "full_order")
+
+
+def test_gaps_and_text_are_shown_and_do_not_stop_anything(write):
+    rows = [f"{k / 100},{k % 3},{'auto' if k < 50 else 'hand'}" for k in range(100) if k not in (40, 41, 42)]
+    path = write("time,angle,mode\n" + "\n".join(rows) + "\n")
+    found = overview(path)
+    assert found.clock is not None
+    assert (found.clock.gaps, found.clock.backwards) == (1, 0)
+    assert found.columns[2].kind == "text"
+    shown = cosim("info", path)
+    assert shown.returncode == 0
+    assert "'mode': row 2, column 'mode': 'auto' is not a number" in shown.stderr
+    assert guesses(found)["slew"].unit == "rad"
+
+
+def test_a_log_of_simulink(tmp_path, rig):
+    signals = [
+        {"values": rig[name][:, None] * scale, "label": label, "dimensions": 1.0}
+        for name, label, scale in (("u", "valve cmd", 1.0), ("slew", "slew angle [deg]", 180 / np.pi))
+    ]
+    fields = np.array([tuple(s.values()) for s in signals], dtype=[(k, object) for k in signals[0]])
+    path = tmp_path / "simout.mat"
+    savemat(
+        path, {"simout": {"time": rig["time"][:, None], "signals": fields, "blockName": "model/To Workspace"}}
+    )
+    found = overview(path)
+    made = guesses(found)
+    assert set(made) == {"u", "slew"}
+    log = load_log(path, _written(found, made))
+    np.testing.assert_allclose(log["slew"], rig["slew"], rtol=1e-12)
+    np.testing.assert_allclose(log.time, rig["time"])
+
+
+def test_two_columns_of_one_name_are_told_apart_by_number(write):
+    path = write("t,Druck A,Druck A\n" + "".join(f"{k / 100},{80 + k % 7},{k % 5}\n" for k in range(50)))
+    found = overview(path)
+    log = load_log(path, _written(found, guesses(found)))
+    assert log["p_a"].max() == pytest.approx(86e5)
+
+
+def test_words_and_units():
+    assert plain("SchwenkWinkel_ist (Größe)") == "schwenk winkel ist grosse"
+    assert [spelled(u) for u in ("Grad", "Nm", "U/min", "°", "-", "mm", "nonsense", None)] == [
+        "deg", "N.m", "rpm", "deg", "1", "mm", None, None
+    ]  # fmt: skip
+    assert set(NAMES) <= set(SIGNALS)
+
+
+def test_init_needs_a_log(tmp_path):
+    done = cosim("init", tmp_path / "a.ssp")
+    assert (done.returncode, "name the log too" in done.stderr) == (2, True)

@@ -1,0 +1,202 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from report_helpers import empty_answer, named
+
+from cosim.diagnosis.answer.schema import (
+    DataFinding,
+    LinearReference,
+    Location,
+    NextExperiment,
+    Packages,
+    Parameter,
+    Rival,
+    SignalGain,
+    Unexplained,
+)
+from cosim.report.earlier import FILES, Earlier
+from cosim.report.material import Material
+from cosim.report.screen import in_words, known_as, lines, show, tables
+from cosim.report.words import NAMES, phrase
+from cosim.system.effects import EFFECTS as PORT_EFFECTS
+from fmus import registry
+
+GAIN = SignalGain(
+    rmse_before=0.1635,
+    rmse_after=0.009778,
+    unit="deg",
+    noise_floor=0.009955,
+    fit_percent_before=72.0,
+    fit_percent_after=98.0,
+    ci95_of_ratio=(0.05, 0.07),
+)
+LINEAR = LinearReference(
+    order=3,
+    poles=[],
+    delay=0.0,
+    what="",
+    rmse=0.04402,
+    rmse_extended=0.0098,
+    unit="deg",
+    ci95_of_ratio=(0.2, 0.3),
+)
+OUT = Path("results")
+
+
+def friction(**changes):
+    cause = named("mechanical.coulomb_friction", {"tau_c": 99.79424}, spread=0.00892)
+    rivals = [
+        Rival(effect="continuity.cracking_pressure", why_not="alike"),
+        Rival(effect="mechanical.gravity_load", why_not="explains the log worse by 38574 in log-likelihood"),
+    ]
+    return cause.model_copy(update={"rivals": rivals, **changes})
+
+
+def test_every_effect_has_a_name_that_people_know():
+    assert set(NAMES) == {*registry.effects(), *PORT_EFFECTS, "parameter"}
+    assert known_as("mechanical.coulomb_friction") == "dry friction (mechanical.coulomb_friction)"
+    assert known_as("unheard.of") == "unheard.of"
+    assert in_words("tells dcv.delay from port.lag at valve.demand (input)") == (
+        "tells a delay of the valve (dcv.delay) from a lag (port.lag) at valve.demand (input)"
+    )
+
+
+def test_a_cause_in_seven_lines():
+    proposed = NextExperiment(
+        why="tells mechanical.coulomb_friction from continuity.cracking_pressure, which this log cannot",
+        excitation={"shape": "steps with rests", "duration_s": 30.0},
+        predicted_gain=600.0,
+        file="results/next_experiment.csv",
+    )
+    answer = empty_answer(
+        causes=[friction(indistinguishable_from=["continuity.cracking_pressure"])],
+        gain={"slew": GAIN},
+        linear={"slew": LINEAR},
+        next_experiment=proposed,
+    )
+    cracking = "cracking pressure of the counterbalance valve (continuity.cracking_pressure)"
+    assert lines(answer, OUT) == [
+        "verdict: explained (synthetic log, model full_order)",
+        "Cause: dry friction (mechanical.coulomb_friction): 99.8 N m, 98.9 to 100.7 (95 %)",
+        f"How sure: this log cannot tell it from {cracking}; next best is a base that is not level "
+        "(mechanical.gravity_load), which explains the log worse by 38574 in log-likelihood",
+        "Better: error of the slew angle on data not used for fitting falls from 0.16 to 0.0098 deg, the sensor's noise "
+        "(0.01 deg); a linear model leaves 0.044 deg",
+        f"Results: {OUT / 'diagnosis.json'}",
+        "Next: drive the machine with results/next_experiment.csv (steps with rests, 30 s): it tells dry friction "
+        f"(mechanical.coulomb_friction) from {cracking}, which this log cannot",
+    ]
+
+
+def test_a_changed_parameter_stands_beside_its_nominal_value():
+    told = lines(empty_answer(causes=[named("mechanical.inertia", {"J": 900.0}, spread=0.01)]), OUT)
+    assert (
+        "Cause: another inertia (mechanical.inertia): 900 kg m², 891 to 909 instead of 763.9 kg m² (95 %)"
+        in told
+    )
+    assert "How sure: no other effect of the library comes near" in told
+
+
+def test_the_place_of_a_cause_in_any_system():
+    ends = {
+        "low": Parameter(value=-0.199, unit="1", ci95=(-0.201, -0.197)),
+        "high": Parameter(value=0.3, unit="1", ci95=(0.298, 0.302)),
+    }
+    place = {"effect": "port.dead_zone", "component": "plant", "connector": "u", "where": "input"}
+    cause = friction(**place, parameters=ends)
+    told = lines(empty_answer(causes=[cause], extended=Packages(ssp="results/extended.ssp", ssv="x")), OUT)
+    assert told[1] == (
+        "Cause: a dead zone (port.dead_zone) at plant.u (input): low = -0.1990, -0.2010 to -0.1970; "
+        "high = 0.3000, 0.2980 to 0.3020 (95 %)"
+    )
+    assert told[-1] == "Next: cosim simulate results/extended.ssp runs the extended model"
+
+
+def test_no_cause_is_told_where_none_was_named():
+    where = Location(block="dcv", signal="spool", share=1.0, residual_rms=1.0, noise_floor=1.0, unit="mm")
+    clean = lines(empty_answer(verdict="adequate", localisation=[where], not_exercised=["dcv.delay"]), OUT)
+    assert clean[1].startswith("Nothing is wrong: in valve, what the simulation leaves is no more than noise")
+    assert clean[2] == "How sure: this log could not have shown a delay of the valve (dcv.delay)"
+    rest = Unexplained(block="mechanical", what="a missing torque", residual_rms=0.1, unit="deg")
+    open_ = lines(empty_answer(verdict="unexplained", unexplained=[rest]), OUT)
+    assert (
+        open_[1] == "Unexplained: mechanics: a missing torque; no effect of the library explains it (0.1 deg)"
+    )
+    label = DataFinding(signal="slew", finding="slew looks like deg labelled rad", remedy="label it deg.")
+    labels = lines(empty_answer(verdict="implausible_data", data=[label]), OUT)
+    assert (
+        labels[1]
+        == "Wrong: the log contradicts its own labels: slew looks like deg labelled rad. Label it deg"
+    )
+    assert labels[-1].startswith("Next: correct the label")
+    for told in (clean, open_, labels):
+        assert not any(line.startswith(("Cause", "Better")) for line in told)
+
+
+def test_the_report_is_named_where_there_is_one(tmp_path):
+    (tmp_path / "report.html").touch()
+    assert f"Report: {tmp_path / 'report.html'}" in lines(empty_answer(), tmp_path)
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+def test_tables_only_where_they_are_asked_for(verbose, capsys):
+    answer = empty_answer(causes=[friction()], gain={"slew": GAIN}, linear={"slew": LINEAR})
+    show(answer, OUT, verbose)
+    said = capsys.readouterr().out
+    assert ("Other explanations" in said) == ("before and after" in said) == verbose
+    assert len(said.splitlines()) < 10 or verbose
+    assert said.splitlines()[-1].startswith("Next: ")
+    assert len(list(tables(answer))) >= 2
+
+
+def test_an_earlier_diagnosis_is_said_and_does_not_stay_among_the_new_one(tmp_path, capsys):
+    for name in ("diagnosis.json", "extended.ssp", "mine.txt"):
+        (tmp_path / name).write_text("old", encoding="utf-8")
+    earlier = Earlier(tmp_path)
+    assert "holds an earlier diagnosis (2 files): its files are replaced" in capsys.readouterr().err
+    new = tmp_path / "diagnosis.json"
+    new.write_text("new", encoding="utf-8")
+    os.utime(new, ns=(1, 1))  # the clock of a file system is coarse
+    earlier.clear()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["diagnosis.json", "mine.txt"]
+
+
+def test_an_empty_folder_is_no_word_worth(tmp_path, capsys):
+    Earlier(tmp_path).clear()
+    assert capsys.readouterr().err == ""
+
+
+def test_the_report_folder_of_a_real_diagnosis_holds_known_files_only(diagnosed):
+    written = {p.name for p in diagnosed.iterdir() if p.is_file()}
+    assert written <= set(FILES), "name it in cosim/report/earlier.py"
+
+
+@pytest.mark.slow
+def test_the_demo_says_its_answer_in_a_few_lines(tmp_path):
+    command = [sys.executable, "-m", "cosim", "demo", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=600, check=True)
+    said = done.stdout.splitlines()
+    assert len(said) <= 8
+    assert any(
+        line.startswith("Cause: dry friction (mechanical.coulomb_friction): 99.8 N m") for line in said
+    )
+    assert said[-1].startswith("Next: ")
+
+
+def test_an_end_that_no_log_reaches_is_not_given_in_numbers():
+    """Of the two ends of a travel the log met one; the other stands where the model has it, 57000 deg away."""
+    ends = {
+        "theta_max": Parameter(value=float(np.degrees(1000.0)), unit="deg", ci95=(-1000.0, 115000.0)),
+        "theta_min": Parameter(value=-156.0, unit="deg", ci95=(-157.0, -155.0)),
+    }
+    cause = friction(effect="mechanical.end_stop", parameters=ends)
+    told = lines(empty_answer(causes=[cause]), OUT)[1]
+    assert "theta_min = -156.0 deg" in told
+    assert "theta_max" not in told
+    _, how = phrase(cause, Material(empty_answer(causes=[cause]), 1e-3, {}, {}))
+    assert "theta_min = -156.0 deg" in how
+    assert "theta_max" not in how
