@@ -94,7 +94,15 @@ def by_fmpy(item: Known, scratch: Path) -> dict[str, np.ndarray] | str:
     """Outputs at every step, or why there are none."""
     target = scratch / "fmpy.npz"
     target.unlink(missing_ok=True)
-    command = [sys.executable, "-c", FMPY, str(item.path.resolve()), repr(item.stop), repr(item.step), str(target)]
+    command = [
+        sys.executable,
+        "-c",
+        FMPY,
+        str(item.path.resolve()),
+        repr(item.stop),
+        repr(item.step),
+        str(target),
+    ]
     try:
         done = subprocess.run(
             [*command, *item.outputs], capture_output=True, text=True, timeout=LIMIT, cwd=scratch, check=False

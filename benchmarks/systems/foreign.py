@@ -88,9 +88,7 @@ def step_by_fmpy(spec: Mapping[str, Any], series: Mapping[str, Array]) -> dict[s
     h, count, fine = spec["h"], spec["count"], spec["fine"]
     step = h / fine
     hidden = [Hidden(**e) for e in spec["hidden"]]
-    at = {
-        (e.port, e.where): Wire(e.effect, e.values, step) for e in hidden if e.where in ("input", "output")
-    }
+    at = {(e.port, e.where): Wire(e.effect, e.values, step) for e in hidden if e.where in ("input", "output")}
     slaves, numbers, kinds = {}, {}, {}
     for name, path in spec["fmus"].items():
         folder = tempfile.mkdtemp(dir=spec["scratch"])
@@ -250,10 +248,24 @@ def run(case: Case, paths: Sequence[Path], scratch: Path, seed: int = 1) -> dict
     if case.constant:
         lines += ["constant = { " + ", ".join(f'"{n}" = {v!r}' for n, v in case.constant.items()) + " }"]
     mapping.write_text("\n".join(lines) + "\n")
-    command = [sys.executable, "-m", "cosim", "diagnose", str(log), "--model", str(model), "--mapping", str(mapping)]
+    command = [
+        sys.executable,
+        "-m",
+        "cosim",
+        "diagnose",
+        str(log),
+        "--model",
+        str(model),
+        "--mapping",
+        str(mapping),
+    ]
     begun = time.perf_counter()
     done = subprocess.run(
-        [*command, "--out", str(folder / "out"), "--json"], cwd=ROOT, capture_output=True, text=True, check=False
+        [*command, "--out", str(folder / "out"), "--json"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     seconds = time.perf_counter() - begun
     if done.returncode:
@@ -317,7 +329,13 @@ def score(case: Case, found: Mapping[str, Any], seconds: float, fmus: Mapping[st
         rest = [u["what"] for u in found["unexplained"]]
         refused = [(r["effect"], r["why"]) for r in found["refused"]]
         line += f"\n    said {said} unexplained {rest} refused {refused} {found['warnings']}"
-    return {"name": case.name, "ok": right, "error": max(errors, default=None), "seconds": seconds, "line": line}
+    return {
+        "name": case.name,
+        "ok": right,
+        "error": max(errors, default=None),
+        "seconds": seconds,
+        "line": line,
+    }
 
 
 MSD = "MassSpringDamper1.fmu"
