@@ -39,7 +39,7 @@ class Case:
         hidden: effects.
         faults: ``component.parameter`` -> factor.
         trusted: parameters that the mapping trusts to 1 %.
-        constant: inputs that are not measured, with their values.
+        constant: inputs that are not measured, with their values, which are those that they start with.
         wires: between components; an input of the system feeds the input of its name.
         h: interval of the log [s].
         count: samples.
@@ -245,8 +245,6 @@ def run(case: Case, paths: Sequence[Path], scratch: Path, seed: int = 1) -> dict
     trusted = [n.replace(f"{next(iter(fmus))}.", f"{stem}.", 1) if single else n for n in case.trusted]
     if trusted:
         lines += [f"trusted = {quoted(trusted)}"]
-    if case.constant:
-        lines += ["constant = { " + ", ".join(f'"{n}" = {v!r}' for n, v in case.constant.items()) + " }"]
     mapping.write_text("\n".join(lines) + "\n")
     command = [
         sys.executable,
