@@ -141,6 +141,11 @@ def difference(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> floa
     return worst
 
 
+def lost(series: dict[str, np.ndarray]) -> bool:
+    """Whether every output ends as no number."""
+    return all(not np.isfinite(values[-1]) for values in series.values())
+
+
 def compare_runs(paths: list[Path], scratch: Path) -> None:
     """Run each FMU by fmpy and by us, and print where they part."""
     for path in paths:
@@ -156,6 +161,8 @@ def compare_runs(paths: list[Path], scratch: Path) -> None:
             validated = f"{type(error).__name__}: {error}"
         if isinstance(theirs, str):
             said = f"fmpy: {theirs[:150]}; ours: {ours[:200] if isinstance(ours, str) else 'runs'}"
+        elif isinstance(ours, str) and "not a finite number" in ours and lost(theirs):
+            said = f"not finite in both: {ours}"
         elif isinstance(ours, str):
             said = f"RUNS IN FMPY ONLY: {ours}"
         else:
@@ -188,18 +195,28 @@ def main() -> None:
     if options.only != "faults":
         compare_runs(paths, scratch)
     if options.only != "runs":
+        rows = []
         for case in foreign.CASES:
             if options.case and options.case not in case.name:
                 continue
             begun = time.perf_counter()
-            told = foreign.run(case, paths, scratch)
+            try:
+                told = foreign.run(case, paths, scratch)
+            except RuntimeError as error:
+                print(f"{case.name}: no log: {str(error).strip().splitlines()[-1]}", flush=True)
+                continue
             if told is None:
                 print(f"{case.name}: its FMUs are not there", flush=True)
                 continue
+            rows.append(told)
             print(f"{case.name} [{time.perf_counter() - begun:.0f} s]: {told['line']}", flush=True)
             if options.rows:
                 with options.rows.open("a") as file:
                     file.write(json.dumps(told) + "\n")
+        print(
+            "\n| FMU | hidden | answer | time |\n|---|---|---|---|", *(told["row"] for told in rows), sep="\n"
+        )
+        print(f"right: {sum(told['ok'] for told in rows)} of {len(rows)}")
 
 
 if __name__ == "__main__":

@@ -167,6 +167,8 @@ class Free:
         rate: it limits that signal's rate of change.
         phase: the parameter is the phase of a sine whose amplitude is the effect's key: any sine is a sum of two of them,
             so amplitude and phase are found from two starts a quarter of a turn apart.
+        within: another free parameter of the effect, of the same unit, and how many times as large as it this one can
+            physically be; both are sizes and never negative.
     """
 
     starts: tuple[float, ...]
@@ -175,6 +177,7 @@ class Free:
     limits: str = ""
     rate: bool = False
     phase: bool = False
+    within: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -223,7 +226,6 @@ class Effect:
         asked: the diagnosis considers it only where a mapping file asks for it.
         sole_form: its law can have no other form (an offset, a factor, an inertia): what it leaves is none of its own.
         ranges: where those of its parameters can physically be whose declaration admits more.
-        along: signal of which its torque is a function, whatever its form: omega or p_load; empty for no such law.
         prior: log odds against the other effects before a log is seen.
     """
 
@@ -245,7 +247,6 @@ class Effect:
     asked: bool = False
     sole_form: bool = False
     ranges: dict[str, Range] = field(default_factory=dict)
-    along: str = ""
     prior: float = 0.0
 
     @property

@@ -8,7 +8,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from cosim.master.marks import STEP, STEPPED
-from cosim.master.plan import Array, Index
+from cosim.master.plan import Array, Flags, Index
 
 _SET_GET = types.int32(types.int64, types.int64, types.int64, types.int64, types.int64)
 _STEP = types.int32(types.int64, types.int64, types.float64, types.float64)
@@ -53,6 +53,7 @@ class Tables(NamedTuple):
     """Everything the loop reads and writes; `cosim.master.plan.Plan` and `cosim.master.engine.Engine` say what it means.
 
     Attributes:
+        exact: for each component, whether a step is what lies between two communication points to the last bit.
         components, setters, getters, steppers: address of each FMU's component and of its C functions, shape (c,).
         in_references, out_references, in_pointer, out_pointer: addresses of the arrays of value references, of
             `in_values` and of `values`; the arrays must outlive the call.
@@ -66,6 +67,7 @@ class Tables(NamedTuple):
     in_values: Array
     rows: Array
     recorded: Index
+    exact: Flags
     components: Index
     setters: Index
     getters: Index
@@ -115,7 +117,8 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
                 )
                 if status > 1 or status < 0:
                     return k, c, 0, status
-            status = call_step(t.steppers[c], t.components[c], t.time[k], h)
+            size = t.time[k + 1] - t.time[k] if t.exact[c] else h
+            status = call_step(t.steppers[c], t.components[c], t.time[k], size)
             if status > 1 or status < 0:
                 return k, c, 1, status
             a, b = t.out_start[c], t.out_start[c + 1]

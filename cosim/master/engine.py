@@ -162,6 +162,9 @@ class Engine:
     ) -> Iterator[tuple[int, Array, Array]]:
         """Make `whole` steps with step size h [s], and a shorter last one where the grid has it, piece by piece.
 
+        FMUs of others get as step size what lies between the two communication points to the last bit (t[i+1] = t[i] + h[i],
+        FMI 2.0, 4.2.1): some count their own steps up to that sum, and one bit more is a step too many.
+
         Yields:
             (index of the first point, the inputs (m, n_series), recorded values (m, n_recorded)); the pieces follow each
             other without gap or overlap, and belong to the caller. Before an error comes what was reached of its piece.
@@ -250,6 +253,7 @@ class Engine:
             in_values=self.in_values,
             rows=self.rows,
             recorded=self.recorded,
+            exact=np.array([not i.component.fmu.ours for i in self.instances], dtype=np.bool_),
             components=components,
             setters=setters,
             getters=getters,
@@ -289,10 +293,10 @@ class Engine:
                 values[base : base + n_series] = self.table[k]
                 for d, source in copies:
                     values[base + n_series + d] = values[source]
-                time = float(self.time[k])
+                time, until = float(self.time[k]), float(self.time[k + 1])
                 for c, operate in enumerate(pick):
                     marks.table[marks.STEPPED] = c
-                    call, status = operate(time)
+                    call, status = operate(time, until)
                     if status > 1 or status < 0:
                         return k, c, call, status
                 self.rows[k + 1] = values[self.recorded]

@@ -56,6 +56,10 @@ class Host:
         self.messages: list[str] = []
         self.wall_time = 0.0
         self._instances: dict[str, Instance] = {}
+        self._begun: tuple[Task, Array] | None = (
+            None  # the first run's task and the beginning of what it recorded
+        )
+        self._tried = False
         try:
             for number, (name, component) in enumerate(system.components.items()):
                 self._instances[name] = Instance(component, number)
@@ -90,11 +94,14 @@ class Host:
 def _initialise(loop: Engine, settings: Mapping[Port, Value]) -> None:
     for instance in loop.instances:
         instance.fresh()
-        variables = instance.component.fmu.variables
+        fmu = instance.component.fmu
+        accuracy = (0, 0.0) if fmu.tolerance is None else (1, fmu.tolerance)
+        instance.call("fmi2SetupExperiment", *accuracy, float(loop.grid[0]), 1, float(loop.grid[-1]))
+        variables = fmu.variables
         own = {p.variable: v for p, v in settings.items() if p.component == instance.name}
+        # after the experiment is set up: FMUs of 20-sim take their own start values there
         for name, value in {**instance.component.starts, **own}.items():
             instance.set_value(variables[name], value)
     for instance in loop.instances:
-        instance.call("fmi2SetupExperiment", 0, 0.0, float(loop.grid[0]), 1, float(loop.grid[-1]))
         instance.call("fmi2EnterInitializationMode")
     loop.initialise(loop.sampler.points(0, 0)[0])

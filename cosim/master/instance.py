@@ -1,4 +1,4 @@
-"""One instance of an FMU: loaded once, reset between runs, its messages kept.
+"""One instance of an FMU: loaded once, reset or made anew between runs, its messages kept.
 
 Calls go to the C functions of the FMU's library by address; fmpy loads the library and formats the messages.
 """
@@ -119,6 +119,8 @@ class Instance:
     Attributes:
         name: of the component.
         messages: the last messages of the FMU, oldest first; cleared by `fresh`.
+        renew: each run takes a new instance of the library loaded anew, as with fmpy. What others compiled does not always
+            come back by fmi2Reset to where it began: FMUs of 20-sim keep their clock, and some free twice what they freed.
         pointer: address of the FMU's component, for the compiled loop.
         set_real, get_real, do_step: addresses of its C functions.
     """
@@ -136,29 +138,33 @@ class Instance:
         """
         self.name, self.component, self.place = component.name, component, number
         self.messages: deque[Message] = deque(maxlen=MOST_MESSAGES)
-        self.alive = False
-        self._used = False
+        self.alive = self._used = False
         fmu = component.fmu
+        self.renew = not fmu.ours and fmu.module is None
         _claim_module(fmu)
-        try:
-            with self._marked(marks.LOAD):
-                self._slave = FMU2Slave(
-                    guid=fmu.guid,
-                    unzipDirectory=str(fmu.folder),
-                    modelIdentifier=fmu.identifier,
-                    instanceName=component.name,
-                )
-        except Exception as error:  # fmpy raises bare exceptions
-            raise ModelError(f"{fmu.source}: the library cannot be loaded: {error}") from None
-        self.set_real = self._address("fmi2SetReal")
-        self.get_real = self._address("fmi2GetReal")
-        self.do_step = self._address("fmi2DoStep")
+        self._load()
         self._number = next(_numbers)
         _listeners[self._number] = self.messages
         self._callbacks = _callbacks(self._number)  # must outlive the instance
         _remember(self._number, self._slave.dll)
         _folders[fmu.folder] += 1
         self._instantiate()
+
+    def _load(self) -> None:
+        fmu = self.component.fmu
+        try:
+            with self._marked(marks.LOAD):
+                self._slave = FMU2Slave(
+                    guid=fmu.guid,
+                    unzipDirectory=str(fmu.folder),
+                    modelIdentifier=fmu.identifier,
+                    instanceName=self.name,
+                )
+        except Exception as error:  # fmpy raises bare exceptions
+            raise ModelError(f"{fmu.source}: the library cannot be loaded: {error}") from None
+        self.set_real = self._address("fmi2SetReal")
+        self.get_real = self._address("fmi2GetReal")
+        self.do_step = self._address("fmi2DoStep")
 
     def _address(self, name: str) -> int:
         return ctypes.cast(getattr(self._slave.dll, name), ctypes.c_void_p).value or 0
@@ -174,17 +180,29 @@ class Instance:
         self.pointer = int(self._slave.component)
 
     def fresh(self) -> None:
-        """Bring the instance to where it was after instantiation; one that broke is replaced by a new one.
+        """Bring the instance to where it was after instantiation; one that broke or cannot be reset is made anew.
 
         Raises:
-            SimulationError: the FMU cannot be reset.
+            SimulationError: the FMU refuses to be instantiated again.
         """
+        if self.alive and self._used and not self.renew:
+            status = self._status("fmi2Reset")
+            self.failed(status)
+            self.renew = not 0 <= status <= WARNING
         self.messages.clear()
+        if self.alive and self._used and self.renew:
+            self._free()
+            if self.component.fmu.module is None:
+                self._slave.freeLibrary()
+                self._load()
         if not self.alive:
             self._instantiate()
-        elif self._used:
-            self.call("fmi2Reset")
         self._used = True
+
+    def _free(self) -> None:
+        self.alive = False
+        with self._marked(marks.function("fmi2FreeInstance")):
+            self._slave.fmi2FreeInstance(self._slave.component)
 
     def call(self, function: str, *arguments: Any) -> None:
         """Call a C function of the FMU with this component first.
@@ -262,9 +280,7 @@ class Instance:
         _forget(self.component.fmu.folder)
         settle = _unsettled.pop(self._number, None)
         if self.alive:
-            self.alive = False
-            with self._marked(marks.function("fmi2FreeInstance")):
-                self._slave.fmi2FreeInstance(self._slave.component)
+            self._free()
             if settle is not None:
                 settle()
             self._slave.freeLibrary()

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 
 def operations(
     plan: Plan, instances: Sequence[Instance], values: Array, in_values: Array, h: float
-) -> list[Callable[[float], tuple[int, int]]]:
-    """For each component a function of the time that sets its inputs, makes a step and reads its outputs.
+) -> list[Callable[[float, float], tuple[int, int]]]:
+    """For each component a function of a step's two times that sets its inputs, makes a step and reads its outputs.
 
     Returns:
         Functions that answer (call, status); call is 0 for fmi2SetReal, 1 for fmi2DoStep, 2 for fmi2GetReal.
@@ -25,14 +25,14 @@ def operations(
 
 def _operation(
     plan: Plan, c: int, instance: Instance, values: Array, in_values: Array, h: float
-) -> Callable[[float], tuple[int, int]]:
+) -> Callable[[float, float], tuple[int, int]]:
     a, b, m, n = (int(i) for i in (*plan.in_start[c : c + 2], *plan.out_start[c : c + 2]))
     set_real, get_real, do_step = (
         SetGetReal(instance.set_real),
         SetGetReal(instance.get_real),
         DoStep(instance.do_step),
     )
-    component = instance.pointer
+    component, exact = instance.pointer, not instance.component.fmu.ours
     in_refs, out_refs = (
         int(plan.in_reference.ctypes.data) + 4 * a,
         int(plan.out_reference.ctypes.data) + 4 * m,
@@ -45,7 +45,7 @@ def _operation(
     source: Any = memoryview(values.data)
     target: Any = memoryview(in_values.data)
 
-    def operate(time: float) -> tuple[int, int]:
+    def operate(time: float, until: float) -> tuple[int, int]:
         new = False
         for i, j, factor, offset in wires:
             value = factor * source[j] + offset
@@ -55,7 +55,7 @@ def _operation(
             status = set_real(component, in_refs, b - a, in_pointer)
             if status > 1 or status < 0:
                 return 0, status
-        status = do_step(component, time, h, 1)
+        status = do_step(component, time, until - time if exact else h, 1)
         if status > 1 or status < 0:
             return 1, status
         if n > m:

@@ -18,6 +18,7 @@ from cosim.ssp.system import Port, System, Wire
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 References = NDArray[np.uint32]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

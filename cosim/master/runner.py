@@ -217,6 +217,7 @@ class Runner:
         plan, host = task.plan, self._host
         assert host is not None
         units, display = {}, {}
+        oddities = dict.fromkeys(text for c in self.system.components.values() for text in c.fmu.oddities)
         for item in plan.recorded:
             if item.unit_of.component:
                 variable = self.system.variable(item.unit_of)
@@ -232,7 +233,7 @@ class Runner:
             units=units,
             display=display,
             aliases={name: str(port) for name, port in self.system.outputs.items()},
-            notes=[*self.system.notes, *plan.notes, *notes],
+            notes=[*self.system.notes, *oddities, *plan.notes, *notes],
             messages=list(host.messages),
             step_size=task.step_size,
             parameters={str(port): value for port, value in task.settings.items()},

@@ -127,6 +127,7 @@ def _detached(node: etree._Element) -> etree._Element:
 def _fmu_findings(system: System) -> list[Problem]:
     fmus = {c.fmu.folder: c.fmu for c in system.components.values()}.values()
     found = [Problem("error", fmu.source, text) for fmu in fmus for text in validate_fmu(str(fmu.folder))]
+    found += [Problem("error", fmu.source, text) for fmu in fmus for text in fmu.oddities]
     return found + [Problem("error", fmu.source, text) for fmu in fmus for text in _binary_findings(fmu)]
 
 

@@ -63,7 +63,13 @@ def load_fmu(
     _check_binary(archive, source, co_simulation.get("modelIdentifier", ""))
     unpack(archive, folder, source)
     description = described(folder, source)
-    return replace(_fmu(description, source, folder, units), step_size=experiment.get("stepSize"), ours=ours)
+    return replace(
+        _fmu(description, source, folder, units),
+        step_size=experiment.get("stepSize"),
+        tolerance=experiment["tolerance"] if experiment.get("tolerance", 0.0) > 0.0 else None,
+        oddities=_oddities(description.coSimulation.modelIdentifier, source),
+        ours=ours,
+    )
 
 
 def description_of(archive: zipfile.ZipFile, source: str) -> Any:
@@ -128,7 +134,7 @@ def _experiment(root: Any, source: str) -> dict[str, float]:
 
 
 def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str) -> None:
-    if not re.fullmatch(r"[A-Za-z_]\w*", identifier, re.ASCII):
+    if not re.fullmatch(r"\w[\w.+ -]*", identifier, re.ASCII):
         raise ModelError(
             f"{source}: modelIdentifier='{identifier}' is no C identifier, which FMI 2.0 demands"
         )
@@ -148,6 +154,14 @@ def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str) -> Non
             f"'{wanted}' is missing; export it for {fmpy.platform}"
         )
     raise ModelError(f"{source} has no binary at all ('{wanted}' is missing): export it with binaries")
+
+
+def _oddities(identifier: str, source: str) -> tuple[str, ...]:
+    if re.fullmatch(r"[A-Za-z_]\w*", identifier, re.ASCII):
+        return ()
+    return (
+        f"{source}: modelIdentifier='{identifier}' is no C identifier, which FMI 2.0 demands; it is run all the same",
+    )
 
 
 def _fmu(

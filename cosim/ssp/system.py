@@ -76,6 +76,8 @@ class Fmu:
         variable_steps: it accepts steps of any size.
         module: (name, digest) of the Python module that pythonfmu will import, or None.
         ours: this installation built it (`cosim.trust`).
+        tolerance: of the default experiment, for the FMU's own step-size control, or None.
+        oddities: rules of FMI that it breaks and that stop nobody from running it, with words.
     """
 
     source: str
@@ -89,6 +91,8 @@ class Fmu:
     variable_steps: bool
     module: tuple[str, str] | None
     ours: bool = False
+    tolerance: float | None = None
+    oddities: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ Each unit has FMU instances of its own, made once and reset between runs; those 
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from types import TracebackType
 from typing import Self
 
@@ -34,6 +35,7 @@ class Runs:
         count: runs of units that were made.
         steps: communication steps that they took.
         runners: made so far.
+        stop: told of a Ctrl-C in a run; True if what runs will end by itself soon.
     """
 
     def __init__(self, system: System, limits: Limits | None = None) -> None:
@@ -45,6 +47,7 @@ class Runs:
         """
         self.system, self.limits = system, limits
         self.count = self.steps = 0
+        self.stop: Callable[[], bool] = lambda: False
         self.runners: dict[tuple[str, ...], Runner] = {}
         self._kept: OrderedDict[bytes, dict[Port, Array]] = OrderedDict()
 
@@ -143,7 +146,8 @@ class Runs:
         runner = self._runner(unit)
         self.count += 1
         self.steps += (count - 1) * parts
-        result = runner.run(
+        once = partial(
+            runner.run,
             stop,
             h / parts,
             start_time=start,
@@ -152,6 +156,12 @@ class Runs:
             hold=(),
             record=[str(port) for port in outputs],
         )
+        try:
+            result = once()
+        except KeyboardInterrupt:  # our own FMUs hear it within their loop
+            if not self.stop():
+                raise
+            result = once()
         found = {port: np.ascontiguousarray(result.signals[str(port)][::parts]) for port in outputs}
         self._kept[key] = found
         if len(self._kept) > KEPT:

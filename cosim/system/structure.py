@@ -33,7 +33,7 @@ def signatures(
 ) -> dict[str, tuple[str, ...]]:
     """Place, ``at component.connector (where)`` or ``parameter component.parameter`` -> groups in which it shows."""
     groups = cut(system, names)
-    judged = {g.name for g in groups if g.judged and not g.missing}
+    judged = {g.name for g in groups if g.judged}
     of = {c: g.name for g in groups for c in g.components}
     sources, _ = measured_ports(system, names)
     found: dict[str, tuple[str, ...]] = {}

@@ -37,7 +37,7 @@ SAYS = {
     "boolean_read": ["no Boolean"],
     "string_set": ["no String"],
     "string_read": ["no String"],
-    "early_out_of_range": ["J = 100000000000.0", "1e-06 to 1000000000.0"],
+    "early_out_of_range": ["J = 100000000000.0", "1e-12 to 1000000000.0"],
     "early_nan": ["J = nan", "763.9437268410978 is kept"],
     "early_step": ["before initialisation is complete"],
     "early_exit": ["fmi2ExitInitializationMode without"],

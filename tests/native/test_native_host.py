@@ -27,7 +27,14 @@ def sanitizers(tmp_path_factory) -> list[str]:
     return SANITIZERS
 
 
-@pytest.mark.parametrize("which", ["stimulus", "mechanical", "sensor", "full_order", "physical"])
+@pytest.mark.parametrize(
+    "which",
+    [
+        "mechanical",
+        "physical",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("stimulus", "sensor", "full_order")),
+    ],
+)
 def test_clean_under_the_sanitizers(fmu_files, chains, sanitizers, tmp_path, which) -> None:
     """The chains hold every block but stimulus and simplified; mechanical and sensor are driven by model exchange too."""
     fmu = chains.get(which) or fmu_files[which]
