@@ -36,8 +36,10 @@ SHOWN_RIVALS = 8
 
 def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
     """The answer."""
+    cut_short = found.budget.ended and found.budget.why in found.unjudged.values()
     return Answer(
-        verdict=found.verdict,  # type: ignore[arg-type]
+        verdict="interrupted" if cut_short else found.verdict,  # type: ignore[arg-type]
+        interrupted=found.stage if found.budget.ended else None,
         synthetic=all(log.synthetic for log in found.logs),
         model=str(found.system.path),
         signals=signals(found),
@@ -170,7 +172,8 @@ def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, 
         reach = 1.96 * fit.deviation(name)
         value = fit.values[name]
         unit = found.system.variable(action.port).unit or "1"
-        return {action.port.variable: Parameter(value=value, unit=unit, ci95=(value - reach, value + reach))}
+        ends = finding.between[name].ci95 if name in finding.between else (value - reach, value + reach)
+        return {action.port.variable: Parameter(value=value, unit=unit, ci95=ends)}
     signal, factor, _ = unit_at(found, action)
     for parameter, declared in EFFECTS[action.effect].parameters.items():
         key = action.key(parameter)
@@ -183,7 +186,8 @@ def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, 
         unknown = known[key]
         if action.effect == "port.saturation" and not unknown.low < value < unknown.high:
             continue  # beyond what the signal reaches
-        low, high = max(value - reach, unknown.low), min(value + reach, unknown.high)
+        ends = finding.between[key].ci95 if key in finding.between else (value - reach, value + reach)
+        low, high = max(ends[0], unknown.low), min(ends[1], unknown.high)
         result[parameter] = Parameter(
             value=(value - offset) / scale,
             unit=EFFECTS[action.effect].unit(parameter, signal),

@@ -1,5 +1,6 @@
 """`cosim diagnose` for any system: whether a model is one, and the diagnosis handed to people and programs."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -7,13 +8,16 @@ from threadpoolctl import threadpool_limits
 
 from cosim.anysystem.answer import answer, shown_action
 from cosim.anysystem.extend import write_extended
+from cosim.anysystem.page import write_page
 from cosim.anysystem.pipeline import diagnose_system
 from cosim.anysystem.read import read
 from cosim.console import stderr_console, told, warn
 from cosim.diagnosis.answer.schema import Answer
+from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, UsageError
 from cosim.files import write_text
+from cosim.interrupts import stoppable
 from cosim.logs.load import open_source
 from cosim.logs.mapping import load_mapping
 from cosim.report.deliver import make_folder
@@ -85,6 +89,7 @@ def diagnose_any(
     held_out: Sequence[Path],
     tolerance: float,
     calibrate: bool,
+    budget: float = math.inf,
 ) -> Answer:
     """Run the diagnosis of any system and write its folder.
 
@@ -96,11 +101,16 @@ def diagnose_any(
         held_out: further logs that are not fitted.
         tolerance: of trusted parameters, relative standard deviation.
         calibrate: trusted parameters are fitted freely.
+        budget: time it may take [s]; the best so far is then the answer, with what was not tried among its warnings.
+
+    Ctrl-C or SIGTERM ends the search with the best so far, which is written, and goes on as a KeyboardInterrupt; a second
+    one ends at once.
 
     Raises:
         CosimError: as `cosim.anysystem.pipeline.diagnose_system`.
     """
-    with read_system(model) as system, threadpool_limits(1):
+    allowed = Budget(budget)
+    with read_system(model) as system, threadpool_limits(1), stoppable(allowed.end):
         recordings, options, others = read([*logs, *held_out], system, mapping)
         for recording in recordings:
             for text in recording.warnings:
@@ -131,12 +141,23 @@ def diagnose_any(
                 tolerance=tolerance,
                 calibrate=calibrate,
                 watch=watch,
+                budget=allowed,
             )
-            found.notes = [*notes, *found.notes]
+            if allowed.ended:
+                warn(
+                    f"interrupted: writing what was found until then into {folder}; once more Ctrl-C leaves without"
+                )
+            for text in allowed.warnings:
+                warn(text)
+            found.notes = [*notes, *found.notes, *allowed.warnings]
             earlier.clear()
             package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
             result = answer(found, package)
-    write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
+            write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
+            if not allowed.ended:
+                write_page(found, result, folder)
+    if allowed.ended:
+        raise KeyboardInterrupt
     return result
 
 
@@ -155,4 +176,5 @@ def unlisted(system: System) -> list[str]:
             found[component.fmu.source + MENDED] = (
                 f"{component.fmu.source}: parameters of a variability that FMI 2.0 does not allow are taken as tunable"
             )
+        found |= {text: text for text in component.fmu.oddities}
     return list(found.values())

@@ -88,12 +88,14 @@ class GroupModel:
         parameters |= {n: v for n, v in everything.items() if "|" not in n and ":" not in n}
         found: dict[str, Array] = {}
         entering: dict[Port, Array] = {}
+        early: dict[Port, float] = {}
         for drive in self.group.drives:
             series = self._driving(drive.signal, k)
             shift = everything.get(f"{SHIFT}:{drive.signal}>{drive.port}", 0.0)
-            if shift:
-                at = np.arange(series.size, dtype=np.float64)
-                series = np.interp(at + shift, at, series)
+            whole = round(shift)
+            early[drive.port] = shift - whole
+            if whole:
+                series = series[np.clip(np.arange(series.size) + whole, 0, series.size - 1)]
             if (drive.factor, drive.offset) != (1.0, 0.0):
                 series = drive.factor * series + drive.offset
             entering[drive.port] = acted(series, h, drive.port, "input", places)
@@ -102,7 +104,9 @@ class GroupModel:
             wanted = tuple(
                 dict.fromkeys([*self._leaving(unit), *(p for p in judged if p.component in unit.components)])
             )
-            inputs = {p: _central(s) for p, s in entering.items() if p.component in unit.components}
+            inputs = {
+                p: _held(s, early.get(p, 0.0)) for p, s in entering.items() if p.component in unit.components
+            }
             if not wanted:
                 continue
             if inputs:
@@ -147,8 +151,12 @@ class GroupModel:
         return False
 
 
-def _central(series: Array) -> Array:
-    """What an input is set to in each step: the mean of the values at its two ends, so that a held input is not early."""
+def _held(series: Array, early: float = 0.0) -> Array:
+    """What an input is set to in each step: the mean of the values at its two ends, so that a held input is not early.
+
+    `early` from -0.5 to 0.5 samples shifts the weight to one of them: at -0.5 a step holds what was measured at its start,
+    which is what a controller of the log's own rate does.
+    """
     found = series.copy()
-    found[1:] = 0.5 * (series[1:] + series[:-1])
+    found[1:] = (0.5 + early) * series[1:] + (0.5 - early) * series[:-1]
     return found

@@ -4,8 +4,10 @@
 trusted = ["valve.K", "plant.T"]     # or a table: trusted = { "valve.K" = "2 %" }
 free = ["plant.friction"]
 exclude = ["port.gain"]
+constant = { "valve.supply" = 2e7 }  # inputs that are not measured: their value all along, in the unit of the FMU
 """
 
+import math
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
@@ -25,6 +27,7 @@ class AnyOptions(BaseModel):
         trusted: ``component.parameter`` -> relative standard deviation, or None for the tolerance of the command line.
         free: parameters that are fitted freely with every cause.
         exclude: effects that are no candidates.
+        constant: inputs that are not measured -> their value all along, in the unit of the FMU.
         causes: causes looked for in one group at most.
         sample: what one sample counts as, s, where the log counts samples.
     """
@@ -34,6 +37,7 @@ class AnyOptions(BaseModel):
     trusted: dict[str, float | None] = {}
     free: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
+    constant: dict[str, float] = {}
     causes: Annotated[int, Field(ge=1, le=3)] = 3
     sample: float | None = None
 
@@ -45,6 +49,14 @@ class AnyOptions(BaseModel):
         if not isinstance(value, dict):
             raise ValueError('write a list of parameters, or a table such as { "valve.K" = "2 %" }')
         return {str(n): None if tolerance is None else _share(tolerance) for n, tolerance in value.items()}
+
+    @field_validator("constant")
+    @classmethod
+    def _finite(cls, values: dict[str, float]) -> dict[str, float]:
+        for name, value in values.items():
+            if not math.isfinite(value):
+                raise ValueError(f"'{name}' = {value}: write a finite number")
+        return values
 
     @field_validator("sample", mode="before")
     @classmethod

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from cosim.anysystem.actions import Action
 from cosim.anysystem.model import GroupModel, Segment, place
 from cosim.anysystem.options import AnyOptions
-from cosim.anysystem.read import Recording, value_of
-from cosim.anysystem.search import CLOSE, Finding, Search, Trust
+from cosim.anysystem.read import Recording, ends, value_of
+from cosim.anysystem.search import CLOSE, Finding, Search, Trust, worth
 from cosim.anysystem.smooth import followed, still
+from cosim.diagnosis.budget import Budget
 from cosim.errors import DataError
 from cosim.inference.problem import Problem
 from cosim.ssp.system import Port, System
-from cosim.system.graph import CutGroup, cut, measured_ports
+from cosim.system.graph import CutGroup, cut, measured_ports, port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import Structure, structure
 
@@ -23,6 +24,9 @@ Array = NDArray[np.float64]
 Watch = Callable[[str], None]
 WINDOWS = 30  # a log is cut into, of which every third is held out
 FEWEST = 60  # samples of a log
+SHOWN = 10  # inputs that a sentence lists
+SEARCHED = 0.85  # of the time allowed, until which groups are judged
+LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
 
 
@@ -43,6 +47,8 @@ class AnyDiagnosis:
         unjudged: group -> why.
         held: how many of the logs, the last ones, are held out.
         notes: what the user should know.
+        budget: the time allowed, and what was left out for it.
+        stage: what goes on.
         runs, steps: runs of units and communication steps made.
     """
 
@@ -61,6 +67,8 @@ class AnyDiagnosis:
     structure: Structure = field(default_factory=lambda: Structure((), ()))
     runs: int = 0
     steps: int = 0
+    budget: Budget = field(default_factory=Budget)
+    stage: str = ""
 
     def causes(self) -> list[tuple[str, Action]]:
         """Group and cause, the one that explains most first."""
@@ -106,6 +114,7 @@ def diagnose_system(
     tolerance: float = 0.01,
     calibrate: bool = False,
     watch: Watch = lambda text: None,
+    budget: Budget | None = None,
 ) -> AnyDiagnosis:
     """Judge every group of a system, and say where each cause is.
 
@@ -118,6 +127,7 @@ def diagnose_system(
         tolerance: relative standard deviation of trusted parameters for which the mapping gives none.
         calibrate: trusted parameters are fitted freely.
         watch: told about each stage.
+        budget: the time it may take; then the best so far stands, and what was not tried is kept there.
 
     Raises:
         DataError: nothing can be judged.
@@ -129,6 +139,7 @@ def diagnose_system(
     segments, notes = segments_of(logs, held)
     groups = cut(system, sorted(names))
     found = AnyDiagnosis(system, list(logs), segments, groups, held=held, notes=notes)
+    found.budget = budget or found.budget
     found.structure = structure(system, sorted(names), tuple(options.trusted))
     trust = Trust()
     for name, own in options.trusted.items():
@@ -142,11 +153,22 @@ def diagnose_system(
     for segment in segments:
         for name in names:
             segment.driving[name] = still(segment.signals[name])
-    runs.load([unit for group in groups if group.judged and not group.missing for unit in group.units])
-    for group in groups:
-        judge(found, group, runs, trust, options, watch)
-    for name in list(found.findings):
-        locate(found, name)
+    runs.load([unit for group in groups if group.judged for unit in group.units])
+    runs.stop = found.budget.end
+    with found.budget.searching():
+        for k, group in enumerate(groups):
+            found.budget.allow(SEARCHED * (k + 1) / len(groups))
+            if found.budget.ended and group.judged:
+                found.unjudged[group.name] = found.budget.why
+                continue
+            found.stage = f"judging {group.name}"
+            judge(found, group, runs, trust, options, watch)
+        found.budget.allow(1.0)
+        found.stage = found.stage if found.budget.ended else "asking the neighbours"
+        for name in list(found.findings):
+            locate(found, name, trust, options)
+    if not found.findings and found.budget.ended:
+        raise KeyboardInterrupt
     if not found.findings:
         reasons = "; ".join(f"{g}: {why}" for g, why in found.unjudged.items())
         raise DataError(f"no component can be judged: {reasons}")
@@ -162,12 +184,13 @@ def judge(
     if not group.judged:
         found.unjudged[group.name] = "none of its outputs was measured"
         return
-    if group.missing:
-        found.unjudged[group.name] = f"its input {' and '.join(group.missing)} was not measured"
-        return
     watch(group.name)
     model = GroupModel(group, found.system, runs, found.segments)
-    search = Search(model, trust, options.exclude, options.causes)
+    still_inputs = unmeasured(found.system, group)
+    stated = stated_inputs(found.system, options)
+    model.base = {n: v for n, v in stated.items() if n in still_inputs}
+    found.notes += assumed(group, still_inputs, stated, trust)
+    search = Search(model, trust, options.exclude, options.causes, found.budget)
     found.notes += [
         f"{group.name} is not deterministic: two runs differ by {size:.3g} in {signal} (RMS), which counts as noise"
         for signal, size in search.differs.items()
@@ -176,15 +199,22 @@ def judge(
     doubted = doubtful(found, search)
     heard(found, search, doubted)
     if model.drives:
-        search = Search(model, trust, options.exclude, options.causes)
+        search = Search(model, trust, options.exclude, options.causes, found.budget)
     finding = search.run()
-    if doubted and (
-        finding.named or finding.unexplained
+    if (
+        doubted and not found.budget.over and (finding.named or finding.unexplained)
     ):  # the group's own causes may have swayed it: ask it again with them
         search, finding = asked_again(found, search, finding, doubted, trust, options)
     if group.source and len(found.groups) > 1 and finding.unexplained and not finding.named:
         found.unjudged[group.name] = (
             "nothing enters it, and the log holds something else than it plays: taken as given"
+        )
+        return
+    guessed = [n for n in still_inputs if n not in stated and n not in trust.free]
+    if guessed and not group.drives and finding.unexplained and not finding.named:
+        found.unjudged[group.name] = (
+            f"{' and '.join(guessed)} was not measured, and at its start value the log holds something else: "
+            "measure it, or give its value in the mapping ([diagnose] constant)"
         )
         return
     found.findings[group.name] = finding
@@ -196,6 +226,48 @@ def judge(
         for k, segment in enumerate(found.segments):
             reading = segment.signals[signal]
             segment.driving[signal] = followed(reading - left[place(signal, k)], reading)
+
+
+def unmeasured(system: System, group: CutGroup) -> dict[str, float | None]:
+    """Inputs of a group that nothing measured enters: ``component.input`` -> start value, None where the FMU gives none."""
+    entered = {d.port for d in group.drives} | {w.target for w in group.inner}
+    found = {}
+    for component in group.components:
+        for variable in system.components[component].fmu.variables.values():
+            if (
+                variable.causality == "input"
+                and variable.kind == "Real"
+                and Port(component, variable.name) not in entered
+            ):
+                name = f"{component}.{variable.name}"
+                found[name] = value_of(system, name)
+    return found
+
+
+def stated_inputs(system: System, options: AnyOptions) -> dict[str, float]:
+    """What the mapping says of inputs that are not measured: ``component.input`` -> value."""
+    return {
+        str(target): factor * value + offset
+        for name, value in options.constant.items()
+        for target, factor, offset in ends(system, port_of(system, name))
+    }
+
+
+def assumed(
+    group: CutGroup, inputs: Mapping[str, float | None], stated: Mapping[str, float], trust: Trust
+) -> list[str]:
+    """What is taken for granted of inputs that were not measured, in one sentence for the group."""
+    guessed = {
+        n: v for n, v in inputs.items() if n not in stated and n not in trust.free and n not in trust.trusted
+    }
+    if not guessed:
+        return []
+    words = [f"{n} ({'no start value' if v is None else f'{v:g}'})" for n, v in guessed.items()]
+    more = f" and {len(words) - SHOWN} more" if len(words) > SHOWN else ""
+    return [
+        f"assumed: inputs of {group.name} that were not measured stay at their start values: "
+        f"{', '.join(words[:SHOWN])}{more}; [diagnose] constant in the mapping gives others"
+    ]
 
 
 Doubted = list[tuple[str, Action, str, list[Array]]]
@@ -227,19 +299,26 @@ def heard(found: AnyDiagnosis, search: Search, doubted: Doubted) -> None:
             search.model.drives[signal] = series
 
 
+def like(found: AnyDiagnosis, model: GroupModel) -> GroupModel:
+    """A model of the same group, driven by the same."""
+    other = GroupModel(model.group, found.system, model.runs, found.segments)
+    other.base, other.drives = dict(model.base), dict(model.drives)
+    return other
+
+
 def asked_again(
     found: AnyDiagnosis, search: Search, finding: Finding, doubted: Doubted, trust: Trust, options: AnyOptions
 ) -> tuple[Search, Finding]:
     """The search with each doubted drive the other way as well; what explains the group better stands, and is its vote."""
     for name, action, signal, series in doubted:
-        model = GroupModel(search.model.group, found.system, search.model.runs, found.segments)
+        model = like(found, search.model)
         model.drives = {s: v for s, v in search.model.drives.items() if s != signal}
         quantity = signal not in search.model.drives
         if quantity:
             model.drives[signal] = series
-        other = Search(model, trust, options.exclude, options.causes)
+        other = Search(model, trust, options.exclude, options.causes, found.budget)
         theirs = other.run()
-        better = other.worth(theirs) - search.worth(finding)
+        better = worth(theirs) - worth(finding)
         found.votes.setdefault((name, action), {})[model.group.name] = 10.0 * (
             better if quantity else -better
         )
@@ -248,7 +327,7 @@ def asked_again(
     return search, finding
 
 
-def locate(found: AnyDiagnosis, name: str) -> None:
+def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) -> None:
     """Whether what shows at an output is the output's or the reading's: what the reading drives knows.
 
     A group that the reading drives is run with the quantity before the effect as well. If it fits better so, the reading is
@@ -268,11 +347,27 @@ def locate(found: AnyDiagnosis, name: str) -> None:
                 _drive(found, name, action)
             continue
         signal = ports[action.port]
-        for n, user in found.findings.items():  # groups of a loop were judged before
+        for n, user in list(found.findings.items()):  # groups of a loop were judged before
             asked = found.votes.setdefault((name, action), {})
             if n == name or n in asked or all(d.signal != signal for d in user.model.group.drives):
                 continue
             series = before_effect(found, finding, action, signal)
+            if (
+                user.named or user.unexplained
+            ) and not found.budget.over:  # it may have taken the reading's fault for its own
+                tries = []
+                for quantity in (series, undone(found, finding, action, signal)):
+                    if quantity is not None:
+                        model = like(found, user.model)
+                        model.drives[signal] = quantity
+                        tries.append(
+                            Search(model, trust, options.exclude, options.causes, found.budget).run()
+                        )
+                theirs = max(tries, key=worth)
+                asked[n] = 10.0 * (worth(theirs) - worth(user))
+                if asked[n] > 0.0:
+                    found.findings[n] = theirs
+                continue
             vote = vote_of(user.problem, user.model, user.null.fit.values, signal, series)
             if vote is not None:
                 asked[n] = vote
@@ -323,6 +418,17 @@ def before_effect(found: AnyDiagnosis, finding: Finding, action: Action, signal:
         # what the model's own slow errors and its timing make out, but not the effect
         series.append(pure - whole + followed(reading - left[place(signal, k)], reading))
     return series
+
+
+def undone(found: AnyDiagnosis, finding: Finding, action: Action, signal: str) -> list[Array] | None:
+    """What drives by a reading, with an effect taken off it that can be undone sample by sample; None for others."""
+    values = finding.chosen.fit.values
+    driving = [segment.driving.get(signal, segment.signals[signal]) for segment in found.segments]
+    if action.effect == "port.offset":
+        return [series - values[action.key("offset")] for series in driving]
+    if action.effect == "port.gain" and abs(gain := values[action.key("gain")]) > LEAST_GAIN:
+        return [series / gain for series in driving]
+    return None
 
 
 def vote_of(

@@ -1,6 +1,6 @@
 """Logs of any system: which column is which connector, in the unit of the FMU's variable."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -169,7 +169,13 @@ def read(
                 port_of(system, targets[name][0])
             except DataError as error:
                 lacking.append(f"signal '{name}': {error}")
-        lacking += _bad_parameters(system, options)
+        measured = {
+            end
+            for n in plain.signals
+            if not lacking
+            for end, _, _ in ends(system, port_of(system, targets[n][0]))
+        }
+        lacking += _bad_parameters(system, options, measured)
         if lacking:
             raise DataError(f"{mapping}: " + "; ".join(lacking))
     logs = []
@@ -181,8 +187,25 @@ def read(
     return logs, options, others
 
 
-def _bad_parameters(system: System, options: AnyOptions) -> list[str]:
+def ends(system: System, port: Port) -> list[tuple[Port, float, float]]:
+    """The connectors of components behind a port, with factor and offset: itself, or what an input of the system feeds."""
+    if port.component:
+        return [(port, 1.0, 0.0)]
+    return [(w.target, w.factor, w.offset) for w in system.inputs[port.variable].targets]
+
+
+def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Port]) -> list[str]:
     found = []
+    for name in options.constant:
+        try:
+            port = port_of(system, name)
+        except DataError as error:
+            found.append(f"constant '{name}': {error}")
+            continue
+        if port.component and system.variable(port).causality != "input":
+            found.append(f"constant '{name}': it is no input")
+        elif any(end in measured for end, _, _ in ends(system, port)):
+            found.append(f"constant '{name}': it is measured: leave it out")
     for name in (*options.trusted, *options.free):
         component, _, parameter = name.partition(".")
         variable = (
@@ -192,7 +215,9 @@ def _bad_parameters(system: System, options: AnyOptions) -> list[str]:
         )
         if variable is None:
             found.append(f"parameter '{name}': the system has none of this name")
-        elif variable.kind != "Real" or not variable.can_be_set or variable.causality == "input":
+        elif variable.causality == "input" and Port(component, parameter) in measured:
+            found.append(f"parameter '{name}': an input that is measured is no parameter")
+        elif variable.kind != "Real" or not variable.can_be_set:
             found.append(f"parameter '{name}': a {variable.kind} {variable.causality} cannot be estimated")
         elif not isinstance(value_of(system, name), float):
             found.append(f"parameter '{name}': it has no start value")

@@ -6,10 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, Reach, starts, unknowns
+from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, Reach, off, starts, unknowns
 from cosim.anysystem.model import SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
+from cosim.diagnosis.budget import Budget
+from cosim.diagnosis.held_out.between import Between, combined
 from cosim.errors import SimulationError
 from cosim.inference.freeform import Explained, explained
 from cosim.inference.held_out import HeldOutGain
@@ -76,6 +78,7 @@ class Finding:
         floors: signal -> noise floor.
         spreads: signal -> standard deviation of its reading.
         free: free parameters -> (value, standard deviation).
+        between: numbers of the causes, by `Action.key` or ``parameter|...`` -> what several logs say of them one by one.
         unexplained: signals that stay wrong, with words.
         never: effects that the log does not exercise.
         read: causes that the readings show by themselves.
@@ -96,6 +99,7 @@ class Finding:
     floors: dict[str, float] = field(default_factory=dict)
     spreads: dict[str, float] = field(default_factory=dict)
     free: dict[str, tuple[float, float]] = field(default_factory=dict)
+    between: dict[str, Between] = field(default_factory=dict)
     unexplained: dict[str, str] = field(default_factory=dict)
     never: list[str] = field(default_factory=list)
     read: dict[Action, Grid | Stale] = field(default_factory=dict)
@@ -107,11 +111,30 @@ class Finding:
         return (*self.chosen.actions, *self.read)
 
 
+def worth(finding: Finding) -> float:
+    """How well a finding's causes explain the group's readings, less the price of what they take; for another drive.
+
+    Every tenth sample counts as independent: what is left is coloured.
+    """
+    count = sum(s.count for s in finding.model.segments) / 10.0
+    residual = finding.problem.residuals(finding.chosen.fit.values)
+    size = 0.0
+    for signal, _ in finding.model.group.judged:
+        own = np.concatenate([residual[place(signal, k)] for k in range(len(finding.model.segments))])
+        size += float(np.log(max(np.sqrt(np.mean(own**2)), 1e-9 * finding.spreads[signal])))
+    return -count * size - finding.chosen.price
+
+
 class Search:
     """The search in one group."""
 
     def __init__(
-        self, model: GroupModel, trust: Trust, exclude: Sequence[str] = (), most: int = MOST
+        self,
+        model: GroupModel,
+        trust: Trust,
+        exclude: Sequence[str] = (),
+        most: int = MOST,
+        budget: Budget | None = None,
     ) -> None:
         """Run the group as it is.
 
@@ -120,11 +143,13 @@ class Search:
             trust: what is known of the system's parameters.
             exclude: effects that are no candidates.
             most: causes looked for.
+            budget: the time it may take; unlimited by default.
 
         Raises:
             SimulationError: it cannot be run at all.
         """
         self.model, self.exclude, self.most = model, tuple(exclude), most
+        self.budget = budget or Budget()
         segments = model.segments
         inside = set(model.group.components)
         self.trusted = {n: t for n, t in trust.trusted.items() if n.partition(".")[0] in inside}
@@ -141,6 +166,7 @@ class Search:
                 fitted[name], windows[name] = segment.fitted, segment.windows
                 least[name] = max(quietest(whole), LEAST * spread)
         self.problem = Problem(measured, fitted, windows, model, least)
+        self.problem.hurried = lambda: self.budget.over
         self.base: dict[str, float] = {PARAMETER + "|" + n: v for n, v in self.free.items()}
         first = model({**self.base})  # raises where the system itself cannot be run
         self._check(first)
@@ -311,11 +337,12 @@ class Search:
         for drive in model.group.drives:
             name = f"{SHIFT}:{drive.signal}>{drive.port}"
             try:
-                moved = [model({**at, name: s}) for s in (1.0, -1.0)]
+                # half a sample: the slope is then exact for an input that is held over each step
+                moved = [model({**at, name: s}) for s in (0.5, -0.5)]
             except SimulationError:
                 continue
             nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))
-            rows.append({n: 0.5 * (moved[0][n] - moved[1][n]) for n in problem.names})
+            rows.append({n: moved[0][n] - moved[1][n] for n in problem.names})
         for signal, _ in model.group.judged:
             shifted = {
                 n: np.gradient(here[n]) if n.partition("#")[0] == signal else np.zeros_like(here[n])
@@ -359,6 +386,9 @@ class Search:
         for count in range(1, self.most + 1):
             if not self._systematic(best, count):
                 break
+            if self.budget.over:
+                self._left_out("any cause" if count == 1 else f"a cause number {count}")
+                break
             found: list[Candidate] = []
             for base in pool[:KEPT]:
                 found += self._stage(base)
@@ -382,26 +412,65 @@ class Search:
                 self._scored(other)
         best = self._pruned(best)
         self._decide(finding, best, singles)
+        finding.between = self._between(finding.chosen)
         return finding
+
+    def _between(self, best: Candidate) -> dict[str, Between]:
+        """Each number of the causes estimated in each log by itself: how a machine changes until the next no log says."""
+        count = len(self.model.segments)
+        if count < 2 or not best.actions:
+            return {}
+        if self.budget.over:
+            self._left_out("the estimates of each log by itself")
+            return {}
+        numbers = [u for a in best.actions for u in self.numbers(a)]
+        nothing = {n: v for a in best.actions for n, v in self._off(a).items()}
+        fits = [self._of_log(k).fit(numbers, best.fit.values, 8) for k in range(count)]
+        found = {}
+        for unknown in numbers:
+            name = unknown.name
+            values = np.array([np.nan if fit is None else fit.values[name] for fit in fits])
+            deviations = np.array([np.inf if fit is None else fit.deviation(name) for fit in fits])
+            value, size = best.fit.values[name], abs(best.fit.values[name] - nothing[name])
+            found[name] = combined(value, best.fit.deviation(name), values, deviations, size)
+        return found
+
+    def _off(self, action: Action) -> dict[str, float]:
+        """Values at which a cause is none."""
+        if action.effect == PARAMETER:
+            return {f"{PARAMETER}|{action.port}": self.trusted[str(action.port)][0]}
+        return off(action, self.reach(action))
+
+    def _of_log(self, k: int) -> Problem:
+        """The problem of one log by itself, with the noise and the nuisances of all."""
+        signals = [s for s, _ in self.model.group.judged]
+        names = [place(s, k) for s in signals]
+
+        def model(values: Mapping[str, float]) -> dict[str, Array]:
+            ports = self.model.ports(values, k)
+            return {place(s, k): ports[s] for s in signals}
+
+        every = np.ones(self.model.segments[k].count, dtype=np.bool_)
+        own = Problem(
+            {n: self.problem.measured[n] for n in names},
+            dict.fromkeys(names, every),
+            {n: self.problem.window[n] - self.problem.window[n].min() for n in names},
+            model,
+            {n: self.problem.least[n] for n in names},
+        )
+        own.noise = {n: self.problem.noise[n] for n in names}
+        own.hurried = self.problem.hurried
+        self.problem.hand_nuisances(own)
+        return own
+
+    def _left_out(self, what: str) -> None:
+        self.budget.leave_out(self.model.group.name, what)
 
     def _settle(self, best: Candidate) -> None:
         """Nuisances and noise as the best set leaves them."""
         self._share(best.fit.values)
         self.problem.learn(self.problem.residuals(best.fit.values))
         self._scored(best)
-
-    def worth(self, finding: Finding) -> float:
-        """How well a finding's causes explain the group's readings, less the price of what they take; for another drive.
-
-        Every tenth sample counts as independent: what is left is coloured.
-        """
-        count = sum(s.count for s in self.model.segments) / 10.0
-        rms = self._rms(finding.chosen.fit)
-        size = sum(
-            float(np.log(max(r, 1e-9 * self.spreads[s])))
-            for r, (s, _) in zip(rms, self.model.group.judged, strict=True)
-        )
-        return -count * size - finding.chosen.price
 
     def _scored(self, candidate: Candidate) -> Candidate:
         """The candidate's score under the noise as it is known now."""
@@ -446,6 +515,9 @@ class Search:
         for action in self.candidates():
             if action in base.actions or self._twice(action, base.actions):
                 continue
+            if self.budget.over:
+                self._left_out(action.effect)
+                continue
             own: list[tuple[float, dict[str, float]]] = []
             for start in self.begins(action):
                 rows = problem.rows({**base.fit.values, **start})
@@ -464,10 +536,13 @@ class Search:
                 own.sort(key=lambda item: -item[0])
                 ranked.append((own[0][0], action, [start for _, start in own[: self._tries(action)]]))
         ranked.sort(key=lambda item: -item[0])
-        found = []
+        found: list[Candidate] = []
         for drop, action, begins in ranked[:SCREENED]:
             if drop < max(2.0, 0.02 * ranked[0][0]):
                 break
+            if found and self.budget.over:
+                self._left_out(f"{action.effect} by a fit")
+                continue
             fits = [fit for start in begins if (fit := self._fitted(base, action, start)) is not None]
             if fits:
                 found.append(max(fits, key=lambda c: c.score))
@@ -478,7 +553,7 @@ class Search:
         """A cause of two limits, each looked for over its whole range: from beyond the signal no slope leads back."""
         action = candidate.actions[-1]
         numbers = self.numbers(action)
-        if len(numbers) != 2:
+        if len(numbers) != 2 or self.budget.over:
             return candidate
         best, values = candidate.score, dict(candidate.fit.values)
         for unknown in numbers:
@@ -550,6 +625,9 @@ class Search:
     def _pruned(self, best: Candidate) -> Candidate:
         """Without causes that the others make up for."""
         while len(best.actions) > 1:
+            if self.budget.over:
+                self._left_out("whether fewer causes do")
+                break
             poorer = []
             for k in range(len(best.actions)):
                 actions = best.actions[:k] + best.actions[k + 1 :]
@@ -573,7 +651,7 @@ class Search:
         problem = self.problem
         null = self._scored(self.null)
         kept: list[Action] = []
-        if best.actions:
+        if best.actions and not self.budget.over:
             fine = problem.fit(
                 [u for a in best.actions for u in self.numbers(a)], best.fit.values, 10, DIFFERENCE * FINE
             )
@@ -610,7 +688,9 @@ class Search:
             fit = problem.fit(numbers, {n: v for n, v in best.fit.values.items() if n not in names})
             best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
         finding.fitted = best
-        if best.actions and len(self.model.segments) == len(
+        if self.budget.over and best.actions:
+            self._left_out("the last estimate, by the whole log")
+        elif best.actions and len(self.model.segments) == len(
             {id(s) for s in self.model.segments if s.fitted.any()}
         ):
             best = self._on_all(best)
@@ -757,6 +837,9 @@ class Search:
     ) -> None:
         """Other causes in the place of each named one."""
         for action in best.actions:
+            if self.budget.over and len(best.actions) > 1:
+                self._left_out("other causes in the place of one of several")
+                continue
             others: list[tuple[Action, float]] = []
             alike: list[Action] = []
             rest = tuple(a for a in best.actions if a != action)

@@ -108,6 +108,33 @@ def test_a_single_fmu_is_diagnosed_by_the_names_of_its_connectors(command, tmp_p
     assert any("(input)" in other for other in cause["indistinguishable_from"])
 
 
+def test_an_input_that_is_held_over_each_sample_is_no_fault_of_a_fast_component(
+    command, tmp_path: Path
+) -> None:
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    model = parts.write_ssp(
+        tmp_path / "fast.ssp",
+        {"valve": parts.native("lag", tmp_path)},
+        [("command", "valve.u")],
+        {"valve": {"K": 2.0, "T": 0.01}},
+    )
+    rng = np.random.default_rng(3)
+    u = systems.command(rng)
+    y = np.zeros(u.size)
+    for k in range(1, u.size):  # exact for a controller that holds its output
+        y[k] = y[k - 1] + (1.0 - np.exp(-systems.H / 0.01)) * (2.0 * u[k - 1] - y[k - 1])
+    y += 0.003 * rng.standard_normal(u.size)
+    rows = [
+        f"{k * systems.H!r},{a!r},{b!r}" for k, (a, b) in enumerate(zip(u.tolist(), y.tolist(), strict=True))
+    ]
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(["time [s],command [1],valve.y [1]", *rows]) + "\n")
+    code, out, err = command("diagnose", log, "--model", model, "--out", tmp_path / "o", "--json")
+    assert code == 0, err
+    assert json.loads(out)["verdict"] == "adequate"
+
+
 def test_a_reading_in_steps_and_one_with_stale_samples_are_named(
     native: Path, command, tmp_path: Path
 ) -> None:

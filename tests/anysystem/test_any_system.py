@@ -3,10 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import systems
 
-from benchmarks.systems.truth import Hidden
+from benchmarks.systems import parts
+from benchmarks.systems.truth import Hidden, read, simulate
 
 
 def diagnosed(command, log: Path, model: Path, tmp_path: Path, *words) -> dict:
@@ -45,6 +47,34 @@ def test_a_hidden_effect_is_named_at_its_connector(
     assert told["value"] == pytest.approx(hidden.values[parameter], rel=tolerance)
     assert told["ci95"][0] < told["value"] < told["ci95"][1]
     assert found["localisation"][0]["block"] == cause["component"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    for text in (
+        cause["effect"],
+        f"{told['value']:.3g}"[:4],
+        "plant.y [1]",
+        "with the causes",
+        "No further run is proposed",
+    ):
+        assert text in page
+    assert "(port)" not in page
+    assert "http://" not in page.partition("<script>")[0]
+
+
+@pytest.mark.slow
+def test_the_interval_from_several_logs_holds_what_changes_between_them(
+    native: Path, command, tmp_path: Path
+) -> None:
+    gains = (1.28, 1.3, 1.32)
+    logs = [
+        systems.log(tmp_path / f"{k}.csv", [Hidden("port.gain", "plant.u", "input", {"gain": gain})], k)
+        for k, gain in enumerate(gains)
+    ]
+    found = diagnosed(command, logs[0], native, tmp_path, *logs[1:])
+    (cause,) = found["causes"]
+    assert cause["effect"] == "port.gain"
+    low, high = cause["parameters"]["gain"]["ci95"]
+    assert low < 1.285
+    assert high > 1.315
 
 
 def test_a_reading_that_is_off_is_told_from_an_output_by_what_it_drives(
@@ -55,6 +85,37 @@ def test_a_reading_that_is_off_is_told_from_an_output_by_what_it_drives(
     (cause,) = found["causes"]
     assert (cause["component"], cause["connector"], cause["where"]) == ("valve", "y", "sensor")
     assert not any("valve.y (output)" in other for other in cause["indistinguishable_from"])
+
+
+def test_a_wrong_reading_in_a_loop_is_one_cause_and_no_second_one_in_what_it_drives(
+    command, tmp_path: Path
+) -> None:
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    kinds = {"first": "sum", "second": "lag"}
+    values = {"first": {"K": 1.0, "C": -0.8, "T": 0.1}, "second": {"K": 1.0, "T": 0.3}}
+    wires = [("command", "first.u"), ("second.y", "first.v2"), ("first.y", "second.u")]
+    model = parts.write_ssp(
+        tmp_path / "loop.ssp", {n: parts.native(k, tmp_path) for n, k in kinds.items()}, wires, values
+    )
+    hidden = [Hidden("port.gain", "second.y", "sensor", {"gain": 1.2})]
+    rng = np.random.default_rng(5)
+    true = simulate(kinds, values, wires, {"command": systems.command(rng)}, systems.H, hidden)
+    signals = read(true, hidden, systems.H, 0.01, rng)
+    log, columns = tmp_path / "log.csv", ("command", "first.y", "second.y")
+    table = np.column_stack([systems.H * np.arange(systems.COUNT), *(signals[n] for n in columns)])
+    np.savetxt(
+        log,
+        table,
+        "%.12g",
+        delimiter=",",
+        header=",".join(["time [s]", *(f"{n} [1]" for n in columns)]),
+        comments="",
+    )
+    found = diagnosed(command, log, model, tmp_path)
+    (cause,) = found["causes"]
+    assert (cause["effect"], cause["component"], cause["where"]) == ("port.gain", "second", "sensor")
+    assert cause["parameters"]["gain"]["value"] == pytest.approx(1.2, rel=0.01)
 
 
 def test_what_is_not_in_the_vocabulary_stays_unexplained_in_its_component(

@@ -89,6 +89,7 @@ def test_a_foreign_parameter_that_does_not_exist_is_named(run, machine):
     assert "lag.T" in json.loads(out)["error"]
 
 
+@pytest.mark.slow
 def test_the_tracker_beside_a_log(run, tmp_path, built):
     hidden = ["tracker.clock:offset=3.2 s,rate=1.0003", "sensor.gain:gain=0.98"]
     made = make_log("mixed", 30.0, hidden, seed=5, tracker=True, start=np.radians(9.0))

@@ -40,6 +40,7 @@ def test_small_commands_are_compensated_up_to_tanh():
     )  # gain 2.27 deg/s, 1 rad/s
 
 
+@pytest.mark.slow
 def test_short_run_writes_figures_and_our_runner_is_the_most_exact(tmp_path, monkeypatch, capsys):
     file = tmp_path / "figures.json"
     words = [

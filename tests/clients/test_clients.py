@@ -107,6 +107,7 @@ def test_the_start_up_delay_shows(packages):
     assert np.max(np.abs(early - late)) > 1e-3 * np.ptp(early)
 
 
+@pytest.mark.slow
 def test_every_changed_parameter_matters(packages):
     signals, package, h = (
         SIGNALS["full_order"],

@@ -1,0 +1,129 @@
+"""The report of a diagnosis of any system: one HTML file, in the look of the drive's."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.anysystem.answer import column_scale, judged_signals, series
+from cosim.anysystem.pipeline import AnyDiagnosis
+from cosim.diagnosis.answer.schema import Answer
+from cosim.errors import MissingExtraError
+from cosim.files import write_text
+from cosim.plots import thinned
+from cosim.report.page import REPORT, interval, need_extra, render, versions
+from cosim.report.picture import Layer, Panel, Picture
+from cosim.report.plain import advice
+from cosim.report.screen import place, wrong
+
+TEXTS = {
+    "parameter": "A trusted parameter has another value.",
+    "port.gain": "The signal is multiplied by a factor.",
+    "port.offset": "Something constant is added to the signal.",
+    "port.delay": "The signal comes late.",
+    "port.lag": "The signal follows as a first-order lag.",
+    "port.saturation": "The signal stops at limits.",
+    "port.dead_zone": "The signal is zero between two limits, and smaller by them beyond.",
+    "port.play": "The signal follows with play: half its width to either side.",
+    "port.rate_limit": "The signal moves no faster than a limit.",
+    "port.quantisation": "The reading comes in steps.",
+    "port.dropout": "Samples of the reading are stale.",
+    "port.drift": "The reading drifts.",
+}
+
+
+def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None:
+    """Write `report.html`; None where the extra that draws it is missing.
+
+    Args:
+        found: the diagnosis.
+        answer: the same in the contract's form.
+        folder: where it goes.
+    """
+    try:
+        need_extra()
+    except MissingExtraError:
+        return None
+    pictures = [picture(found, k) for k in range(len(found.segments))]
+    drawn = [p for p in pictures if p.panels]
+    first = found.segments[0]
+    sections: dict[str, Any] = {
+        "answer": answer,
+        "foreign": True,
+        "log_name": ", ".join(log.source.name for log in found.logs),
+        "told": [
+            ("Finding", " ".join(f"{line.rstrip('.')}." for line in wrong(answer)) or "Nothing is wrong.")
+        ],
+        "advice": advice(answer),
+        "chain": [],
+        "doubts": [
+            f"This log cannot tell {place(c)} from {' or '.join(c.indistinguishable_from)}."
+            for c in answer.causes
+            if c.indistinguishable_from
+        ],
+        "duration": f"{sum(s.count * s.h for s in found.segments):.4g}",
+        "rate": f"{1.0 / first.h:.4g}",
+        "signals": drawn,
+        "quiet_signals": [],
+        "nominal": [(name, *interval(p), p.unit) for name, p in answer.nominal.items()],
+        "drive": [],
+        "drive_rows": [],
+        "shares": [],
+        "residuals": [],
+        "quiet_residuals": [],
+        "causes": [
+            {
+                "cause": cause,
+                "title": place(cause),
+                "how": f"it sits at {cause.component}.{cause.connector}"
+                + (f" ({cause.where})" if cause.where else ""),
+                "text": TEXTS.get(cause.effect, ""),
+                "looks": "",
+                "source": "",
+                "parameters": [(n, "", p, interval(p)) for n, p in cause.parameters.items()],
+                "pictures": [],
+                "toggle": "",
+            }
+            for cause in answer.causes
+        ],
+        "rests": [{"rest": rest, "pictures": []} for rest in answer.unexplained],
+        "command": [],
+        "files": [(log.source.name, "", log.sha256) for log in found.logs],
+        "versions": {k: v for k, v in answer.made.items() if not k.endswith((".csv", ".toml"))},
+        "page_versions": versions(),
+        "gains": answer.gain,
+        "plain": {} if answer.gain else answer.signals,
+        "seed": "",
+        "window": f"{first.count * first.h / 30.0:.3g}",
+        "windows": int(np.unique(np.concatenate([s.windows[~s.fitted] for s in found.segments])).size),
+    }
+    file = folder / REPORT
+    write_text(file, render(sections, drawn))
+    return file
+
+
+def picture(found: AnyDiagnosis, k: int) -> Picture:
+    """One log: each judged signal as measured and as the model has it, without and with the causes."""
+    segment = found.segments[k]
+    time = segment.start + segment.h * np.arange(segment.count, dtype=np.float64)
+    panels = []
+    for finding, connector in judged_signals(found):
+        unit, factor, offset = column_scale(found, connector)
+        measured = (segment.signals[connector] - offset) / factor
+        layers = [Layer("line", "measured", "measured", *thinned(time, measured))]
+        before = series(found, finding, connector, finding.null.fit.values)[k] / factor
+        layers.append(Layer("line", "model", "nominal", *thinned(time, measured - before)))
+        if finding.named:
+            after = series(found, finding, connector, finding.chosen.fit.values)[k] / factor
+            layers.append(Layer("line", "with the causes", "extended", *thinned(time, measured - after)))
+        panels.append(Panel(f"{connector} [{unit}]", layers))
+    held = np.flatnonzero(np.diff(np.concatenate([[0], (~segment.fitted).astype(int), [0]])))
+    spans = [(float(time[a]), float(time[b - 1])) for a, b in zip(held[::2], held[1::2], strict=True)]
+    return Picture(
+        f"signals-{k}",
+        f"Measured and simulated, {found.logs[k].source.name}",
+        "time [s]",
+        panels,
+        "Each part is driven by what was measured at its inputs. Shaded: held out from fitting.",
+        shaded=spans,
+    )

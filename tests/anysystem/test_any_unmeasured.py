@@ -1,0 +1,85 @@
+"""Inputs that nobody measured stay at their start values or at those of the mapping, or are estimated; it is said."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import systems
+
+from benchmarks.systems import parts
+
+MAPPING = """
+[time]
+column = "time"
+unit = "s"
+[signals."sum.u"]
+column = "u"
+unit = "1"
+[signals."sum.y"]
+column = "y"
+unit = "1"
+[diagnose]
+"""
+
+
+def written(folder: Path, other: float, gain: float = 1.0) -> tuple[Path, Path]:
+    """A native FMU y' = (u + v2 - y), and a log without v2, which was constant; the FMU hears `gain` u."""
+    fmu = parts.native("sum", folder)
+    rng = np.random.default_rng(3)
+    u = systems.command(rng)
+    x = np.zeros(u.size)
+    for k in range(1, u.size):
+        x[k] = x[k - 1] + (1.0 - np.exp(-systems.H)) * (gain * 0.5 * (u[k] + u[k - 1]) + other - x[k - 1])
+    y = x + 0.003 * rng.standard_normal(u.size)
+    rows = [
+        f"{k * systems.H!r},{a!r},{b!r}" for k, (a, b) in enumerate(zip(u.tolist(), y.tolist(), strict=True))
+    ]
+    log = folder / "log.csv"
+    log.write_text("\n".join(["time,u,y", *rows]) + "\n")
+    return fmu, log
+
+
+def diagnosed(command, folder: Path, fmu: Path, log: Path, more: str) -> dict:
+    mapping = folder / "m.toml"
+    mapping.write_text(MAPPING + more)
+    code, out, err = command(
+        "diagnose", log, "--model", fmu, "--mapping", mapping, "--out", folder / "o", "--json"
+    )
+    assert code == 0, err
+    return json.loads(out)
+
+
+@pytest.mark.parametrize(
+    ("other", "more"),
+    [(0.0, ""), (0.8, 'constant = { "part_sum.v2" = 0.8 }'), (0.8, 'free = ["part_sum.v2"]')],
+    ids=["start", "constant", "free"],
+)
+def test_an_input_that_was_not_measured_keeps_no_cause_from_being_named(
+    command, tmp_path: Path, other: float, more: str
+) -> None:
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    fmu, log = written(tmp_path, other, gain=1.25)
+    found = diagnosed(command, tmp_path, fmu, log, more)
+    (cause,) = found["causes"]
+    assert cause["effect"] == "port.gain"
+    # without the constant, or with a free one, a gain of the output does the same
+    where = f"port.gain at part_sum.{cause['connector']} ({cause['where']})"
+    assert "port.gain at part_sum.u (input)" in {where, *cause["indistinguishable_from"]}
+    assert cause["parameters"]["gain"]["value"] == pytest.approx(1.25, rel=0.02)
+    said = [w for w in found["warnings"] if "part_sum.v2 (0)" in w and w.startswith("assumed: ")]
+    assert len(said) == (0 if more else 1)
+
+
+def test_a_constant_that_is_no_open_input_is_told(command, tmp_path: Path) -> None:
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    fmu, log = written(tmp_path, 0.0)
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(MAPPING + 'constant = { "sum.u" = 1.0, "sum.y" = 1.0, "sum.w" = 2.0 }')
+    code, _, err = command("diagnose", log, "--model", fmu, "--mapping", mapping, "--out", tmp_path / "o")
+    said = " ".join(err.split())
+    assert code == 3
+    for text in ("'sum.u': it is measured", "'sum.y': it is no input", "no connector 'sum.w'"):
+        assert text in said
