@@ -1,0 +1,1 @@
+"""`cosim check`: a model held against reference logs and the limits kept in a file."""
