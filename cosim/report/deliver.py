@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from cosim.console import stderr_console, warn
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.answer.curve import curve_of
-from cosim.diagnosis.answer.experiment import Proposal, proposal_for, write_command
+from cosim.diagnosis.answer.experiment import Proposal, first_of_all, proposal_for, write_command
 from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.found import Diagnosis, Interrupted
@@ -143,15 +143,7 @@ def delivered(found: Diagnosis, log: Log | Sequence[Log], folder: Path, watch: W
             found.notes.append(found.budget.omitted("the next experiment"))
         elif listed(log)[0].time_unit == "s" and not found.data:  # what is proposed is a command over time
             with part(found.notes, "the next experiment"):
-                proposal = proposal_for(
-                    found.machine.groups,
-                    found.findings,
-                    found.causes,
-                    found.start,
-                    found.values,
-                    size=full_command(found),
-                    interval=found.record.h,
-                )
+                proposal = proposed(found)
                 if proposal is not None:
                     proposal = write_command(proposal, folder)
         found.stage = ""
@@ -160,6 +152,22 @@ def delivered(found: Diagnosis, log: Log | Sequence[Log], folder: Path, watch: W
     except KeyboardInterrupt:
         found.stage = found.stage or "report"
         raise Interrupted(found) from None
+
+
+def proposed(found: Diagnosis) -> Proposal | None:
+    """The next experiment: what separates causes alike, or what shows most where the log shows nothing."""
+    if found.at_rest:
+        rules = {s: r.of_any_log() for f in found.findings.values() for s, r in f.task.rules.items()}
+        return first_of_all(found.machine.groups, rules, found.start, interval=found.record.h)
+    return proposal_for(
+        found.machine.groups,
+        found.findings,
+        found.causes,
+        found.start,
+        found.values,
+        size=full_command(found),
+        interval=found.record.h,
+    )
 
 
 def full_command(found: Diagnosis) -> float:

@@ -219,7 +219,7 @@ def _part(plain: dict[str, Any]) -> Part:
 
 
 _NUMBERS = ("signals", "gain", "nominal", "linear", "linear_blocks")
-_MAY_MISS = ("per_log", "next_log_ci95")  # null says that there is none
+_MAY_MISS = ("horizon", "per_log", "next_log_ci95")  # null says that there is none
 
 
 def _known(data: Any) -> Any:

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.answer.remarks import shown
+from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.residuals.cross_validation import held_windows
-from cosim.diagnosis.thresholds import WINDOW
 from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise, Part
-from cosim.report.picture import Layer, Panel, Picture
+from cosim.report.picture import Layer, Panel, Picture, Role
 from cosim.report.series import MOST, averaged, bucket, envelope
-from cosim.report.words import CAPTIONS, axis, block_name, by_error, signal_name
+from cosim.report.words import CAPTIONS, axis, block_name, by_error, effect_name, signal_name
 
 Array = NDArray[np.float64]
 
@@ -23,9 +23,9 @@ def held_out(material: Material) -> list[tuple[float, float]]:
     start = material.answer.held_out_from
     if start is not None:
         return [(start, float(material.time[-1]))] if start < material.time[-1] else []
-    window = round(WINDOW / material.h)
-    count = len(material.time) // window
-    return [(k * WINDOW, (k + 1) * WINDOW) for k in np.flatnonzero(held_windows(count)).tolist()]
+    span = window_span(material.h)
+    count = len(material.time) // round(span / material.h)
+    return [(k * span, (k + 1) * span) for k in np.flatnonzero(held_windows(count)).tolist()]
 
 
 def signals(material: Material) -> list[Picture]:
@@ -162,15 +162,20 @@ def _residual(material: Material, part: Part, signal: str) -> Picture:
     band = np.full(2, 2.0 * noise.rms * scale)
     ends = np.array([0.0, material.time[-1]])
     layers = [Layer("band", "its noise, ±2 sd", "noise", ends, -band, band)]
-    for name, role, kind in (
-        ("nominal model", "nominal", BLOCK_NOMINAL),
-        ("extended model", "extended", BLOCK_EXTENDED),
-    ):
-        at, values = judged(material.measured[signal] - material.series[kind][signal], noise)
+    shown_series: list[tuple[str, Role, Array, bool]] = [
+        ("nominal model", "nominal", material.series[BLOCK_NOMINAL][signal], False),
+        ("extended model", "extended", material.series[BLOCK_EXTENDED][signal], False),
+    ]
+    for cause in material.answer.causes:
+        without = material.without(cause, signal)
+        if without is not None:
+            shown_series.append((f"without {effect_name(cause.effect)}", "falling", without, True))
+    for name, role, simulated, hidden in shown_series:
+        at, values = judged(material.measured[signal] - simulated, noise)
         if at.size > 2 * MOST:
             kept, values = envelope(values, -(-at.size // MOST))
             at = at[kept.astype(int)]
-        layers.append(Layer("line", name, role, material.at(at), values * scale))  # type: ignore[arg-type]
+        layers.append(Layer("line", name, role, material.at(at), values * scale, hidden=hidden))
     block = block_name(part.name)
     caption = CAPTIONS["block_free" if noise.free else "block"].format(
         block=block.capitalize(),

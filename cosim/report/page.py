@@ -18,19 +18,20 @@ from cosim.report.evidence import free_form, pictures
 from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, lexicon_of, load
 from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
+from cosim.report.plain import advice, chain, quiet_blocks, quiet_signals, three_sentences
 from cosim.report.words import (
     NOT_MET,
     block_name,
     by_error,
     doubts,
     effect_in_block,
+    effect_name,
     fit_text,
     kind_of_motion,
     limits_met,
     number,
     phrase,
     prose,
-    sentence,
     signal_name,
     unit_text,
 )
@@ -40,7 +41,8 @@ if TYPE_CHECKING:
     from cosim.diagnosis.found import Diagnosis
     from cosim.lexicon import speaking
 from cosim.diagnosis.answer.schema import Answer
-from cosim.diagnosis.thresholds import INDISTINGUISHABLE, WINDOW
+from cosim.diagnosis.record.grid import window_span
+from cosim.diagnosis.thresholds import INDISTINGUISHABLE
 
 REPORT = "report.html"
 PACKAGES = ("plotly", "jinja2", "pyarrow")
@@ -99,16 +101,20 @@ def write_report(folder: Path) -> Path:
 
 def page(material: Material) -> str:
     """The whole page as text."""
-    import jinja2
-    from plotly.offline import get_plotlyjs
-
     drawn: list[Picture] = []
 
     def shown(found: list[Picture]) -> list[Picture]:
         drawn.extend(found)
         return found
 
-    sections = contents(material, shown)
+    return render(contents(material, shown), drawn)
+
+
+def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
+    """The template filled in; `drawn` are all its pictures."""
+    import jinja2
+    from plotly.offline import get_plotlyjs
+
     figures = json.dumps({p.key: figure(p) for p in drawn}, separators=(",", ":"))
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("cosim.report", "."),
@@ -148,21 +154,28 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
             found = [free_form(rest.block, curves[0], c, f"rest-{index}-{k}") for k, c in enumerate(told)]
         rests.append({"rest": rest, "pictures": shown(found)})
     curve = drive.picture(material)
+    drawn, left = overview.held_signals(material) + overview.signals(material), overview.residuals(material)
+    quiet = {f"{kind}signal-{s}" for s in quiet_signals(answer) for kind in ("", "held-out-")}
+    quiet |= {f"residual-{block}-{signal}" for block, signal in quiet_blocks(answer)}
     command, seen = experiment.picture(material), overview.tracker(material)
     return {
         "answer": answer,
-        "sentence": sentence(material),
+        "foreign": False,
+        "log_name": answer.made.get("log") or "a log",
+        "told": three_sentences(material),
+        "advice": advice(answer),
+        "chain": chain(material),
         "doubts": doubts(answer),
         "duration": f"{material.time[-1]:.4g}",
         "rate": f"{1.0 / material.h:.4g}",
-        "signals": shown(
-            overview.held_signals(material) + overview.signals(material) + ([seen] if seen else [])
-        ),
+        "signals": shown([p for p in drawn if p.key not in quiet] + ([seen] if seen else [])),
+        "quiet_signals": shown([p for p in drawn if p.key in quiet]),
         "nominal": [(name, *interval(p), p.unit) for name, p in answer.nominal.items()],
         "drive": shown([curve] if curve else []),
         "drive_rows": drive.rows(material),
         "shares": shown([overview.shares(material)] if answer.localisation else []),
-        "residuals": shown(overview.residuals(material)),
+        "residuals": shown([p for p in left if p.key not in quiet]),
+        "quiet_residuals": shown([p for p in left if p.key in quiet]),
         "causes": [cause_section(material, c, shown) for c in answer.causes],
         "rests": rests,
         "command": shown([command] if command else []),
@@ -175,7 +188,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         if answer.gain
         else {s: answer.signals[s] for s in by_error(answer, list(answer.signals))},
         "seed": seed(),
-        "window": f"{WINDOW:g}",
+        "window": f"{window_span(material.h):g}",
         "windows": len(overview.held_out(material)),
     }
 
@@ -201,6 +214,7 @@ def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str
         "cause": cause,
         "title": title[0].upper() + title[1:],
         "how": how,
+        "toggle": effect_name(cause.effect) if f"without {cause.effect}" in material.series else "",
         "text": effect.text if effect else "",
         "looks": effect.residual if effect else "",
         "source": effect.source if effect else "",

@@ -32,6 +32,7 @@ class Layer:
         role: what it stands for, which gives the colour.
         x, y: (n,) in the units of the axes; NaN breaks a line. For a band y is its lower, `error` its upper edge.
         error: (n,) half-length of the error bars, or the upper edge of a band.
+        hidden: drawn only when the reader asks for it.
     """
 
     kind: Kind
@@ -40,6 +41,7 @@ class Layer:
     x: Array
     y: Array
     error: Array | None = None
+    hidden: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,8 @@ def figure(picture: Picture) -> dict[str, Any]:
             for trace in _traces(layer, picture):
                 group = f"{layer.name} {layer.role}"
                 trace |= {"xaxis": "x", "yaxis": f"y{axis}", "legendgroup": group}
+                if layer.hidden:
+                    trace["visible"] = "legendonly"
                 trace["showlegend"] = first and trace.get("showlegend", True)
                 drawing.add_trace(trace)
     import json

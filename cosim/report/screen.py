@@ -80,7 +80,9 @@ def wrong(result: Answer) -> Iterator[str]:
         )
     for item in result.refused:
         yield f"Refused: {in_words(item.effect)}: {item.why}"
-    if result.verdict == "adequate":
+    if result.at_rest:
+        yield "Nothing was exercised: the command asks for no motion and none is measured, so no effect is named or excluded"
+    elif result.verdict == "adequate":
         judged = listed([block_name(where.block) for where in result.localisation] or ["model"])
         yield (
             f"Nothing is wrong: in {judged}, what the simulation leaves is no more than noise and the tolerance of the "
@@ -141,7 +143,7 @@ def sure(result: Answer) -> Iterator[str]:
             told.append("no other effect of the library comes near")
         name = f" of {NAMES.get(cause.effect, cause.effect)}" if len(result.causes) > 1 else ""
         yield f"How sure{name}: {'; '.join(told)}"
-    if result.verdict == "adequate" and result.not_exercised:
+    if result.verdict == "adequate" and result.not_exercised and not result.at_rest:
         never = result.not_exercised
         yield f"How sure: this log could not have shown {listed([in_words(e) for e in never[:MOST]])}{_more(never)}"
 

@@ -3,6 +3,7 @@
 import math
 import tomllib
 from pathlib import Path
+from string import Formatter
 
 from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, SignalGain
 from cosim.lexicon import current
@@ -92,6 +93,8 @@ def effect_name(effect: str) -> str:
 def effect_in_block(effect: str) -> str:
     """An effect with its block: "Coulomb friction (mechanics)"."""
     block = effect.partition(".")[0]
+    if block == "port" or block.startswith("parameter "):
+        return effect_name(effect)  # of any system: the words say where it is
     return f"{effect_name(effect)} ({block_name(block)})"
 
 
@@ -145,12 +148,17 @@ def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
     """(what is wrong, how) of a cause; for an effect without words of its own, its parameters."""
     met = limits_met(cause, material)
     quantities = {n: Quantity(cause.parameters[n], nominal_of(cause, n, material)) for n in met}
-    if cause.effect in PHRASES and len(met) == len(cause.parameters):
-        noun, how = PHRASES[cause.effect]
+    noun, how = PHRASES.get(cause.effect, ("", ""))
+    if noun and len(met) == len(cause.parameters) and named_in(how) <= quantities.keys():
         how += "".join(text for name, text in FORMS.items() if name in quantities)
         return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
     sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
     return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"
+
+
+def named_in(text: str) -> set[str]:
+    """Parameters that a phrase names: of two limits a log may tell one only."""
+    return {field.partition(".")[0] for _, field, _, _ in Formatter().parse(text) if field}
 
 
 def limits_met(cause: NamedCause, material: Material) -> list[str]:

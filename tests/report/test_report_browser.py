@@ -1,6 +1,7 @@
 """The report in a real browser: Debian's Chromium, headless and without a network."""
 
 import io
+import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-backgroun
 
 # of each plot: traces wanted, and those of which something is on the screen
 DRAWN = """() => [...document.querySelectorAll('.plot')].map(plot => {
-  const wanted = plot.data || [];
+  const wanted = (plot.data || []).filter(trace => trace.visible !== 'legendonly');
   const marks = [...plot.querySelectorAll('.scatterlayer .trace, .barlayer .trace')];
   const seen = marks.filter(m => [...m.querySelectorAll('path')].some(p => (p.getAttribute('d') || '').length > 4));
   const box = plot.getBoundingClientRect();
@@ -69,7 +70,16 @@ def opened(browser, diagnosed) -> Visit:
     return visit(browser, diagnosed / "report.html")
 
 
+def unfold(found: Visit) -> None:
+    """Open everything, and wait until it is drawn."""
+    found.page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true; })")
+    found.page.wait_for_function(
+        "document.documentElement.dataset.drawn == document.querySelectorAll('.plot').length", timeout=60_000
+    )
+
+
 def check_drawn(found: Visit) -> list[dict]:
+    unfold(found)
     plots = found.page.evaluate(DRAWN)
     assert plots
     assert found.errors == []
@@ -135,6 +145,79 @@ def test_a_screenshot_holds_the_colours_of_both_models(opened):
         colours = {colour for _, colour in picture.convert("RGB").getcolors(1 << 24)}
     for wanted in ((0xD1, 0x49, 0x5B), (0x1F, 0x6F, 0xB2)):
         assert min(sum(abs(a - b) for a, b in zip(c, wanted, strict=True)) for c in colours) < 30
+
+
+def test_one_zoom_and_one_cursor_for_all_signals(browser, diagnosed):
+    page = visit(browser, diagnosed / "report.html").page
+    page.evaluate("Plotly.relayout(document.getElementById('signal-slew'), {'xaxis.range': [5, 6]})")
+    other = "document.getElementById('residual-mechanical-slew')"
+    page.wait_for_function(f"String({other}.layout.xaxis.range) === '5,6'")
+    page.locator("#signal-slew").scroll_into_view_if_needed()
+    box = page.locator("#signal-slew").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 3)
+    marks = page.evaluate(
+        "['signal-slew', 'residual-mechanical-slew'].map(id => { const c = document.querySelector(`#${id} .cursor`);"
+        " return [c.style.display, parseFloat(c.style.left)]; })"
+    )
+    assert [shown for shown, _ in marks] == ["block", "block"]
+    assert all(100 < left < 900 for _, left in marks)
+    # what is not over the log's time keeps its own axes
+    torque = page.evaluate(
+        "document.getElementById('evidence-mechanical-coulomb_friction')._fullLayout.xaxis.range"
+    )
+    assert torque != [5, 6]
+
+
+def test_what_is_within_noise_is_folded_and_a_click_on_its_block_opens_it(browser, diagnosed):
+    page = visit(browser, diagnosed / "report.html").page
+    assert page.locator("#signal-slew").is_visible()
+    assert not page.locator("#signal-p_supply").is_visible()
+    assert not page.locator("#residual-dcv-spool").is_visible()
+    hot = page.locator(".chain a.hot")
+    assert hot.count() == 1
+    assert "mechanics" in hot.inner_text()
+    hot.click()
+    assert page.evaluate("location.hash") == "#cause-1"
+    page.locator(".chain a", has_text="valve").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_function("document.getElementById('residual-dcv-spool').data")
+    assert page.locator("#residual-dcv-spool").is_visible()
+
+
+def test_a_cause_is_taken_out_and_put_back(browser, diagnosed):
+    page = visit(browser, diagnosed / "report.html").page
+    states = (
+        "document.getElementById('residual-mechanical-slew').data"
+        ".filter(t => ['extended model', 'without Coulomb friction'].includes(t.name)).map(t => t.visible ?? true)"
+    )
+    assert page.evaluate(states) == [True, "legendonly"]
+    page.get_by_role("button", name="without it").click()
+    assert page.evaluate(states) == ["legendonly", True]
+    page.get_by_role("button", name="with it", exact=True).click()
+    assert page.evaluate(states) == [True, "legendonly"]
+
+
+def test_dark_as_the_system_says_or_by_key_and_white_on_paper(browser, diagnosed):
+    context = browser.new_context(color_scheme="dark", offline=True)
+    page = context.new_page()
+    page.goto((diagnosed / "report.html").as_uri())
+    page.wait_for_selector("html[data-drawn]", state="attached", timeout=60_000)
+    look = "[document.documentElement.dataset.theme, document.getElementById('signal-slew')._fullLayout.paper_bgcolor]"
+    assert page.evaluate(look) == ["dark", "#12161c"]
+    page.keyboard.press("d")
+    page.wait_for_function(f"String({look}) === 'light,#fff'")
+    page.keyboard.press("d")
+    page.wait_for_function(f"String({look}) === 'dark,#12161c'")
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    page.wait_for_function(f"String({look}) === 'light,#fff'")
+
+
+def test_a_single_cause_prints_on_four_pages(browser, diagnosed):
+    page = visit(browser, diagnosed / "report.html").page
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    page.wait_for_timeout(500)
+    pages = re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4"))
+    assert 1 <= len(pages) <= 4
 
 
 def test_bars_logarithms_and_loops_are_drawn_too(browser, tmp_path):

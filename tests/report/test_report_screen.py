@@ -190,7 +190,7 @@ def test_the_demo_says_its_answer_in_a_few_lines(tmp_path):
 def test_an_end_that_no_log_reaches_is_not_given_in_numbers():
     """Of the two ends of a travel the log met one; the other stands where the model has it, 57000 deg away."""
     ends = {
-        "theta_max": Parameter(value=float(np.degrees(1000.0)), unit="deg", ci95=(-1000.0, 115000.0)),
+        "theta_max": Parameter(value=float(np.degrees(1e9)), unit="deg", ci95=(-1000.0, 115000.0)),
         "theta_min": Parameter(value=-156.0, unit="deg", ci95=(-157.0, -155.0)),
     }
     cause = friction(effect="mechanical.end_stop", parameters=ends)
@@ -200,3 +200,13 @@ def test_an_end_that_no_log_reaches_is_not_given_in_numbers():
     _, how = phrase(cause, Material(empty_answer(causes=[cause]), 1e-3, {}, {}))
     assert "theta_min = -156.0 deg" in how
     assert "theta_max" not in how
+
+
+def test_a_limit_of_which_only_one_side_is_known_has_words():
+    """A ramp in one direction shows where the opening ends on that side; the other was not even asked for."""
+    one = {"x_max": Parameter(value=0.94, unit="mm", ci95=(0.92, 0.97))}
+    cause = friction(effect="dcv.stroke_limit", parameters=one)
+    noun, how = phrase(cause, Material(empty_answer(causes=[cause]), 1e-3, {}, {}))
+    assert "x_max" in how
+    assert "0.94" in how
+    assert "stroke" in noun

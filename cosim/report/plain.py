@@ -1,0 +1,134 @@
+"""The report's first screen for people who run the machine: three sentences, what to check, the chain of blocks."""
+
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from cosim.diagnosis.answer.schema import Answer
+from cosim.report.material import Material, Part
+from cosim.report.screen import better
+from cosim.report.words import NAMES, NOISY, block_name, kind_of_motion, listed, phrase, sentence, signal_name
+
+_TEXTS = tomllib.loads((Path(__file__).parent / "advice.toml").read_text(encoding="utf-8"))
+ADVICE: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what to check on the machine
+_VERDICTS: dict[str, list[str]] = _TEXTS["verdict"]
+_NAME = re.compile(r" \((?:[a-z_]+\.)+[a-z_]+\)")  # an identifier behind the name that people know
+
+
+@dataclass(frozen=True)
+class Link:
+    """A block in the chain.
+
+    Attributes:
+        block: name that people know.
+        drive: the signals that drive it, and that it makes; empty where it was not judged.
+        makes: see `drive`.
+        share: of the error that is systematic, 0 to 1; None where it was not judged.
+        within: nothing beyond noise is left.
+        target: where on the page its evidence is, or empty.
+    """
+
+    block: str
+    drive: str
+    makes: str
+    share: float | None
+    within: bool
+    target: str
+
+
+def three_sentences(material: Material) -> list[tuple[str, str]]:
+    """(question, answer): what is wrong, how sure that is, what it is worth to know it."""
+    answer = material.answer
+    if not answer.causes or answer.verdict == "interrupted":
+        return [("Finding", sentence(material))]
+    wrong = [phrase(cause, material) for cause in answer.causes]
+    names = listed([NAMES.get(c.effect, c.effect) for c in answer.causes])
+    if len(wrong) == 1:
+        found = f"The simulation gets {wrong[0][0]} wrong: {wrong[0][1]}."
+    else:
+        found = f"The machine shows {len(wrong)} things that the model does not have: {names}."
+    if answer.verdict == "partly_explained":
+        left = listed(sorted({block_name(r.block) for r in answer.unexplained}) or ["model"])
+        found += f" Something else in the {left} stays unexplained."
+    told = [("What is wrong", kind_of_motion(found)), ("How sure", _sure(answer))]
+    gain = next((_plain(text) for text in better(answer)), "")
+    return [*told, ("What it explains", gain)] if gain else told
+
+
+def _sure(answer: Answer) -> str:
+    """Whether another explanation is left, in a sentence."""
+    alike = {NAMES.get(o, o) for cause in answer.causes for o in cause.indistinguishable_from}
+    alike -= {NAMES.get(cause.effect, cause.effect) for cause in answer.causes}
+    if alike:
+        end = "; the run proposed below would" if answer.next_experiment is not None else ""
+        return f"This log cannot tell it from {listed(sorted(alike))}{end}."
+    if any(cause.rivals for cause in answer.causes):
+        return "Every other explanation that was tried fits the log clearly worse."
+    return "No other effect of the library comes near."
+
+
+def _plain(line: str) -> str:
+    """A line of the screen without its label and identifiers, as a sentence."""
+    text = _NAME.sub("", line.partition(": ")[2])
+    return f"{text[0].upper()}{text[1:].rstrip('.')}."
+
+
+def advice(answer: Answer) -> list[tuple[str, list[str]]]:
+    """(name of a cause or of what it cannot be told from, what to check), the likeliest first."""
+    if answer.data:
+        return [("The log", _VERDICTS["implausible_data"])]
+    if answer.verdict == "adequate":
+        return [("The machine", _VERDICTS["adequate"])]
+    names = [cause.effect for cause in answer.causes]
+    names += [other for cause in answer.causes for other in cause.indistinguishable_from]
+    found = [(_title(name), ADVICE[name]) for name in dict.fromkeys(names) if name in ADVICE]
+    return found or [("The machine", _VERDICTS["other"])]
+
+
+def _title(effect: str) -> str:
+    name = NAMES.get(effect, effect)
+    return f"{name[0].upper()}{name[1:]}"
+
+
+def chain(material: Material) -> list[Link]:
+    """The blocks in the order in which the command passes them, then those that were not judged."""
+    return [_link(material, part) for part in ordered(list(material.parts.values()))] + [
+        Link(block_name(name), "", "", None, False, "") for name in material.answer.not_judged
+    ]
+
+
+def ordered(parts: list[Part]) -> list[Part]:
+    """Parts, each behind the one that makes what drives it; where they form a loop, as they came."""
+    left, found = list(parts), list[Part]()
+    while left:
+        made = {signal for part in left for signal in part.noise}
+        free = [part for part in left if part.drive not in made - set(part.noise)] or left[:1]
+        found += free
+        left = [part for part in left if part not in free]
+    return found
+
+
+def _link(material: Material, part: Part) -> Link:
+    rows = [row for row in material.answer.localisation if row.block == part.name]
+    causes = [k for k, cause in enumerate(material.answer.causes, 1) if cause.block == part.name]
+    target = f"cause-{causes[0]}" if causes else f"residual-{part.name}-{next(iter(part.noise), '')}"
+    return Link(
+        block_name(part.name),
+        signal_name(part.drive),
+        listed([signal_name(signal) for signal in part.noise]) if part.noise else "",
+        sum(row.share for row in rows),
+        all(row.residual_rms <= NOISY * row.noise_floor for row in rows),
+        target,
+    )
+
+
+def quiet_signals(answer: Answer) -> set[str]:
+    """Signals whose error is no more than their noise: they stay folded, unless all are."""
+    quiet = {name for name, s in answer.signals.items() if s.rmse <= NOISY * s.noise_floor}
+    return quiet if len(quiet) < len(answer.signals) else set()
+
+
+def quiet_blocks(answer: Answer) -> set[tuple[str, str]]:
+    """(block, signal) whose residual is no more than its noise."""
+    return {(r.block, r.signal) for r in answer.localisation if r.residual_rms <= NOISY * r.noise_floor}

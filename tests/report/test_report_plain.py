@@ -1,0 +1,91 @@
+"""The first screen for people who run the machine."""
+
+import numpy as np
+import pytest
+from report_helpers import empty_answer, named
+
+from cosim.diagnosis.answer.schema import Location, Signal, SignalGain
+from cosim.report.material import Material, Noise, Part
+from cosim.report.plain import ADVICE, advice, chain, ordered, quiet_signals, three_sentences
+from fmus import registry
+
+
+def friction(**changes):
+    found = named("mechanical.coulomb_friction", {"tau_c": 99.8})
+    return found.model_copy(update=changes)
+
+
+def material(parts=(), **changes):
+    return Material(
+        empty_answer(**changes), 1e-3, {"measured": {"slew": np.zeros(3)}}, {p.name: p for p in parts}
+    )
+
+
+def part(name, drive, *signals):
+    return Part(name, drive, {s: Noise(1, 1, False, 1.0) for s in signals}, {}, {})
+
+
+def test_every_effect_of_the_library_has_something_to_check():
+    assert set(ADVICE) == set(registry.effects())
+    for name, steps in ADVICE.items():
+        assert 1 <= len(steps) <= 3, name
+        for step in steps:
+            assert step.endswith("."), name
+            assert 30 < len(step) < 200, name
+
+
+def test_a_cause_in_three_sentences():
+    gain = SignalGain(rmse_before=0.16, rmse_after=0.0098, noise_floor=0.01, ci95_of_ratio=(0.05, 0.07), unit="deg",
+                      fit_percent_before=70.0, fit_percent_after=98.0)  # fmt: skip
+    alike = friction(indistinguishable_from=["continuity.cracking_pressure"])
+    told = three_sentences(material(causes=[alike], gain={"slew": gain}))
+    assert [label for label, _ in told] == ["What is wrong", "How sure", "What it explains"]
+    assert "Coulomb friction" in told[0][1]
+    assert told[1][1] == "This log cannot tell it from cracking pressure of the counterbalance valve."
+    assert "from 0.16 to 0.0098 deg" in told[2][1]
+    assert all(text.count(". ") == 0 and "log-likelihood" not in text for _, text in told)
+
+
+def test_a_prediction_over_the_whole_log_has_no_span(diagnosed):
+    text = (diagnosed / "report.html").read_text(encoding="utf-8")
+    assert "nan s at a time" not in text
+
+
+def test_what_to_check_follows_the_causes_and_what_they_cannot_be_told_from():
+    alike = friction(indistinguishable_from=["continuity.cracking_pressure"])
+    found = advice(material(causes=[alike]).answer)
+    assert [name for name, _ in found] == ["Dry friction", "Cracking pressure of the counterbalance valve"]
+    assert "cosim check" in advice(material(verdict="adequate").answer)[0][1][0]
+    assert "No part of the machine" in advice(material(verdict="unexplained").answer)[0][1][0]
+
+
+def test_the_chain_follows_the_wires_and_is_coloured_by_the_share():
+    parts = [
+        part("mechanical", "p_load", "slew"),
+        part("continuity", "spool", "p_load"),
+        part("dcv", "u", "spool"),
+    ]
+    rows = [
+        Location(block="mechanical", signal="slew", share=0.9, residual_rms=9.0, noise_floor=1.0, unit="deg"),
+        Location(block="dcv", signal="spool", share=0.1, residual_rms=1.0, noise_floor=1.0, unit="mm"),
+    ]
+    found = chain(material(parts, localisation=rows, causes=[friction()], not_judged={"sensor": "no slew"}))
+    assert [link.block for link in found] == ["valve", "hydraulics", "mechanics", "slew sensor"]
+    assert [link.share for link in found] == [0.1, 0.0, 0.9, None]
+    assert found[2].target == "cause-1"
+    assert found[0].target == "residual-dcv-spool"
+    assert (found[0].within, found[2].within) == (True, False)
+
+
+def test_a_loop_has_an_order_too():
+    loop = [part("a", "y", "x"), part("b", "x", "y")]
+    assert {p.name for p in ordered(loop)} == {"a", "b"}
+
+
+@pytest.mark.parametrize(("errors", "quiet"), [((1.0, 5.0), {"spool"}), ((1.0, 1.0), set())])
+def test_signals_within_noise_are_folded_unless_all_are(errors, quiet):
+    signals = {
+        name: Signal(rmse=error, fit_percent=0.0, unit="1", noise_floor=1.0)
+        for name, error in zip(("spool", "slew"), errors, strict=True)
+    }
+    assert quiet_signals(material(signals=signals).answer) == quiet
