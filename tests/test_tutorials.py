@@ -13,8 +13,8 @@ import pytest
 
 TOP = Path(__file__).resolve().parents[1]
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.M | re.S)
-TUTORIALS = ["own_log.md", "python.md"]
-SLOW = ("cosim diagnose", "cosim.diagnose", "cosim demo", "found.extended")
+TUTORIALS = ["own_log.md", "python.md", "public_fmu.md", "check.md"]
+SLOW = ("cosim diagnose", "cosim.diagnose", "cosim demo", "found.extended", "cosim simulate found")
 
 
 def blocks(name):
