@@ -5,12 +5,15 @@ import importlib
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmarks import ablation, real_logs
+from cosim.diagnosis.residuals.local import NO_EVENT
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 
@@ -132,6 +135,10 @@ def test_a_rule_is_switched_off_and_on_again(rule):
         assert getattr(home, name) is before
 
 
+def test_each_rule_has_a_reason_to_stay_where_the_table_shows_no_worth():
+    assert set(ablation.STAYS) == {rule.name for rule in ablation.RULES}
+
+
 def test_what_a_rule_is_worth_is_counted_log_by_log():
     rows = {}
     for case in range(20):
@@ -156,3 +163,106 @@ def test_a_rules_worth_of_no_change_holds_none():
     assert value == 0.0
     assert low < 0.0 < high
     assert ablation.paired(20, 0, 40)[1] > 0.0
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """A module that decides in two steps, and three rules in it: the third shows only in what the module answers."""
+    home = ModuleType("small")
+    home.sure = lambda x: x > 0.8
+    home.doubled = lambda x: 2.0 * x
+    home.answer = lambda x: "yes" if home.sure(x) and home.doubled(x) > 1.0 else "no"
+    monkeypatch.setitem(sys.modules, "small", home)
+    rules = (
+        ablation.Rule("doubled", "", {"small.doubled": ablation.first}),
+        ablation.Rule("sure", "", {"small.sure": ablation.yes}),
+        ablation.Rule("sure at last", "", {"small.sure": ablation.yes}, ("small.answer",)),
+    )
+    monkeypatch.setattr(ablation, "RULES", rules)
+    return home
+
+
+def fired_on(home, *values):
+    """Names of the rules that fire while a module answers, and the answers."""
+    fired = set()
+    with ablation.watched(fired):
+        return [home.answer(v) for v in values], fired
+
+
+def test_a_rule_fires_where_what_stands_in_its_place_would_decide_otherwise(small):
+    plain = small.answer, small.doubled, small.sure
+    assert fired_on(small, 0.9) == (["yes"], {"doubled"})
+    assert fired_on(small, 0.3) == (["no"], {"sure"})  # the answer is the same all the same
+    assert fired_on(small, 0.6) == (["no"], {"sure", "sure at last"})
+    assert fired_on(small, 0.9, 0.6) == (["yes", "no"], {"doubled", "sure", "sure at last"})
+    assert fired_on(small) == ([], set())
+    assert (small.answer, small.doubled, small.sure) == plain
+
+
+def test_results_are_the_same_only_if_nothing_can_follow_from_a_difference():
+    one = SimpleNamespace(a=1)  # nothing is known of it
+    assert ablation.same(one, one)
+    assert not ablation.same(one, SimpleNamespace(a=1))
+    values = np.array([1.0, np.nan])
+    assert ablation.same([{"a": (values, np.nan)}], [{"a": (values.copy(), np.nan)}])
+    assert not ablation.same(values, values[:1])
+    assert not ablation.same(values, np.array([1.0, 2.0]))
+    assert not ablation.same([1.0], [1.0, 2.0])
+    assert not ablation.same({"a": 1.0}, {"b": 1.0})
+    assert not ablation.same([], ())
+    assert not ablation.same(None, [])
+    assert not ablation.same(True, False)
+    chance = replace(NO_EVENT, p_value=0.3, gain=2.0)
+    clear = replace(NO_EVENT, p_value=1e-12, gain=50.0)
+    assert ablation.same(NO_EVENT, chance)
+    assert not ablation.same(NO_EVENT, clear)
+    assert ablation.same(clear, replace(clear))
+    assert not ablation.same(clear, replace(clear, gain=51.0))
+
+
+def test_a_child_process_says_which_rules_fired(small, tmp_path, monkeypatch):
+    said = tmp_path / "fired.json"
+    monkeypatch.setenv(ablation.FIRED, str(said))
+    monkeypatch.setattr("cosim.cli.main", lambda arguments: small.answer(*arguments) == "yes")
+    assert ablation.as_command(ablation.ALL, [0.9]) == 1
+    assert json.loads(said.read_text(encoding="utf-8")) == ["doubled"]
+    said.unlink()
+    assert ablation.as_command("doubled", [0.9]) == 0
+    assert not said.exists()
+    monkeypatch.setattr("cosim.cli.main", lambda arguments: 1 / (small.answer(*arguments) == "no"))
+    with pytest.raises(ZeroDivisionError):  # what fired before an error is not lost
+        ablation.as_command(ablation.ALL, [0.9])
+    assert json.loads(said.read_text(encoding="utf-8")) == ["doubled"]
+
+
+def test_only_logs_on_which_a_rule_fired_are_diagnosed_again_without_it():
+    logs, rules = [("rig", "1:0"), ("rig", "1:1"), ("real", "boom")], ["event", "line"]
+    rows = {("rig", "1:0", ablation.ALL): {"right": True, "cpu": 1.0, "named": [], "fired": ["line"]}}
+    first = [job.key for job in ablation.jobs(logs, rules, rows)]
+    assert first == [("rig", "1:1", ablation.ALL), ("real", "boom", ablation.ALL)]
+    rows["rig", "1:1", ablation.ALL] = {"right": True, "cpu": 1.0, "named": [], "fired": []}
+    rows["real", "boom", ablation.ALL] = {"after": 1.0, "cpu": 1.0, "named": []}  # nobody knows what fired
+    again = [job.key for job in ablation.jobs(logs, rules, rows)]
+    assert again == [("rig", "1:0", "line"), ("real", "boom", "event"), ("real", "boom", "line")]
+    assert ablation.worth(rows, "rig", "line").count == 1  # that on which it fired is still to come
+    rows["rig", "1:0", "line"] = {"right": False, "cpu": 1.0, "named": ["sensor.lag"]}
+    line, event = (ablation.worth(rows, "rig", name) for name in ("line", "event"))
+    assert (line.count, line.changed, line.named, line.fired) == (2, 1, 1, 1)
+    assert (event.count, event.value, event.changed, event.fired) == (2, 0.0, 0, 0)
+    assert ablation.worth(rows, "real", "line") is None
+
+
+def test_the_sample_takes_each_kind_of_log_in_turn():
+    listed = ablation.logs({"rig": 9, "second": 2, "strangers": 0, "real": 0}, 5)
+    assert [source for source, _ in listed] == ["rig", "second"] * 2 + ["rig"] * 7
+    drawn = {c.number: c for c in ablation.cases(ablation.DRAWN, 5)}
+    kinds = {c.kind for c in drawn.values()}
+    assert len(kinds) == 9
+    assert {drawn[int(case.partition(":")[2])].kind for source, case in listed if source == "rig"} == kinds
+    valve = "continuity.cracking_pressure"
+    hiding = ablation.logs({"rig": 3, "second": 2, "strangers": 0, "real": 0}, 5, [valve])
+    assert len(hiding) == 5
+    for source, case in hiding:
+        number = int(case.partition(":")[2])
+        hidden = ablation.draw(number).hidden if source == "second" else drawn[number].hidden
+        assert valve in hidden
