@@ -28,6 +28,5 @@ EFFECT = Effect(
     },
     free={"q_drag": Free(starts=(5e4, 2e5), scale=1e5, floor=1e3)},
     fills={"load_torque": drag_torque},
-    along="omega",
     ranges={"q_drag": Range(0.0, 1e7, "beyond, the drag at a tenth of a rad/s would be 100 kN m")},
 )

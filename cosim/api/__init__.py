@@ -21,6 +21,7 @@ from cosim.api.results import (
 from cosim.console import Heard, heard_by
 
 if TYPE_CHECKING:
+    from cosim.gate.found import GateResult
     from cosim.logs import Log, Tracker
     from cosim.master import Limits
     from cosim.results import Result
@@ -35,6 +36,7 @@ __all__ = [
     "batch",
     "beside",
     "calibrate",
+    "check",
     "compare",
     "diagnose",
     "identify",
@@ -333,6 +335,55 @@ def diagnose(
                 stop.result = DiagnosisResult(left, folder, tuple(warnings), keep)  # type: ignore[attr-defined]
             raise
     return DiagnosisResult(answer, folder, tuple(dict.fromkeys([*answer.warnings, *warnings])), keep)
+
+
+def check(
+    file: File,
+    model: File | None = None,
+    *,
+    add: Sequence[File] = (),
+    mapping: File | None = None,
+    update: bool = False,
+    margin: str | None = None,
+    cause: bool | None = None,
+    budget: str | None = None,
+    junit: File | None = None,
+    progress: Heard | None = None,
+) -> "GateResult":
+    """Hold a model against the reference logs and limits of a file; what `cosim check` does.
+
+    Args:
+        file: reference logs and limits (TOML).
+        model: in place of the models that the file names; with `add` the model that it will name.
+        add: logs to add; their limits are measured and written.
+        mapping: mapping file of the logs that are added.
+        update: measure all limits anew and write them.
+        margin: of limits over the errors found, such as ``"10 %"``.
+        cause: True: diagnose each log; False: none; None: those whose limits are missed.
+        budget: time of each diagnosis, such as ``"60s"``.
+        junit: file of JUnit XML to write.
+        progress: told what is going on, and the share that is done.
+
+    Raises:
+        UsageError, DataError: the request or the file of limits makes no sense.
+        ModelError, SimulationError: limits are to be set, and a model is bad or failed.
+    """
+    from cosim.gate.run import check as work
+
+    with heard_by(progress):
+        return work(
+            Path(file),
+            compare,
+            diagnose,
+            model=None if model is None else str(model),
+            add=[Path(path) for path in add],
+            mapping=None if mapping is None else Path(mapping),
+            update=update,
+            margin=margin,
+            cause=cause,
+            budget=budget,
+            junit=None if junit is None else Path(junit),
+        )
 
 
 def identify(

@@ -52,6 +52,7 @@ def run(asked: Asked) -> Answer:
             [file_of(log) for log in asked.held_out],
             asked.tolerance,
             asked.calibrate,
+            asked.budget,
         )
     logs = [loaded(log, asked) for log in asked.logs]
     external = load_tracker(asked.external) if isinstance(asked.external, Path) else asked.external

@@ -13,10 +13,10 @@ from cosim.diagnosis.held_out.gain import Gain
 from cosim.diagnosis.labels import Contradiction
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.model.machine import Machine
+from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.residuals.reference import Reference
-from cosim.diagnosis.thresholds import WINDOW
 from cosim.diagnosis.tracker.comparison import TrackerFinding
 from cosim.diagnosis.verdict.verdict import Cause, Rest, floor_of
 
@@ -57,6 +57,7 @@ class Diagnosis:
         causes: named causes, the largest gain first.
         rests: what stays unexplained.
         never: effects that the log could not have shown.
+        at_rest: nothing moves in the log, so that it could have shown none.
         values: ``component.parameter`` -> value of the extended model, SI.
         deviations: standard deviation of those estimated.
         correlations: of the estimates, by pairs.
@@ -89,6 +90,7 @@ class Diagnosis:
     causes: list[Cause] = field(default_factory=list)
     rests: list[Rest] = field(default_factory=list)
     never: list[str] = field(default_factory=list)
+    at_rest: bool = False
     values: dict[str, float] = field(default_factory=dict)
     deviations: dict[str, float] = field(default_factory=dict)
     correlations: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -128,7 +130,7 @@ class Diagnosis:
         for finding in self.findings.values():
             for rule in finding.task.rules.values():
                 return rule.bins * rule.window
-        return round(WINDOW / self.record.h)
+        return round(window_span(self.record.h) / self.record.h)
 
 
 class Interrupted(KeyboardInterrupt):

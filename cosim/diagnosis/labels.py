@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.fitting.bounds import absurd
 from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.hypotheses.exercised import nothing_moves, on_the_command
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import Machine
+from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.record.record import Record, fixed_values
 from cosim.diagnosis.thresholds import (
     AT_END,
@@ -31,9 +33,9 @@ from cosim.diagnosis.thresholds import (
     PLAUSIBLE_STEP,
     REPEATED,
     SHAPE,
+    STILL,
     TRACKER_LEFT,
     USUAL_GAIN,
-    WINDOW,
     WRAPS,
 )
 from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
@@ -96,7 +98,8 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
         trusted: its nominal parameters are known; of one whose gains are not only the signs can be held against the log.
     """
     found = [*still(record, machine), *wrapping(record), *saturated(log)]
-    if found:
+    # the noise of signals at rest has neither gain nor shape
+    if found or nothing_moves(record, machine):
         return found
     groups = merged(machine.groups, record.signals)
     as_labelled = shapes(record, record.signals, groups)
@@ -146,7 +149,7 @@ def shapes(record: Record, signals: Signals, groups: tuple[Group, ...]) -> list[
 
 def centred(values: Array, h: float, windows: bool) -> Array:
     """A signal without its mean, or each of its windows of some 5 s without its own where it drifts."""
-    count = max(1, round(values.size * h / WINDOW)) if windows else 1
+    count = max(1, round(values.size * h / window_span(h))) if windows else 1
     return np.concatenate([part - part.mean() for part in np.array_split(values, count)])
 
 
@@ -231,7 +234,7 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
     """Signals that never move although the others do."""
     moving = {n: float(np.ptp(v)) > 0.0 for n, v in record.signals.items()}
     remedy = "check sensor and wiring, or leave the column out"
-    if not moving[machine.drive]:
+    if not moving[machine.drive] and not answered(record, machine):
         yield Contradiction(
             machine.drive, f"{machine.drive} never moves", "check that this column is the command"
         )
@@ -248,6 +251,23 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
         most = SIGNALS[name].high - SIGNALS[name].low
         if float(np.ptp(model.simulate({})[name])) > MOVES * most:
             yield Contradiction(name, f"{name} never moves", remedy)
+
+
+def answered(record: Record, machine: Machine) -> bool:
+    """True if whatever moves does so as the model does on the command, a constant one or none."""
+    predicted = on_the_command(record, machine)
+    for group in machine.groups:
+        name = group.observed[0]
+        if name not in record.signals:
+            continue
+        measured = record.smooth(name)
+        if name in SIGNALS and np.ptp(measured) <= STILL * (SIGNALS[name].high - SIGNALS[name].low):
+            continue
+        rows = [centred(values, record.h, group.integrates) for values in (measured, predicted[name])]
+        sizes = [float(np.sqrt(row @ row)) for row in rows]
+        if not float(rows[0] @ rows[1]) >= SHAPE * sizes[0] * sizes[1] > 0.0:
+            return False
+    return True
 
 
 def other_machine(each: list[tuple[float, float]]) -> list[Contradiction]:

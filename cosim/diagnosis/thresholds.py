@@ -524,6 +524,20 @@ REFERENCE_WINDOWS: Annotated[
     "of five all may favour one side by chance in more than 5 % of cases (sign test, both sides)",
     "sign test",
 ] = 6
+REFERENCE_PARTS: Annotated[
+    int,
+    "parts",
+    "parts of the held-out data beside which a linear reference is held, where windows are fewer",
+    "twice the fewest of which it may be called better; more would say no more",
+    "a flexible robot arm of 10 s (DaISy), whose three windows left a missing mode unsaid",
+] = 12
+PART_CROSSINGS: Annotated[
+    int,
+    "changes of sign",
+    "of the error in each such part, at least",
+    "four swings: neighbouring parts of an error that drifts would count it twice",
+    "not measured by itself",
+] = 8
 SENSOR_MOVED: Annotated[
     float,
     "standard deviations",
@@ -548,6 +562,13 @@ WINDOW: Annotated[
     "integrating blocks drift; long beside the motion, short beside the log",
     "not measured by itself",
 ] = 5.0
+WINDOW_SAMPLES: Annotated[
+    int,
+    "samples",
+    "samples of such a window, at least: a slow process is sampled slowly and its windows are longer",
+    "noise slower than a sample must be told from white noise within a window",
+    "cascaded tanks at 0.25 Hz, rig logs at 1 and 10 Hz, as a whole",
+] = 50
 FEWEST_WINDOWS: Annotated[
     int,
     "windows",
@@ -639,13 +660,6 @@ EVEN_SAMPLING: Annotated[
     "how clocks are printed",
     "not measured by itself",
 ] = 0.01
-RESTING_SHARE: Annotated[
-    float,
-    "share of the largest",
-    "value of a law's own signal below which it rests",
-    "there its sign is noise",
-    "not measured by itself",
-] = 1e-3
 
 # labels, samples and the tracker
 
@@ -670,6 +684,13 @@ CLOCK_SHAPE: Annotated[
     "nothing but the truth comes so near",
     "benchmarks/labels.py, as a whole",
 ] = 0.9
+STILL: Annotated[
+    float,
+    "share of the range",
+    "motion, asked for or measured, below which a log shows one state of the machine only",
+    "several times the noise of the rig's sensors, and less than the smallest step of its commands",
+    "not measured by itself",
+] = 0.003
 MOVES: Annotated[
     float,
     "share of the range",

@@ -9,6 +9,7 @@ left-out blocks best (`cosim.inference.held_out`).
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -29,6 +30,7 @@ FREQUENCIES = 7  # of a new section that are looked at
 DAMPINGS = (0.05, 0.7)
 BEGINNING = 0.05  # of a new record, from which its initial state is taken
 SEARCH_EVALUATIONS = 60  # of one search at most
+REMEMBERED = 16  # sections whose columns are kept
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ class Sections:
     def order(self) -> int:
         """Number of poles."""
         return len(self.first) + 2 * len(self.second)
+
+    @property
+    def each(self) -> "tuple[Section | None, ...]":
+        """The sections, those of first order first; one None if there is none."""
+        return (*self.first, *self.second) or (None,)
 
     @property
     def poles(self) -> tuple[complex, ...]:
@@ -130,45 +137,65 @@ class LinearModel:
         return np.asarray(y - rest + own @ free)
 
 
+Section = float | tuple[float, float]  # rate 1/s of a first-order section, or frequency rad/s and damping
+
+
+def delayed(u: Array, delay: float, h: float, before: float = 0.0) -> Array:
+    """(n,) an input (n,) every `h` s, `delay` s later, straight between its samples, and what it was before it begins."""
+    whole, part = divmod(delay / h, 1.0)
+    found = np.full((2, u.size), before)
+    for row, late in zip(found, (int(whole), int(whole) + 1), strict=True):
+        row[late:] = u[: max(u.size - late, 0)]
+    return np.asarray((1.0 - part) * found[0] + part * found[1])
+
+
+def responses(section: Section, u: Array, h: float, length: float) -> tuple[Array, Array]:
+    """Responses (k, n) of a section's states to the input (n,), held over a step, and (k, n) from each initial state."""
+    impulse = np.zeros(u.size)
+    impulse[0] = 1.0
+    if not isinstance(section, tuple):
+        decay = np.exp(-section * h)
+        gain = max(section, 1.0 / length) * (-np.expm1(-section * h) / section if section * h > 1e-9 else h)
+        bottom = [1.0, -decay]
+        return lfilter([0.0, gain], bottom, u)[None], lfilter([1.0], bottom, impulse)[None]
+    w, zeta = section
+    # states: position over its static value, and speed over w times that
+    system = np.zeros((3, 3))
+    system[:2, :2] = [[0.0, w], [-w, -2.0 * zeta * w]]
+    system[1, 2] = w
+    whole = expm(system * h)
+    A, B = whole[:2, :2], whole[:2, 2]
+    bottom = [1.0, -float(np.trace(A)), float(np.linalg.det(A))]
+    # adj(zI - A) = zI + A - tr(A) I
+    adjoint = A - np.trace(A) * np.eye(2)
+    tops = np.stack([B, adjoint @ B], axis=1)
+    starts = np.stack([np.eye(2), adjoint], axis=2)
+    driven = np.array([lfilter([0.0, *top], bottom, u) for top in tops])
+    return driven, np.array([lfilter(starts[0, i], bottom, impulse) for i in range(2)])
+
+
+def block(
+    section: Section | None, u: Array, h: float, length: float, delay: float, cuts: Cuts
+) -> tuple[Array, Array]:
+    """Columns (k, n) that a section takes from the input, and (m, n) from its initial states, one set in each record.
+
+    None stands for no section at all: the input itself.
+    """
+    parts = np.split(u, cuts)
+    if section is None:
+        each = [delayed(part, delay, h, float(part[0])) for part in parts]
+        return np.concatenate(each)[None], np.empty((0, u.size))
+    found = [responses(section, delayed(part, delay, h), h, length) for part in parts]
+    return np.concatenate([driven for driven, _ in found], axis=1), block_diag(*(free for _, free in found))
+
+
 def columns(sections: Sections, u: Array, h: float, length: float, cuts: Cuts = ()) -> tuple[Array, Array]:
     """Responses (k, n) of each section's states to the input, held over a step, and (m, n) from each initial state.
 
     Where several records are behind one another, each begins in a state of its own.
     """
-    if cuts:
-        each = [columns(sections, part, h, length) for part in np.split(u, cuts)]
-        return np.concatenate([driven for driven, _ in each], axis=1), block_diag(*(free for _, free in each))
-    n = u.size
-    driven: list[Array] = []
-    free: list[Array] = []
-    impulse = np.zeros(n)
-    impulse[0] = 1.0
-    for a in sections.first:
-        decay = np.exp(-a * h)
-        gain = max(a, 1.0 / length) * (-np.expm1(-a * h) / a if a * h > 1e-9 else h)
-        driven.append(lfilter([0.0, gain], [1.0, -decay], u))
-        free.append(lfilter([1.0], [1.0, -decay], impulse))
-    for w, zeta in sections.second:
-        # states: position over its static value, and speed over w times that
-        system = np.zeros((3, 3))
-        system[:2, :2] = [[0.0, w], [-w, -2.0 * zeta * w]]
-        system[1, 2] = w
-        whole = expm(system * h)
-        A, B = whole[:2, :2], whole[:2, 2]
-        bottom = [1.0, -float(np.trace(A)), float(np.linalg.det(A))]
-        # adj(zI - A) = zI + A - tr(A) I
-        adjoint = A - np.trace(A) * np.eye(2)
-        tops = np.stack([B, adjoint @ B], axis=1)
-        driven += [lfilter([0.0, *top], bottom, u) for top in tops]
-        starts = np.stack([np.eye(2), adjoint], axis=2)
-        free += [lfilter(starts[0, i], bottom, impulse) for i in range(2)]
-    if not driven:
-        driven.append(np.array(u, dtype=np.float64))
-    found = np.array(driven)
-    if sections.delay > 0.0:
-        time = np.arange(n) * h
-        found = np.array([np.interp(time - sections.delay, time, c) for c in found])
-    return found, np.array(free).reshape(len(free), n)
+    each = [block(section, u, h, length, sections.delay, cuts) for section in sections.each]
+    return np.concatenate([driven for driven, _ in each]), np.concatenate([free for _, free in each])
 
 
 @dataclass(frozen=True)
@@ -188,6 +215,19 @@ class Data:
     rows: Rows
     block: NDArray[np.int64]
     cuts: Cuts = ()
+    _known: dict[tuple[Section | None, float], tuple[Array, Array]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    @cached_property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return int(np.unique(self.block).size)
+
+    @cached_property
+    def level(self) -> Array:
+        """(1, values) a constant, weighed."""
+        return self.rows(np.ones((1, self.u.size)))
 
     @property
     def length(self) -> float:
@@ -199,10 +239,23 @@ class Data:
         second = tuple((w, max(zeta, DECAY / (w * self.length))) for w, zeta in sections.second)
         return Sections(sections.first, second, sections.delay)
 
+    def weighed(self, section: Section | None, delay: float) -> tuple[Array, Array]:
+        """(k, values) and (m, values): the columns of one section, weighed; a search moves one section at a time."""
+        key = (section, delay)
+        found = self._known.pop(key, None)
+        if found is None:
+            driven, free = block(section, self.u, self.h, self.length, delay, self.cuts)
+            both = self.rows(np.concatenate([driven, free]))
+            found = both[: len(driven)], both[len(driven) :]
+            while len(self._known) >= REMEMBERED:
+                self._known.pop(next(iter(self._known)))
+        self._known[key] = found  # the last used is the last
+        return found
+
     def regressors(self, sections: Sections) -> Array:
-        """(n-columns, n) everything that enters linearly."""
-        driven, free = columns(sections, self.u, self.h, self.length, self.cuts)
-        return np.concatenate([driven, free, np.ones((1, self.u.size))])
+        """(columns, values) everything that enters linearly, weighed."""
+        each = [self.weighed(section, sections.delay) for section in sections.each]
+        return np.concatenate([*(driven for driven, _ in each), *(free for _, free in each), self.level])
 
     def solved(self, sections: Sections, target: Array) -> tuple[Array, Array, Array, Array]:
         """Gains (k,), weighed regressors (values, k), residuals (values,) and weights (k,) of the priors, with these poles.
@@ -211,7 +264,7 @@ class Data:
         step, and nothing else is. So an initial state is as large as the output moves, as a prior against which each
         block counts as one observation with the model's error.
         """
-        matrix = self.rows(self.regressors(sections)).T
+        matrix = self.regressors(sections).T
         sizes = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
         sizes[sizes < 1e-12 * max(float(sizes.max()), 1e-300)] = np.inf
         scaled = matrix / sizes
@@ -219,7 +272,7 @@ class Data:
         gram[np.diag_indices_from(gram)] += 1e-10
         residuals = target - scaled @ np.linalg.solve(gram, goal)
         moved = max(float(np.ptp(self.y)), 1e-300)
-        weight = float(residuals @ residuals) / np.unique(self.block).size / moved**2
+        weight = float(residuals @ residuals) / self.blocks / moved**2
         states = np.zeros(sizes.size)
         states[max(sections.order, 1) : -1] = np.sqrt(weight)
         gram[np.diag_indices_from(gram)] += (states / sizes) ** 2
@@ -328,7 +381,7 @@ def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
         step = 1e-4 * (data.h if i == place.size - 1 else 1.0)
         up = place.copy()
         up[i] += step
-        other = data.rows(data.regressors(sections.moved(up)))
+        other = data.regressors(sections.moved(up))
         slopes.append(-((gains @ other - gains @ matrix.T) / step)[:, None])
     jacobian = np.concatenate(slopes, axis=1)
     priors = np.zeros((gains.size, jacobian.shape[1]))

@@ -52,6 +52,10 @@ class Fit:
         return float(np.sqrt(max(self.covariance[at, at], 0.0)))
 
 
+class _HurryError(Exception):
+    """A fit is to end."""
+
+
 class Problem:
     """Measured series, a model of them, and what is known of the noise.
 
@@ -62,6 +66,7 @@ class Problem:
         noise: name -> noise.
         mask: (n + k,) what fits use of all signals behind one another and of the nuisances; the rest is held out.
         failures: what the model said where it could not be run, each once.
+        hurried: asked before each run of a fit; where it is true the fit ends with the best so far.
     """
 
     def __init__(
@@ -91,6 +96,7 @@ class Problem:
         self.names = list(self.measured)
         self.noise: dict[str, Noise] = {n: Noise(max(least[n], 1e-12) ** 2) for n in self.names}
         self.failures: list[str] = []
+        self.hurried: Callable[[], bool] = lambda: False
         self._data = np.concatenate([self.fitted[n] for n in self.names])
         self._numbers = np.concatenate([self.window[n] for n in self.names])
         self.mask, self.windows = self._data, self._numbers
@@ -106,6 +112,10 @@ class Problem:
         more = len(self._nuisances)
         self.mask = np.concatenate([self._data, np.ones(more, dtype=bool)])
         self.windows = np.concatenate([self._numbers, np.zeros(more, dtype=np.int64)])
+
+    def hand_nuisances(self, other: "Problem") -> None:
+        """Give the nuisances to a problem of some of the same signals."""
+        other.share(self._nuisances, {n: self._slopes[n] for n in other.names})
 
     def learn(self, residuals: Mapping[str, Array]) -> None:
         """Learn the noise of each signal from what some hypothesis leaves."""
@@ -237,8 +247,16 @@ class Problem:
             rows = self.rows(whole | self._named(unknowns, x))
             return np.full(self.mask.size, FAILED) if rows is None else rows
 
+        best = begin, np.inf
+
         def cost(x: Array) -> Array:
-            return np.concatenate([rows_of(x)[self.mask], beliefs(x)])
+            nonlocal best
+            if self.hurried():
+                raise _HurryError
+            found = np.concatenate([rows_of(x)[self.mask], beliefs(x)])
+            if (size := float(found @ found)) < best[1]:
+                best = x.copy(), size
+            return found
 
         def slopes(x: Array) -> Array:
             here = cost(x)
@@ -246,14 +264,33 @@ class Problem:
                 [(cost(moved) - here) / step for moved, step in self._moves(x, low, high, difference)], axis=1
             )
 
-        found = least_squares(
-            cost, begin, slopes, bounds=(low, high), method="trf", max_nfev=evaluations, xtol=1e-4, ftol=1e-7
-        )
-        values = whole | self._named(unknowns, found.x)
-        rows = rows_of(found.x)
+        try:
+            found = least_squares(
+                cost,
+                begin,
+                slopes,
+                bounds=(low, high),
+                method="trf",
+                max_nfev=evaluations,
+                xtol=1e-4,
+                ftol=1e-7,
+            )
+            at, steep = found.x, slopes(found.x)
+        except _HurryError:
+            at = best[0]
+            here = np.concatenate([rows_of(at)[self.mask], beliefs(at)])
+            steep = np.stack(
+                [
+                    (np.concatenate([rows_of(moved)[self.mask], beliefs(moved)]) - here) / step
+                    for moved, step in self._moves(at, low, high, difference)
+                ],
+                axis=1,
+            )
+        values = whole | self._named(unknowns, at)
+        rows = rows_of(at)
         return Fit(
             values,
-            self._covariance(unknowns, found.x, rows, slopes(found.x)),
+            self._covariance(unknowns, at, rows, steep),
             tuple(unknowns),
             rows,
             self.log_likelihood(rows, values, unknowns),

@@ -119,7 +119,7 @@ class SystemPlant:
             values[self._input + 1 + d] = values[source]
         time = self._count * PERIOD
         for instance, operate in zip(self._ordered, self._steps, strict=True):
-            _, status = operate(time)
+            _, status = operate(time, time + PERIOD)
             if status > 1 or status < 0:
                 instance.failed(status)
                 raise SimulationError(instance.report(f"failed at t = {time:.9g} s"))

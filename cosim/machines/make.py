@@ -16,6 +16,7 @@ from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
 from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
 from cosim.units import parse_quantity
+from fmus import registry
 
 # effects that change one gain; between two signals only the last block's gain is asked for
 GAINS = {
@@ -63,24 +64,27 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
         raise DataError(f"{mapping}: there is no table [machine] from which a model could be made")
     machine = machine_table(plain.machine, mapping)
     wires(machine, mapping)  # a chain that does not fit together is said before anything is asked of a log
-    signals = targets(machine, plain, given)
+    signals = targets(machine, plain, given, log)
     variables = {name: target.variable for name, target in signals.items()}
     inner = inner_signals(machine, {**known_signals(log), **variables})
     gains = gains_of(machine, signals, log)
     sample = second(plain, log)
-    told = numbers(machine, inner, gains, log, sample)
+    rates = speeds(signals)
+    told = numbers(machine, inner, gains, log, sample, rates)
     name = re.sub(r"\W+", "_", plain.name or mapping.stem).strip("_").lower() or "machine"
-    content = files(machine, told.values, name, plain.description or plain.name, mapping)
+    component, _, variable = signals[machine.output].variable.partition(".")
+    last = (component, variable) if component == machine.chain[-1] else None
+    content = files(machine, told.values, name, plain.description or plain.name, mapping, last)
     if folder is None:
         digest = hashlib.sha256(b"".join(content.values())).hexdigest()[:12]
         folder = build_folder() / "machines" / f"{name}-{digest}"
     write_files(content, folder)
     start = dict(given.start)
     for component in machine.chain:
-        if START_PARAMETER in block_of(component).parameters and machine.output != START_SIGNAL:
+        if START_PARAMETER in block_of(component).parameters and machine.output not in {START_SIGNAL, *rates}:
             start.setdefault(f"{component}.{START_PARAMETER}", machine.output)
     table = given.model_copy(update={"signals": signals, "start": start})
-    sizes = Sizes.of(machine, told, inner, gains, log, sample)
+    sizes = Sizes.of(machine, told, inner, gains, log, sample, rates)
     diagnose = completed(plain.diagnose, machine, told, inner, sizes)
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
 
@@ -90,16 +94,31 @@ def known_signals(log: Log | None) -> dict[str, str]:
     return {} if log is None else {n: v for n, v in DEFAULTS.items() if n in log}
 
 
-def targets(machine: MachineTable, plain: Mapping, given: CompareTable) -> dict[str, Target]:
-    """What each signal stands for: as the mapping says, else input and output of the chain.
+def speeds(signals: dict[str, Target]) -> set[str]:
+    """Signals that stand for a speed."""
+    found = set()
+    for name, target in signals.items():
+        component, _, variable = target.variable.partition(".")
+        outputs = block_of(component).outputs if component in registry.BLOCKS else {}
+        if variable in outputs and outputs[variable].unit == "rad/s":
+            found.add(name)
+    return found
+
+
+def targets(
+    machine: MachineTable, plain: Mapping, given: CompareTable, log: Log | None = None
+) -> dict[str, Target]:
+    """What each signal stands for: as the mapping says, else input and output of the chain (a speed by its unit).
 
     Raises:
         DataError: the mapping has no such signal.
     """
     found = dict(given.signals)
+    own = plain.signals.get(machine.output)
+    unit = (own.unit if own else None) or (log.units.get(machine.output) if log is not None else None)
     for name, (component, variable), way in (
         (machine.input, entry(machine), "input"),
-        (machine.output, outlet(machine), "output"),
+        (machine.output, outlet(machine, unit), "output"),
     ):
         if name not in plain.signals:
             raise DataError(
@@ -126,7 +145,13 @@ def gains_of(machine: MachineTable, signals: dict[str, Target], log: Log | None)
         component, _, variable = target.variable.partition(".")
         if log is not None and name in log.units and component in machine.chain:
             block = block_of(component)
-            unit = (block.inputs | block.outputs)[variable].unit
+            known = block.inputs | block.outputs
+            if variable not in known:
+                raise UsageError(
+                    f"compare.signals: '{component}' has no '{variable}' for the signal '{name}'; "
+                    f"{registry.suggestion(variable, known)}"
+                )
+            unit = known[variable].unit
             found[name] = gain_between(name, log.units[name], unit, target.factor)
     return found
 

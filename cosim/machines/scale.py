@@ -1,7 +1,10 @@
 """How much smaller or larger than on the crane changes typically are: where searches begin (docs/machines.md)."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from cosim.logs import Log
 from cosim.machines.rough import reach, swing, typical_speed
@@ -47,6 +50,7 @@ class Sizes:
         gains: Mapping[str, float],
         log: Log | None,
         sample: float = 1.0,
+        rates: Collection[str] = (),
     ) -> "Sizes":
         """What a log of the machine reaches.
 
@@ -57,6 +61,7 @@ class Sizes:
             gains: signal -> the variable per signal, SI.
             log: the log.
             sample: what one unit of the log's time counts as, s.
+            rates: signals that show a speed.
         """
         if log is None:
             return cls()
@@ -74,8 +79,13 @@ class Sizes:
         torque = pressure * values.get("mechanical.A", 0.0) * values.get("mechanical.r", 0.0)
         angle = speed = 0.0
         if machine.moves and machine.output in log:
-            position = log.require(machine.output) * gains.get(machine.output, 1.0)
-            angle, speed = reach(position), typical_speed(log.time * sample, position, numbers.lag)
+            seen = log.require(machine.output) * gains.get(machine.output, 1.0)
+            time = log.time * sample
+            if machine.output in rates:
+                speed = float(np.quantile(np.abs(seen), 0.99))
+                angle = reach(cumulative_trapezoid(seen, time, initial=0.0))
+            else:
+                angle, speed = reach(seen), typical_speed(time, seen, numbers.lag)
         if values.get("mechanical.b") and speed > 0.0:
             torque = max(torque, values["mechanical.b"] * speed)
         return cls(command, spool, pressure, torque, speed, angle)

@@ -1,6 +1,6 @@
 """The parameters of a machine's blocks: as stated, as its log tells, or such that an unknown block does nothing."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +26,9 @@ LINEAR = (
     "dcv.K", "dcv.w0", "dcv.zeta", "continuity.K_c", "continuity.T", "mechanical.J", "mechanical.b", "simplified.k",
     "simplified.a",
 )  # fmt: skip
+SIGN_SHOWN = (
+    0.25  # of the variance that a first order explains: what rings more than it follows has no sign yet
+)
 SLOWEST, FASTEST = 1e-4, 1e3  # s, bounds of a lag that a parameter can take
 
 
@@ -89,6 +92,7 @@ def numbers(
     gains: Mapping[str, float],
     log: Log | None,
     sample: float = 1.0,
+    rates: Collection[str] = (),
 ) -> Numbers:
     """All parameters of the chain that are not as their blocks declare them.
 
@@ -98,6 +102,7 @@ def numbers(
         gains: signal -> the variable per signal, SI.
         log: a log of the machine.
         sample: what one unit of the log's time counts as, s.
+        rates: signals that show a speed; another motion is an angle or a position.
 
     Raises:
         UsageError: something is unknown, and there is no log to tell it.
@@ -121,7 +126,9 @@ def numbers(
     for component in table.chain:
         before.append(component)
         if component in inner and log is not None and inner[component] in log.signals:
-            told(found, table, before, (drive, inner[component]), gains, log, sample)
+            told(
+                found, table, before, (drive, inner[component]), gains, log, sample, inner[component] in rates
+            )
             drive, before = inner[component], []
     if table.moves:
         moved(found, table, stated)
@@ -141,6 +148,7 @@ def told(
     gains: Mapping[str, float],
     log: Log,
     sample: float,
+    rate: bool,
 ) -> None:
     """Gain and lag of the blocks between two signals, put where they are unknown.
 
@@ -153,36 +161,37 @@ def told(
     if not asked and not (moving and found.speed == 0.0):
         return
     driven, answered = (log.require(n) * gains.get(n, 1.0) for n in ends)
-    rough = first_order(log.time * sample, driven, answered, integrates=moving)
+    rough = first_order(log.time * sample, driven, answered, integrates=moving and not rate)
     if rough.gain == 0.0:
         raise DataError(
             f"{log.source}: '{drive}' or '{seen}' does not move, so {' and '.join(asked)} cannot be told from it"
         )
-    if rough.gain < 0.0:
+    if rough.gain < 0.0 and rough.share > SIGN_SHOWN:
         raise DataError(
             f"{log.source}: '{seen}' goes against '{drive}' (gain {rough.gain:.3g}): give one of them sign = -1 in [signals]"
         )
+    gain = abs(rough.gain)
     values, lag = found.values, float(np.clip(rough.lag, SLOWEST, FASTEST))
     ahead = forward(values, blocks)
     if "simplified" in blocks:
-        put(found, {"simplified.a": 1.0 / lag, "simplified.k": rough.gain / lag})
+        put(found, {"simplified.a": 1.0 / lag, "simplified.k": gain / lag})
     elif "mechanical" in blocks:
-        b = values.get("mechanical.b", ahead / rough.gain)
+        b = values.get("mechanical.b", ahead / gain)
         put(found, {"mechanical.b": b, "mechanical.J": b * lag})
     elif "continuity" in blocks:
         both = "dcv.w0" in asked
         valve = values["dcv.K"] if "dcv" in blocks else 1.0
-        put(found, {"continuity.K_c": rough.gain / valve, "continuity.T": 0.5 * lag if both else lag})
+        put(found, {"continuity.K_c": gain / valve, "continuity.T": 0.5 * lag if both else lag})
         put(found, {"dcv.w0": 4.0 * ZETA / lag, "dcv.zeta": ZETA, "dcv.K": values.get("dcv.K", 1e-3)})
     elif "dcv" in blocks:
-        put(found, {"dcv.K": rough.gain, "dcv.w0": 2.0 * ZETA / lag, "dcv.zeta": ZETA})
+        put(found, {"dcv.K": gain, "dcv.w0": 2.0 * ZETA / lag, "dcv.zeta": ZETA})
         values |= {
             "dcv.x_min": -min(10.0 * values["dcv.K"], 1.0),
             "dcv.x_max": min(10.0 * values["dcv.K"], 1.0),
         }
     found.lag += lag
     if moving:
-        found.speed = rough.gain if not table.forced else 1.0 / values["mechanical.b"]
+        found.speed = gain if not table.forced else 1.0 / values["mechanical.b"]
 
 
 def put(found: Numbers, told_now: Mapping[str, float]) -> None:

@@ -8,7 +8,7 @@ from lxml import etree
 from cosim.errors import DataError
 from cosim.machines.table import MachineTable, block_of
 from cosim.ssp.write import NAMESPACES, SSC, SSD, values_xml, xml_bytes
-from cosim.units import base_exponents
+from cosim.units import base_exponents, parse_unit
 from fmus import registry
 
 Ends = tuple[str, str]
@@ -39,12 +39,21 @@ def entry(table: MachineTable) -> Ends:
     return table.chain[0], next(iter(block_of(table.chain[0]).inputs))
 
 
-def outlet(table: MachineTable) -> Ends:
-    """(component, output) that the machine's output shows."""
-    return table.chain[-1], next(iter(block_of(table.chain[-1]).outputs))
+def outlet(table: MachineTable, unit: str | None = None) -> Ends:
+    """(component, output) that the machine's output shows: the last block's first, or its speed where that has the unit."""
+    outputs = block_of(table.chain[-1]).outputs
+    rates = [n for n, v in outputs.items() if v.unit == "rad/s"] if unit and is_speed(unit) else []
+    return table.chain[-1], (rates or list(outputs))[0]
 
 
-def wiring_xml(table: MachineTable, name: str, description: str, source: object) -> bytes:
+def is_speed(unit: str) -> bool:
+    """True if a signal of this unit is a speed, of an angle or of a length."""
+    return any(parse_unit(unit).dimensionality == parse_unit(s).dimensionality for s in ("rad/s", "m/s"))
+
+
+def wiring_xml(
+    table: MachineTable, name: str, description: str, source: object, last: Ends | None = None
+) -> bytes:
     """The .ssd of the open system: one input, one output, each component bound to ``<component>.ssv``.
 
     Raises:
@@ -57,7 +66,7 @@ def wiring_xml(table: MachineTable, name: str, description: str, source: object)
         name=name,
     )
     system = etree.SubElement(root, f"{{{SSD}}}System", name=name, description=description)
-    first, last = entry(table), outlet(table)
+    first, last = entry(table), last or outlet(table)
     ends = etree.SubElement(system, f"{{{SSD}}}Connectors")
     units = {_connector(ends, table.input, "input", block_of(first[0]).inputs[first[1]].unit)}
     units.add(_connector(ends, table.output, "output", block_of(last[0]).outputs[last[1]].unit))
@@ -96,7 +105,12 @@ def _connector(parent: etree._Element, name: str, kind: str, unit: str) -> str:
 
 
 def files(
-    table: MachineTable, values: Mapping[str, float], name: str, description: str, source: object
+    table: MachineTable,
+    values: Mapping[str, float],
+    name: str,
+    description: str,
+    source: object,
+    last: Ends | None = None,
 ) -> dict[str, bytes]:
     """File name -> content of the wiring and the values.
 
@@ -106,11 +120,12 @@ def files(
         name: of the system, and stem of its .ssd.
         description: of the system.
         source: the mapping file, for messages.
+        last: (component, output) that the machine's output shows; by default `outlet`.
 
     Raises:
         DataError: a block cannot follow the one before it.
     """
-    found = {f"{name}.ssd": wiring_xml(table, name, description, source)}
+    found = {f"{name}.ssd": wiring_xml(table, name, description, source, last)}
     for component in table.chain:
         own = {n.partition(".")[2]: v for n, v in values.items() if n.partition(".")[0] == component}
         found[f"{component}.ssv"] = values_xml(block_of(component).parameters, own)

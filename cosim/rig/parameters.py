@@ -69,8 +69,8 @@ class Mechanical(NamedTuple):
     tau_c: float = 0.0
     tau_load: float = 0.0
     theta_0: float = 15.0 * DEG
-    theta_min: float = -1e3
-    theta_max: float = 1e3
+    theta_min: float = -1e9
+    theta_max: float = 1e9
     tau_s: float = 0.0
     omega_s: float = 0.01
     tau_g: float = 0.0
@@ -194,8 +194,8 @@ PARAMETERS: dict[str, Parameter] = {
     "mechanical.tau_c": Parameter("N.m", 0.0, 1e6, "Coulomb friction", "(4.27)"),
     "mechanical.tau_load": Parameter("N.m", -1e6, 1e6, "Constant load against positive motion", "(4.27)"),
     "mechanical.theta_0": Parameter("rad", -2 * PI, 4 * PI, "Slew angle at the start", "CONTRACT 6"),
-    "mechanical.theta_min": Parameter("rad", -1e3, 1e3, "Lower end of the travel", _D),
-    "mechanical.theta_max": Parameter("rad", -1e3, 1e3, "Upper end of the travel", _D),
+    "mechanical.theta_min": Parameter("rad", -1e9, 1e9, "Lower end of the travel", _D),
+    "mechanical.theta_max": Parameter("rad", -1e9, 1e9, "Upper end of the travel", _D),
     "mechanical.tau_s": Parameter("N.m", 0.0, 1e6, "Friction at standstill above Coulomb", _D),
     "mechanical.omega_s": Parameter("rad/s", 1e-5, 10.0, "Stribeck speed", _D),
     "mechanical.tau_g": Parameter("N.m", -1e6, 1e6, "Greatest torque of gravity", _D),

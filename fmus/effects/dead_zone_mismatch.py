@@ -12,4 +12,5 @@ EFFECT = Effect(
         "b_r": Free(starts=(0.40, 0.50), scale=0.05, floor=0.004),
         "b_l": Free(starts=(-0.45, -0.35), scale=0.05, floor=0.004),
     },
+    prior=1.0,  # every directional valve has an overlap, of several per cent of the command as a rule
 )

@@ -13,7 +13,6 @@ EFFECT = Effect(
         "omega_v": Free(starts=(3e-4, 2e-3), scale=5e-4, floor=5e-5),
         "z_s": Free(starts=(2e-5, 1e-4), scale=2e-5, floor=2e-6),
     },
-    along="omega",
     ranges={
         "tau_c": Range(
             -5.0,

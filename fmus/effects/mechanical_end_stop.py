@@ -9,8 +9,8 @@ EFFECT = Effect(
     source="unilateral constraint, impact without rebound: Brogliato, Nonsmooth Mechanics, 2016",
     key="theta_max",
     free={
-        "theta_max": Free(starts=(1e3,), scale=0.1, limits="theta"),
-        "theta_min": Free(starts=(-1e3,), scale=0.1, limits="theta"),
+        "theta_max": Free(starts=(1e9,), scale=0.1, limits="theta"),
+        "theta_min": Free(starts=(-1e9,), scale=0.1, limits="theta"),
     },
     sole_form=True,
 )

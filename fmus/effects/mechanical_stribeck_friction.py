@@ -5,6 +5,9 @@ import math
 from fmus.contract import Effect, Free, Range, Variable, equation
 from fmus.effects.mechanical_coulomb_friction import EFFECT as COULOMB
 
+# bearings and gears have one to two, seals of cylinders a few; a far larger ratio is a dead band and no friction
+BREAKAWAY = 10.0  # greatest ratio of friction at standstill to friction in motion
+
 
 @equation
 def stribeck_level(omega, m, p):
@@ -53,11 +56,10 @@ EFFECT = Effect(
     },
     free={
         "tau_c": Free(starts=(30.0, 150.0), scale=100.0),
-        "tau_s": Free(starts=(100.0, 300.0), scale=150.0, floor=10.0),
+        "tau_s": Free(starts=(100.0, 300.0), scale=150.0, floor=10.0, within=("tau_c", BREAKAWAY - 1.0)),
         "omega_s": Free(starts=(0.003, 0.01), scale=0.005),
     },
     forms={**COULOMB.forms, "delta": Free(starts=(1.0, 0.6), scale=0.5, floor=0.1)},
-    along="omega",
     fills={"friction_level": stribeck_level},
     ranges={
         "tau_c": Range(
@@ -73,4 +75,5 @@ EFFECT = Effect(
             of="torque",
         ),
     },
+    prior=-1.0,  # three numbers where one or two do as well
 )

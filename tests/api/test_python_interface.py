@@ -231,7 +231,7 @@ READING = {"cosim.request", "cosim.results", "cosim.master", "cosim.closed_loop"
 """What turns options into arguments, and `cosim build` within the demo."""
 
 
-@pytest.mark.parametrize("command", ["diagnose", "compare", "demo", "simulate", "batch"])
+@pytest.mark.parametrize("command", ["check", "diagnose", "compare", "demo", "simulate", "batch"])
 def test_a_command_computes_nothing_itself(command):
     tree = ast.parse((TOP / "cosim" / "commands" / f"{command}.py").read_text(encoding="utf-8"))
     used = {

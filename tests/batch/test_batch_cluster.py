@@ -33,6 +33,7 @@ def plan(model: Path, **more: Any) -> Plan:
     return Plan.model_validate({"model": str(model), "step_size": "10 ms", **more})
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_what_this_machine_gives(rogue: Path, scheduler: str, tmp_path: Path) -> None:
     asked = plan(rogue, vary={"r.k": "2 +- 1"}, samples=20, workers=1)
     conduct(asked, tmp_path / "here")

@@ -48,7 +48,7 @@ def _gone(pids: set[int]) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_an_interrupted_batch_goes_on(rogue: Path, tmp_path: Path, how: signal.Signals) -> None:
     words: list[object] = [
         "batch",

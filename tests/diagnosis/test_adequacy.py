@@ -11,7 +11,6 @@ from cosim.diagnosis.fitting.noise import plain
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.residuals.freeform import Leftover, changing, explain, families
 from cosim.diagnosis.thresholds import SYSTEMATIC, USUAL_SIZE
-from cosim.diagnosis.verdict import free_form_law as bent
 from cosim.diagnosis.verdict.verdict import systematic
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -80,17 +79,6 @@ def test_a_drive_that_friction_holds_is_not_called_a_dead_sensor() -> None:
     (cause,) = found.causes
     assert cause.effect.name != "sensor.gain"
     assert {"sensor.gain", "mechanical.coulomb_friction"} <= {cause.effect.name, *cause.indistinguishable}
-
-
-@pytest.mark.slow
-def test_a_drive_that_stands_has_no_torque_along_its_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    finding = diagnosed(seed=53, seconds=21.0).findings["mechanical"]
-    assert bent.with_free_function(finding.task, finding.null, "omega") is not None
-    assert bent.with_free_function(finding.task, finding.null, "theta") is None
-    gain = bent.with_free_function(finding.task, finding.null, "p_load") - finding.null.fit.log_likelihood
-    assert 0.0 <= gain < 40.0, "no more than 33 free values take up of noise"
-    monkeypatch.setattr(bent, "signal_along", lambda *_: np.zeros(21_001))
-    assert bent.with_free_function(finding.task, finding.null, "omega") is None
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from tests.diagnosis.hidden_logs import diagnosed
 
 GRAVITY = "mechanical.gravity_load:tau_g=190 N.m,theta_g=-20 deg"
 RIPPLE = registry.effects()["mechanical.gear_ripple"]
+STRIBECK = registry.effects()["mechanical.stribeck_friction"]
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +53,19 @@ def test_an_effect_that_ends_at_its_off_value_is_only_absent() -> None:
     trial = tried(finding.task, (friction,), 0.01, finding.null.fit)
     assert np.isfinite(trial.fit.log_likelihood)
     assert impossible(trial, finding.task.model) == []
+
+
+def test_friction_that_is_nearly_nothing_in_motion_is_another_law() -> None:
+    found = diagnosed(
+        "mechanical.stribeck_friction:tau_c=0 N.m,tau_s=150 N.m,omega_s=0.01", seed=12, seconds=25.0
+    )
+    assert "mechanical.stribeck_friction" not in [c.effect.name for c in found.causes]
+    finding = found.findings["mechanical"]
+    trial = tried(finding.task, (STRIBECK,), 0.01, finding.null.fit)
+    size = {p: trial.fit.values[f"mechanical.{p}"] for p in ("tau_c", "tau_s")}
+    assert size["tau_s"] > 50.0  # it would explain the log nearly
+    assert size["tau_s"] == pytest.approx(STRIBECK.free["tau_s"].within[1] * size["tau_c"])
+    assert impossible(trial, finding.task.model) == [STRIBECK]
 
 
 @pytest.mark.parametrize(

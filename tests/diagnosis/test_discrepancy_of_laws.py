@@ -45,7 +45,11 @@ def test_what_the_law_lacks_is_small_and_known_to_a_part(five_plays) -> None:
 
 @pytest.mark.parametrize(
     ("hidden", "blocks"),
-    [((), ("dcv",)), (("dcv.gain",), ("dcv",)), (("continuity.flow_gain",), ("continuity",))],
+    [
+        pytest.param((), ("dcv",), marks=pytest.mark.slow),
+        (("dcv.gain",), ("dcv",)),
+        pytest.param(("continuity.flow_gain",), ("continuity",), marks=pytest.mark.slow),
+    ],
 )
 def test_a_law_of_one_form_leaves_no_discrepancy(hidden, blocks) -> None:
     found = diagnosed_of(*hidden, seed=9, seconds=22.0, blocks=blocks)

@@ -49,6 +49,7 @@ def asked(*folders: Path) -> list:
     return json.loads(run.stdout)
 
 
+@pytest.mark.slow
 def test_a_file_in_a_package_names_what_was_unexplained(package: Path) -> None:
     verdict, causes, rests = asked(package)
     assert (verdict, list(causes), rests) == ("explained", ["mechanical.quadratic_drag"], [])

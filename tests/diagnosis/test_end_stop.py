@@ -27,6 +27,7 @@ def only(told: Diagnosis) -> Cause:
     return cause
 
 
+@pytest.mark.slow
 def test_an_end_of_the_travel_is_named_and_measured() -> None:
     cause = only(found("mechanical.end_stop"))
     assert (cause.effect.name, cause.indistinguishable) == ("mechanical.end_stop", [])

@@ -53,6 +53,18 @@ def test_a_bound_does_not_end_the_search(start: float) -> None:
     assert found.at_bound == ("m.a",)
 
 
+@pytest.mark.parametrize("lost", [np.nan, np.inf, -1e300])
+@pytest.mark.parametrize("bins", [1, 4])
+def test_what_leaves_the_numbers_is_bad_whatever_offsets_are_free(lost: float, bins: int) -> None:
+    free = Task(Parabola(), {"y": X}, {"y": plain(bins, 50, True)})  # type: ignore[arg-type]
+    near = free.white(free.residuals({"m.a": 40.0}))
+    gone = free.white(free.against({"y": np.full(X.size, lost)}))
+    assert np.all(np.isfinite(gone))
+    assert float(gone @ gone) > 1e6 * float(near @ near)
+    part = free.against({"y": np.where(X < 0.9, X, lost)})["y"]
+    np.testing.assert_array_equal(part[X < 0.9], 0.0)
+
+
 def test_doubt_along_a_direction_leaves_nothing_to_gain_there() -> None:
     unsure = task(5.0 * X)
     before = float(np.sum(unsure.white(unsure.residuals({})) ** 2))

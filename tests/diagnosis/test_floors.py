@@ -15,7 +15,7 @@ SENSORS = {"spool": 0.005e-3, "p_load": 0.1e5 * np.sqrt(2.0), "p_supply": 0.1e5,
     [
         ("white", ("dcv",), {"spool"}),
         pytest.param("white", (), set(SENSORS), marks=pytest.mark.slow),
-        ("ar1", (), set(SENSORS)),
+        pytest.param("ar1", (), set(SENSORS), marks=pytest.mark.slow),
     ],
 )
 def test_the_floor_is_the_sensors_noise_sample_by_sample(

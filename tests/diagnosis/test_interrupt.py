@@ -48,7 +48,7 @@ def interrupted(log: Path, folder: Path, at: str) -> tuple[int, str, str]:
 @pytest.mark.parametrize(
     ("at", "judged"),
     [
-        ("dcv:", ["dcv"]),
+        pytest.param("dcv:", ["dcv"], marks=pytest.mark.slow),
         ("mechanical:", ["dcv", "continuity", "mechanical"]),
         pytest.param("gain on held-out", ["dcv", "continuity", "mechanical"], marks=pytest.mark.slow),
         pytest.param("report", ["dcv", "continuity", "mechanical"], marks=pytest.mark.slow),

@@ -90,8 +90,8 @@ def tracker_of(log: Log, by: float) -> Tracker:
     ("by", "finding"),
     [
         (np.pi / 180.0, "slew_external: looks like rad labelled deg"),
-        (180.0 / np.pi, "slew_external: looks like deg labelled rad"),
-        (-1.0, "slew_external looks reversed in sign against slew"),
+        pytest.param(180.0 / np.pi, "slew_external: looks like deg labelled rad", marks=pytest.mark.slow),
+        pytest.param(-1.0, "slew_external looks reversed in sign against slew", marks=pytest.mark.slow),
     ],
 )
 def test_a_tracker_with_a_wrong_label_is_the_verdict(log: Log, by: float, finding: str) -> None:

@@ -68,7 +68,7 @@ def test_the_drive_at_uneven_samples_is_that_of_a_fine_simulation() -> None:
     assert np.max(np.abs(uneven[:-1] - np.interp(stamps[:-1], fine, exact))) < 2e-3 * np.ptp(exact)
 
 
-@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("held", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_a_command_logged_more_rarely_than_it_changes_lies_on_straight_lines(held: bool) -> None:
     """The rig's controller acts every millisecond; the log has every tenth."""
     log = as_log(make_log("multisine", 40.0, ["dcv.delay:tau_d=20 ms"], seed=12))

@@ -38,6 +38,7 @@ def test_a_package_of_another_structure_is_refused(tmp_path: Path) -> None:
         chosen(str(tmp_path / "none.ssp"), None)
 
 
+@pytest.mark.slow
 def test_what_the_package_has_right_is_no_cause_and_what_it_has_wrong_is(package: Path) -> None:
     log = as_log(make_log("steps", 20.0, ["mechanical.coulomb_friction:tau_c=100 N.m"], seed=3))
     model, base = chosen(str(package), None)

@@ -94,7 +94,10 @@ def test_an_odd_log_ends_in_an_answer_or_a_refusal(case: Odd) -> None:
     [
         # shorter than what is left out at the start, at a rate that leaves thousands of samples
         Odd(100191, "simplified", "sweep", 0.54, 3837.0, 0.0, ("slew",), "simplified.theta", True, False, ""),
-        Odd(100475, "simplified", "small_steps", 0.55, 2712.0, 0.0, ("slew",), "", True, False, ""),
+        pytest.param(
+            Odd(100475, "simplified", "small_steps", 0.55, 2712.0, 0.0, ("slew",), "", True, False, ""),
+            marks=pytest.mark.slow,
+        ),
         # a limit whose starts come twice: at the signal's extreme, which is its nominal value
         Odd(100127, "full_order", "sweep", 1.1, 155.2, 0.0, ("p_a", "slew"), "mechanical.theta", True, False, "slew"),
     ],

@@ -18,7 +18,9 @@ def test_levels_that_a_command_holds() -> None:
     assert levels(np.zeros(10)).size == 0
 
 
-@pytest.mark.parametrize(("duties", "said"), [((0.5,), True), ((0.5, 0.9), False)])
+@pytest.mark.parametrize(
+    ("duties", "said"), [((0.5,), True), pytest.param((0.5, 0.9), False, marks=pytest.mark.slow)]
+)
 def test_one_level_tells_no_dead_zone(duties: tuple[float, ...], said: bool) -> None:
     log = as_log(make_log("steps", 12.0, [], seed=3))
     u = np.zeros(len(log))

@@ -75,7 +75,7 @@ def test_a_gyroscope_beside_the_angle_shows_the_same_group(tmp_path: Path) -> No
     [
         (*PRESSURES, "slew_rate"),
         pytest.param(("u", "slew_rate"), marks=pytest.mark.slow),
-        (*PRESSURES, "slew", "slew_rate"),
+        pytest.param((*PRESSURES, "slew", "slew_rate"), marks=pytest.mark.slow),
     ],
 )
 def test_friction_is_found_in_a_speed(tmp_path: Path, columns: tuple[str, ...]) -> None:
@@ -85,6 +85,7 @@ def test_friction_is_found_in_a_speed(tmp_path: Path, columns: tuple[str, ...]) 
     assert found.verdict == "explained"
 
 
+@pytest.mark.slow
 def test_a_gyroscopes_own_offset_is_no_cause(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, (*PRESSURES, "slew_rate"), bias=0.01)
     assert found.causes == []

@@ -35,6 +35,7 @@ def test_our_runner_agrees_with_the_blocks(trials):
     assert all(np.ptp(values) > 0.0 for values in expected.values())  # nothing agrees by standing still
 
 
+@pytest.mark.slow
 def test_reference_of_the_loop_is_our_runner_s(built, tmp_path):
     row = Trials({"pythonfmu": {"physical": built["physical"]}}, tmp_path, STEPS).row("pythonfmu", "cosim")
     assert row.agrees, row.reasons
@@ -54,6 +55,7 @@ def test_plain_host_without_python_fails_for_the_known_reason(trials):
     assert "/" not in row.reasons[0].split(": ", 1)[1].split()[3]  # no folder of this machine
 
 
+@pytest.mark.slow
 def test_another_scheme_is_seen(trials, monkeypatch):
     """Were our runner compared with masters that delay each wire by one step, it would not agree."""
     monkeypatch.setitem(interoperability.FIRST_INPUT_ZERO, "cosim", False)

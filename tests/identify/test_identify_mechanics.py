@@ -37,7 +37,12 @@ def pulled(found, torque):
 
 
 @pytest.mark.parametrize(
-    ("excitation", "kind"), [("mixed", "white"), ("steps", "ar1"), ("multisine", "pink")]
+    ("excitation", "kind"),
+    [
+        pytest.param("mixed", "white", marks=pytest.mark.slow),
+        pytest.param("steps", "ar1", marks=pytest.mark.slow),
+        ("multisine", "pink"),
+    ],
 )
 def test_intervals_hold_the_truth(excitation, kind):
     """Friction and, added to the torque, a weight: eight logs a kind, four numbers each; not more miss than 5 % leave."""

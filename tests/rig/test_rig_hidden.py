@@ -147,6 +147,7 @@ def test_crane_too_fast_for_the_steps_is_refused():
         clean(held((0.5, 0.1)), substeps=0)
 
 
+@pytest.mark.slow
 def test_nominal_errors_change_the_crane():
     run = clean(held((0.8, 3.0)), settings={"dcv.K": 2.0e-3})
     assert run.true["spool"][-1] == pytest.approx(1.6e-3, rel=1e-6)

@@ -75,6 +75,7 @@ def answer(
         unexplained=unexplained(diagnosis),
         next_experiment=next_experiment(proposal),
         not_exercised=diagnosis.never,
+        at_rest=diagnosis.at_rest,
         not_judged=not_judged(diagnosis),
         isolability=[Separable(residual=list(where), effects=list(names)) for where, names in apart.classes],
         helpful_signals=apart.advice,

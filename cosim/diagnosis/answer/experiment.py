@@ -15,10 +15,13 @@ from cosim.diagnosis.extension.packages import ChainModel
 from cosim.diagnosis.fitting.fit import Unknown, jacobian
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import unknowns
+from cosim.diagnosis.hypotheses.exercised import moderate
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import Grid, of_piece
 from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.finding import Finding
+from cosim.diagnosis.thresholds import NAMING_GAIN
 from cosim.diagnosis.verdict.verdict import Cause
 from cosim.files import write_text
 
@@ -93,7 +96,9 @@ class Rehearsal:
         return np.diff(gathered, prepend=0.0)
 
 
-def menu(duration: float, h: float) -> list[tuple[Description, Array]]:
+def menu(
+    duration: float, h: float, amplitudes: tuple[float, ...] = (0.05, 0.1, 0.25, 0.5, 1.0)
+) -> list[tuple[Description, Array]]:
     """Feasible excitations of one duration, s, at steps of h: shapes, amplitudes, frequencies; |u| <= 1, mean about zero."""
     time = np.arange(round(duration / h) + 1) * h
     found: list[tuple[Description, Array]] = []
@@ -103,7 +108,7 @@ def menu(duration: float, h: float) -> list[tuple[Description, Array]]:
             ({"shape": shape, "amplitude": amplitude, of: value, "duration_s": duration}, amplitude * command)
         )
 
-    for amplitude in (0.05, 0.1, 0.25, 0.5, 1.0):
+    for amplitude in amplitudes:
         for omega in (0.3, 1.0, 3.0, 10.0):
             add("sine", amplitude, "frequency_rad_s", omega, np.sin(omega * time))
         for hold in (0.5, 1.5, 4.0):
@@ -248,6 +253,39 @@ def proposal_for(
         found = propose(groups, first, second, loose, rules, why, fixed, size=size, interval=interval)
         return found and replace(found, models=(cause.effect.name, cause.indistinguishable[0]))
     return None
+
+
+def first_of_all(
+    groups: tuple[Group, ...],
+    rules: Mapping[str, Whitener],
+    fixed: dict[str, float],
+    duration: float = 30.0,
+    h: float = 1e-3,
+    interval: float = 1e-3,
+) -> Proposal | None:
+    """The excitation of the menu that shows most effects of the library, for a machine that has only been seen at rest.
+
+    An effect is shown where a moderate size of it changes the prediction by more than the price of naming it; among equals
+    the one counts that shows the median effect best. Arguments as those of `propose`.
+    """
+    effects = [(g, e) for g in groups for e in g.effects() if e.name not in SAMPLED]
+    best: Proposal | None = None
+    most = (-1, -1.0)
+    for description, command in menu(duration, h, (0.25, 1.0)):
+        played = Rehearsal(groups, command, fixed, h, interval)
+        plain = played.read({})
+        each = []
+        for _, effect in effects:
+            moved = moderate(effect, played.chain.nominal, {})
+            if moved is not None:
+                raw = white_difference(played.read(moved), plain, rules)
+                each.append(0.5 * float(raw @ raw))
+        shown = sum(gain > NAMING_GAIN for gain in each)
+        rank = (shown, float(np.median(each)))
+        if rank > most:
+            why = f"shows {shown} of {len(each)} effects at a moderate size, of which a log without motion shows none"
+            most, best = rank, Proposal(why, description, rank[1], command)
+    return best
 
 
 def write_command(proposal: Proposal, folder: Path, h: float = 1e-3) -> Proposal:

@@ -196,6 +196,11 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
             f"{which} lasts {log.duration:.0f} s; the diagnosis used the {end - start:.0f} s from {start:.6g} s on, "
             "whose command visits most, and times in it count from there"
         )
+    if diagnosis.at_rest:
+        found.append(
+            "nothing moves in this log: the command asks for no motion and none is measured, so no effect was exercised and "
+            "none can be named or excluded; drive the machine over the whole range of the command, both ways"
+        )
     found += one_level(diagnosis)
     for signal, linear in diagnosis.references.items():
         low, high = ratio_ci95(linear.ours, linear.squares)

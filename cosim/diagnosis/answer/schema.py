@@ -221,6 +221,7 @@ class Answer(Model):
     unexplained: list[Unexplained]
     next_experiment: NextExperiment | None
     not_exercised: list[str]
+    at_rest: bool = False  # nothing moves in the log: it could have shown none of the effects
     not_judged: dict[str, str]
     isolability: list[Separable]
     helpful_signals: list[str]

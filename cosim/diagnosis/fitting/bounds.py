@@ -34,6 +34,7 @@ def beyond(trial: Trial, effect: Effect, model: GroupModel) -> float:
             continue
         value = found.values[name]
         lows, highs = edges(effect, parameter, model)
+        lows += least(effect, parameter, found.values)
         bound = min((*lows, *highs), key=lambda edge: abs(edge - value))
         if bound == model.nominal(name):
             continue
@@ -45,6 +46,14 @@ def beyond(trial: Trial, effect: Effect, model: GroupModel) -> float:
         if outward and size > 0.0:
             most = max(most, 0.5 * pull**2 / size)
     return most
+
+
+def least(effect: Effect, parameter: str, values: Mapping[str, float]) -> list[float]:
+    """What a size must at least be beside those that cannot be more than so many times it, SI."""
+    shares = {
+        p: free.within[1] for p, free in effect.free.items() if free.within and free.within[0] == parameter
+    }
+    return [values[f"{effect.component}.{p}"] / ratio for p, ratio in shares.items()]
 
 
 def edges(effect: Effect, parameter: str, model: GroupModel) -> tuple[list[float], list[float]]:

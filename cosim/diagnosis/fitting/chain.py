@@ -15,6 +15,7 @@ from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import plain
 from cosim.diagnosis.fitting.trials import Trial, tried
 from cosim.diagnosis.model.groups import Group
+from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.record.record import Record, fixed_values
 from cosim.diagnosis.record.signatures import coarse_steps
 from cosim.diagnosis.thresholds import (
@@ -24,7 +25,6 @@ from cosim.diagnosis.thresholds import (
     SKEW_INTERVAL,
     UNSETTLED,
     UNSETTLED_SHARE,
-    WINDOW,
 )
 from fmus.contract import Effect
 
@@ -118,11 +118,11 @@ def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[st
 
 
 def window_of(lengths: list[int], bins: int, h: float) -> int:
-    """Bins in a window of about `WINDOW` s with which whole windows leave out least of logs of these many samples."""
+    """Bins in a window of about `window_span` with which whole windows leave out least of logs of these many samples."""
     # of one short log the windows are shorter: some must be left out to tell chance from more
     least = FEWEST_WINDOWS if len(lengths) == 1 else 1
     # whole windows fill that log
-    choices = [max(1, own // (bins * max(least, round(own * h / WINDOW)))) for own in lengths]
+    choices = [max(1, own // (bins * max(least, round(own * h / window_span(h))))) for own in lengths]
     return min(choices, key=lambda window: sum(own % (bins * window) for own in lengths))
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,9 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from cosim.correlation import correlations
 from cosim.diagnosis.budget import current
+from cosim.diagnosis.fitting.coordinates import Coordinates
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Whitener
-from cosim.diagnosis.fitting.polar import Polar
 from cosim.diagnosis.fitting.rounded import beyond
 from cosim.diagnosis.record.signatures import bridged
 from cosim.inference.pieces import by_piece, slope
@@ -34,6 +34,7 @@ class Unknown:
         low, high: bounds, SI.
         prior: (mean, standard deviation) of what is known beforehand, or None.
         amplitude: of a phase, the unknown that is the amplitude of its sine.
+        within: another unknown and how many times as large as that this one can be; neither is negative.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Unknown:
     high: float
     prior: tuple[float, float] | None = None
     amplitude: str = ""
+    within: tuple[str, float] | None = None
 
 
 def placed(unknowns: list[Unknown], values: Mapping[str, float]) -> list[Unknown]:
@@ -154,8 +156,9 @@ class Task:
         """Residuals of a prediction, signal -> (n,) SI."""
         found = {}
         for name, measured in self.measured.items():
-            # a trial far off may leave the numbers; it must only count as bad
-            off = np.nan_to_num(measured - predicted[name], copy=False, nan=ABSURD).clip(-ABSURD, ABSURD)
+            off = measured - predicted[name]
+            if not np.abs(off).max(initial=0.0) < ABSURD:  # a trial far off may leave the numbers
+                off = np.where(np.abs(off) < ABSURD, off, ABSURD * uneven(off.size))
             if name in self.lost:
                 over = partial(bridged, time=None, of=self.rules[name].bins)
                 off = by_piece(over, self.model.cuts, off, self.lost[name])
@@ -190,6 +193,12 @@ class Task:
         return row
 
 
+@lru_cache(maxsize=8)
+def uneven(count: int) -> Array:
+    """(count,) numbers of unit size that no offset of a window and no mean of a bin takes up: what stands for no number."""
+    return np.random.default_rng(0).standard_normal(count)
+
+
 def fit(
     task: Task,
     unknowns: list[Unknown],
@@ -212,12 +221,19 @@ def fit(
     start = np.array([np.clip(u.start, u.low, u.high) for u in unknowns])
     pairs = [(names.index(u.amplitude), i) for i, u in enumerate(unknowns) if u.amplitude in names]
     most = np.array([max(abs(u.low), abs(u.high)) for u in unknowns])
-    polar = Polar(pairs, np.array([u.scale for u in unknowns]), start, most)
-    low, high = polar.bounds(np.array([u.low for u in unknowns]), np.array([u.high for u in unknowns]))
+    shares = [
+        (i, names.index(u.within[0]), u.within[1])
+        for i, u in enumerate(unknowns)
+        # a size that is known roughly is bound by what is known of it
+        if u.within is not None and u.within[0] in names and unknowns[names.index(u.within[0])].low == 0.0
+    ]
+    scales = np.array([u.scale for u in unknowns])
+    coordinates = Coordinates(pairs, scales, start, most, shares)
+    low, high = coordinates.bounds(np.array([u.low for u in unknowns]), np.array([u.high for u in unknowns]))
     priors = [(i, u.prior) for i, u in enumerate(unknowns) if u.prior is not None]
 
     def cost(z: Array) -> Array:
-        x = polar.reported(z)
+        x = coordinates.reported(z)
         white = task.white(task.residuals(base | dict(zip(names, x.tolist(), strict=True))))
         extra = [(x[i] - mean) / deviation for i, (mean, deviation) in priors]
         return np.concatenate([white, extra])
@@ -228,14 +244,14 @@ def fit(
     if quick:
         follower = Follower(cost, low, high)
         cost, slopes = follower.cost, follower.slopes
-    z0 = polar.sought(start)
+    z0 = coordinates.sought(start)
     if not unknowns:
         residuals, stepped = task.kept(base)
         white = task.white(residuals)
         reached = -0.5 * float(white @ white)
         return Fit({}, {}, reached, white.size, residuals, np.empty((0, 0)), predicted=stepped)
     found = searched(cost, slopes, z0, (low, high), rounds)
-    fitted = summarised(task, names, base, polar, found, (low, high), len(priors))
+    fitted = summarised(task, names, base, coordinates, found, (low, high), len(priors))
     return replace(fitted, settled=False, sketched=True) if quick else fitted
 
 
@@ -328,17 +344,17 @@ def summarised(
     task: Task,
     names: list[str],
     base: dict[str, float],
-    polar: Polar,
+    coordinates: Coordinates,
     found: OptimizeResult,
     bounds: tuple[Array, Array],
     priors: int,
 ) -> Fit:
-    """What an optimiser found in the coordinates of `polar`, with intervals from the curvature; `bounds` of these."""
-    turn = polar.turn(found.x)
-    scaled = turn * polar.scales[:, None]
+    """What an optimiser found in these coordinates, with intervals from the curvature; `bounds` of these."""
+    turn = coordinates.turn(found.x)
+    scaled = turn * coordinates.scales[:, None]
     covariance = scaled @ np.linalg.pinv(found.jac.T @ found.jac) @ scaled.T
     deviations = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
-    estimate = dict(zip(names, polar.reported(found.x).tolist(), strict=True))
+    estimate = dict(zip(names, coordinates.reported(found.x).tolist(), strict=True))
     ends = zip(names, found.x, *bounds, strict=True)
     residuals, stepped = task.kept(base | estimate)
     return Fit(
@@ -350,10 +366,10 @@ def summarised(
         covariance,
         tuple(n for n, z, a, b in ends if z - a < 1e-4 or b - z < 1e-4),
         found.status > 0,
-        found.jac @ np.linalg.inv(turn) if polar.pairs else found.jac,
+        found.jac @ np.linalg.inv(turn) if coordinates.pairs or coordinates.shares else found.jac,
         found.fun,
         stepped,
-        dict(zip(names, polar.scales.tolist(), strict=True)),
+        dict(zip(names, coordinates.scales.tolist(), strict=True)),
     )
 
 

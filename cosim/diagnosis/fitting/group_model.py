@@ -114,13 +114,11 @@ class GroupModel:
 
     def trust(self, name: str, tolerance: float) -> tuple[float, float, float]:
         """Standard deviation of the trust in a nominal value, lowest and highest estimate, SI."""
-        value = self.nominal(name)
+        value, variable = self.nominal(name), self.declared(name)
         if value > 0.0:
-            if tolerance > 1.0:  # not even its order of magnitude is known
-                return value * tolerance, 1e-3 * value, 1e3 * value
-            return value * tolerance, 0.1 * value, 10.0 * value
+            by = 1e3 if tolerance > 1.0 else 10.0  # beyond 1 not even its order of magnitude is known
+            return value * tolerance, max(value / by, variable.low), min(value * by, variable.high)
         # zero or negative: the value itself says little about its size
-        variable = self.declared(name)
         scale = dict(self.group.scale)
         typical = variable.nominal * scale.get(name, scale.get(variable.unit, 1.0))
         return max(abs(value), typical) * tolerance, variable.low, variable.high

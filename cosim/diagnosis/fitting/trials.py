@@ -126,7 +126,8 @@ def unknowns(
             # where the period is sought, too, it goes straight with the phase, and bent with sine and cosine
             whole = free.phase and len(effect.free) == 2
             amplitude = f"{effect.component}.{effect.key}" if whole else ""
-            found[name] = Unknown(name, nominal, scale, low, high, amplitude=amplitude)
+            within = (f"{effect.component}.{free.within[0]}", free.within[1]) if free.within else None
+            found[name] = Unknown(name, nominal, scale, low, high, amplitude=amplitude, within=within)
             # a small size is always tried: from there a weak effect, or none, is soon found
             off = nominal if free.floor == 0.0 else nominal + SMALLEST_START * free.scale
             listed = parameter in effect.parameters and free.floor == 0.0

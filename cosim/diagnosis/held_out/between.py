@@ -164,7 +164,9 @@ def over_logs(
     found = {}
     for name in (n for n in values if n in deviations and all(n in own for own in each)):
         rows = np.array([own[name] for own in each])
-        size = abs(values[name] - off(name))
+        size = min(
+            abs(values[name] - off(name)), abs(values[name])
+        )  # a limit out of reach says nothing of one that is met
         found[name] = combined(values[name], deviations[name], rows[:, 0], rows[:, 1], size)
     return found
 

@@ -4,9 +4,10 @@ A cause that the fitting log asks for but that does not make the prediction of t
 has described that one log and not the machine.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -481,6 +482,8 @@ def balanced(
                 rest = tuple(e for e in at.effects if e != effect)
                 more = [step((*rest, e)) for e, _ in indistinguishable(finding, effect) if e not in rest]
                 better += [s for s in more if s.clearly_better(at)]
+            if not better:
+                better = [s for s in map(step, pairs(finding, at.effects, waiting)) if s.clearly_better(at)]
             # the one that describes the fitting log best, of those that held-out data bear out
             if not better:
                 break
@@ -491,24 +494,36 @@ def balanced(
     return at
 
 
+def pairs(
+    finding: Finding, effects: tuple[Effect, ...], waiting: tuple[Effect, ...]
+) -> Iterator[tuple[Effect, ...]]:
+    """The set with two more of the effects that wait: a load and a friction may each do harm without the other."""
+    for one, other in combinations([e for e in waiting if e not in effects], 2):
+        both = widened(finding, widened(finding, effects, one), other)
+        if {one, other} <= set(both):
+            yield both
+
+
 def shrunk(
     finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], losses: Mapping[str, float]
 ) -> Step:
     """The set without what held-out data do not bear out, or with something simpler in its place.
 
-    On the way lie sets whose sizes are unsure; what they lead to must not be clearly worse than the last one that was not.
+    On the way lie sets whose sizes are unsure. Each effect by itself may be no loss and all together one: what this leads
+    to must not be clearly worse than any set on the way, and the last one that it is worse than stands.
     """
-    sure = at
+    passed = [at] if at.sure else []
     while at.effects and not current().over:
         smaller = next_smaller(finding, at, step, losses)
         if smaller is None:
             break
         at = smaller
         if at.sure:
-            if sure.clearly_better(at):
-                break
-            sure = at
-    return sure if sure.sure else at
+            better = [s for s in passed if s.clearly_better(at)]
+            if better:
+                return better[-1]
+            passed.append(at)
+    return passed[-1] if passed else at
 
 
 def next_smaller(

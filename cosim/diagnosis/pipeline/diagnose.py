@@ -19,10 +19,10 @@ from cosim.diagnosis.fitting.propagated import propagated
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.held_out.causes import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
-from cosim.diagnosis.hypotheses.exercised import never_exercised
+from cosim.diagnosis.hypotheses.exercised import never_exercised, nothing_moves, off_at_rest
 from cosim.diagnosis.hypotheses.naming import find, rivals, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
-from cosim.diagnosis.model.groups import Group, merged
+from cosim.diagnosis.model.groups import Group, left_out, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
 from cosim.diagnosis.pipeline.origin import traced
 from cosim.diagnosis.pipeline.parts import failure
@@ -164,10 +164,12 @@ def named_in(
     current().allow(share)
     if others is not None:
         finding = borne_out(found, group, finding, others, driving, trust, constants, watch)
-    finding = beside_linear(finding, record, held)
+    with part_of(found.notes, f"the linear reference of {group.name}"):
+        finding = beside_linear(finding, record, held)
     if driving:
         again = partial(searched, found, group, trust, constants, most=most)
-        known, finding = traced(found, finding, known, again, trust)
+        with part_of(found.notes, f"looking for the origin of what {group.name} shows in the blocks before"):
+            known, finding = traced(found, finding, known, again, trust)
     conclude(found, group.name, finding, trust)
     if group.name == found.groups[-1].name or not adequate(finding):
         return []
@@ -497,8 +499,16 @@ def stages(
             return
         take_over(found, seen)
     constants = known_of(found)
-    judge(found, trust, constants, watch)
-    if tracker is not None and clear_of_lag(found, tracker):
+    found.at_rest = nothing_moves(found.record, found.machine)
+    unmoved = [e.name for g in found.groups for e in g.effects()] if found.at_rest else []
+    with left_out(*unmoved):  # none of them can be told from another, so none is a candidate
+        judge(found, trust, constants, watch)
+    if found.at_rest:
+        found.rests = [
+            r for f in found.findings.values() for r in off_at_rest(f, found.record, found.machine)
+        ]
+        found.never += [n for n in unmoved if n not in found.never]
+    if tracker is not None and not found.at_rest and clear_of_lag(found, tracker):
         constants = known_of(found)
         judge(found, trust, constants, watch)
     if not found.findings and tracker is None:

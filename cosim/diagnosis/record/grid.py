@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.thresholds import EVEN_SAMPLING
+from cosim.diagnosis.thresholds import EVEN_SAMPLING, WINDOW, WINDOW_SAMPLES
 
 Array = NDArray[np.float64]
 
@@ -109,6 +109,11 @@ def grid_of(time: Array, step: float | None = None, lines: bool = False) -> tupl
         if interval <= longest * (1.0 + EVEN_STAMPS):
             return None, interval
     return Grid(stamps, interval / math.ceil(interval / longest - EVEN_STAMPS), lines), interval
+
+
+def window_span(interval: float) -> float:
+    """Length of a window of a log sampled every `interval` s, s: `WINDOW`, or more where sampling is slow."""
+    return max(WINDOW, WINDOW_SAMPLES * interval)
 
 
 @dataclass(frozen=True)

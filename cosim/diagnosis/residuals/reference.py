@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
 
 from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.noise import Whitener, Windows
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.residuals.cross_validation import held_windows, left_out_steps
-from cosim.diagnosis.thresholds import REFERENCE_WINDOWS
+from cosim.diagnosis.thresholds import PART_CROSSINGS, REFERENCE_PARTS, REFERENCE_WINDOWS
 from cosim.inference.held_out import mean_squares as begun_anew
 from cosim.inference.held_out import ratio_ci95
 from cosim.inference.linear import Data, LinearModel, reference
@@ -24,6 +25,11 @@ Array = NDArray[np.float64]
 
 POINTS = 3000  # that a reference is fitted to at most, in each minute or less
 POINTS_OF_LONG = 9000  # of a longer log
+SEGMENT = 512  # samples of the spectrum that says how fine the points must lie
+SHARE_KEPT = 0.98  # of a signal's power below the highest frequency that counts
+POINTS_A_CYCLE = 8  # of that frequency
+COARSEST = 1000  # samples in one point
+FINEST = 10  # times as many points as usual at most
 ORDER_PARTS = 8  # of a log, left out in turn to find the order: long beside its slowest motion
 
 
@@ -99,6 +105,17 @@ class Uniform:
     cuts: Cuts = ()
 
 
+def quickest(y: Array, time: Array, h: float) -> int:
+    """Samples (at most `COARSEST`) that may be taken as one without losing what a signal (m,) does, sampled every `h` s."""
+    even = np.interp(np.arange(time[0], time[-1], h), time, y)
+    if even.size < 2 * SEGMENT:
+        return COARSEST
+    frequency, power = welch(even, 1.0 / h, nperseg=SEGMENT)
+    total = np.cumsum(power)
+    highest = float(frequency[np.searchsorted(total, SHARE_KEPT * total[-1])])
+    return int(np.clip(1.0 / (POINTS_A_CYCLE * max(highest, 1e-300) * h), 1, COARSEST))
+
+
 def evened(
     u: Array,
     y: Array,
@@ -121,7 +138,8 @@ def evened(
     """
     length = float(time[-1] - time[0]) + h
     if step is None:
-        step = h * max(1, int(np.ceil(length / h / min(POINTS_OF_LONG, max(POINTS, POINTS * length / 60.0)))))
+        wanted = max(1, int(np.ceil(length / h / min(POINTS_OF_LONG, max(POINTS, POINTS * length / 60.0)))))
+        step = h * min(wanted, max(quickest(y, time, h), wanted // FINEST))
     if cuts:
         each = [
             evened(*part, step=step)
@@ -187,6 +205,34 @@ def mean_squares(values: Array, window: NDArray[np.int64], demean: bool) -> Arra
     return np.asarray(squares)
 
 
+def enough_parts(*errors: Array) -> int:
+    """Parts into which errors (n,) may be cut such that each part says something of its own.
+
+    A part holds several swings of the slower error: neighbouring parts of an error that drifts would count it twice.
+    """
+    crossings = min(int(np.count_nonzero(np.diff(np.signbit(e - e.mean())))) for e in errors)
+    return min(REFERENCE_PARTS, crossings // PART_CROSSINGS)
+
+
+def finer(window: NDArray[np.int64], errors: tuple[Array, Array]) -> NDArray[np.int64]:
+    """(n,) windows numbered from 0, each cut in equal parts where they are few and the errors (n,) allow it; -1 for none."""
+    inside = np.flatnonzero(window >= 0)
+    known, number = np.unique(window[inside], return_inverse=True)
+    each = max(1, enough_parts(*(e[inside] for e in errors)) // max(known.size, 1))
+    found = np.full(window.size, -1)
+    for k in range(known.size):
+        for i, part in enumerate(np.array_split(inside[number == k], each)):
+            found[part] = each * k + i
+    return found
+
+
+def centred(values: Array, window: NDArray[np.int64]) -> Array:
+    """Values (n,), each window without its mean."""
+    use = window >= 0
+    means = np.bincount(window[use], weights=values[use]) / np.maximum(np.bincount(window[use]), 1)
+    return np.asarray(values - np.where(use, means[np.maximum(window, 0)], 0.0))
+
+
 def of_group(task: Task, found: Fit, time: Array) -> Reference:
     """The reference of a group's first signal, both judged in windows that had no share in their estimates.
 
@@ -204,13 +250,12 @@ def of_group(task: Task, found: Fit, time: Array) -> Reference:
     model = reference(data_of(pair, rule.demean, pair.window >= 0))
     left = np.zeros(pair.u.size)
     left[pair.window >= 0] = model.left_out
-    squares = mean_squares(
-        left, pair.window, False
-    )  # without its mean already, where each window has an offset
     # the same smoothing for both: what lies within a bin is noise
     ours = y - left_out_prediction(task, found, signal)
-    own = evened(task.model.drive, ours, time, task.model.h, window, cuts=cuts)
-    return Reference(model, squares, mean_squares(own.y, own.window, rule.demean))
+    own = evened(task.model.drive, ours, time, task.model.h, window, pair.h, cuts)
+    error = centred(own.y, own.window) if rule.demean else own.y  # of the reference it is so already
+    parts = finer(own.window, (left, error))
+    return Reference(model, mean_squares(left, parts, False), mean_squares(error, parts, False))
 
 
 def left_out_prediction(task: Task, found: Fit, signal: str) -> Array:
@@ -300,10 +345,11 @@ def across(
         window: samples in a window.
     """
     found = {}
-    parts = max(1, round((held.time.size - first) / window))
     for signal in (s for s in signals if s in held.signals and s in after):
+        error = held.signals[signal] - after[signal]
+        parts = max(1, round((held.time.size - first) / window), enough_parts(error[first:]))
         model, left = free_run(record, held, first, drive, signal, parts)
-        ours = mean_squares(held.signals[signal] - after[signal], parted(held.time.size, first, parts), False)
+        ours = mean_squares(error, parted(held.time.size, first, parts), False)
         found[signal] = Reference(model, left, ours)
     return found
 
@@ -337,7 +383,11 @@ def of_whole(
         model = reference(data_of(pair, False, inside & ~judged))
         fine = evened(record.signals[drive], y, record.time, record.h, numbers, record.h, record.cuts)
         predicted = model.predicted(fine.u, record.h, fine.cuts)
-        squares = mean_squares(fine.y - predicted, fine.window, False)[held]
-        ours = mean_squares(y - after[signal], numbers, False)[held]
-        found[signal] = Reference(model, squares, ours)
+        own = evened(
+            record.signals[drive], y - after[signal], record.time, record.h, numbers, record.h, record.cuts
+        )
+        errors = (fine.y - predicted, own.y)
+        inside = fine.window >= 0
+        parts = finer(np.where(inside & held[np.maximum(fine.window, 0)], fine.window, -1), errors)
+        found[signal] = Reference(model, *(mean_squares(e, parts, False) for e in errors))
     return found

@@ -28,7 +28,6 @@ from cosim.diagnosis.thresholds import (
     ROUNDING_SHARE,
     STRAIN_MARGIN,
 )
-from cosim.diagnosis.verdict import free_form_law
 from cosim.inference.held_out import HeldOutGain
 from fmus import registry
 from fmus.contract import Effect
@@ -183,7 +182,6 @@ def cause_of(finding: Finding, effect: Effect, tolerance: float) -> Cause:
                 [
                     *(e.name for e, behind in finding.upstream if behind < INDISTINGUISHABLE),
                     *indistinguishable(finding, effect, fewer),
-                    *indistinguishable_in_any_form(finding, effect),
                 ]
             )
         ),
@@ -217,22 +215,6 @@ def indistinguishable(finding: Finding, effect: Effect, fewer: Trial) -> list[st
         ):
             continue
         found.append(other_of(trial, chosen).name)
-    return found
-
-
-def indistinguishable_in_any_form(finding: Finding, effect: Effect) -> list[str]:
-    """Rivals that a chosen effect beats only by a detail, where both laws took another form and may take a further one.
-
-    Such a rival would stand as a cause by itself, and is as good where both are free in their form.
-    """
-    found = []
-    for trial in finding.rivals.get(effect.name, []) if effect.is_formed else ():
-        rival, short = other_of(trial, finding.chosen), shortfall(trial, finding.chosen)
-        if rival.is_formed and INDISTINGUISHABLE <= short < LEFT_BY_ONE**2 * gained(finding):
-            behind = free_form_law.behind(finding.task, (effect, finding.chosen), (rival, trial))
-            # the free functions take up some noise, each of its own
-            if behind is not None and behind < NAMING_GAIN:
-                found.append(rival.name)
     return found
 
 

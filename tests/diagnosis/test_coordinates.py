@@ -1,4 +1,4 @@
-"""Amplitude and phase of a sine are searched for as sine and cosine: the same numbers, and no bent valley."""
+"""Coordinates of a search: a sine as sine and cosine, a bounded ratio as what is beyond its least; the same numbers."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.diagnosis.fitting.polar import Polar
+from cosim.diagnosis.fitting.coordinates import Coordinates
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import as_log, make_log
 
@@ -21,28 +21,47 @@ def test_unknowns_come_back_and_change_as_told(
     amplitude: float, phase: float, off: float, other: float
 ) -> None:
     start = np.array([1.0, np.sign(amplitude), 7.0, phase - off])
-    polar = Polar([(1, 3)], SCALES, start)
+    coordinates = Coordinates([(1, 3)], SCALES, start)
     x = np.array([other, amplitude, 7.0 - other, phase])
-    z = polar.sought(x)
-    np.testing.assert_allclose(polar.reported(z), x, rtol=1e-9, atol=1e-9)
+    z = coordinates.sought(x)
+    np.testing.assert_allclose(coordinates.reported(z), x, rtol=1e-9, atol=1e-9)
     size = 1e-6 * float(np.hypot(z[1], z[3]))
     steps = [
-        (polar.reported(z + d) - polar.reported(z - d)) / (2.0 * size * SCALES) for d in size * np.eye(4)
+        (coordinates.reported(z + d) - coordinates.reported(z - d)) / (2.0 * size * SCALES)
+        for d in size * np.eye(4)
     ]
-    np.testing.assert_allclose(polar.turn(z), np.stack(steps, axis=1), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(coordinates.turn(z), np.stack(steps, axis=1), rtol=1e-4, atol=1e-6)
+
+
+sizes = st.floats(0.0, 1e4)
+
+
+@given(sizes, sizes, st.floats(0.5, 20.0))
+def test_a_size_stays_within_its_share_of_another(size: float, other: float, ratio: float) -> None:
+    coordinates = Coordinates([], SCALES, np.ones(4), shares=[(1, 2, ratio)])
+    x = np.array([1.0, size, other, 7.0])
+    z = coordinates.sought(x)
+    assert z[2] >= 0.0
+    back = coordinates.reported(z)
+    assert back[1] <= ratio * back[2] * (1.0 + 1e-12)
+    if size <= ratio * other:
+        np.testing.assert_allclose(back, x, rtol=1e-9, atol=1e-9)
+    step = np.array([0.3, 2.0, 0.7, -1.0])  # linear: any step will do
+    moved = (coordinates.reported(z + step) - back) / SCALES
+    np.testing.assert_allclose(coordinates.turn(z) @ step, moved, rtol=1e-6, atol=1e-6)
 
 
 @given(st.floats(0.0, 10.0), st.floats(-3.0, 3.0))
 def test_an_amplitude_stays_within_its_bounds(amplitude: float, phase: float) -> None:
-    polar = Polar([(0, 1)], np.array([0.2, 1.0]), np.array([0.3, 0.0]), np.array([0.95, 1e3]))
-    found = polar.reported(polar.sought(np.array([amplitude, phase])))
+    coordinates = Coordinates([(0, 1)], np.array([0.2, 1.0]), np.array([0.3, 0.0]), np.array([0.95, 1e3]))
+    found = coordinates.reported(coordinates.sought(np.array([amplitude, phase])))
     assert found[0] == pytest.approx(min(amplitude, 0.95), abs=1e-12)
 
 
 @given(amplitudes, phases)
 def test_a_sine_is_the_same_in_both(amplitude: float, phase: float) -> None:
-    polar = Polar([(0, 1)], np.array([150.0, 1.0]), np.array([amplitude, phase]))
-    z = polar.sought(np.array([amplitude, phase]))
+    coordinates = Coordinates([(0, 1)], np.array([150.0, 1.0]), np.array([amplitude, phase]))
+    z = coordinates.sought(np.array([amplitude, phase]))
     angle = np.linspace(-1.0, 1.0, 7)
     sine = 150.0 * (z[0] * np.sin(angle) + z[1] * np.cos(angle))
     np.testing.assert_allclose(amplitude * np.sin(angle + phase), sine, rtol=1e-9, atol=1e-9 * abs(amplitude))

@@ -1,7 +1,8 @@
-"""Amplitude and phase of a sine of known period, searched for as the two sines that it is a sum of.
+"""Coordinates of a search in which valleys are straight and physical ratios are bounds.
 
 A torque that is a sine of the angle looks, over a small range of angles, like a constant and a slope: amplitude and phase
 then lie in a long curved minimum in which a search creeps. In the sizes of sine and cosine the same valley is straight.
+Where one size cannot be more than so many times another, what that other has beyond its least is the coordinate.
 """
 
 from collections.abc import Sequence
@@ -14,28 +15,36 @@ Array = NDArray[np.float64]
 NO_AMPLITUDE = 1e-9  # typical sizes: an amplitude below it has no phase
 
 
-class Polar:
-    """Unknowns x, of which some are amplitude and phase of one sine, as coordinates z of a search.
+class Coordinates:
+    """Unknowns x as coordinates z of a search: in typical changes, but for sines and bounded ratios.
 
     Args:
-        pairs: places of amplitude and phase among the unknowns.
+        pairs: places of amplitude and phase of one sine among the unknowns.
         scales: (n,) size of a typical change of each unknown, SI.
         start: (n,) where the search begins, SI: amplitudes keep its sign, phases stay within half a turn of it.
         most: (n,) largest size of each unknown, SI; of an amplitude what is beyond counts as this much. None for any size.
+        shares: (place of a size, place of another, most of the first in parts of the other); none is negative.
     """
 
     def __init__(
-        self, pairs: Sequence[tuple[int, int]], scales: Array, start: Array, most: Array | None = None
+        self,
+        pairs: Sequence[tuple[int, int]],
+        scales: Array,
+        start: Array,
+        most: Array | None = None,
+        shares: Sequence[tuple[int, int, float]] = (),
     ) -> None:
-        self.pairs, self.scales = tuple(pairs), scales
+        self.pairs, self.shares, self.scales = tuple(pairs), tuple(shares), scales
         self.most = np.full(scales.size, np.inf) if most is None else most
         self.start = start
 
     def sought(self, x: Array) -> Array:
-        """(n,) coordinates of unknowns (n,), SI: in typical changes, a pair's both in those of the amplitude."""
+        """(n,) coordinates of unknowns (n,), SI: a pair's both in typical changes of the amplitude."""
         z = x / self.scales
         for i, k in self.pairs:
             z[i], z[k] = z[i] * np.cos(x[k]), z[i] * np.sin(x[k])
+        for i, k, ratio in self.shares:
+            z[k] = max(x[k] - x[i] / ratio, 0.0) / self.scales[k]
         return z
 
     def reported(self, z: Array) -> Array:
@@ -46,6 +55,8 @@ class Polar:
             turned = np.arctan2(sign * z[k], sign * z[i]) - self.start[k]
             x[i] = sign * min(float(np.hypot(z[i], z[k])) * self.scales[i], self.most[i])
             x[k] = self.start[k] + np.arctan2(np.sin(turned), np.cos(turned))
+        for i, k, ratio in self.shares:
+            x[k] += x[i] / ratio
         return x
 
     def bounds(self, low: Array, high: Array) -> tuple[Array, Array]:
@@ -64,4 +75,6 @@ class Polar:
             cosine, sine = z[i] / amplitude, z[k] / amplitude
             found[i, [i, k]] = sign * cosine, sign * sine
             found[k, [i, k]] = np.array([-sine, cosine]) / (amplitude * self.scales[k])
+        for i, k, ratio in self.shares:
+            found[k, i] = self.scales[i] / (ratio * self.scales[k])
         return found

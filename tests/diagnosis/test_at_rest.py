@@ -1,0 +1,84 @@
+"""A log in which nothing moves shows one state of the machine: no effect is named, and what to excite is said."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.hypotheses.exercised import nothing_moves
+from cosim.diagnosis.labels import contradictions
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.logs import Log
+from cosim.report.deliver import delivered
+from cosim.report.screen import lines
+from cosim.rig import make_log
+from cosim.rig.write import as_log
+
+MACHINE = our_machine("full_order")
+SECONDS = 10.0
+
+
+@cache
+def commanded(u: float, *hidden: str) -> Log:
+    """A log of a constant command."""
+    return as_log(make_log(np.full(round(1e3 * SECONDS) + 1, u), SECONDS, hidden, seed=3))
+
+
+def uneasy(log: Log, size: float) -> Log:
+    """A log whose command was recorded with noise."""
+    noise = size * np.random.default_rng(1).standard_normal(len(log))
+    return replace(log, signals=log.signals | {"u": log.signals["u"] + noise})
+
+
+def told(log: Log) -> list[str]:
+    """What is said of a log's labels."""
+    return [c.finding for c in contradictions(log, prepare(log, MACHINE), MACHINE, True)]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 3e-3])
+@pytest.mark.parametrize("u", [0.0, 0.02])
+def test_labels_of_a_machine_at_rest_are_not_contradicted(u: float, noise: float) -> None:
+    log = uneasy(commanded(u), noise)
+    assert nothing_moves(prepare(log, MACHINE), MACHINE)
+    assert told(log) == []
+
+
+def test_a_constant_command_that_the_machine_follows_is_no_contradiction() -> None:
+    log = commanded(0.5)
+    assert not nothing_moves(prepare(log, MACHINE), MACHINE)
+    assert told(log) == []
+
+
+def test_a_command_that_never_moves_while_the_machine_does_is_told() -> None:
+    moving = as_log(make_log("steps", SECONDS, seed=3))
+    log = replace(moving, signals=moving.signals | {"u": np.zeros(len(moving))})
+    assert told(log) == ["u never moves"]
+
+
+def test_a_machine_that_creeps_is_not_at_rest() -> None:
+    log = commanded(0.0, "dcv.offset:x_0=0.3 mm")
+    assert not nothing_moves(prepare(log, MACHINE), MACHINE)
+
+
+def test_nothing_is_named_and_what_to_excite_is_said(tmp_path) -> None:
+    # the recorded noise of the command, sent through the compensator, would pass for play of the valve
+    log = uneasy(commanded(0.0), 1e-2)
+    result = delivered(diagnose(log), log, tmp_path)
+    assert (result.verdict, result.causes, result.at_rest) == ("adequate", [], True)
+    assert {"dcv.offset", "dcv.hysteresis", "mechanical.inertia"} <= set(result.not_exercised)
+    assert result.next_experiment is not None
+    assert "no effect is named or excluded" in "\n".join(lines(result, tmp_path))
+    assert any(w.startswith("nothing moves in this log") for w in result.warnings)
+
+
+def test_a_level_that_is_off_while_nothing_moves_has_no_cause() -> None:
+    # a shifted neutral would turn the machine: it may as well be the zero of the sensor
+    log = uneasy(commanded(0.0), 1e-5)
+    log = replace(log, signals=log.signals | {"spool": log.signals["spool"] + 0.3e-3})
+    found = diagnose(log)
+    assert (found.verdict, found.causes) == ("unexplained", [])
+    (rest,) = found.rests
+    assert rest.signal == "spool"
+    assert rest.leftover.rms == pytest.approx(0.3e-3, rel=0.01)

@@ -1,0 +1,89 @@
+"""A machine whose measured output is a speed, and one that is slow: what the file leaves open comes from the log."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.errors import DataError, UsageError
+from cosim.logs import Log, load_log
+from cosim.machines.make import made_for
+
+MACHINE = """
+name = "motor"
+time = {{ column = "t", unit = "s" }}
+[signals]
+u = {{ column = "u", unit = "1" }}
+speed = {{ column = "w", unit = "{unit}" }}
+{more}
+[machine]
+chain = ["dead_zone", "dcv", "continuity", "mechanical"]
+input = "u"
+output = "speed"
+speed = "?"
+lag = "?"
+"""
+LAG, GAIN = 0.05, 200.0  # s; rad/s at full command
+
+
+def motor(folder: Path, unit: str = "rad/s", more: str = "", lag: float = LAG) -> tuple[Path, Log]:
+    """The mapping and a log of a motor of first order with a rocking command (synthetic)."""
+    t = np.arange(0.0, 20.0, 2e-3)
+    u = np.sin(2.0 * np.pi * 0.5 * t) + 0.3 * np.sin(2.0 * np.pi * 3.1 * t)
+    w = np.zeros_like(t)
+    keep = np.exp(-2e-3 / lag)
+    for k in range(1, t.size):
+        w[k] = keep * w[k - 1] + (1.0 - keep) * GAIN * u[k - 1]
+    file = folder / "log.csv"
+    np.savetxt(file, np.column_stack([t, u, w]), delimiter=",", header="t,u,w", comments="")
+    mapping = folder / "motor.toml"
+    mapping.write_text(MACHINE.format(unit=unit, more=more), encoding="utf-8")
+    return mapping, load_log(file, mapping)
+
+
+@pytest.mark.parametrize(("unit", "size"), [("rad/s", 1.0), ("rpm", 2.0 * np.pi / 60.0)])
+def test_an_output_in_a_unit_of_speed_is_one(tmp_path: Path, unit: str, size: float) -> None:
+    made = made_for(*motor(tmp_path, unit), folder=tmp_path / "made")
+    assert made.table.signals["speed"].variable == "mechanical.omega"
+    assert made.table.start == {}, "a speed is not where the angle starts"
+    values = made.numbers.values
+    assert values["mechanical.J"] / values["mechanical.b"] == pytest.approx(LAG, rel=0.05)
+    assert made.numbers.speed == pytest.approx(GAIN * size, rel=0.02)
+    assert 'startConnector="omega" endConnector="speed"' in made.ssd.read_text()
+    assert made.sizes.speed == pytest.approx(1.2 * GAIN * size, rel=0.1)
+
+
+def test_a_variable_that_a_block_lacks_is_named(tmp_path: Path) -> None:
+    more = '[compare.signals]\nspeed = { variable = "mechanical.speed" }\n'
+    with pytest.raises(UsageError, match="'mechanical' has no 'speed' for the signal 'speed'"):
+        made_for(*motor(tmp_path, more=more), folder=tmp_path / "made")
+
+
+def test_a_speed_against_the_command_is_refused(tmp_path: Path) -> None:
+    mapping, _ = motor(tmp_path)
+    mapping.write_text(
+        mapping.read_text().replace('column = "w"', 'column = "w", sign = -1'), encoding="utf-8"
+    )
+    with pytest.raises(DataError, match="goes against 'u'"):
+        made_for(mapping, load_log(tmp_path / "log.csv", mapping), folder=tmp_path / "made")
+
+
+def test_what_rings_more_than_it_follows_has_no_sign(tmp_path: Path) -> None:
+    """The acceleration of a flexible arm against its torque: a first order says nothing about the sign."""
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 10.0, 1e-2)
+    u = rng.standard_normal(t.size)
+    y = np.zeros_like(t)
+    for k in range(2, t.size):  # a mode with almost no damping, against its drive
+        y[k] = 1.4 * y[k - 1] - 0.98 * y[k - 2] - 0.1 * u[k - 1]
+    file, mapping = tmp_path / "arm.csv", tmp_path / "arm.toml"
+    np.savetxt(file, np.column_stack([t, u, y]), delimiter=",", header="t,u,y", comments="")
+    mapping.write_text(
+        'time = { column = "t", unit = "s" }\n[signals]\nu = { column = "u", unit = "1" }\n'
+        'y = { column = "y", unit = "bar" }\n[machine]\nchain = ["dcv", "continuity"]\ninput = "u"\noutput = "y"\n'
+        'parameters = { "dcv.w0" = "30 rad/s", "continuity.K_c" = "?", "continuity.T" = "?" }\n'
+        '[compare.signals]\ny = { variable = "continuity.p_load" }\n',
+        encoding="utf-8",
+    )
+    made = made_for(mapping, load_log(file, mapping), tmp_path / "made")
+    assert made.numbers.values["continuity.K_c"] > 0.0
