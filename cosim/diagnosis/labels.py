@@ -12,9 +12,9 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.at_rest import nothing_moves, on_the_command
 from cosim.diagnosis.fitting.bounds import absurd
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.hypotheses.exercised import nothing_moves, on_the_command
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import window_span

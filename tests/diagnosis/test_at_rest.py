@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.diagnosis.hypotheses.exercised import nothing_moves
+from cosim.diagnosis.at_rest import nothing_moves
 from cosim.diagnosis.labels import contradictions
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from cosim.diagnosis.at_rest import nothing_moves, off_at_rest
 from cosim.diagnosis.budget import Budget, current
 from cosim.diagnosis.budget import within as within_budget
 from cosim.diagnosis.extension.estimate import estimate, gain_by_fmus, worse, write_packages
@@ -19,7 +20,7 @@ from cosim.diagnosis.fitting.propagated import propagated
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.held_out.causes import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
-from cosim.diagnosis.hypotheses.exercised import never_exercised, nothing_moves, off_at_rest
+from cosim.diagnosis.hypotheses.exercised import never_exercised
 from cosim.diagnosis.hypotheses.naming import find, rivals, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.model.groups import Group, left_out, merged
