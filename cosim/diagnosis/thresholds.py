@@ -81,13 +81,6 @@ GUESSED_TRUST: Annotated[
     "any positive value of a plausible order of magnitude",
     "real logs as a whole, not by itself",
 ] = 30.0
-COARSE_BETTER: Annotated[
-    float,
-    "share",
-    "part of what the fine search leaves that the coarse search must leave at most to be taken up",
-    "a coarse search that leaves as much has found nothing new",
-    "real logs as a whole, not by itself",
-] = 0.9
 COARSE_PAIRED: Annotated[
     int,
     "effects",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.budget import current
+from cosim.diagnosis.fitting.bounds import absurd, greatest_torque
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Whitener
@@ -124,8 +125,8 @@ class Step:
         fit: with them.
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
-        unsure: names of those whose size is too small to matter, whose uncertainty holds no cause at all, or of which
-            two make up for each other.
+        unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, or
+            of which two make up for each other.
         squares: (parts,) mean square of the error in each part of the held-out data, SI; of logs left out in turn
             over that of the signal in the log, so that each log counts as much. Where the axis drifts, the prediction
             begins in each part where the machine stands, and `fitted` and `held` are of the same.
@@ -244,8 +245,13 @@ def stepper(
             fit_ = (onward if anew else refitted)(finding, effects, tolerance, finding.chosen.fit)
             fitted = float(np.sqrt(np.mean(parts_of(fit_.residuals[signal], rule, anew, model.cuts))))
             trial, apart = Trial(effects, fit_, 0), cancelling(effects, fit_, model)
+            torque = greatest_torque(model, fit_.values)
             unsure = tuple(
-                e.name for e in effects if e.name in apart or not worth_naming(trial, e, model, tolerance)
+                e.name
+                for e in effects
+                if e.name in apart
+                or not worth_naming(trial, e, model, tolerance)
+                or not_physical(e, fit_, model, torque)
             )
             if held.in_turn:
                 each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
@@ -293,6 +299,12 @@ def cancelling(effects: tuple[Effect, ...], fit_: Fit, model: GroupModel) -> set
             off = [abs(fit_.values[n] - model.nominal(n)) < times * fit_.deviations[n] for n in pair]
             found |= {keys[n] for n in pair} if any(off) else set()
     return found
+
+
+def not_physical(effect: Effect, fit_: Fit, model: GroupModel, torque: float) -> bool:
+    """True if a fit gives an effect a size that cannot be: another law, then, whatever it gains."""
+    sizes = {p: fit_.values[f"{effect.component}.{p}"] for p in effect.free}
+    return absurd(effect, sizes, {p: model.nominal(f"{effect.component}.{p}") for p in sizes}, torque)
 
 
 def left_out_errors(

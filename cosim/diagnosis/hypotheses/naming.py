@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2, norm
 
-from cosim.compare.metrics import rms
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.bounds import impossible
 from cosim.diagnosis.fitting.fit import Fit, Task
@@ -37,7 +36,6 @@ from cosim.diagnosis.residuals.slow_oscillation import slow_oscillation
 from cosim.diagnosis.thresholds import (
     BEYOND_TRUST,
     CALIBRATED_TRUST,
-    COARSE_BETTER,
     COARSE_PAIRED,
     INDISTINGUISHABLE,
     LINE_PERIODS,
@@ -124,28 +122,15 @@ def find(
     if tolerance >= CALIBRATED_TRUST:
         candidates = identifiable(task, null, candidates)
     paced(task, exact, null.fit, candidates, tolerance)
-    single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-    known = task.rules, task.model
-
-    def searched(chosen: Trial) -> tuple[Trial, Trial, list[Trial]]:
-        return onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
-
-    if begin is not None:
-        chosen = tried(task, begin.effects, tolerance, begin.fit)
+    if tolerance >= CALIBRATED_TRUST:
+        found = by_error(task, record, null, candidates, tolerance, most, begin)
     else:
-        chosen = best_single(task, null, single, tolerance) if most else null
-    found = searched(chosen)
-    if begin is None and most and tolerance >= CALIBRATED_TRUST and not current().over:
-        ended = task.rules, task.model
-        task.set_rules(known[0])
-        task.model = known[1]
-        coarse = coarsely(task, null, candidates, tolerance, most)
-        if coarse is not None and remaining(task, coarse) < COARSE_BETTER * remaining(task, found[1]):
-            other = searched(tried(task, coarse.effects, tolerance, coarse.fit))
-            if remaining(task, other[1]) < remaining(task, found[1]):
-                found, ended = other, (task.rules, task.model)
-        task.set_rules(ended[0])
-        task.model = ended[1]
+        single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
+        if begin is not None:
+            chosen = tried(task, begin.effects, tolerance, begin.fit)
+        else:
+            chosen = best_single(task, null, single, tolerance) if most else null
+        found = onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
     null, chosen, single = found
     null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
@@ -212,22 +197,61 @@ def onward(
     return null, chosen, single
 
 
-def remaining(task: Task, trial: Trial) -> float:
-    """RMS of what a set leaves of a group's first signal in the windows, SI; what is constant there counts where it does."""
-    signal, rule = next(iter(task.rules.items()))
-    rows = rule.windows(trial.fit.residuals[signal])
-    return rms((rows - rows.mean(axis=1, keepdims=True) if rule.demean else rows).ravel())
+def by_error(
+    task: Task,
+    record: Record,
+    null: Trial,
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    most: int,
+    begin: Trial | None,
+) -> tuple[Trial, Trial, list[Trial]]:
+    """The nominal model, what most reduces the error itself, and the single effects, all under the noise that this leaves.
+
+    Args:
+        task: data, model and noise.
+        record: the log.
+        null: the nominal model, fitted.
+        candidates: the effects.
+        tolerance: trust in the nominal parameters.
+        most: effects at most.
+        begin: a set of effects that is known to hold.
+    """
+    best = coarsely(task, null, candidates, tolerance, most, begin)
+    chosen = null if best is None else tried(task, best.effects, tolerance, best.fit)
+    if chosen.effects and relearned(task, record, chosen.fit):
+        null = tried(task, (), tolerance, null.fit)
+        chosen = tried(task, chosen.effects, tolerance, chosen.fit)
+    single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
+    return null, needed(task, chosen, null, tolerance), single
+
+
+def needed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
+    """A set without the effects that under the noise it leaves gain no more than chance does, the least first."""
+    while chosen.effects and not current().over:
+        fewer = [without(task, chosen, e, null, tolerance) for e in chosen.effects]
+        best = max(fewer, key=lambda t: t.score)
+        if chosen.score > best.score + NAMING_GAIN:
+            break
+        chosen = best
+    return chosen
 
 
 def coarsely(
-    task: Task, null: Trial, candidates: tuple[Effect, ...], tolerance: float, most: int
+    task: Task,
+    null: Trial,
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    most: int,
+    begin: Trial | None = None,
 ) -> Trial | None:
     """What most reduces the error itself, as long as that is sure; None for nothing.
 
     Where parameters are free and much is wrong, the noise learned from what a poor model leaves is as large and as slow as
     its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
     counts as white noise, as few independent values as its correlation allows. Where no single effect is sure, pairs are
-    tried with the likeliest: an end of the travel shows only once the machine moves at the right speed.
+    tried with the likeliest: an end of the travel shows only once the machine moves at the right speed. A search may begin
+    with a set of effects that is known to hold.
     """
     known, chosen = task.rules, null
 
@@ -260,6 +284,9 @@ def coarsely(
     try:
         weighed(null)
         chosen = null = tried(task, (), tolerance, null.fit)
+        if begin is not None and begin.effects:
+            weighed(begin)
+            chosen = tried(task, begin.effects, tolerance, begin.fit)
         for _ in range(most):
             further = [e for e in candidates if e not in chosen.effects]
             if chosen.effects:
