@@ -81,10 +81,10 @@ GUESSED_TRUST: Annotated[
     "any positive value of a plausible order of magnitude",
     "real logs as a whole, not by itself",
 ] = 30.0
-COARSE_PAIRED: Annotated[
+PAIRED: Annotated[
     int,
     "effects",
-    "likeliest effects of a coarse search, none of them sure alone, that are tried in pairs",
+    "likeliest effects by the size of the error, none of them sure alone, that are tried in pairs",
     "an end of the travel shows only once the machine moves at the right speed",
     "arm of the excavator: nothing named without pairs, 48.9 -> 20.1 deg on the log held out with them",
 ] = 3
@@ -932,6 +932,13 @@ LONGEST: Annotated[
     "the cost of a longer log is that of reading it",
     "benchmarks/growth.py",
 ] = 300.0
+LONGEST_SAMPLES: Annotated[
+    int,
+    "samples",
+    "samples of such a log, at least, however slowly they were taken",
+    "five minutes at 20 Hz; an hour of tanks at 0.25 Hz has no more to compute",
+    "cascaded tanks at 0.25 Hz: of 1024 samples 74 were used",
+] = 6000
 LEVELS: Annotated[
     int,
     "levels",

@@ -36,12 +36,12 @@ from cosim.diagnosis.residuals.slow_oscillation import slow_oscillation
 from cosim.diagnosis.thresholds import (
     BEYOND_TRUST,
     CALIBRATED_TRUST,
-    COARSE_PAIRED,
     INDISTINGUISHABLE,
     LINE_PERIODS,
     NAMING_GAIN,
     NOMINAL_TRUST,
     ONE_SIDED_95,
+    PAIRED,
     RIVAL_WITHIN,
     SINGLE_WITHIN,
     SURE_SIZE,
@@ -112,6 +112,9 @@ def find(
 ) -> Finding:
     """Name the effects in one group: forward with swaps and removals, the noise learned anew after each step.
 
+    Where parameters are free, what most reduces the error itself comes first (`least_error`), and where other data will
+    judge it is all: the details that noise learned from a poor model makes much of were other ones in each log.
+
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
     whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
     this log left out do not bear out, or that explain less than what stays unexplained, are taken out again, unless other
@@ -122,16 +125,18 @@ def find(
     if tolerance >= CALIBRATED_TRUST:
         candidates = identifiable(task, null, candidates)
     paced(task, exact, null.fit, candidates, tolerance)
-    if tolerance >= CALIBRATED_TRUST:
-        found = by_error(task, record, null, candidates, tolerance, most, begin)
+    if most and tolerance >= CALIBRATED_TRUST:
+        begin = least_error(task, null, candidates, tolerance, most, begin)
+    if begin is not None and tolerance >= CALIBRATED_TRUST and not within:
+        # other data will judge by the size of the error as well: what does not change that would not stay
+        null, chosen, single = under_noise_left(task, record, null, begin, candidates, tolerance)
     else:
         single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
         if begin is not None:
             chosen = tried(task, begin.effects, tolerance, begin.fit)
         else:
             chosen = best_single(task, null, single, tolerance) if most else null
-        found = onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
-    null, chosen, single = found
+        null, chosen, single = onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
     null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
     single = in_same_form(task, chosen, single, tolerance)
@@ -197,29 +202,21 @@ def onward(
     return null, chosen, single
 
 
-def by_error(
-    task: Task,
-    record: Record,
-    null: Trial,
-    candidates: tuple[Effect, ...],
-    tolerance: float,
-    most: int,
-    begin: Trial | None,
+def under_noise_left(
+    task: Task, record: Record, null: Trial, found: Trial, candidates: tuple[Effect, ...], tolerance: float
 ) -> tuple[Trial, Trial, list[Trial]]:
-    """The nominal model, what most reduces the error itself, and the single effects, all under the noise that this leaves.
+    """The nominal model, a set of effects and each single effect, all under the noise that the set leaves.
 
     Args:
-        task: data, model and noise.
+        task: data, model and noise, which is learned anew.
         record: the log.
         null: the nominal model, fitted.
+        found: the set.
         candidates: the effects.
         tolerance: trust in the nominal parameters.
-        most: effects at most.
-        begin: a set of effects that is known to hold.
     """
-    best = coarsely(task, null, candidates, tolerance, most, begin)
-    chosen = null if best is None else tried(task, best.effects, tolerance, best.fit)
-    if chosen.effects and relearned(task, record, chosen.fit):
+    chosen = tried(task, found.effects, tolerance, found.fit)
+    if relearned(task, record, chosen.fit):
         null = tried(task, (), tolerance, null.fit)
         chosen = tried(task, chosen.effects, tolerance, chosen.fit)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
@@ -237,7 +234,7 @@ def needed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
     return chosen
 
 
-def coarsely(
+def least_error(
     task: Task,
     null: Trial,
     candidates: tuple[Effect, ...],
@@ -296,7 +293,7 @@ def coarsely(
                 break
             more = believed(options)
             if more is None and not chosen.effects:
-                near = sorted(options, key=worth, reverse=True)[:COARSE_PAIRED]
+                near = sorted(options, key=worth, reverse=True)[:PAIRED]
                 more = believed([pair for one in near for pair in joined_by(one)])
             if more is None:
                 break

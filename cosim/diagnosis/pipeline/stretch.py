@@ -13,16 +13,30 @@ from numpy.typing import NDArray
 from cosim.diagnosis.extension.packages import ChainModel
 from cosim.diagnosis.found import Diagnosis, Elsewhere
 from cosim.diagnosis.record.record import Record, fixed_values
-from cosim.diagnosis.thresholds import LEVELS, LONGEST, SETTLING, SHORT_PIECE, VISITED, WORSE_ELSEWHERE
+from cosim.diagnosis.thresholds import (
+    FEWEST_SAMPLES,
+    LEVELS,
+    LONGEST,
+    LONGEST_SAMPLES,
+    SETTLING,
+    SHORT_PIECE,
+    VISITED,
+    WORSE_ELSEWHERE,
+)
 from cosim.logs import Log
 
 Array = NDArray[np.float64]
 
-PIECE = 20.0  # s by which the stretch is moved
+PIECES = 15  # of a stretch, by which it is moved
+
+
+def longest(log: Log) -> float:
+    """Length of the stretch of a log, s: what is sampled slowly needs a longer one, and costs as much."""
+    return max(LONGEST, LONGEST_SAMPLES * log.step)
 
 
 def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
-    """The part of a log that the fits use: the log itself, or the `LONGEST` seconds whose command visits most.
+    """The part of a log that the fits use: the log itself, or as much as is `longest` whose command visits most.
 
     Visited is counted in cells of level and direction of the command; among equals the command that moves most wins,
     then the earliest.
@@ -32,13 +46,15 @@ def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
         drive: the command.
         from_start: the first seconds in any case, because another clock is counted from there.
     """
-    if log.duration <= LONGEST or drive not in log:
+    length = longest(log)
+    if log.duration <= length or drive not in log:
         return log
     if from_start:
-        return log.slice(None, float(log.time[0]) + LONGEST)
+        return log.slice(None, float(log.time[0]) + length)
+    piece = length / PIECES
     u = log[drive]
     low, size = float(u.min()), max(float(np.ptp(u)), 1e-300)
-    edges = np.searchsorted(log.time, log.time[0] + PIECE * np.arange(int(log.duration / PIECE) + 1))
+    edges = np.searchsorted(log.time, log.time[0] + piece * np.arange(int(log.duration / piece) + 1))
     rows = []
     travel = []
     for a, b in pairwise(edges.tolist()):  # piece by piece: a long log fills the memory as it is
@@ -48,24 +64,24 @@ def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
         rows.append(np.bincount(3 * level + np.sign(moves).astype(np.int64) + 1, minlength=3 * LEVELS))
         travel.append(float(np.abs(moves).sum()))
     table = np.array(rows)
-    width = round(LONGEST / PIECE)
     best, found = (-1, -1.0), 0
-    for first in range(len(rows) - width + 1):
-        visited = int((table[first : first + width].sum(axis=0) * log.step >= VISITED).sum())
-        score = (visited, round(sum(travel[first : first + width]), 6))
+    for first in range(len(rows) - PIECES + 1):
+        visited = int((table[first : first + PIECES].sum(axis=0) * log.step >= VISITED).sum())
+        score = (visited, round(sum(travel[first : first + PIECES]), 6))
         if score > best:
             best, found = score, first
-    start = float(log.time[0]) + found * PIECE
-    return log.slice(start, start + LONGEST)
+    start = float(log.time[0]) + found * piece
+    return log.slice(start, start + length)
 
 
 def others(log: Log, part: Log) -> list[Log]:
-    """The rest of a log in pieces of at most `LONGEST` seconds; what is too short to judge is left out."""
-    found = []
+    """The rest of a log in pieces of at most the stretch's length; what is too short to judge is left out."""
+    found, length = [], longest(log)
+    least = max(SHORT_PIECE, (FEWEST_SAMPLES + 1) * log.step)
     for low, high in ((log.time[0], part.time[0]), (part.time[-1], log.time[-1])):
-        count = max(1, int(np.ceil((high - low) / LONGEST)))
+        count = max(1, int(np.ceil((high - low) / length)))
         edges = np.linspace(low, high, count + 1)
-        found += [log.slice(a, b) for a, b in pairwise(edges) if b - a > SHORT_PIECE]
+        found += [log.slice(a, b) for a, b in pairwise(edges) if b - a > least]
     return found
 
 

@@ -16,7 +16,8 @@ from cosim.diagnosis.thresholds import EVEN_SAMPLING, WINDOW, WINDOW_SAMPLES
 
 Array = NDArray[np.float64]
 
-LONGEST_STEP = 1e-3  # s, the longest step of a simulation unless another is asked for
+LONGEST_STEP = 1e-3  # s, the longest step of a simulation unless another is asked for,
+STEPS_A_SAMPLE = 100  # or unless sampling is so slow that this many steps lie between two samples
 EVEN_STAMPS = 1e-6  # of an interval: stamps closer than this to even ones are even
 OF_PIECE = "@"  # between a name and the number of the piece whose own it is; of the first piece the name stands alone
 
@@ -92,18 +93,18 @@ def grid_of(time: Array, step: float | None = None, lines: bool = False) -> tupl
 
     Args:
         time: (m,) stamps, s.
-        step: longest step of a simulation, s; by default `LONGEST_STEP`.
+        step: longest step of a simulation, s; by default `LONGEST_STEP`, or more where sampling is slow.
         lines: as in `Grid`.
 
     Returns:
         None in place of the grid where each sample is a step: even sampling, fast enough.
     """
     stamps = np.asarray(time - time[0], dtype=np.float64)
-    longest = LONGEST_STEP if step is None else step
     mean = float(f"{stamps[-1] / (stamps.size - 1):.10g}")
     middle = float(f"{np.median(np.diff(stamps)):.10g}")
     even = bool(np.max(np.abs(stamps - np.arange(stamps.size) * mean)) <= EVEN_SAMPLING * mean)
     interval = mean if even else middle
+    longest = max(LONGEST_STEP, interval / STEPS_A_SAMPLE) if step is None else step
     if even:
         stamps = np.asarray(np.arange(stamps.size) * interval, dtype=np.float64)
         if interval <= longest * (1.0 + EVEN_STAMPS):

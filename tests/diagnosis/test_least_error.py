@@ -11,7 +11,7 @@ from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.noise import broad, plain
 from cosim.diagnosis.fitting.trials import candidates_of, unused
 from cosim.diagnosis.hypotheses import naming
-from cosim.diagnosis.hypotheses.naming import coarsely, nominal
+from cosim.diagnosis.hypotheses.naming import least_error, nominal
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import prepare
@@ -53,7 +53,7 @@ def test_an_end_of_the_travel_that_was_met_is_among_the_first(pair: tuple[Record
     task = task_for(group, record, [])
     null = nominal(task, record, CALIBRATED_TRUST)
     rules = dict(task.rules)
-    found = coarsely(task, null, candidates_of(task), CALIBRATED_TRUST, 3)
+    found = least_error(task, null, candidates_of(task), CALIBRATED_TRUST, 3)
     assert found is not None
     assert "mechanical.end_stop" in found.names
     assert task.rules == rules  # the noise is as it was learned
@@ -67,7 +67,7 @@ def test_where_no_effect_is_sure_alone_pairs_are_tried(
     null = nominal(task, record, CALIBRATED_TRUST)
     candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
     monkeypatch.setattr(naming, "accepted", lambda new, *_: len(new.effects) == 2)
-    found = coarsely(task, null, candidates, CALIBRATED_TRUST, 1)
+    found = least_error(task, null, candidates, CALIBRATED_TRUST, 1)
     assert found is not None
     assert len(found.effects) == 2
     assert "mechanical.end_stop" in found.names
