@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2, norm
 
+from cosim.compare.metrics import rms
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.bounds import impossible
 from cosim.diagnosis.fitting.fit import Fit, Task
@@ -122,27 +123,23 @@ def find(
     """
     candidates = candidates_of(task)
     null, exact = nominal(task, record, tolerance), task.model
-    if tolerance >= CALIBRATED_TRUST:
+    if free := tolerance >= CALIBRATED_TRUST:
         candidates = identifiable(task, null, candidates)
     paced(task, exact, null.fit, candidates, tolerance)
-    if most and tolerance >= CALIBRATED_TRUST:
-        begin = least_error(task, null, candidates, tolerance, most, begin)
-    if begin is not None and tolerance >= CALIBRATED_TRUST and not within:
+    largest = least_error(task, null, candidates, tolerance, most, begin) if most and free else None
+    if largest is not None and not within:
         # other data will judge by the size of the error as well: what does not change that would not stay
-        null, chosen, single = under_noise_left(task, record, null, begin, candidates, tolerance)
+        null, chosen, single = under_noise_left(task, record, null, largest, candidates, tolerance)
     else:
-        single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-        if begin is not None:
-            chosen = tried(task, begin.effects, tolerance, begin.fit)
-        else:
-            chosen = best_single(task, null, single, tolerance) if most else null
-        null, chosen, single = onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
+        null, chosen, single = in_detail(
+            task, record, exact, null, (begin, largest), candidates, tolerance, most
+        )
     null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
     single = in_same_form(task, chosen, single, tolerance)
     if within:  # otherwise other data decide
         chosen = confirmed(task, chosen, null, tolerance)
-    finding = Finding(task, null, chosen, single, free=tolerance >= CALIBRATED_TRUST)
+    finding = Finding(task, null, chosen, single, free=free)
     if len(chosen.effects) == 1:
         single = [to_the_end(task, t, finding, tolerance, SINGLE_WITHIN) for t in single]
     before, after = (leftovers(task, record, trial.fit) for trial in (null, chosen))
@@ -160,6 +157,53 @@ def find(
         signatures=seen,
         chosen=with_signatures(usually_spelled(finding.chosen), seen),
     )
+
+
+def in_detail(
+    task: Task,
+    record: Record,
+    exact: GroupModel,
+    null: Trial,
+    begun: tuple[Trial | None, Trial | None],
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    most: int,
+) -> tuple[Trial, Trial, list[Trial]]:
+    """What the log tells under the noise learned from what is left; as `onward`.
+
+    Args:
+        task: data, model and noise.
+        record: the log.
+        exact: the model in the log's own steps.
+        null: the nominal model, fitted.
+        begun: a set that is known to hold, and what most reduces the error, with which the search begins again where it
+            has left something: noise learned from a poor model may have hidden it.
+        candidates: the effects.
+        tolerance: trust in the nominal parameters.
+        most: effects at most.
+    """
+    single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
+    known, (begin, largest) = (task.rules, task.model), begun
+
+    def searched(chosen: Trial) -> tuple[Trial, Trial, list[Trial]]:
+        return onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
+
+    if begin is not None:
+        chosen = tried(task, begin.effects, tolerance, begin.fit)
+    else:
+        chosen = best_single(task, null, single, tolerance) if most else null
+    found = searched(chosen)
+    if largest is None or current().over or not lacking(task, record, found[1].fit):
+        return found
+    ended = task.rules, task.model
+    task.set_rules(known[0])
+    task.model = known[1]
+    other = searched(tried(task, largest.effects, tolerance, largest.fit))
+    if remaining(task, other[1]) < remaining(task, found[1]):
+        return other
+    task.set_rules(ended[0])
+    task.model = ended[1]
+    return found
 
 
 def onward(
@@ -221,6 +265,13 @@ def under_noise_left(
         chosen = tried(task, chosen.effects, tolerance, chosen.fit)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
     return null, needed(task, chosen, null, tolerance), single
+
+
+def remaining(task: Task, trial: Trial) -> float:
+    """RMS of what a set leaves of a group's first signal in the windows, SI; what is constant there counts where it does."""
+    signal, rule = next(iter(task.rules.items()))
+    rows = rule.windows(trial.fit.residuals[signal])
+    return rms((rows - rows.mean(axis=1, keepdims=True) if rule.demean else rows).ravel())
 
 
 def needed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:

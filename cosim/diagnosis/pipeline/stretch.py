@@ -27,7 +27,7 @@ from cosim.logs import Log
 
 Array = NDArray[np.float64]
 
-PIECES = 15  # of a stretch, by which it is moved
+PIECE = 1.0 / 15.0  # of a stretch, by which it is moved
 
 
 def longest(log: Log) -> float:
@@ -51,7 +51,7 @@ def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
         return log
     if from_start:
         return log.slice(None, float(log.time[0]) + length)
-    piece = length / PIECES
+    piece, width = length * PIECE, round(1.0 / PIECE)
     u = log[drive]
     low, size = float(u.min()), max(float(np.ptp(u)), 1e-300)
     edges = np.searchsorted(log.time, log.time[0] + piece * np.arange(int(log.duration / piece) + 1))
@@ -65,9 +65,9 @@ def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
         travel.append(float(np.abs(moves).sum()))
     table = np.array(rows)
     best, found = (-1, -1.0), 0
-    for first in range(len(rows) - PIECES + 1):
-        visited = int((table[first : first + PIECES].sum(axis=0) * log.step >= VISITED).sum())
-        score = (visited, round(sum(travel[first : first + PIECES]), 6))
+    for first in range(len(rows) - width + 1):
+        visited = int((table[first : first + width].sum(axis=0) * log.step >= VISITED).sum())
+        score = (visited, round(sum(travel[first : first + width]), 6))
         if score > best:
             best, found = score, first
     start = float(log.time[0]) + found * piece

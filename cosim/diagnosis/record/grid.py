@@ -12,12 +12,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.thresholds import EVEN_SAMPLING, WINDOW, WINDOW_SAMPLES
+from cosim.diagnosis.thresholds import EVEN_SAMPLING, FINE_STEP_SHARE, WINDOW, WINDOW_SAMPLES
 
 Array = NDArray[np.float64]
 
-LONGEST_STEP = 1e-3  # s, the longest step of a simulation unless another is asked for,
-STEPS_A_SAMPLE = 100  # or unless sampling is so slow that this many steps lie between two samples
+LONGEST_STEP = 1e-3  # s, the longest step of a simulation unless another is asked for
 EVEN_STAMPS = 1e-6  # of an interval: stamps closer than this to even ones are even
 OF_PIECE = "@"  # between a name and the number of the piece whose own it is; of the first piece the name stands alone
 
@@ -104,7 +103,7 @@ def grid_of(time: Array, step: float | None = None, lines: bool = False) -> tupl
     middle = float(f"{np.median(np.diff(stamps)):.10g}")
     even = bool(np.max(np.abs(stamps - np.arange(stamps.size) * mean)) <= EVEN_SAMPLING * mean)
     interval = mean if even else middle
-    longest = max(LONGEST_STEP, interval / STEPS_A_SAMPLE) if step is None else step
+    longest = max(LONGEST_STEP, FINE_STEP_SHARE * interval) if step is None else step
     if even:
         stamps = np.asarray(np.arange(stamps.size) * interval, dtype=np.float64)
         if interval <= longest * (1.0 + EVEN_STAMPS):
