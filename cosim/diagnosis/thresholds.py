@@ -475,6 +475,13 @@ VALUES_A_TAPER: Annotated[
 
 # held-out data and the linear reference
 
+NESTED: Annotated[
+    float,
+    "ratio of errors",
+    "error of a part of a set over that of the set, in the fitted log, below which the set's search went astray",
+    "a set leaves no more than a part of it; a tenth is left to differences of what was fitted and what is printed",
+    "excavator, arm: an end of the travel with gravity left 32 deg, the same with a rate limit that is never met 3.5 deg",
+] = 0.9
 AS_WELL: Annotated[
     float,
     "times the error",

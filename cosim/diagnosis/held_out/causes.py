@@ -39,6 +39,7 @@ from cosim.diagnosis.thresholds import (
     CANCELLING,
     HOPELESS,
     INDISTINGUISHABLE,
+    NESTED,
     RIVALS_HELD_OUT,
     SURE_SIZE,
 )
@@ -237,39 +238,54 @@ def stepper(
     """
     done = {} if done is None else done
 
+    def judged(effects: tuple[Effect, ...], near: Fit) -> Step:
+        model, rule = finding.task.model, finding.task.rules[signal]
+        anew = model.group.drifts
+        fit_ = (onward if anew else refitted)(finding, effects, tolerance, near)
+        fitted = float(np.sqrt(np.mean(parts_of(fit_.residuals[signal], rule, anew, model.cuts))))
+        trial, apart = Trial(effects, fit_, 0), cancelling(effects, fit_, model)
+        torque = greatest_torque(model, fit_.values)
+        unsure = tuple(
+            e.name
+            for e in effects
+            if e.name in apart
+            or not worth_naming(trial, e, model, tolerance)
+            or not_physical(e, fit_, model, torque)
+        )
+        if held.in_turn:
+            each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
+            spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
+            # each log counts as much; few logs are cut into as many parts as make an interval
+            count = -(-FEWEST_PARTS // len(each))
+            own = [mean_squares(e, count, anew) for e in each]
+            square = np.concatenate(own)
+            squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
+        else:
+            gone = errors(finding, fit_, held.record)[signal][held.first :]
+            square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
+        placed = model.group.integrates and not anew
+        error = float(np.sqrt(np.mean(square)))
+        return Step(effects, fit_, fitted, error, unsure, squares, placed)
+
     def step(effects: tuple[Effect, ...]) -> Step:
-        key = frozenset((e.name, *e.free) for e in effects)
+        key = key_of(effects)
         if key not in done:
-            model, rule = finding.task.model, finding.task.rules[signal]
-            anew = model.group.drifts
-            fit_ = (onward if anew else refitted)(finding, effects, tolerance, finding.chosen.fit)
-            fitted = float(np.sqrt(np.mean(parts_of(fit_.residuals[signal], rule, anew, model.cuts))))
-            trial, apart = Trial(effects, fit_, 0), cancelling(effects, fit_, model)
-            torque = greatest_torque(model, fit_.values)
-            unsure = tuple(
-                e.name
-                for e in effects
-                if e.name in apart
-                or not worth_naming(trial, e, model, tolerance)
-                or not_physical(e, fit_, model, torque)
-            )
-            if held.in_turn:
-                each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
-                spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
-                # each log counts as much; few logs are cut into as many parts as make an interval
-                count = -(-FEWEST_PARTS // len(each))
-                own = [mean_squares(e, count, anew) for e in each]
-                square = np.concatenate(own)
-                squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
-            else:
-                gone = errors(finding, fit_, held.record)[signal][held.first :]
-                square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
-            placed = model.group.integrates and not anew
-            error = float(np.sqrt(np.mean(square)))
-            done[key] = Step(effects, fit_, fitted, error, unsure, squares, placed)
+            found = judged(effects, finding.chosen.fit)
+            # a set leaves no more than a part of it does: a search that ended there went astray
+            inside = min((s for k, s in done.items() if k < key), key=lambda s: s.fitted, default=found)
+            if inside.fitted < NESTED * found.fitted and not current().over:
+                found = min(found, judged(effects, inside.fit), key=lambda s: s.fitted)
+            for other in [k for k, s in done.items() if k > key and found.fitted < NESTED * s.fitted]:
+                del done[other]  # to be judged anew, from here
+            done[key] = found
         return done[key]
 
     return step
+
+
+def key_of(effects: Iterable[Effect]) -> frozenset[tuple[str, ...]]:
+    """What tells sets of effects apart, whatever their order."""
+    return frozenset((e.name, *e.free) for e in effects)
 
 
 def parts_of(error: Array, rule: Whitener, anew: bool, cuts: tuple[int, ...] = ()) -> Array:
@@ -399,7 +415,8 @@ def reconsider(
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
         listed[effect.name] = [*listed.get(effect.name, ()), *found]
-        other = likeliest(effect, undecided, order)
+        # one that has taken another's place already cannot take this one's, too
+        other = likeliest(effect, [e for e in undecided if e not in taken], order)
         if other != effect:
             taken = tuple(other if e == effect else e for e in taken)
             told[other.name] = [effect.name]

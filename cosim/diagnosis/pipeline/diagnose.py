@@ -19,7 +19,16 @@ from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.propagated import propagated
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried
 from cosim.diagnosis.found import Diagnosis, Interrupted
-from cosim.diagnosis.held_out.causes import Held, Refused, Steps, each_in_turn, held_logs, reconsider, refuse
+from cosim.diagnosis.held_out.causes import (
+    Held,
+    Refused,
+    Steps,
+    each_in_turn,
+    held_logs,
+    key_of,
+    reconsider,
+    refuse,
+)
 from cosim.diagnosis.hypotheses.exercised import never_exercised
 from cosim.diagnosis.hypotheses.naming import find, rivals, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
@@ -205,7 +214,7 @@ def borne_out(
         placed = group.integrates and not group.drifts
         # a search without what was refused may end worse
         if best is not None and not errs_at_most(squares, best[0], placed):
-            finding, kept = keep(best[1], best[2], record, trust), best[2]
+            finding, kept = keep(best[1], best[2], record, trust, done), best[2]
             break
         best = squares, finding, kept
         if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
@@ -215,10 +224,10 @@ def borne_out(
             current().leave_out(group.name, "another search without what held-out data refused")
             left = 0
         if not left:  # no more is looked for: what is kept stands
-            finding = keep(finding, kept, record, trust)
+            finding = keep(finding, kept, record, trust, done)
             break
         group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
-        begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else None
+        begin = refound(finding, kept, trust, done) if kept else None
         before = finding
         finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
         finding = replace(finding, held_squares=before.held_squares, borne=before.borne)
@@ -226,7 +235,7 @@ def borne_out(
     with part_of(found.notes, "holding rivals of the causes against the held-out data"):
         turned_down = [r for r in found.refused if r.group == group.name]
         finding, taken = reconsider(finding, held, turned_down, trust, done)
-    return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust)
+    return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust, done)
 
 
 def settled(finding: Finding, trust: float) -> dict[str, list[Trial]]:
@@ -250,11 +259,20 @@ def errs_at_most(one: Array | None, other: Array | None, placed: bool) -> bool:
     return gain_of_errors(one, other, placed).gain >= 0.0
 
 
-def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float) -> Finding:
-    """The finding with those of its effects that held-out data bear out."""
-    begin = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
+def keep(
+    finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float, done: Steps | None = None
+) -> Finding:
+    """The finding with those of its effects that held-out data bear out, fitted also from where these judged them."""
+    begin = refound(finding, kept, trust, done) if kept else finding.null
     finding = replace(finding.accept(begin, record), confirmed=kept != ())
     return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), trust))
+
+
+def refound(finding: Finding, kept: tuple[Effect, ...], trust: float, done: Steps | None) -> Trial:
+    """A set of effects fitted in windows, from the finding's fit and from the one with which held-out data judged it."""
+    judged = (done or {}).get(key_of(kept))
+    begins = [finding.chosen.fit, *([] if judged is None else [judged.fit])]
+    return max((tried(finding.task, kept, trust, fit) for fit in begins), key=lambda t: t.score)
 
 
 def beside_linear(finding: Finding, record: Record, held: Held | None) -> Finding:
