@@ -18,6 +18,7 @@ from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, UsageError
 from cosim.files import write_text
 from cosim.interrupts import stoppable
+from cosim.logs import Log
 from cosim.logs.load import open_source
 from cosim.logs.mapping import load_mapping
 from cosim.report.deliver import make_folder
@@ -83,10 +84,10 @@ def dotted(log: Path, mapping: Path | None, system: System) -> bool:
 
 def diagnose_any(
     folder: Path,
-    logs: Sequence[Path],
+    logs: Sequence[Path | Log],
     model: Path,
     mapping: Path | None,
-    held_out: Sequence[Path],
+    held_out: Sequence[Path | Log],
     tolerance: float,
     calibrate: bool,
     budget: float = math.inf,
@@ -95,7 +96,7 @@ def diagnose_any(
 
     Args:
         folder: where it goes.
-        logs: of one machine.
+        logs: of one machine, files or logs that were read with the mapping.
         model: .ssp or .fmu.
         mapping: which column is what.
         held_out: further logs that are not fitted.
