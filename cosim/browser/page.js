@@ -184,7 +184,7 @@ function showForm() {
   if (!form || !log) return;
   $("log-name").textContent = log.name;
   $("log-facts").textContent = [`${log.samples} samples`, log.duration !== null && `${number(log.duration)} s`, log.rate !== null && `${number(log.rate)} a second`,
-    log.gaps && `${log.gaps} gaps`, log.backwards && `time goes back ${log.backwards} times`, "drop or choose another file to replace it"].filter(Boolean).join(", ");
+    log.gaps && `${log.gaps} gaps`, log.backwards && `time goes back ${log.backwards} times`].filter(Boolean).join(", ") + ". Drop or choose another file to replace it.";
   list("log-warnings", log.warnings);
   const few = form.rows.length <= 12;  // of many connectors only those with a column are unfolded
   const shown = form.rows.filter(r => r.column !== null || r.needed || r.check || (few && (!form.least.length || form.least.includes(r.signal))));
