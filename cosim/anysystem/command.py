@@ -26,7 +26,7 @@ from cosim.report.earlier import Earlier
 from cosim.ssp.fmu import MENDED
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
-from cosim.system.graph import port_of
+from cosim.system.graph import cut, port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import structure
 
@@ -128,9 +128,11 @@ def diagnose_any(
         make_folder(folder)
         earlier = Earlier(folder)
         with Runs(system) as runs:
+            measured = set.intersection(*(set(recording.signals) for recording in recordings))
+            judged = [group.name for group in cut(system, sorted(measured)) if group.judged]
 
             def watch(text: str) -> None:
-                if not told(f"judging {text}", 0.0):
+                if not told(f"judging {text}", judged.index(text) / len(judged)):
                     stderr_console().print(f"judging {text}", markup=False)
 
             found = diagnose_system(
