@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from cosim.browser.form import Form, Row, longest, named
+from cosim.browser.form import Form, Row, find, longest, named
 from cosim.errors import UsageError
 from cosim.logs.overview import Overview
 
@@ -69,6 +69,20 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
         raise FormError(f"there is nothing to compare the model with: choose a column for {form.named}")
     clock = _time(_table(given.get("time", {}), "time"), found, list(chosen))
     return {**base, "time": clock, "signals": entries}
+
+
+def remember(form: Form, content: Content, found: Overview) -> None:
+    """Put what was chosen into the form, so that a page that is opened again shows it."""
+    for row in form.rows:
+        entry = content["signals"].get(row.signal)
+        row.column = None if entry is None else find(found, entry["column"])
+        if entry is not None:
+            row.unit, row.gain, row.zero = entry["unit"], entry["gain"], entry["zero"]
+            row.reversed = entry["sign"] < 0
+    if not form.time.own:
+        named = content["time"].get("column")
+        form.time.column = None if named is None else find(found, named)
+        form.time.step, form.time.unit = content["time"].get("step"), content["time"]["unit"]
 
 
 def _scaling(sent: Content, row: Row) -> Content:

@@ -20,7 +20,7 @@ from cosim import api
 from cosim.anysystem.command import any_system
 from cosim.api.results import DiagnosisResult
 from cosim.browser.form import Form, connector_form, crane_form, file_form, log_facts
-from cosim.browser.mapping import Content, FormError, mapping_of, toml_text
+from cosim.browser.mapping import Content, FormError, mapping_of, remember, toml_text
 from cosim.console import heard_by
 from cosim.diagnosis.budget import parse_budget
 from cosim.diagnosis.model.groups import MODELS
@@ -375,6 +375,7 @@ class Session:
                 parse_budget(budget)
             except UsageError as error:
                 raise FormError(str(error).removeprefix(f"--budget {budget}: "), "budget") from None
+        remember(self._form, content, self._seen)
         request = Request(self._log, model, text, given.get("calibrate") is True, budget or None)
         with self._lock:
             self._work = Work("running", "reading the log", began=time.monotonic())

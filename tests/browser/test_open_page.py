@@ -139,6 +139,7 @@ def test_mapped_by_hand_started_stopped_and_ended(opened, german, tmp_path):
     assert page.is_disabled("#model")
     page.reload()  # the page is a view: nothing is lost
     page.wait_for_selector("#stop:not([hidden])")
+    assert page.locator("tr[data-signal=slew] select").input_value() == "6"
     page.click("#stop")
     page.wait_for_selector("#answer:not([hidden])", timeout=60_000)
     assert opened.text("#answer-title") == "Answer, as far as it was found"

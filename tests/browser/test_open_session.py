@@ -112,6 +112,13 @@ def test_scaling_of_the_form_goes_into_the_mapping(session, german, filled):
     }
     assert made["signals"]["u"] == {"column": "Ventilbefehl (%)", "unit": "%"}
     assert made["time"] == {"step": 0.001, "unit": "s"}
+    form = session.state()["form"]
+    (row,) = [row for row in form["rows"] if row["signal"] == "slew"]
+    kept = {key: row[key] for key in ("column", "unit", "gain", "zero", "reversed")}
+    assert kept == {"column": LAGE, "unit": "rad", "gain": -2.5, "zero": 10.5, "reversed": True}, (
+        "after a reload"
+    )
+    assert (form["time"]["column"], form["time"]["step"]) == (None, 0.001)
 
 
 def change(**values):
