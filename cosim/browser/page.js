@@ -281,6 +281,7 @@ function showWork() {
 }
 
 function show(now) {
+  if (!("form" in now)) Object.assign(now, {log: state.log, form: state.form});
   state = now;
   if (now.revision !== revision) {
     revision = now.revision;
@@ -296,7 +297,7 @@ function show(now) {
 
 async function look() {
   if (ended) return;
-  try { const now = await call("state"); if (!sending) show(now); else timer = setTimeout(look, 1000); }
+  try { const now = await call(`state?revision=${revision}`); if (!sending) show(now); else timer = setTimeout(look, 1000); }
   catch (error) { if (error.gone) finish(`${error.message} ${state?.work.folder ? `What was found is in ${state.work.folder}. ` : ""}Start it again with 'cosim open'.`); else say("gone", error.message); }
 }
 

@@ -56,8 +56,8 @@ class Desk(Protocol):
     def limits(self) -> dict[str, int]:
         """Suffix of a file that is taken -> its largest size in bytes."""
 
-    def state(self) -> dict[str, Any]:
-        """All that the page shows."""
+    def state(self, known: str = "") -> dict[str, Any]:
+        """All that the page shows; without log and form where the page knows those of this revision."""
 
     def report(self) -> bytes | None:
         """The report of the last diagnosis."""
@@ -171,7 +171,8 @@ class Handler(BaseHTTPRequestHandler):
             name, kind = STATIC[asked]
             self._write(HTTPStatus.OK, files("cosim.browser").joinpath(name).read_bytes(), kind, PAGE_POLICY)
         elif asked == "state":
-            self._send(HTTPStatus.OK, self.server.desk.state())
+            known = urlsplit(self.path).query.removeprefix("revision=")
+            self._send(HTTPStatus.OK, self.server.desk.state(known))
         elif asked == "report" and (page := self.server.desk.report()) is not None:
             self._write(HTTPStatus.OK, page, "text/html; charset=utf-8", REPORT_POLICY)
         else:

@@ -160,17 +160,20 @@ class Session:
         file = Path(work.folder) / "report.html"
         return file.read_bytes() if work.report and file.is_file() else None
 
-    def state(self) -> dict[str, Any]:
+    def state(self, known: str = "") -> dict[str, Any]:
         """See `cosim.browser.server.Desk`."""
         with self._lock:
             work, now = self._work, time.monotonic()
             seconds = (
                 (now if work.ended is None else work.ended) - work.began if work.state != "idle" else 0.0
             )
+            heavy: dict[str, Any] = {}
+            if known != str(self._revision):  # asked for several times a second while a diagnosis runs
+                heavy["log"] = None if self._log is None else {"name": self._log.name, **self._facts}
+                heavy["form"] = None if self._form is None else dataclasses.asdict(self._form)
             return {
+                **heavy,
                 "revision": self._revision,
-                "log": None if self._log is None else {"name": self._log.name, **self._facts},
-                "form": None if self._form is None else dataclasses.asdict(self._form),
                 "models": self._models(),
                 "model": self._choice,
                 "work": {**dataclasses.asdict(work), "seconds": seconds, "began": None, "ended": None},

@@ -24,8 +24,8 @@ class Desk:
     def limits(self):
         return {".csv": 1000, ".toml": 10}
 
-    def state(self):
-        return {"taken": len(self.taken)}
+    def state(self, known=""):
+        return {"taken": len(self.taken), "known": known}
 
     def report(self):
         return self.page
@@ -253,6 +253,11 @@ def test_a_file_that_breaks_off_leaves_nothing(gate, desk):
         assert b"did not come whole" in line.makefile("rb").read()
     assert list(desk.folder.iterdir()) == []
     assert desk.taken == []
+
+
+def test_a_page_says_what_it_knows(gate):
+    assert json.loads(ask(gate, where="state")[1])["known"] == ""
+    assert json.loads(ask(gate, where="state?revision=3")[1])["known"] == "3"
 
 
 def test_what_is_wrong_with_a_file_is_said(gate, desk):

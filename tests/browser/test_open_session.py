@@ -82,6 +82,9 @@ def test_what_cosim_init_guesses_is_filled_in(session, german):
     assert 10 < len(picture) <= 400
     assert all(0.0 <= x <= 1.0 and 0.0 <= y <= 1.0 for x, y in picture)
     json.dumps(state, allow_nan=False)
+    again = session.state(str(state["revision"]))
+    assert again.keys() == state.keys() - {"log", "form"}, "a page that knows them is not sent them again"
+    assert session.state(str(state["revision"] - 1)).keys() == state.keys()
 
 
 def test_the_mapping_reads_the_log_as_it_was_meant(session, german, filled, tmp_path):
