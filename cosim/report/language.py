@@ -21,7 +21,7 @@ ENGLISH = "en"
 LANGUAGES = (ENGLISH, "de")
 DEPTH = 6  # of messages within messages
 HALF = 0.5  # of a text that may stay English before it stays so as a whole
-SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z“])")
+SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z“\d])")
 PLACE = re.compile(r"\{([a-zA-Z_][\w.]*)(?::[^}]*)?\}")
 NUMBER = r"[-+−±]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 UNIT = r"[^\W\d_]{1,4}[²³]?"
