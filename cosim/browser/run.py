@@ -11,6 +11,7 @@ from typing import Any
 from cosim.browser.server import serving
 from cosim.browser.session import SYSTEMS, TABLE, Session
 from cosim.console import warn
+from cosim.report.language import reported_in
 
 
 def run(
@@ -20,6 +21,7 @@ def run(
     out: Path,
     show: Callable[[str], None],
     browser: bool,
+    language: str = "en",
 ) -> list[dict[str, Any]]:
     """Serve the page until it is closed or Ctrl-C; what was dropped goes with it, results stay.
 
@@ -30,19 +32,21 @@ def run(
         out: folder of results, one in it for each diagnosis.
         show: told the page's address.
         browser: open the page in the user's browser.
+        language: of the reports.
 
     Returns:
         Folder and verdict of each diagnosis.
 
     Raises:
-        CosimError: the port is taken, or log or model are bad.
+        CosimError: the port is taken, there is no such language, or log or model are bad.
         KeyboardInterrupt: Ctrl-C while a diagnosis ran; what it had found is kept.
     """
     with (
         tempfile.TemporaryDirectory(prefix="cosim-open-", ignore_cleanup_errors=True) as folder,
         ended_by_sigterm(),
+        reported_in(language),
     ):
-        session = Session(Path(folder), out)
+        session = Session(Path(folder), out, language)
         if model is not None and model.lower().endswith((*SYSTEMS, TABLE)):
             session.take_own(Path(model))
         elif model is not None:

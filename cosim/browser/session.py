@@ -30,7 +30,7 @@ from cosim.logs.load import SUFFIXES
 from cosim.logs.mapping import load_mapping
 from cosim.logs.overview import Overview, overview
 from cosim.machines.table import machine_table
-from cosim.paths import examples_folder
+from cosim.paths import calling, examples_folder
 from cosim.report.folder import ANSWER, read_answer
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class Request:
     """A diagnosis that is asked for: the arguments of `cosim.diagnose`, and its mapping."""
 
     log: Dropped
-    model: Path | None
+    model: Dropped | None
     mapping: str
     calibrate: bool
     budget: str | None
@@ -121,14 +121,15 @@ class Session:
     Args:
         folder: temporary, for what is dropped.
         out: folder of results, one in it for each diagnosis.
+        language: of the reports.
 
     Attributes:
         done: diagnoses of this session: folder and verdict.
         interrupted: Ctrl-C has ended a diagnosis.
     """
 
-    def __init__(self, folder: Path, out: Path) -> None:
-        self.folder, self.out = folder, out
+    def __init__(self, folder: Path, out: Path, language: str = "en") -> None:
+        self.folder, self.out, self._language = folder, out, language
         self.done: list[dict[str, str]] = []
         self.interrupted = False
         self._log: Dropped | None = None
@@ -347,7 +348,7 @@ class Session:
         if self._log is None or self._seen is None or self._form is None:
             raise FormError("there is no log: drop one first")
         own = self._choice == OWN
-        model = self._model.path if own and self._model is not None else None
+        model = self._model if own else None
         base: Content = dict(self._content) if own else {}
         if not own:
             base["model"] = self._choice
@@ -437,15 +438,18 @@ class Session:
 
         with heard_by(hear):
             log = dataclasses.replace(api.read_log(asked.log.path, mapping), source=Path(asked.log.name))
-        return api.diagnose(
-            log,
-            asked.model,
-            mapping=mapping,
-            calibrate=asked.calibrate,
-            budget=asked.budget,
-            out=folder,
-            progress=hear,
-        )
+        model = asked.model
+        with calling({} if model is None else {model.path: model.name}):
+            return api.diagnose(
+                log,
+                None if model is None else model.path,
+                mapping=mapping,
+                calibrate=asked.calibrate,
+                budget=asked.budget,
+                out=folder,
+                language=self._language,
+                progress=hear,
+            )
 
     def _new_folder(self) -> Path:
         """A folder of results that was not there; its name is the time."""

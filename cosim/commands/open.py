@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from cosim import console
+from cosim.options import Language
 
 
 def register(app: typer.Typer) -> None:
@@ -25,6 +26,7 @@ def open_page(
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder of results, one in it for each diagnosis.")
     ] = Path("diagnoses"),
+    language: Language = "en",
     browser: Annotated[bool, typer.Option(help="Open the page in your browser.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object when it ends.")] = False,
 ) -> None:
@@ -39,7 +41,7 @@ def open_page(
         screen.print(url, markup=False, soft_wrap=True)
         screen.print("Open this address; Ctrl-C, or the button on the page, ends it", markup=False)
 
-    found = run(log, model, port, out, show, browser)
+    found = run(log, model, port, out, show, browser, language)
     if as_json:
         console.emit_json({"diagnoses": found})
         return

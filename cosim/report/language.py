@@ -28,6 +28,10 @@ UNIT = r"[^\W\d_]{1,4}[²³]?"
 NUMBERS = re.compile(rf"{NUMBER}(?: to {NUMBER})?(?: ?[%°]| {UNIT}(?:[ /·]{UNIT}){{0,3}})?")
 
 
+# names of files, connectors, effects and parameters
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*(?:[.\[]\w+\]?)+(?: \[[^\]]*\])?")
+
+
 @dataclass(frozen=True)
 class Catalogue:
     """The messages of one language.
@@ -62,6 +66,8 @@ class Catalogue:
         bare = text.strip()
         if not re.search(r"[^\W\d_]", bare) or NUMBERS.fullmatch(bare):
             return self._numbers(text)
+        if IDENTIFIER.fullmatch(bare):
+            return text
         best: tuple[list[str], str] | None = None
         for made in self._ways(bare, depth):
             own: list[str] = []

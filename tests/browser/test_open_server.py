@@ -304,6 +304,7 @@ def test_the_command_says_that_the_port_is_taken(desk, command):
         (["pyproject.toml", "--model", "half_order"], 2, "no model 'half_order'"),
         (["README.md"], 2, "neither log nor model nor mapping"),
         (["--model", "nowhere.fmu"], 3, "there is no such file"),
+        (["--language", "fr"], 2, "one of en, de"),
     ],
 )
 def test_the_command_says_what_is_wrong_before_a_page_is_opened(command, monkeypatch, words, code, said):

@@ -357,6 +357,8 @@ def test_a_stranger_s_package_is_mapped_and_diagnosed(session, drive, filled):
     assert work["verdict"] == "explained"
     assert any("port.gain" in line and "valve.y" in line for line in work["lines"])
     folder = Path(work["folder"])
+    assert "model drive.ssp)" in work["lines"][0], "by the name under which it was dropped"
+    assert str(session.folder) not in (folder / "diagnosis.json").read_text()
     assert tomllib.loads((folder / "mapping.toml").read_text())["signals"]["plant.y"]["column"] == "Weg (1)"
     if work["report"]:
         assert b"Fahrt 1" in session.report()
