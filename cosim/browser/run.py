@@ -1,8 +1,11 @@
 """`cosim open` from its start to its end."""
 
 import contextlib
+import os
 import signal
+import sys
 import tempfile
+import threading
 import webbrowser
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -57,7 +60,7 @@ def run(
             show(gate.url)
             try:
                 if browser:
-                    webbrowser.open(gate.url)
+                    start_browser(gate.url_once)
                 preload()
                 session.work()
             except KeyboardInterrupt:
@@ -78,6 +81,13 @@ def ended_by_sigterm() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def start_browser(url: str) -> None:
+    """Open a page in the browser; nothing where there is no screen: a text browser would take the terminal."""
+    screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))
+    if screen or not sys.platform.startswith("linux"):
+        threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
 
 def preload() -> None:

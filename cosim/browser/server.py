@@ -13,7 +13,7 @@ import secrets
 import socket
 import socketserver
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -86,6 +86,10 @@ class RefusedError(Exception):
         self.status = status
 
 
+class TicketUsedError(Exception):
+    """A ticket was shown, and is used up: the page is at its real address."""
+
+
 @dataclass
 class Gate:
     """Who may ask: decided from a request's head alone.
@@ -93,15 +97,23 @@ class Gate:
     Attributes:
         port: on which the server listens.
         token: the first part of every address.
+        ticket: leads to the page once. A browser is started with it, since other users may see the words of a process.
     """
 
     port: int
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
+    ticket: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     @property
     def url(self) -> str:
         """Address of the page."""
         return f"http://{ADDRESS}:{self.port}/{self.token}/"
+
+    @property
+    def url_once(self) -> str:
+        """Address that leads to the page once."""
+        return f"http://{ADDRESS}:{self.port}/{self.ticket}"
 
     def check(self, method: str, target: str, hosts: list[str], origins: list[str]) -> str:
         """What is asked for, behind the token.
@@ -114,6 +126,7 @@ class Gate:
 
         Raises:
             RefusedError: it comes from another page, under another name, or without the token.
+            TicketUsedError: it is the first with the ticket.
         """
         allowed = {f"{name}:{self.port}" for name in NAMES}
         if len(hosts) != 1 or hosts[0] not in allowed:
@@ -121,6 +134,10 @@ class Gate:
         if origins != [f"http://{hosts[0]}"] and (origins or method != "GET"):
             raise RefusedError(HTTPStatus.FORBIDDEN, "asked from another page")
         first, _, rest = urlsplit(target).path.removeprefix("/").partition("/")
+        with self._lock:
+            if self.ticket and hmac.compare_digest(first.encode(), self.ticket.encode()):
+                self.ticket = ""
+                raise TicketUsedError
         if not hmac.compare_digest(first.encode(), self.token.encode()):
             raise RefusedError(
                 HTTPStatus.FORBIDDEN,
@@ -151,6 +168,10 @@ class Handler(BaseHTTPRequestHandler):
                 self.command, self.path, head.get_all("Host", []), head.get_all("Origin", [])
             )
             work(asked)
+        except TicketUsedError:
+            self._write(
+                HTTPStatus.SEE_OTHER, b"", "text/plain", PAGE_POLICY, {"Location": self.server.gate.url}
+            )
         except RefusedError as error:
             self._send(error.status, {"error": str(error)})
         except CosimError as error:
@@ -244,7 +265,9 @@ class Handler(BaseHTTPRequestHandler):
         body = json.dumps(to_jsonable(content), ensure_ascii=False).encode()
         self._write(status, body, "application/json", "default-src 'none'; frame-ancestors 'none'")
 
-    def _write(self, status: HTTPStatus, body: bytes, kind: str, policy: str) -> None:
+    def _write(
+        self, status: HTTPStatus, body: bytes, kind: str, policy: str, more: Mapping[str, str] | None = None
+    ) -> None:
         with contextlib.suppress(ConnectionError, TimeoutError):
             self.send_response(status)
             for name, value in {
@@ -256,6 +279,7 @@ class Handler(BaseHTTPRequestHandler):
                 "X-Content-Type-Options": "nosniff",
                 "Cross-Origin-Opener-Policy": "same-origin",
                 "Cross-Origin-Resource-Policy": "same-origin",
+                **(more or {}),
             }.items():
                 self.send_header(name, value)
             self.end_headers()

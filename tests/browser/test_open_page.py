@@ -157,6 +157,7 @@ def test_mapped_by_hand_started_stopped_and_ended(opened, german, tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_ctrl_c_with_nothing_going_on_is_the_end(opened):
     opened.process.send_signal(signal.SIGINT if os.name != "nt" else signal.CTRL_C_EVENT)
     assert opened.ended()[0] == 0

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from cosim.browser import run
 from cosim.browser.server import serving
 from cosim.errors import DataError, UsageError
 
@@ -155,6 +156,33 @@ def test_without_the_token_there_is_nothing(gate, path):
     status, text, _ = ask(gate, path=path.format(token=gate.token))
     assert status == 403, text
     assert "printed" in json.loads(text)["error"]
+
+
+def test_a_ticket_leads_to_the_page_once(gate):
+    path = gate.url_once.removeprefix(f"http://127.0.0.1:{gate.port}")
+    assert ask(gate, path=path, host=["evil.example"])[0] == 421, (
+        "and is not used up by those who may not ask"
+    )
+    status, text, headers = ask(gate, path=path)
+    assert (status, text, headers["Location"]) == (303, b"", gate.url)
+    assert ask(gate, path=path)[0] == 403
+    assert ask(gate, path="/")[0] == 403, "no ticket is not the ticket that is gone"
+
+
+@pytest.mark.parametrize(
+    ("names", "started"), [({"DISPLAY": ":0"}, True), ({"BROWSER": "x"}, True), ({}, False)]
+)
+def test_a_browser_is_started_where_there_is_a_screen(monkeypatch, names, started):
+    opened = []
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in names.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(run.sys, "platform", "linux")
+    monkeypatch.setattr(run.webbrowser, "open", opened.append)
+    monkeypatch.setattr(run.threading.Thread, "start", lambda thread: thread._target(*thread._args))
+    run.start_browser("http://there")
+    assert opened == (["http://there"] if started else [])
 
 
 def test_tokens_differ_and_are_long(desk):
