@@ -1,12 +1,16 @@
 """Where the project's own files lie, in a checkout and in an installed package alike."""
 
 import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
 from cosim.errors import ModelError
 
+_CALLED: ContextVar[Mapping[Path, str] | None] = ContextVar("called", default=None)
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -58,6 +62,21 @@ def build_folder() -> Path:
 def cache_folder() -> Path:
     """Folder of what can be made again: COSIM_CACHE, or the user's cache folder. It need not exist yet."""
     return Path(os.environ.get("COSIM_CACHE") or user_cache_path("slew-cosim"))
+
+
+def called(path: Path) -> str:
+    """How people call a file: by its path, unless `calling` says otherwise."""
+    return (_CALLED.get() or {}).get(path, str(path))
+
+
+@contextmanager
+def calling(names: Mapping[Path, str]) -> Iterator[None]:
+    """Within this context answers call these files by these names: copies that lie where nobody put them."""
+    token = _CALLED.set(names)
+    try:
+        yield
+    finally:
+        _CALLED.reset(token)
 
 
 def unsafe_characters(path: Path) -> str:

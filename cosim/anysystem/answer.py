@@ -28,6 +28,7 @@ from cosim.diagnosis.answer.schema import (
 )
 from cosim.inference.held_out import ratio_ci95
 from cosim.packages import project_version
+from cosim.paths import called
 from cosim.system.effects import EFFECTS
 
 Array = NDArray[np.float64]
@@ -41,7 +42,7 @@ def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
         verdict="interrupted" if cut_short else found.verdict,  # type: ignore[arg-type]
         interrupted=found.stage if found.budget.ended else None,
         synthetic=all(log.synthetic for log in found.logs),
-        model=str(found.system.path),
+        model=called(found.system.path),
         signals=signals(found),
         localisation=localisation(found),
         causes=[named(found, group, action) for group, action in found.causes()],

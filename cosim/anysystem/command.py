@@ -18,6 +18,7 @@ from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, UsageError
 from cosim.files import write_text
 from cosim.interrupts import stoppable
+from cosim.logs import Log
 from cosim.logs.load import open_source
 from cosim.logs.mapping import load_mapping
 from cosim.report.deliver import make_folder
@@ -25,7 +26,7 @@ from cosim.report.earlier import Earlier
 from cosim.ssp.fmu import MENDED
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
-from cosim.system.graph import port_of
+from cosim.system.graph import cut, port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import structure
 
@@ -83,10 +84,10 @@ def dotted(log: Path, mapping: Path | None, system: System) -> bool:
 
 def diagnose_any(
     folder: Path,
-    logs: Sequence[Path],
+    logs: Sequence[Path | Log],
     model: Path,
     mapping: Path | None,
-    held_out: Sequence[Path],
+    held_out: Sequence[Path | Log],
     tolerance: float,
     calibrate: bool,
     budget: float = math.inf,
@@ -95,7 +96,7 @@ def diagnose_any(
 
     Args:
         folder: where it goes.
-        logs: of one machine.
+        logs: of one machine, files or logs that were read with the mapping.
         model: .ssp or .fmu.
         mapping: which column is what.
         held_out: further logs that are not fitted.
@@ -127,9 +128,11 @@ def diagnose_any(
         make_folder(folder)
         earlier = Earlier(folder)
         with Runs(system) as runs:
+            measured = set.intersection(*(set(recording.signals) for recording in recordings))
+            judged = [group.name for group in cut(system, sorted(measured)) if group.judged]
 
             def watch(text: str) -> None:
-                if not told(f"judging {text}", 0.0):
+                if not told(f"judging {text}", judged.index(text) / len(judged)):
                     stderr_console().print(f"judging {text}", markup=False)
 
             found = diagnose_system(

@@ -148,9 +148,14 @@ def _known(system: System, port: Port) -> Mapping[str, UnitDefinition]:
 
 
 def read(
-    paths: Sequence[Path], system: System, mapping: Path | None
+    given: Sequence[Path | Log], system: System, mapping: Path | None
 ) -> tuple[list[Recording], AnyOptions, list[str]]:
     """The logs, what the mapping says, and headings that were left alone.
+
+    Args:
+        given: files, or logs that were read with the mapping.
+        system: the model.
+        mapping: the mapping file, or None where columns are called like connectors.
 
     Raises:
         DataError: a log or the mapping is bad, or a column does not fit its connector.
@@ -179,11 +184,13 @@ def read(
         if lacking:
             raise DataError(f"{mapping}: " + "; ".join(lacking))
     logs = []
-    for path in paths:
-        chosen = plain
+    for item in given:
+        chosen, path = plain, item if isinstance(item, Path) else item.source
         if chosen is None:
             chosen, others = named_columns(path, system)
-        logs.append(_recording(load_log(path, chosen), chosen, targets, system, options))
+        whole = isinstance(item, Log) and item.signals.keys() <= chosen.signals.keys() and plain is not None
+        log = item if whole and isinstance(item, Log) else load_log(path, chosen)
+        logs.append(_recording(log, chosen, targets, system, options))
     return logs, options, others
 
 

@@ -1,6 +1,8 @@
 """`cosim init`: a first mapping for a model and a log, columns matched by name and unit, the rest in comments."""
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from difflib import SequenceMatcher
 from pathlib import Path
 
@@ -37,20 +39,31 @@ def likeness(label: Label, connector: str, unit: str) -> float:
     return max(SequenceMatcher(None, name, text).ratio() for text in (whole, last, plain(component)) if text)
 
 
-def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[str, list[str], list[str]]:
-    """A mapping as text, the columns that were matched, and what is left to the user.
+@dataclass(frozen=True)
+class Matches:
+    """Which column of a log is probably which connector.
+
+    Attributes:
+        labels: the columns' headings, in their order.
+        clock: index of the time column, or None.
+        taken: index of a column -> connector.
+        units: connector -> unit of the FMU's variable, empty where it has none.
+    """
+
+    labels: tuple[Label, ...]
+    clock: int | None
+    taken: dict[int, str]
+    units: dict[str, str]
+
+
+def matches(system: System, labels: Sequence[Label]) -> Matches:
+    """Columns matched to connectors by name and unit, the best pairs first.
 
     Args:
         system: the model as read.
-        model: its file.
-        log: the log.
-        folder: where the mapping will lie.
-
-    Raises:
-        DataError: the log cannot be read.
+        labels: the log's headings.
     """
-    source = open_source(log)
-    labels = [heading(label, system) for label in source.labels]
+    labels = tuple(heading(label, system) for label in labels)
     clock = next((k for k, label in enumerate(labels) if plain(label.name) in TIMES), None)
     ports = connectors(system)
     units = {p: _unit(system, p) for p in ports}
@@ -67,6 +80,24 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
     for score, k, port in pairs:
         if score >= ALIKE and k not in taken and port not in taken.values():
             taken[k] = port
+    return Matches(labels, clock, taken, units)
+
+
+def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[str, list[str], list[str]]:
+    """A mapping as text, the columns that were matched, and what is left to the user.
+
+    Args:
+        system: the model as read.
+        model: its file.
+        log: the log.
+        folder: where the mapping will lie.
+
+    Raises:
+        DataError: the log cannot be read.
+    """
+    matched = matches(system, open_source(log).labels)
+    labels, clock, taken, units = matched.labels, matched.clock, matched.taken, matched.units
+    ports = list(units)
     reference = _relative(model, folder)
     lines = [
         f"# which column of {log.name} is which connector of {model.name}",

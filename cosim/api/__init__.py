@@ -287,6 +287,7 @@ def diagnose(
     calibrate: bool = False,
     budget: Number | None = None,
     out: File | None = None,
+    language: str = "en",
     verbose: bool = False,
     progress: Heard | None = None,
 ) -> DiagnosisResult:
@@ -302,6 +303,7 @@ def diagnose(
         calibrate: fit the nominal parameters freely: only missing structure is a cause.
         budget: [s] it may take.
         out: folder for results; by default a temporary one that lives as long as the result.
+        language: of the report, en or de.
         verbose: on the command line, say beforehand what these signals can tell apart.
         progress: told what is going on, and the share that is done.
 
@@ -311,6 +313,7 @@ def diagnose(
     """
     from cosim.api.diagnosing import Asked, run
     from cosim.diagnosis.budget import parse_budget
+    from cosim.report.language import reported_in
 
     keep = Scratch() if out is None else None
     folder = keep.path if keep is not None else Path(str(out))
@@ -326,7 +329,7 @@ def diagnose(
         folder=folder,
         verbose=verbose,
     )
-    with heard_by(progress) as warnings:
+    with heard_by(progress) as warnings, reported_in(language):
         try:
             answer = run(asked)
         except KeyboardInterrupt as stop:

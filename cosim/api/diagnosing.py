@@ -46,10 +46,10 @@ def run(asked: Asked) -> Answer:
             )
         return diagnose_any(
             asked.folder,
-            [file_of(log) for log in asked.logs],
+            asked.logs,
             foreign,
             asked.mapping,
-            [file_of(log) for log in asked.held_out],
+            asked.held_out,
             asked.tolerance,
             asked.calibrate,
             asked.budget,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from cosim.options import Verbose
+from cosim.options import Language, Verbose
 
 
 def register(app: typer.Typer) -> None:
@@ -54,6 +54,7 @@ def diagnose(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),
+    language: Language = "en",
     verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -72,6 +73,7 @@ def diagnose(
         calibrate=calibrate,
         budget=budget,
         out=out,
+        language=language,
         verbose=verbose,
     )
     if as_json:

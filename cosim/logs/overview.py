@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
 from cosim.logs.load import open_source
+from cosim.logs.mapping import Mapping
 from cosim.logs.source import Label, Source
 from cosim.signals import check_spelling, conversion
 from cosim.units import parse_unit
@@ -162,14 +163,18 @@ class Overview:
         return max((c.values.size for c in self.columns), default=0)
 
 
-def overview(path: Path) -> Overview:
+def overview(path: Path, mapping: Mapping | None = None) -> Overview:
     """Reads every column of a file.
+
+    Args:
+        path: the file.
+        mapping: says how a text file is written, where the file itself does not tell.
 
     Raises:
         DataError: the file is missing, of an unknown type, or cannot be read at all.
         MissingExtraError: its type needs an optional dependency.
     """
-    source = open_source(path)
+    source = open_source(path, mapping)
     columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
     return Overview(path, columns, _clock(source, columns), tuple(source.warnings))
 

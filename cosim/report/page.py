@@ -16,6 +16,7 @@ from cosim.packages import project_version
 from cosim.report import drive, experiment, overview
 from cosim.report.evidence import free_form, pictures
 from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, lexicon_of, load
+from cosim.report.language import current, picture_said, reported_in, said, separators
 from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
 from cosim.report.plain import advice, chain, quiet_blocks, quiet_signals, three_sentences
@@ -79,18 +80,22 @@ def save_and_report(
         return None
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, language: str | None = None) -> Path:
     """Make `report.html` from what a diagnosis left in its folder.
+
+    Args:
+        folder: of the diagnosis.
+        language: en or de; by default the one in use.
 
     Raises:
         DataError: the folder does not hold a diagnosis.
         MissingExtraError: plotly or jinja2 is missing.
-        UsageError: the folder cannot be written to.
+        UsageError: the folder cannot be written to, or there is no such language.
     """
     need_extra()
     file = folder / REPORT
     material = load(folder)
-    with speaking(lexicon_of(material.answer)):
+    with reported_in(language or current()), speaking(lexicon_of(material.answer)):
         text = page(material)
     try:
         write_text(file, text)
@@ -113,16 +118,36 @@ def page(material: Material) -> str:
 def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     """The template filled in; `drawn` are all its pictures."""
     import jinja2
+    from markupsafe import Markup, escape
     from plotly.offline import get_plotlyjs
 
-    figures = json.dumps({p.key: figure(p) for p in drawn}, separators=(",", ":"))
+    made = {p.key: figure(picture_said(p)) for p in drawn}
+    for one in made.values():
+        one["layout"]["separators"] = separators()
+    figures = json.dumps(made, separators=(",", ":"))
+
+    @jinja2.pass_context  # so that literals come here too, and are not escaped before
+    def finalized(context: Any, value: Any) -> Any:
+        return said(str(value)) if type(value) in (str, float) else value
+
+    words = {
+        "light": said("Light"),
+        "dark": said("Dark"),
+        "without": said("without {effect}").removesuffix("{effect}"),
+        "extended": said("extended model"),
+        "time": f"{said('time')} [",
+    }
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("cosim.report", "."),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=finalized,
     )
+    environment.filters["asis"] = lambda value: Markup(escape(value))
+    environment.filters["listed_title"] = listed_title
+    environment.filters["first_large"] = lambda text: text[:1].upper() + text[1:]
     environment.filters["unit"] = unit_text
     environment.filters["signal"] = signal_name
     environment.filters["effect"] = effect_in_block
@@ -133,8 +158,18 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     environment.filters["four"] = lambda value: number(value)
     # inside a script element only "<" can do harm
     return environment.get_template("page.html.j2").render(
-        sections, plotly=get_plotlyjs(), figures=figures.replace("<", "\\u003c")
+        sections,
+        language=current(),
+        words=Markup(json.dumps(words)),
+        plotly=get_plotlyjs(),
+        figures=figures.replace("<", "\\u003c"),
     )
+
+
+def listed_title(title: str) -> str:
+    """A picture's title within a list: without what all have in common, and small where the language has it so."""
+    short = title.replace(", driven by the command alone", "")
+    return short[:1].lower() + short[1:]
 
 
 def contents(material: Material, shown: Any) -> dict[str, Any]:

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from report_helpers import hidden_material
 
+from cosim.report.folder import load
+from cosim.report.language import reported_in
 from cosim.report.page import page as made_page
 
 pytestmark = pytest.mark.browser
@@ -195,6 +197,26 @@ def test_a_cause_is_taken_out_and_put_back(browser, diagnosed):
     assert page.evaluate(states) == ["legendonly", True]
     page.get_by_role("button", name="with it", exact=True).click()
     assert page.evaluate(states) == [True, "legendonly"]
+
+
+def test_a_german_report_can_be_explored_too(browser, diagnosed, tmp_path):
+    file = tmp_path / "report.html"
+    with reported_in("de"):
+        file.write_text(made_page(load(diagnosed)), encoding="utf-8")
+    found = visit(browser, file)
+    page = found.page
+    states = (
+        "document.getElementById('residual-mechanical-slew').data"
+        ".filter(t => ['erweitertes Modell', 'ohne Coulomb-Reibung'].includes(t.name)).map(t => t.visible ?? true)"
+    )
+    assert page.evaluate(states) == [True, "legendonly"]
+    page.get_by_role("button", name="ohne sie").click()
+    assert page.evaluate(states) == ["legendonly", True]
+    page.evaluate("Plotly.relayout(document.getElementById('signal-slew'), {'xaxis.range': [5, 6]})")
+    other = "document.getElementById('residual-mechanical-slew')"
+    page.wait_for_function(f"String({other}.layout.xaxis.range) === '5,6'")
+    assert page.get_by_role("button", name="Dunkel").count() == 1
+    assert found.errors == []
 
 
 def test_dark_as_the_system_says_or_by_key_and_white_on_paper(browser, diagnosed):

@@ -1,0 +1,228 @@
+"""What the page shows of a log: its columns, and a form with a row for each signal, filled with guesses."""
+
+import re
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cosim.anysystem.start import matches
+from cosim.errors import UsageError
+from cosim.logs.guess import guesses
+from cosim.logs.mapping import Mapping, SignalColumn
+from cosim.logs.overview import Column, Overview
+from cosim.plots import thinned
+from cosim.signals import LOG_SIGNALS, SIGNALS
+from cosim.ssp.system import System
+
+POINTS = 160  # of a column's small picture
+DRIVE = "u"  # without the crane's command nothing can be simulated
+
+
+@dataclass
+class Row:
+    """One signal, and the column that it is taken from.
+
+    Attributes:
+        signal: name as in a mapping.
+        text: what it is.
+        needed: nothing can be diagnosed without it.
+        column: index of the column, None where none is chosen.
+        unit: of the value after the scaling.
+        gain, zero: factor on the reading, and the reading that means zero; a gain may be the name of a stored number.
+        reversed: the file counts the other way.
+        why: reason of the guess.
+        check: what a person should look at, or empty.
+    """
+
+    signal: str
+    text: str
+    needed: bool = False
+    column: int | None = None
+    unit: str = ""
+    gain: float | str = 1.0
+    zero: float = 0.0
+    reversed: bool = False
+    why: str = ""
+    check: str = ""
+
+
+@dataclass
+class TimeRow:
+    """Where time comes from.
+
+    Attributes:
+        column: index of the time column, or None.
+        own: each column has stamps of its own.
+        step: interval between samples in `unit`, where there is no column; None where nobody knows it.
+        unit: of the column or step.
+        check: what a person should look at, or empty.
+    """
+
+    column: int | None = None
+    own: bool = False
+    step: float | None = None
+    unit: str = "s"
+    check: str = ""
+
+
+@dataclass
+class Form:
+    """Time and signals, as guessed or as a mapping file says.
+
+    Attributes:
+        time: where time comes from.
+        rows: the signals.
+        least: at least one of these must be chosen too, with the words for them; empty where it does not matter.
+        named: what the least are, in words.
+    """
+
+    time: TimeRow
+    rows: list[Row]
+    least: list[str] = field(default_factory=list)
+    named: str = ""
+
+
+def column_facts(column: Column) -> dict[str, Any]:
+    """A column as plain data: name, unit, range, shape, and a small picture as values from 0 to 1 over 0 to 1."""
+    low, high = (
+        (float(column.finite.min()), float(column.finite.max())) if column.finite.size else (None, None)
+    )
+    facts: dict[str, Any] = {
+        "index": column.index,
+        "name": column.label.text,
+        "unit": column.unit or "",
+        "low": low,
+        "high": high,
+        "shape": column.kind,
+        "missing": column.missing if column.values.size else 0,
+        "why": column.why,
+        "picture": [],
+    }
+    if low is not None and high is not None:
+        places = np.flatnonzero(np.isfinite(column.values)).astype(np.float64)
+        time, values = thinned(places, column.finite, POINTS)
+        across, up = max(column.values.size - 1, 1), (high - low) or 1.0
+        scaled = zip(time / across, (values - low) / up if high > low else 0.5 + 0.0 * values, strict=True)
+        facts["picture"] = [[round(float(x), 4), round(float(y), 4)] for x, y in scaled]
+    return facts
+
+
+def log_facts(found: Overview) -> dict[str, Any]:
+    """A log as plain data: length, rate, gaps, columns."""
+    clock = found.clock
+    return {
+        "samples": found.samples,
+        "duration": None if clock is None else clock.duration,
+        "rate": None if clock is None else clock.rate,
+        "gaps": 0 if clock is None else clock.gaps,
+        "backwards": 0 if clock is None else clock.backwards,
+        "columns": [column_facts(column) for column in found.columns],
+        "warnings": list(found.warnings),
+    }
+
+
+def crane_form(found: Overview) -> Form:
+    """The signals of the crane with the guesses of `cosim init`."""
+    made = guesses(found)
+    rows = []
+    for name in LOG_SIGNALS:
+        row = Row(name, said(name), needed=name == DRIVE, unit=SIGNALS[name].unit)
+        if name in made:
+            guess = made[name]
+            row.column, row.unit, row.gain, row.why = guess.column.index, guess.unit, guess.gain, guess.why
+            if guess.check:
+                row.check = (
+                    "full command is taken to be the largest reading" if guess.gain != 1.0 else "the unit"
+                )
+        rows.append(row)
+    measured = [name for name in LOG_SIGNALS if name != DRIVE and not name.endswith("estimate")]
+    return Form(time_row(found), rows, measured, "the slew angle, the spool or the pressures")
+
+
+def connector_form(found: Overview, system: System) -> Form:
+    """The connectors of any system with the guesses of `cosim init`; those with a column first."""
+    matched = matches(system, [column.label for column in found.columns])
+    clock = found.clock.column if found.clock else None
+    columns = {port: k for k, port in matched.taken.items() if k != clock}
+    rows = []
+    for port, own in matched.units.items():
+        row = Row(port, "input" if port in system.inputs else "", unit=own or "1")
+        if port in columns:
+            column = found.columns[columns[port]]
+            row.column, row.unit, row.why = column.index, column.unit or own or "1", "its name"
+            row.check = "" if column.unit or not own else "the heading has no unit"
+        rows.append(row)
+    rows.sort(key=lambda row: row.column is None)
+    outputs = [row.signal for row in rows if row.signal not in system.inputs]
+    return Form(time_row(found), rows, outputs, "an output of a component")
+
+
+def file_form(found: Overview, mapping: Mapping, needed: Collection[str]) -> Form:
+    """The signals of a mapping file; a column that this log does not have is left open."""
+    rows = [
+        _of_file(found, name, entry, name in needed or name == DRIVE)
+        for name, entry in mapping.signals.items()
+    ]
+    time = time_row(found)
+    given = mapping.time
+    if given.column is not None:
+        column = find(found, given.column)
+        if column is not None:
+            time = TimeRow(column, unit=given.unit or found.columns[column].unit or "s")
+        else:
+            time.check = f"the file names '{given.column}', which this log does not have"
+    elif given.step is not None:
+        time = TimeRow(step=given.step, unit=given.unit or "s")
+    return Form(time, rows)
+
+
+def _of_file(found: Overview, name: str, entry: SignalColumn, needed: bool) -> Row:
+    column = find(found, entry.column)
+    unit = entry.unit or (found.columns[column].unit if column is not None else None) or ""
+    text = entry.text or (said(name) if name in SIGNALS else name.replace("_", " "))
+    if entry.minus is not None:
+        text += f" (less column '{entry.minus}')"
+    check = "" if column is not None else f"the file names '{entry.column}', which this log does not have"
+    return Row(
+        name, text, needed, column, unit, entry.gain, entry.zero, entry.sign < 0, "the mapping file", check
+    )
+
+
+def time_row(found: Overview) -> TimeRow:
+    """Time as the file itself tells it."""
+    clock = found.clock
+    if clock is None:
+        return TimeRow(check="no column looks like a time: choose it, or give the interval between samples")
+    return TimeRow(clock.column, clock.column is None, None, clock.unit, clock.guessed)
+
+
+def find(found: Overview, named: str | int) -> int | None:
+    """Index of the column that a mapping names by heading or by position from 1; None where there is not just one."""
+    if isinstance(named, int):
+        return named - 1 if named <= len(found.columns) else None
+    fitting = [c.index for c in found.columns if c.label.called(named)]
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def named(found: Overview, index: int) -> str | int:
+    """How a mapping names a column: by its heading, or by its position from 1 where another has the same one.
+
+    Raises:
+        UsageError: there is no such column.
+    """
+    if not 0 <= index < len(found.columns):
+        raise UsageError(f"there is no column {index + 1}: the log has {len(found.columns)}")
+    text = found.columns[index].label.text
+    return text if text and find(found, text) == index else index + 1
+
+
+def said(name: str) -> str:
+    """What a signal of ours is, in a few words."""
+    return re.split(r"[;(]", SIGNALS[name].text)[0].strip().rstrip(",")
+
+
+def longest(found: Overview, indices: Iterable[int]) -> int:
+    """The column with the most values; where each has stamps of its own its clock is the log's."""
+    return max(indices, key=lambda k: found.columns[k].values.size)

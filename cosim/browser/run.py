@@ -1,0 +1,96 @@
+"""`cosim open` from its start to its end."""
+
+import contextlib
+import os
+import signal
+import sys
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from cosim.browser.server import serving
+from cosim.browser.session import SYSTEMS, TABLE, Session
+from cosim.console import warn
+from cosim.report.language import reported_in
+
+
+def run(
+    log: Path | None,
+    model: str | None,
+    port: int,
+    out: Path,
+    show: Callable[[str], None],
+    browser: bool,
+    language: str = "en",
+) -> list[dict[str, Any]]:
+    """Serve the page until it is closed or Ctrl-C; what was dropped goes with it, results stay.
+
+    Args:
+        log: a log to begin with.
+        model: one of our models by name, or an .ssp, .fmu or .toml.
+        port: to listen on; 0 takes a free one.
+        out: folder of results, one in it for each diagnosis.
+        show: told the page's address.
+        browser: open the page in the user's browser.
+        language: of the reports.
+
+    Returns:
+        Folder and verdict of each diagnosis.
+
+    Raises:
+        CosimError: the port is taken, there is no such language, or log or model are bad.
+        KeyboardInterrupt: Ctrl-C while a diagnosis ran; what it had found is kept.
+    """
+    with (
+        tempfile.TemporaryDirectory(prefix="cosim-open-", ignore_cleanup_errors=True) as folder,
+        ended_by_sigterm(),
+        reported_in(language),
+    ):
+        session = Session(Path(folder), out, language)
+        if model is not None and model.lower().endswith((*SYSTEMS, TABLE)):
+            session.take_own(Path(model))
+        elif model is not None:
+            session.choose(model)
+        if log is not None:
+            session.take_own(log)
+        with serving(port, session) as gate:
+            show(gate.url)
+            try:
+                if browser:
+                    start_browser(gate.url_once)
+                preload()
+                session.work()
+            except KeyboardInterrupt:
+                if session.interrupted:
+                    for item in session.done[-1:]:
+                        warn(f"interrupted: {item['folder']} holds what was found until then")
+                    raise
+        return session.done
+
+
+@contextlib.contextmanager
+def ended_by_sigterm() -> Iterator[None]:
+    """Within this context SIGTERM is a Ctrl-C, so that folders are cleared up; one that is ignored stays so."""
+    before = signal.getsignal(signal.SIGTERM)
+    if before is not signal.SIG_IGN:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def start_browser(url: str) -> None:
+    """Open a page in the browser; nothing where there is no screen: a text browser would take the terminal."""
+    screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))
+    if screen or not sys.platform.startswith("linux"):
+        threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+def preload() -> None:
+    """Import what a diagnosis needs while the user looks at the columns."""
+    import cosim.anysystem.command
+    import cosim.report.deliver  # noqa: F401

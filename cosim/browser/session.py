@@ -1,0 +1,514 @@
+"""What has been dropped on the page, and the diagnosis that runs; a client of `cosim.api`.
+
+Requests come in threads of the server; the diagnosis runs in the main thread, where Ctrl-C and its like reach it.
+"""
+
+import contextlib
+import dataclasses
+import datetime
+import queue
+import signal
+import threading
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from contextvars import Context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cosim import api
+from cosim.anysystem.command import any_system
+from cosim.api.results import DiagnosisResult
+from cosim.browser.form import Form, connector_form, crane_form, file_form, log_facts
+from cosim.browser.mapping import Content, FormError, mapping_of, remember, toml_text
+from cosim.console import heard_by
+from cosim.diagnosis.budget import parse_budget
+from cosim.diagnosis.model.groups import MODELS
+from cosim.errors import CosimError, DataError, UsageError
+from cosim.files import write_text
+from cosim.logs.load import SUFFIXES
+from cosim.logs.mapping import load_mapping
+from cosim.logs.overview import Overview, overview
+from cosim.machines.table import machine_table
+from cosim.paths import calling, examples_folder
+from cosim.report.folder import ANSWER, read_answer
+
+if TYPE_CHECKING:
+    from cosim.logs.mapping import Mapping
+
+SYSTEMS, TABLE = (".ssp", ".fmu"), ".toml"
+LARGEST = {
+    **dict.fromkeys(SUFFIXES, 2 << 30),
+    **dict.fromkeys(SYSTEMS, 512 << 20),
+    TABLE: 1 << 20,
+}  # bytes that are taken
+WAIT = 0.2  # s between two looks at whether the page was closed
+OWN = "own"  # choice of the model that was dropped, or that a dropped mapping names
+KEPT = "mapping.toml"
+WORDS = {"full_order": "crane: valve, oil, mechanics", "simplified": "crane: gain and lag"}
+EXAMPLE = "synthetic_demo.csv"
+
+
+@dataclasses.dataclass
+class Dropped:
+    """A file on the page.
+
+    Attributes:
+        path: where it lies.
+        name: what people call it.
+        ours: it is a copy that goes with the page or with its successor.
+    """
+
+    path: Path
+    name: str
+    ours: bool = True
+
+    def forget(self) -> None:
+        """Delete the copy."""
+        if self.ours:
+            self.path.unlink(missing_ok=True)
+
+
+@dataclasses.dataclass
+class Work:
+    """One diagnosis.
+
+    Attributes:
+        state: idle, running, stopping, done, stopped or failed.
+        text: what is going on.
+        share: that is done, 0 to 1.
+        began, ended: s of the monotonic clock.
+        error: why it failed.
+        lines: the answer.
+        verdict: of the answer.
+        folder: its results.
+        report: whether report.html is there.
+        warnings: what the user should know.
+    """
+
+    state: str = "idle"
+    text: str = ""
+    share: float = 0.0
+    began: float = 0.0
+    ended: float | None = None
+    error: str = ""
+    lines: list[str] = dataclasses.field(default_factory=list)
+    verdict: str = ""
+    folder: str = ""
+    report: bool = False
+    warnings: list[str] = dataclasses.field(default_factory=list)
+
+    @property
+    def runs(self) -> bool:
+        """Whether it has not come to an end."""
+        return self.state in ("running", "stopping")
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """A diagnosis that is asked for: the arguments of `cosim.diagnose`, and its mapping."""
+
+    log: Dropped
+    model: Dropped | None
+    mapping: str
+    calibrate: bool
+    budget: str | None
+
+
+class Session:
+    """What lies behind the page.
+
+    Args:
+        folder: temporary, for what is dropped.
+        out: folder of results, one in it for each diagnosis.
+        language: of the reports.
+
+    Attributes:
+        done: diagnoses of this session: folder and verdict.
+        interrupted: Ctrl-C has ended a diagnosis.
+    """
+
+    def __init__(self, folder: Path, out: Path, language: str = "en") -> None:
+        self.folder, self.out, self._language = folder, out, language
+        self.done: list[dict[str, str]] = []
+        self.interrupted = False
+        self._log: Dropped | None = None
+        self._model: Dropped | None = None  # a package or FMU
+        self._table: Dropped | None = None  # a mapping or machine
+        self._plain: Mapping | None = None
+        self._content: Content = {}
+        self._choice = next(iter(MODELS))
+        self._seen: Overview | None = None
+        self._facts: dict[str, Any] = {}
+        self._form: Form | None = None
+        self._revision = 0
+        self._work = Work()
+        self._asked: queue.Queue[Request] = queue.Queue()
+        self._closed = threading.Event()
+        self._taking = threading.Lock()  # one file or button at a time
+        self._lock = threading.Lock()  # of what `state` shows
+
+    # -- what the server calls
+
+    def limits(self) -> dict[str, int]:
+        """See `cosim.browser.server.Desk`."""
+        return LARGEST
+
+    def report(self) -> bytes | None:
+        """See `cosim.browser.server.Desk`."""
+        with self._lock:
+            work = self._work
+        file = Path(work.folder) / "report.html"
+        return file.read_bytes() if work.report and file.is_file() else None
+
+    def state(self, known: str = "") -> dict[str, Any]:
+        """See `cosim.browser.server.Desk`."""
+        with self._lock:
+            work, now = self._work, time.monotonic()
+            seconds = (
+                (now if work.ended is None else work.ended) - work.began if work.state != "idle" else 0.0
+            )
+            heavy: dict[str, Any] = {}
+            if known != str(self._revision):  # asked for several times a second while a diagnosis runs
+                heavy["log"] = None if self._log is None else {"name": self._log.name, **self._facts}
+                heavy["form"] = None if self._form is None else dataclasses.asdict(self._form)
+            return {
+                **heavy,
+                "revision": self._revision,
+                "models": self._models(),
+                "model": self._choice,
+                "work": {**dataclasses.asdict(work), "seconds": seconds, "began": None, "ended": None},
+                "closed": self._closed.is_set(),
+            }
+
+    def take(self, file: Path, suffix: str, name: str) -> None:
+        """See `cosim.browser.server.Desk`.
+
+        Raises:
+            CosimError: it is not what its name says, or a diagnosis runs.
+        """
+        self._take(Dropped(file, name), suffix)
+
+    def take_own(self, file: Path) -> None:
+        """A file named on the command line: it is read where it lies.
+
+        Raises:
+            CosimError: it is not what its name says, or of no known kind.
+        """
+        suffix = next((known for known in LARGEST if file.name.lower().endswith(known)), None)
+        if not file.is_file():
+            raise DataError(f"{file}: {'this is a folder' if file.is_dir() else 'there is no such file'}")
+        if suffix is None:
+            raise UsageError(f"{file} is neither log nor model nor mapping: known are {', '.join(LARGEST)}")
+        self._take(Dropped(file, file.name, ours=False), suffix)
+
+    def choose(self, model: str) -> None:
+        """Choose one of our models, or ``own``.
+
+        Raises:
+            UsageError: there is no such model.
+        """
+        if model not in (entry["value"] for entry in self._models()):
+            raise UsageError(f"no model '{model[:40]}': one of {', '.join(MODELS)}, or drop a file")
+        self._choice = model
+        self._ask_anew()
+
+    def ask(self, what: str, given: dict[str, Any]) -> None:
+        """See `cosim.browser.server.Desk`."""
+        buttons: dict[str, Callable[[], None]] = {
+            "model": lambda: self.choose(str(given.get("model"))),
+            "diagnose": lambda: self._diagnose(given),
+            "example": lambda: self._take_log(Dropped(examples_folder() / EXAMPLE, EXAMPLE, ours=False)),
+            "stop": self.stop,
+            "close": self.close,
+        }
+        press = buttons[what]
+        if what in ("stop", "close"):
+            press()
+            return
+        with self._at_rest(), heard_by(None):
+            press()
+
+    def stop(self) -> None:
+        """End the diagnosis that runs; what it has found is kept."""
+        with self._lock:
+            if self._work.state != "running":
+                return
+            self._work.state, self._work.text = "stopping", "stopping: what was found is being written"
+        interrupt()
+
+    def close(self) -> None:
+        """End the session, and the diagnosis that runs."""
+        self._closed.set()
+        self.stop()
+
+    # -- files
+
+    @contextlib.contextmanager
+    def _at_rest(self) -> Iterator[None]:
+        with self._taking:
+            if self._work.runs:
+                raise UsageError("a diagnosis runs: stop it first")
+            yield
+
+    def _take(self, dropped: Dropped, suffix: str) -> None:
+        try:
+            with self._at_rest(), heard_by(None):
+                if suffix in SYSTEMS:
+                    self._take_model(dropped)
+                elif suffix == TABLE:
+                    self._take_table(dropped)
+                else:
+                    self._take_log(dropped)
+        except CosimError as error:
+            dropped.forget()
+            raise type(error)(self._said(str(error), dropped)) from None
+        except BaseException:
+            dropped.forget()
+            raise
+
+    def _take_log(self, dropped: Dropped) -> None:
+        found = overview(dropped.path, self._plain)
+        if not any(column.finite.size for column in found.columns):
+            raise DataError(f"{dropped.name} holds no column of numbers: is it a log?")
+        form = self._form_for(found)
+        facts = log_facts(found)
+        before, self._log = self._log, dropped
+        if before is not None:
+            before.forget()
+        with self._lock:
+            self._seen, self._facts, self._form = found, facts, form
+            self._revision, self._work = self._revision + 1, Work()
+
+    def _take_model(self, dropped: Dropped) -> None:
+        with api.read_system(dropped.path):
+            pass
+        self._replace("_model", dropped)
+
+    def _take_table(self, dropped: Dropped) -> None:
+        plain = load_mapping(dropped.path)
+        content = tomllib.loads(dropped.path.read_text(encoding="utf-8"))
+        if plain.machine:
+            machine_table(plain.machine, dropped.path)
+        named, parameters = plain.model_reference, content.get("compare", {}).get("parameters", [])
+        if named is not None and named not in MODELS:
+            if dropped.ours:
+                content.pop("model")
+            else:
+                content["model"] = named
+        if parameters and not dropped.ours:
+            content["compare"]["parameters"] = [str((dropped.path.parent / p).resolve()) for p in parameters]
+        elif parameters:
+            raise UsageError(
+                f"{dropped.name} names other files ({', '.join(map(str, parameters))}), which a dropped file cannot: start "
+                "with 'cosim open --model FILE.toml' in its folder"
+            )
+        self._content, self._plain = content, plain
+        self._replace("_table", dropped)
+
+    def _replace(self, place: str, dropped: Dropped) -> None:
+        before: Dropped | None = getattr(self, place)
+        setattr(self, place, dropped)
+        if before is not None:
+            before.forget()
+        self._choice = OWN
+        self._ask_anew()
+
+    def _models(self) -> list[dict[str, str]]:
+        found = [{"value": name, "label": f"{WORDS[name]} ({name})"} for name in MODELS]
+        files = [dropped.name for dropped in (self._model, self._table) if dropped is not None]
+        return [*found, {"value": OWN, "label": " with ".join(files)}] if files else found
+
+    # -- form and mapping
+
+    def _ask_anew(self) -> None:
+        """Make the form again for another model."""
+        form = None if self._seen is None else self._form_for(self._seen)
+        with self._lock:
+            self._form, self._revision = form, self._revision + 1
+            self._work = Work()
+
+    def _form_for(self, found: Overview) -> Form:
+        if self._choice != OWN:
+            return crane_form(found)
+        if self._plain is not None:
+            machine = machine_table(self._plain.machine, "the mapping") if self._plain.machine else None
+            return file_form(found, self._plain, () if machine is None else (machine.input, machine.output))
+        if self._model is None or any_system(str(self._model.path), None, found.path) is None:
+            return crane_form(found)
+        with api.read_system(self._model.path) as system:
+            return connector_form(found, system)
+
+    def _diagnose(self, given: dict[str, Any]) -> None:
+        """Make a mapping of the form, and let the main thread diagnose with it.
+
+        Raises:
+            CosimError: there is no log, or the form is wrong; a `FormError` names the signal.
+        """
+        if self._log is None or self._seen is None or self._form is None:
+            raise FormError("there is no log: drop one first")
+        own = self._choice == OWN
+        model = self._model if own else None
+        base: Content = dict(self._content) if own else {}
+        if not own:
+            base["model"] = self._choice
+        elif (
+            model is None
+            and self._plain is not None
+            and self._plain.model is not None
+            and "model" not in base
+        ):
+            raise FormError(f"the mapping names the model '{self._plain.model}': drop that file too")
+        content = mapping_of(given, self._form, self._seen, base)
+        text = toml_text(
+            content, f"which column of {self._log.name} is which signal, as chosen in 'cosim open'"
+        )
+        trial = self.folder / KEPT
+        write_text(trial, text)
+        try:
+            load_mapping(trial)
+        except DataError as error:
+            message = str(error).removeprefix(f"{trial}: ").removeprefix("'signals': ")
+            rows = (r.signal for r in self._form.rows)
+            row = next((r for r in rows if f"signals.{r}." in message or f"signal '{r}'" in message), "")
+            row = row or ("time" if "'time" in message else "")
+            raise FormError(message, row) from None
+        budget = str(given.get("budget") or "").strip()
+        if budget:
+            try:
+                parse_budget(budget)
+            except UsageError as error:
+                raise FormError(str(error).removeprefix(f"--budget {budget}: "), "budget") from None
+        remember(self._form, content, self._seen)
+        request = Request(self._log, model, text, given.get("calibrate") is True, budget or None)
+        with self._lock:
+            self._work = Work("running", "reading the log", began=time.monotonic())
+        self._asked.put(request)
+
+    # -- the main thread
+
+    def work(self) -> None:
+        """Diagnose what is asked for until the page is closed.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C or its like; what a diagnosis had found is kept.
+        """
+        while not self._closed.is_set():
+            try:
+                with contextlib.suppress(queue.Empty):
+                    self._run(self._asked.get(timeout=WAIT))
+            except KeyboardInterrupt:
+                # the button may come a moment too late, when its diagnosis has just ended
+                with self._lock:
+                    button, running = self._work.state == "stopping", self._work.runs
+                if running:
+                    self._settle(self._work, None)
+                if not button:
+                    self.interrupted = running or self.interrupted
+                    raise
+
+    def _run(self, asked: Request) -> None:
+        work = self._work
+        folder = self._new_folder()
+        work.folder = str(folder)
+        try:
+            found = Context().run(self._diagnosed, asked, folder, work)
+        except KeyboardInterrupt as stop:
+            button = work.state == "stopping"
+            self._settle(work, getattr(stop, "result", None))
+            if not button:
+                self.interrupted = True
+                raise
+        except CosimError as error:
+            self._fail(work, self._said(str(error), asked.log))
+        except Exception as error:
+            self._fail(work, f"internal error, please report: {type(error).__name__}: {error}")
+        else:
+            self._keep(work, found, "done")
+
+    def _diagnosed(self, asked: Request, folder: Path, work: Work) -> DiagnosisResult:
+        """The diagnosis itself, in a context of its own, so that progress comes here and not to the terminal."""
+        mapping = folder / KEPT
+        write_text(mapping, asked.mapping)
+
+        def hear(text: str, share: float) -> None:
+            with self._lock:
+                if work.state == "running":
+                    work.text, work.share = text, max(work.share, share)
+
+        with heard_by(hear):
+            log = dataclasses.replace(api.read_log(asked.log.path, mapping), source=Path(asked.log.name))
+        model = asked.model
+        with calling({} if model is None else {model.path: model.name}):
+            return api.diagnose(
+                log,
+                None if model is None else model.path,
+                mapping=mapping,
+                calibrate=asked.calibrate,
+                budget=asked.budget,
+                out=folder,
+                language=self._language,
+                progress=hear,
+            )
+
+    def _new_folder(self) -> Path:
+        """A folder of results that was not there; its name is the time."""
+        stamp = f"{datetime.datetime.now():%Y-%m-%d_%H-%M-%S}"
+        for k in range(1000):
+            folder = self.out / (stamp if k == 0 else f"{stamp}_{k}")
+            try:
+                folder.mkdir(parents=True)
+            except FileExistsError:
+                continue
+            return folder
+        raise UsageError(f"{self.out} is full of folders called {stamp}")
+
+    def _settle(self, work: Work, result: DiagnosisResult | None) -> None:
+        """A diagnosis that was stopped: what it left."""
+        folder = Path(work.folder)
+        if result is None and work.folder and (folder / ANSWER).is_file():
+            result = DiagnosisResult(read_answer(folder), folder)
+        if result is None:
+            self._fail(work, "stopped before anything was found", "stopped")
+        else:
+            self._keep(work, result, "stopped")
+
+    def _keep(self, work: Work, found: DiagnosisResult, state: str) -> None:
+        # what the page shows beside them anyway: the folder, and in the report how sure and how much better
+        shown = ("Report: ", "Results: ", *(("How sure", "Better: ") if found.report is not None else ()))
+        lines, verdict = [line for line in found.lines() if not line.startswith(shown)], found.verdict
+        known = set(self._facts.get("warnings", ()))
+        warnings = [w.removesuffix("; once more Ctrl-C leaves without") for w in found.warnings]
+        with self._lock:
+            work.lines, work.verdict, work.report = lines, verdict, found.report is not None
+            work.warnings, work.share = [w for w in warnings if w not in known], 1.0
+            work.state, work.ended = state, time.monotonic()
+        self.done.append({"folder": work.folder, "verdict": verdict})
+
+    def _fail(self, work: Work, text: str, state: str = "failed") -> None:
+        folder = Path(work.folder) if work.folder else None
+        if folder is not None and folder.is_dir() and {p.name for p in folder.iterdir()} <= {KEPT}:
+            (folder / KEPT).unlink(missing_ok=True)
+            folder.rmdir()
+            work.folder = ""
+        with self._lock:
+            work.error, work.state, work.ended = text, state, time.monotonic()
+
+    def _said(self, text: str, dropped: Dropped) -> str:
+        """A message with names in place of paths that nobody has chosen."""
+        for file in (dropped, self._log, self._model, self._table):
+            if file is not None and file.ours:
+                text = text.replace(str(file.path), file.name).replace(file.path.name, file.name)
+        return text
+
+
+def interrupt() -> None:
+    """Ctrl-C for the main thread of this process, or SIGTERM where Ctrl-C is ignored."""
+    import _thread
+
+    number = signal.SIGTERM if signal.getsignal(signal.SIGINT) is signal.SIG_IGN else signal.SIGINT
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)  # wakes it up where it waits, too
+    else:
+        _thread.interrupt_main(number)

@@ -1,0 +1,365 @@
+"""What lies behind the page: guesses, the mapping that is made of the form, refusals by name, the diagnosis itself."""
+
+import csv
+import json
+import shutil
+import threading
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cosim
+from benchmarks.systems import parts
+from benchmarks.systems.truth import Hidden, read, simulate
+from cosim.browser.form import find, named
+from cosim.browser.mapping import FormError, toml_text
+from cosim.browser.session import Session
+from cosim.errors import CosimError, DataError, UsageError
+from cosim.logs.overview import overview
+from cosim.paths import examples_folder
+
+TOP = Path(__file__).resolve().parents[2]
+HEAD = b"[time]\nstep = 1\n[signals.u]\ncolumn = 1\n"
+LAGE = 6  # column of the angle in the German log
+
+
+@pytest.fixture
+def session(tmp_path):
+    folder = tmp_path / "dropped"
+    folder.mkdir()
+    return Session(folder, tmp_path / "out")
+
+
+def drop(session, file, name=None, suffix=None):
+    """As the server does it: a copy under a name of its own."""
+    suffix = suffix or file.suffix
+    copy = session.folder / f"{time.monotonic_ns():016x}{suffix}"
+    shutil.copy(file, copy)
+    session.take(copy, suffix, name or file.name)
+    return copy
+
+
+def column_of(session):
+    return {row["signal"]: row["column"] for row in session.state()["form"]["rows"]}
+
+
+def mapping_made(session, given):
+    """The text of the mapping that would be diagnosed with."""
+    session.ask("diagnose", given)
+    return session._asked.get_nowait().mapping
+
+
+def finished(session):
+    """Let the main thread work until the diagnosis has ended; returns its state."""
+
+    def wait():
+        while session.state()["work"]["state"] in ("running", "stopping"):
+            time.sleep(0.05)
+        session.close()
+
+    watch = threading.Thread(target=wait)
+    watch.start()
+    session.work()
+    watch.join()
+    return session.state()["work"]
+
+
+def test_what_cosim_init_guesses_is_filled_in(session, german):
+    drop(session, german)
+    state = session.state()
+    assert state["log"]["name"] == "Messung März.csv"
+    assert (state["log"]["samples"], state["log"]["gaps"]) == (8001, 0)
+    assert [state["form"]["time"][key] for key in ("column", "unit")] == [0, "ms"]
+    found = column_of(session)
+    assert [found[n] for n in ("u", "spool", "p_supply", "p_a", "p_b")] == [1, 2, 3, 4, 5]
+    assert found["slew"] is None, "nobody can know that 'Lage' is an angle"
+    picture = state["log"]["columns"][1]["picture"]
+    assert 10 < len(picture) <= 400
+    assert all(0.0 <= x <= 1.0 and 0.0 <= y <= 1.0 for x, y in picture)
+    json.dumps(state, allow_nan=False)
+    again = session.state(str(state["revision"]))
+    assert again.keys() == state.keys() - {"log", "form"}, "a page that knows them is not sent them again"
+    assert session.state(str(state["revision"] - 1)).keys() == state.keys()
+
+
+def test_the_mapping_reads_the_log_as_it_was_meant(session, german, filled, tmp_path):
+    drop(session, german)
+    text = mapping_made(session, filled(session.state(), slew=LAGE))
+    file = tmp_path / "m.toml"
+    file.write_text(text, encoding="utf-8")
+    log = cosim.read_log(german, file)
+    true = cosim.make_log("steps", 8.0, ["mechanical.coulomb_friction:tau_c=300 N.m"], seed=2)
+    assert log.model == "full_order"
+    assert set(log.signals) == set(true.signals)
+    for name in true.signals:
+        np.testing.assert_allclose(log[name], true[name], rtol=1e-6, atol=1e-9 * np.max(np.abs(true[name])))
+
+
+def test_scaling_of_the_form_goes_into_the_mapping(session, german, filled):
+    drop(session, german)
+    given = filled(session.state(), slew=LAGE)
+    given["rows"]["slew"] |= {"gain": "-2,5", "zero": "10.5", "reversed": True, "unit": " rad "}
+    given["time"] = {"column": None, "step": "0,001", "unit": "s"}
+    made = tomllib.loads(mapping_made(session, given))
+    assert made["signals"]["slew"] == {
+        "column": "Lage",
+        "unit": "rad",
+        "gain": -2.5,
+        "zero": 10.5,
+        "sign": -1,
+    }
+    assert made["signals"]["u"] == {"column": "Ventilbefehl (%)", "unit": "%"}
+    assert made["time"] == {"step": 0.001, "unit": "s"}
+    form = session.state()["form"]
+    (row,) = [row for row in form["rows"] if row["signal"] == "slew"]
+    kept = {key: row[key] for key in ("column", "unit", "gain", "zero", "reversed")}
+    assert kept == {"column": LAGE, "unit": "rad", "gain": -2.5, "zero": 10.5, "reversed": True}, (
+        "after a reload"
+    )
+    assert (form["time"]["column"], form["time"]["step"]) == (None, 0.001)
+
+
+def change(**values):
+    return lambda given: given["rows"]["slew"].update(values)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "row", "said"),
+    [
+        (lambda g: g["rows"]["u"].update(column=None), "u", r"u \(slew valve command .* has no column"),
+        (change(column=1), "slew", r"u and slew are the same column 'Ventilbefehl \(%\)'"),
+        (change(column=99), "", "there is no column 100: the log has 7"),
+        (change(column=-1), "", "there is no column 0"),
+        (change(column=True), "slew", "True is no column"),
+        (change(column="../x"), "slew", "'../x' is no column"),
+        (change(unit="bar"), "slew", "slew.*'bar'.*dimension"),
+        (change(unit="a b c"), "slew", "'a b c' is not a unit"),
+        (change(unit=""), "slew", "slew has no unit"),
+        (change(unit=None), "slew", "slew has no unit"),
+        (change(gain="two"), "slew", "gain 'two' is no number"),
+        (change(gain=float("inf")), "slew", "gain must be a finite number"),
+        (change(gain=0), "slew", "a gain of 0 leaves nothing"),
+        (change(zero=[1]), "slew", "zero .* is no number"),
+        (lambda g: g.update(rows=[]), "", "rows is no table"),
+        (lambda g: g["rows"].update(slew=5), "", "slew is no table"),
+        (lambda g: [g["rows"][n].update(column=None) for n in g["rows"]], "u", "has no column"),
+        (lambda g: g.update(rows={"u": g["rows"]["u"]}), "", "nothing to compare .* for the slew angle"),
+        (lambda g: g["time"].update(column=None), "time", "time has no column"),
+        (lambda g: g["time"].update(column=1), "time", "cannot be time and a signal at once"),
+        (lambda g: g["time"].update(unit="bar"), "time", "'bar'"),
+        (lambda g: g["time"].update(column=None, step=-1), "time", "must be positive"),
+        (lambda g: g.update(budget="soon"), "budget", "'soon' is not a number with a unit"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_the_form_is_named(session, german, filled, spoil, row, said):
+    drop(session, german)
+    given = filled(session.state(), slew=LAGE)
+    spoil(given)
+    with pytest.raises(CosimError, match=said) as error:
+        session.ask("diagnose", given)
+    assert getattr(error.value, "row", "") == row
+    assert session.state()["work"]["state"] == "idle"
+    assert not session.out.exists()
+
+
+def test_without_a_log_there_is_nothing_to_diagnose(session):
+    with pytest.raises(FormError, match="drop one first"):
+        session.ask("diagnose", {})
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.csv", b"hello\nworld\n", "a.csv holds no column of numbers"),
+        ("a.csv", b"", r"a\.csv"),
+        ("a.csv", b"\x00\x01\x02" * 300, r"a\.csv"),
+        ("a.mat", b"MATLAB 5.0", r"a\.mat.* cannot be read"),
+        ("a.parquet", b"PAR1", r"a\.parquet.* cannot be read"),
+        ("a.ssp", b"PK\x03\x04", r"a\.ssp"),
+        ("a.fmu", b"no archive", r"a\.fmu"),
+        ("a.toml", b"[signals", r"a\.toml: the mapping is not valid TOML"),
+        ("a.toml", b"\xff", r"a\.toml: the mapping cannot be read"),
+        ("a.toml", b"[signals.u]\ncolumn = 1\n", r"a\.toml: 'time' is missing"),
+        ("a.toml", HEAD + b"[machine]\nchain = ['x']\n", r"a\.toml.*'x'"),
+        ("a.toml", HEAD + b"[compare]\nparameters = ['/etc/x.ssv']\n", "names other files"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_not_what_its_name_says(session, tmp_path, name, content, said):
+    file = tmp_path / name
+    file.write_bytes(content)
+    with pytest.raises(CosimError, match=said) as error:
+        drop(session, file)
+    assert str(session.folder) not in str(error.value)
+    assert list(session.folder.iterdir()) == []
+    assert session.state()["log"] is None
+
+
+def test_a_log_that_replaces_another_takes_its_place(session, german, tmp_path):
+    first = drop(session, german)
+    with pytest.raises(DataError):
+        drop(session, TOP / "README.md", "b.csv", ".csv")
+    assert first.exists()
+    assert session.state()["log"]["name"] == german.name, "a bad file takes nothing away"
+    second = drop(session, examples_folder() / "synthetic_demo.csv", "c.csv")
+    assert list(session.folder.iterdir()) == [second]
+    assert column_of(session)["slew"] is not None
+
+
+def test_a_file_of_the_command_line_is_read_where_it_lies(session, german):
+    session.take_own(german)
+    drop(session, examples_folder() / "synthetic_demo.csv")
+    assert german.is_file()
+
+
+def test_a_machine_file_keeps_what_it_says_and_its_columns_may_be_changed(session, german, filled):
+    file = examples_folder() / "machines" / "mini_excavator_swing.toml"
+    drop(session, file)
+    drop(session, german)
+    state = session.state()
+    assert state["model"] == "own"
+    assert [m["label"] for m in state["models"]][-1] == file.name
+    rows = {row["signal"]: row for row in state["form"]["rows"]}
+    assert set(rows) == {"u", "slew"}
+    assert all(row["needed"] and row["column"] is None for row in rows.values())
+    assert "'Swing Cmd', which this log does not have" in rows["u"]["check"]
+    with pytest.raises(FormError, match=r"slew .* has no column"):
+        session.ask("diagnose", filled(state, u=1))
+    made = tomllib.loads(mapping_made(session, filled(state, u=1, slew=LAGE)))
+    before = tomllib.loads(file.read_text(encoding="utf-8"))
+    assert made["machine"] == before["machine"]
+    assert made["diagnose"] == before["diagnose"]
+    assert made["signals"]["u"]["column"] == "Ventilbefehl (%)"
+    assert made["signals"]["u"]["zero"] == before["signals"]["u"]["zero"]
+
+
+def test_a_mapping_that_names_a_model_asks_for_it(session, german, filled, tmp_path):
+    file = tmp_path / "m.toml"
+    file.write_text(
+        'model = "../secret/drive.ssp"\ntime = { step = 0.001 }\n[signals.u]\ncolumn = 2\nunit = "%"\n'
+    )
+    drop(session, file)
+    drop(session, german)
+    with pytest.raises(FormError, match=r"names the model '\.\./secret/drive\.ssp': drop that file too"):
+        session.ask("diagnose", filled(session.state()))
+
+
+def test_our_models_by_name(session, german, filled):
+    session.ask("model", {"model": "simplified"})
+    drop(session, german)
+    assert 'model = "simplified"' in mapping_made(session, filled(session.state(), slew=LAGE))
+    with pytest.raises(UsageError, match="no model 'own'"):
+        session.choose("own")
+
+
+def test_nothing_is_taken_while_a_diagnosis_runs(session, german, filled):
+    drop(session, german)
+    session.ask("diagnose", filled(session.state(), slew=LAGE))
+    for press in (lambda: drop(session, german), lambda: session.ask("model", {"model": "simplified"})):
+        with pytest.raises(UsageError, match="a diagnosis runs: stop it first"):
+            press()
+    assert len(list(session.folder.glob("*.csv"))) == 1
+
+
+TEXT = st.text(st.characters(codec="utf-8"), max_size=20)
+VALUE = st.recursive(
+    TEXT | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False, allow_infinity=False),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(TEXT, inner, max_size=3),
+    max_leaves=8,
+)
+
+
+KEY = TEXT.filter(lambda key: key != "signals")
+
+
+@settings(max_examples=40)
+@given(
+    st.dictionaries(KEY, VALUE, max_size=4),
+    st.dictionaries(TEXT, st.dictionaries(TEXT, VALUE, max_size=3), max_size=3),
+)
+def test_what_is_written_as_toml_is_read_as_it_was(content, signals):
+    defaults = {"gain": 1.0, "zero": 0.0, "sign": 1, "offset": 0.0}
+    kept = {name: {k: v for k, v in entry.items() if v != defaults.get(k)} for name, entry in signals.items()}
+    whole = {k: v for k, v in content.items() if v != {}} | ({"signals": kept} if kept else {})
+    assert tomllib.loads(toml_text({**content, "signals": signals}, "made")) == whole
+
+
+def test_columns_of_one_name_are_told_apart_by_their_place(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text("t [s],p [bar],p [bar],\n0,1,2,3\n1,2,3,4\n2,1,2,3\n")
+    found = overview(file)
+    assert [named(found, k) for k in range(3)] == ["t [s]", 2, 3]
+    assert [find(found, named(found, k)) for k in range(3)] == [0, 1, 2]
+    assert find(found, "p") is None
+    assert find(found, 9) is None
+
+
+def test_a_diagnosis_that_fails_says_why_and_leaves_no_folder(session, tmp_path, filled):
+    file = tmp_path / "short.csv"
+    rows = [f"{k / 100},{k % 3 / 10},{k / 10}" for k in range(12)]
+    file.write_text("\n".join(["time [s],u [1],slew [deg]", *rows]) + "\n")
+    drop(session, file)
+    session.ask("diagnose", filled(session.state()))
+    work = finished(session)
+    assert work["state"] == "failed"
+    assert "short.csv: the log has 12 samples" in work["error"]
+    assert work["folder"] == ""
+    assert list(session.out.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """A stranger's package of two native FMUs, and a log of it with a gain of 1.15 hidden at the valve's output."""
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    folder = tmp_path_factory.mktemp("drive")
+    kinds = {"valve": "lag", "plant": "second"}
+    values = {"valve": {"K": 2.0, "T": 0.1}, "plant": {"K": 0.7, "W": 5.0, "ZETA": 0.4}}
+    wires = [("command", "valve.u"), ("valve.y", "plant.u")]
+    package = parts.write_ssp(
+        folder / "drive.ssp",
+        {name: parts.native(kind, folder) for name, kind in kinds.items()},
+        wires,
+        values,
+    )
+    rng = np.random.default_rng(2)
+    t = 0.01 * np.arange(1000)
+    command = np.repeat(rng.uniform(-1.0, 1.0, 11), 100)[:1000] + 0.2 * np.sin(2 * np.pi * 0.7 * t)
+    hidden = [Hidden("port.gain", "valve.y", "output", {"gain": 1.15})]
+    signals = read(
+        simulate(kinds, values, wires, {"command": command}, 0.01, hidden), hidden, 0.01, 0.01, rng
+    )
+    log = folder / "run.csv"
+    with log.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["Time (s)", "Command", "valve_y", "Weg (1)"])
+        writer.writerows(zip(t, *(signals[n] for n in ("command", "valve.y", "plant.y")), strict=True))
+    return package, log
+
+
+def test_a_stranger_s_package_is_mapped_and_diagnosed(session, drive, filled):
+    package, log = drive
+    drop(session, log, "Fahrt 1.csv")
+    drop(session, package)
+    state = session.state()
+    rows = {row["signal"]: row["column"] for row in state["form"]["rows"]}
+    assert rows["command"] == 1
+    assert rows["valve.y"] == 2
+    assert rows["plant.y"] is None
+    session.ask("diagnose", filled(state, **{"plant.y": 3}))
+    work = finished(session)
+    assert work["error"] == ""
+    assert work["state"] == "done"
+    assert work["verdict"] == "explained"
+    assert any("port.gain" in line and "valve.y" in line for line in work["lines"])
+    folder = Path(work["folder"])
+    assert "model drive.ssp)" in work["lines"][0], "by the name under which it was dropped"
+    assert str(session.folder) not in (folder / "diagnosis.json").read_text()
+    assert tomllib.loads((folder / "mapping.toml").read_text())["signals"]["plant.y"]["column"] == "Weg (1)"
+    if work["report"]:
+        assert b"Fahrt 1" in session.report()
+    assert session.done == [{"folder": str(folder), "verdict": "explained"}]

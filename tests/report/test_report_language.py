@@ -1,0 +1,160 @@
+"""The report in German: nothing that a reader sees stays English, and what a place holds is kept."""
+
+import re
+import tomllib
+from pathlib import Path
+from string import Formatter
+
+import pytest
+from report_helpers import friction_with_rest, hidden_material
+
+from cosim.errors import UsageError
+from cosim.report import names
+from cosim.report.folder import load
+from cosim.report.language import PLACE, Catalogue, catalogue, reported_in, said
+from cosim.report.page import page
+from cosim.report.plain import ADVICE
+from cosim.report.words import CAPTIONS, FORMS, NAMES, PHRASES, effect_name
+from cosim.rig import EFFECTS
+from fmus import registry
+
+REPORT = Path(__file__).resolve().parents[2] / "cosim" / "report"
+
+
+@pytest.fixture
+def german():
+    """The catalogue, with nothing missing yet."""
+    found = catalogue("de")
+    found.missing.clear()
+    with reported_in("de"):
+        yield found
+
+
+def sample(text):
+    """A phrase with numbers in its places."""
+    made = ""
+    for literal, place, _, _ in Formatter().parse(text):
+        made += literal
+        if place is not None:
+            made += "1.5 to 2.5" if place.endswith(".interval") else "2.1 bar"
+    return made
+
+
+def test_every_place_is_kept():
+    content = tomllib.loads((REPORT / "de.toml").read_text(encoding="utf-8"))
+    for english, translated in content["messages"].items():
+        places = [sorted(PLACE.findall(text)) for text in (english, translated)]
+        assert set(places[0]) == set(places[1]), english
+
+
+def test_every_literal_of_the_page_is_known(german):
+    text = (REPORT / "page.html.j2").read_text(encoding="utf-8").partition("<script>")[0]
+    literals = [
+        found
+        for expression in re.findall(r"\{\{(.*?)\}\}", text, re.DOTALL)
+        for found in re.findall(r'"([^"]*[a-z]{3}[^"]*)"', expression.partition("|replace(")[0])
+        if "~" not in expression and "%" not in found
+    ]
+    assert len(literals) > 60
+    for literal in literals:
+        said(literal)
+    assert german.missing - {"hot"} == set()
+    inner = re.sub(r"\{\{.*?\}\}|\{%.*?%\}", " ", text, flags=re.DOTALL)
+    inner = re.sub(r"<style>.*?</style>|<code>.*?</code>|<[^>]*>", " ", inner, flags=re.DOTALL)
+    assert re.findall(r"[A-Za-z]{4,}", inner) == [], "words in the page that are no expression"
+
+
+def test_every_word_about_effects_is_known(german):
+    sentences = [s for steps in ADVICE.values() for s in steps]
+    for effect in registry.effects().values():
+        sentences += [effect.text, effect.residual, effect_name(effect.name)]
+        sentences += [variable.text for variable in effect.parameters.values()]
+    sentences += [*NAMES.values(), *(noun for noun, _ in PHRASES.values())]
+    sentences += [*names.SIGNAL_NAMES.values(), *names.BLOCK_NAMES.values()]
+    sentences += [text for text, _, _ in names.QUANTITIES.values()]
+    hows = [sample(how) for _, how in PHRASES.values()]
+    for text in (*sentences, *hows, *(hows[0] + sample(form) for form in FORMS.values())):
+        said(text)
+    captions = {k: re.sub(r"\{\w+(:[^}]*)?\}", "5", v) for k, v in CAPTIONS.items()}
+    for text in captions.values():
+        said(text)
+    assert german.missing == set()
+
+
+def test_a_german_report_of_a_diagnosis_has_no_english_left(german, diagnosed):
+    text = page(load(diagnosed))
+    assert german.missing == set()
+    assert '<html lang="de">' in text
+    assert "In der Simulation stimmt die Reibung nicht" in text
+    assert re.search(r"<td class=\"n\">1\d\d,\d</td>", text), "a decimal comma"
+    assert '"separators":",."' in text
+    assert "&lt;b&gt;rig &amp; co" in text, "names of files are nobody's to translate"
+
+
+def test_what_is_left_unexplained_is_said_in_german(german):
+    text = page(friction_with_rest())
+    assert "Etwas anderes bleibt unerklärt (Mechanik)." in text
+    what = "a missing torque that depends on theta is left in slew"
+    assert german.missing <= {what, f"Unexplained in the mechanics: {what}."}, "which no diagnosis writes"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e in registry.effects()])
+def test_the_pictures_of_every_effect_are_german(german, effect):
+    page(hidden_material(effect, tracker=effect.startswith(("tracker.", "sensor.bias"))))
+    assert german.missing == set()
+
+
+def test_english_is_what_it_was(diagnosed):
+    assert said("The simulation gets x wrong") == "The simulation gets x wrong"
+    assert page(load(diagnosed)) == page(load(diagnosed))
+    assert '<html lang="en">' in page(load(diagnosed))
+
+
+MADE = {
+    "the valve": "das Ventil",
+    "it is {size}.": "es ist {size}.",
+    "{a} and {b}": "{a} und {b}",
+    "from {a} to {b} the log": "die Messung von {a} bis {b}",
+    "twice {x}, {x}": "doppelt {x}, {x}",
+}
+
+
+@pytest.mark.parametrize(
+    ("english", "translated", "missing"),
+    [
+        ("The valve", "Das Ventil", []),
+        ("It is 2.5 bar.", "Es ist 2,5 bar.", []),
+        ("it is 1.5 to 2.5.", "es ist 1,5 bis 2,5.", []),
+        ("It is 1e-5. It is the valve.", "Es ist 1e-5. Es ist das Ventil.", []),
+        ("the valve and the valve", "das Ventil und das Ventil", []),
+        ("the valve and the pump", "das Ventil und the pump", ["the pump"]),
+        (
+            "the pump that broke and the valve",
+            "the pump that broke and the valve",
+            ["the pump that broke and the valve"],
+        ),
+        ("from 1 to 2 the log", "die Messung von 1 bis 2", []),
+        ("twice the valve, the valve", "doppelt das Ventil, das Ventil", []),
+        ("slew-cosim 0.1.0", "slew-cosim 0.1.0", ["slew-cosim 0.1.0"]),
+        ("", "", []),
+        (" – ", " – ", []),
+    ],
+)
+def test_a_text_is_found_whole_by_sentences_or_by_its_places(english, translated, missing):
+    found = Catalogue(MADE, "bis", ",")
+    assert found.said(english) == translated
+    assert sorted(found.missing) == missing
+
+
+def test_a_language_that_is_not_there_is_refused(command, diagnosed, tmp_path):
+    with pytest.raises(UsageError, match="not there in 'fr': one of en, de"), reported_in("fr"):
+        pass
+    code, _, err = command("report", diagnosed, "--language", "fr")
+    assert code == 2
+    assert "one of en, de" in err
+    log = tmp_path / "log.csv"
+    log.write_text("time [s],u [1]\n0,0\n")
+    code, _, err = command("diagnose", log, "--language", "fr", "--out", tmp_path / "out")
+    assert code == 2
+    assert not (tmp_path / "out").exists()
