@@ -264,16 +264,28 @@ def same_names(rows: Sequence[Row]) -> tuple[int, int]:
     return sum(a == b for a, b in pairs), len(pairs)
 
 
+def agreeing(rows: Sequence[Row]) -> tuple[int, int]:
+    """Pairs as of `same_names` in which all that one names the other names, too, or declares alike with it."""
+    by_axis: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        if row.verdict:
+            by_axis[row.axis].append(row)
+    pairs = [(a, b) for own in by_axis.values() for a, b in combinations(own, 2) if a.causes or b.causes]
+    agree = [{*a.causes} <= {*b.causes, *b.alike} and {*b.causes} <= {*a.causes, *a.alike} for a, b in pairs]
+    return sum(agree), len(pairs)
+
+
 def summary(rows: Sequence[Row]) -> list[str]:
     """What the rows come to, a sentence each."""
     judged = [row for row in rows if row.before is not None]
     times = [row.cpu for row in rows]
     same, pairs = same_names(rows)
+    agree, _ = agreeing(rows)
     lines = [
         f"ended without an error: {sum(row.code == 0 for row in rows)} of {len(rows)}",
         f"as good as the linear reference, or says that it is not: {sum(r.honest for r in judged)} of {len(judged)}",
         f"worse after than before: {sum(row.worse for row in judged)} of {len(judged)}",
-        f"the same names from log to log of one axis: {same} of {pairs} pairs",
+        f"the same names from log to log of one axis: {same} of {pairs} pairs; {agree} where what is declared alike counts",
     ]
     if judged:
         gained = [row.after / row.before for row in judged if row.after is not None and row.before]
