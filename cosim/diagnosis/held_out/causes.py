@@ -386,7 +386,7 @@ def reconsider(
     taken = chosen.effects
     step = stepper(finding, held, signal, tolerance, done)
     at = step(named)
-    listed, told = dict(finding.rivals), dict(finding.undecided)
+    listed, told, kept_apart = dict(finding.rivals), dict(finding.undecided), dict(finding.undecided)
     for effect in named:
         rest = tuple(e for e in named if e != effect)
         # what holds the kept one was refused in its place already
@@ -410,7 +410,7 @@ def reconsider(
             gains = instead.gain_over(bare).sure
             if other.name not in instead.unsure and gains and about_as_well:
                 undecided.append(other)
-        told[effect.name] = [e.name for e in undecided]
+        told[effect.name] = kept_apart[effect.name] = [e.name for e in undecided]
         known = {e.name for (e,) in beside}
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
@@ -420,13 +420,15 @@ def reconsider(
         if other != effect:
             taken = tuple(other if e == effect else e for e in taken)
             told[other.name] = [effect.name]
-    finding = replace(finding, rivals=listed, undecided=told)
     if taken != chosen.effects:
         marked = tuple(e for e in taken if e.name in SAMPLED)
-        at = shrunk(finding, step(tuple(e for e in taken if e.name not in SAMPLED)), step, {})
-        taken = (*at.effects, *marked)
-        kept = {e.name: borne(at, e, step) for e in at.effects}
-        finding = replace(finding, held_squares=at.squares, borne=kept)
+        after = shrunk(finding, step(tuple(e for e in taken if e.name not in SAMPLED)), step, {})
+        if at.clearly_better(after):  # what is likelier by itself costs another cause its size
+            return replace(finding, rivals=listed, undecided=kept_apart), chosen.effects
+        taken = (*after.effects, *marked)
+        kept = {e.name: borne(after, e, step) for e in after.effects}
+        finding = replace(finding, held_squares=after.squares, borne=kept)
+    finding = replace(finding, rivals=listed, undecided=told)
     return finding, taken
 
 
