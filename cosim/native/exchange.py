@@ -140,13 +140,17 @@ def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str
     lists = buffers(part.composed)
 
     def copied(layout: str, place: str) -> str:
-        return ", ".join(f"{place}.{c_name(n)}" for n in program.layouts[layout].names) or "0"
+        places = [(n, f"{place}.{c_name(n)}") for n in program.layouts[layout].names]
+        return (
+            ", ".join(at if n in lists and layout == "Memory" else f"pc_real({at})" for n, at in places)
+            or "0"
+        )
 
     entries = {w.target[1]: k for k, w in enumerate(model.wires)}
-    values = ", ".join(f"inputs[{entries[n]}]" for n in part.composed.inputs) or "0"
-    state = [f"x.{c_name(n)} = {own}.x.{c_name(n)};" for n in found.states]
-    outputs = [f"outputs[{k}] = creal(y.{c_name(n)});" for k, n in enumerate(part.composed.outputs)]
-    ends = [f"rates[{k}] = cimag(x1.{c_name(n)}) / SEED;" for k, n in enumerate(found.states)]
+    values = ", ".join(f"pc_real(inputs[{entries[n]}])" for n in part.composed.inputs) or "0"
+    state = [f"x.{c_name(n)} = pc_real({own}.x.{c_name(n)});" for n in found.states]
+    outputs = [f"outputs[{k}] = y.{c_name(n)}.value;" for k, n in enumerate(part.composed.outputs)]
+    ends = [f"rates[{k}] = x1.{c_name(n)}.rate;" for k, n in enumerate(found.states)]
     assert not [b for b in lists.values() if b.resource]
     body = [
         f"const {kinds['Parameters']} p = {{{copied('Parameters', f'{own}.p')}}};",
@@ -156,13 +160,13 @@ def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str
         f"{kinds['Coefficients']} c;",
         f"{kinds['Output']} y;",
         *("(void)m;", "(void)p;", "(void)u;", "(void)rates;", "(void)inputs;", "(void)py_fault;"),
-        program.call("coefficients", "c", "&p", "0.0"),
+        program.call("coefficients", "c", "&p", "pc_real(0.0)"),
         program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
         "x = x1; /* what it keeps of the input is that of now */",
         *state,
         program.call("output", "y", "&x", "&u", "&m", "&p"),
         *outputs,
-        program.call("coefficients", "c", "&p", "pc_make(0.0, SEED)"),
+        program.call("coefficients", "c", "&p", "pc_make(0.0, 1.0)"),
         program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
         *ends,
         "(void)c;",

@@ -122,7 +122,9 @@ class Glue:
         lines = self.arguments(part, "inputs", "outputs")
         lines += [f"{program.layouts['Output'].c} y;"]
         if lists:
-            lines.append(f"const py_array buffers[] = {{{', '.join(lists)}}};")
+            # one by one: tcc takes no structs among the initial values of an array
+            lines.append(f"py_array buffers[{len(lists)}];")
+            lines += [f"buffers[{k}] = {name};" for k, name in enumerate(lists)]
         for name, buffer in buffers(part.composed).items():
             if not buffer.resource:
                 lines.append(f"memset({own}.{c_name(name)}, 0, sizeof {own}.{c_name(name)});")

@@ -1,31 +1,45 @@
 /* Numbers with a derivative, for model exchange: y' follows from a step of length 0 whose derivative by the length is taken.
 
-   A number a + b i stands for the value a and the derivative b SEED: with SEED so small that b b vanishes, products and
-   quotients of complex numbers obey the rules of differentiation, exactly and without a difference of close values (Squire
-   and Trapp, Using complex variables to estimate derivatives, SIAM Review 40, 1998). */
+   A number stands for a value and a derivative; products, quotients and functions obey the rules of differentiation, exactly
+   and without a difference of close values (forward mode of automatic differentiation: Wengert, A simple automatic derivative
+   evaluation program, Comm. ACM 7(8), 1964). Plain structs and functions, so that any compiler takes them. */
 
 #ifndef RATES_H
 #define RATES_H
 
-#include <complex.h>
-#undef I /* the instance's name elsewhere */
+typedef struct {
+    double value, rate;
+} py_dual;
 
-#define SEED 1e-180
-
-typedef double complex py_complex;
-
-static inline py_complex pc_make(double value, double derivative) {
-    const double parts[2] = {value, derivative};
-    py_complex z;
-    memcpy(&z, parts, sizeof z);
+static inline py_dual pc_make(double value, double rate) {
+    py_dual z;
+    z.value = value;
+    z.rate = rate;
     return z;
 }
 
+static inline py_dual pc_real(double value) { return pc_make(value, 0.0); }
+static inline double pc_value(py_dual z) { return z.value; }
+
+static inline py_dual pc_plus(py_dual a, py_dual b) { return pc_make(a.value + b.value, a.rate + b.rate); }
+static inline py_dual pc_minus(py_dual a, py_dual b) { return pc_make(a.value - b.value, a.rate - b.rate); }
+static inline py_dual pc_negative(py_dual a) { return pc_make(-a.value, -a.rate); }
+
+static inline py_dual pc_times(py_dual a, py_dual b) {
+    return pc_make(a.value * b.value, a.value * b.rate + a.rate * b.value);
+}
+
+/* by a number that is not 0 */
+static inline py_dual pc_over(py_dual a, py_dual b) {
+    const double value = a.value / b.value;
+    return pc_make(value, (a.rate - value * b.rate) / b.value);
+}
+
 /* f(z) from f and f' at its value */
-#define PC_MATH(name, value, slope) \
-    static inline py_complex pc_##name(py_complex z, int *py_fault) { \
-        const double x = creal(z), y = value; \
-        return pc_make(y, cimag(z) != 0.0 ? cimag(z) * (slope) : 0.0); \
+#define PC_MATH(name, result, slope) \
+    static inline py_dual pc_##name(py_dual z, int *py_fault) { \
+        const double x = z.value, y = result; \
+        return pc_make(y, z.rate != 0.0 ? z.rate * (slope) : 0.0); \
     }
 
 PC_MATH(acos, py_acos(x, py_fault), -1.0 / sqrt(1.0 - x * x))
@@ -50,9 +64,9 @@ PC_MATH(trunc, py_trunc(x, py_fault), 0.0)
 PC_MATH(round, py_round(x, py_fault), 0.0)
 
 #define PC_SAFE(name, slope) \
-    static inline py_complex pc_##name(py_complex z) { \
-        const double x = creal(z), y = name(x); \
-        return pc_make(y, cimag(z) != 0.0 ? cimag(z) * (slope) : 0.0); \
+    static inline py_dual pc_##name(py_dual z) { \
+        const double x = z.value, y = name(x); \
+        return pc_make(y, z.rate != 0.0 ? z.rate * (slope) : 0.0); \
     }
 
 PC_SAFE(fabs, copysign(1.0, x) + 0.0 * y)
@@ -62,52 +76,55 @@ PC_SAFE(asinh, 1.0 / sqrt(1.0 + x * x) + 0.0 * y)
 PC_SAFE(erf, 1.1283791670955126 * exp(-x * x) + 0.0 * y)
 PC_SAFE(erfc, -1.1283791670955126 * exp(-x * x) + 0.0 * y)
 
-static inline py_complex pc_atan2(py_complex y, py_complex x) {
-    const double a = creal(y), b = creal(x), square = a * a + b * b;
-    return pc_make(atan2(a, b), square > 0.0 ? (b * cimag(y) - a * cimag(x)) / square : 0.0);
+static inline py_dual pc_atan2(py_dual y, py_dual x) {
+    const double a = y.value, b = x.value, square = a * a + b * b;
+    return pc_make(atan2(a, b), square > 0.0 ? (b * y.rate - a * x.rate) / square : 0.0);
 }
 
-static inline py_complex pc_copysign(py_complex a, py_complex b) {
-    const double flip = signbit(creal(a)) == signbit(creal(b)) ? 1.0 : -1.0;
-    return pc_make(flip * creal(a), flip * cimag(a));
+static inline py_dual pc_copysign(py_dual a, py_dual b) {
+    const double flip = signbit(a.value) == signbit(b.value) ? 1.0 : -1.0;
+    return pc_make(flip * a.value, flip * a.rate);
 }
 
-static inline py_complex pc_divide(py_complex a, py_complex b, int *py_fault) {
-    const double value = py_divide(creal(a), creal(b), py_fault);
-    return pc_make(value, creal(b) != 0.0 ? (cimag(a) - value * cimag(b)) / creal(b) : 0.0);
+static inline py_dual pc_divide(py_dual a, py_dual b, int *py_fault) {
+    const double value = py_divide(a.value, b.value, py_fault);
+    return pc_make(value, b.value != 0.0 ? (a.rate - value * b.rate) / b.value : 0.0);
 }
 
-static inline py_complex pc_modulo(py_complex a, py_complex b, int *py_fault) {
-    const double whole = py_floor_divide(creal(a), creal(b), py_fault);
-    return pc_make(py_modulo(creal(a), creal(b), py_fault), cimag(a) - whole * cimag(b));
+static inline py_dual pc_modulo(py_dual a, py_dual b, int *py_fault) {
+    const double whole = py_floor_divide(a.value, b.value, py_fault);
+    return pc_make(py_modulo(a.value, b.value, py_fault), a.rate - whole * b.rate);
 }
 
-static inline py_complex pc_fmod(py_complex a, py_complex b, int *py_fault) {
-    const double rest = py_fmod(creal(a), creal(b), py_fault);
-    return pc_make(rest, cimag(a) - (creal(b) != 0.0 ? (creal(a) - rest) / creal(b) : 0.0) * cimag(b));
+static inline py_dual pc_fmod(py_dual a, py_dual b, int *py_fault) {
+    const double rest = py_fmod(a.value, b.value, py_fault);
+    return pc_make(rest, a.rate - (b.value != 0.0 ? (a.value - rest) / b.value : 0.0) * b.rate);
 }
 
-static inline py_complex pc_floor_divide(py_complex a, py_complex b, int *py_fault) {
-    return pc_make(py_floor_divide(creal(a), creal(b), py_fault), 0.0);
+static inline py_dual pc_floor_divide(py_dual a, py_dual b, int *py_fault) {
+    return pc_make(py_floor_divide(a.value, b.value, py_fault), 0.0);
 }
 
-static inline py_complex pc_power(py_complex a, py_complex b, int *py_fault) {
-    const double x = creal(a), n = creal(b), y = py_power(x, n, py_fault);
+static inline py_dual pc_power(py_dual a, py_dual b, int *py_fault) {
+    const double x = a.value, n = b.value, y = py_power(x, n, py_fault);
     double slope = 0.0;
-    if (cimag(a) != 0.0 && n != 0.0) {
-        slope += cimag(a) * n * pow(x, n - 1.0);
+    if (a.rate != 0.0 && n != 0.0) {
+        slope += a.rate * n * pow(x, n - 1.0);
     }
-    if (cimag(b) != 0.0 && x > 0.0) {
-        slope += cimag(b) * y * log(x);
+    if (b.rate != 0.0 && x > 0.0) {
+        slope += b.rate * y * log(x);
     }
     return pc_make(y, slope);
 }
 
-static inline int64_t pc_whole(py_complex a, int *py_fault) { return py_whole(creal(a), py_fault); }
-static inline py_complex pc_min(py_complex a, py_complex b) { return creal(b) < creal(a) ? b : a; }
-static inline py_complex pc_max(py_complex a, py_complex b) { return creal(b) > creal(a) ? b : a; }
-static inline int pc_isnan(py_complex a) { return isnan(creal(a)); }
-static inline int pc_isinf(py_complex a) { return isinf(creal(a)); }
-static inline int pc_isfinite(py_complex a) { return isfinite(creal(a)); }
+static inline int64_t pc_whole(py_dual a, int *py_fault) { return py_whole(a.value, py_fault); }
+static inline py_dual pc_min(py_dual a, py_dual b) { return b.value < a.value ? b : a; }
+static inline py_dual pc_max(py_dual a, py_dual b) { return b.value > a.value ? b : a; }
+static inline int pc_isnan(py_dual a) { return isnan(a.value); }
+static inline int pc_isinf(py_dual a) { return isinf(a.value); }
+static inline int pc_isfinite(py_dual a) { return isfinite(a.value); }
+
+static inline py_dual pc_get(py_array a, int64_t i, int *py_fault) { return pc_real(py_get(a, i, py_fault)); }
+static inline void pc_set(py_array a, int64_t i, py_dual value, int *py_fault) { py_set(a, i, value.value, py_fault); }
 
 #endif
