@@ -107,6 +107,10 @@ class Model:
         ]
         return [(file, int(column)) for file, _, column in found]
 
+    def is_direct(self, part: str, output: str) -> bool:
+        """True if an input of the whole acts on an output of a component at once."""
+        return any(self.places[n] == (part, output) and knowns for n, knowns in self.feedthrough.items())
+
     @property
     def takes_time(self) -> bool:
         """True if a component wants the communication time."""

@@ -119,6 +119,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
         }
     }
     memcpy(I->values + N_INPUTS, outputs, sizeof outputs);
+    I->begun = 1;
     I->time = time + step;
     return fmi2OK;
 }
