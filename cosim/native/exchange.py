@@ -134,7 +134,7 @@ def lines(model: Model) -> list[str]:
 
 
 def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str]:
-    """Derivatives of the states and outputs at the present states and inputs."""
+    """Derivatives of the states, and outputs, at the present states and inputs; and of both in a direction of these."""
     part = model.parts[0]
     kinds = {name: struct.c for name, struct in program.layouts.items()}
     lists = buffers(part.composed)
@@ -147,10 +147,20 @@ def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str
         )
 
     entries = {w.target[1]: k for k, w in enumerate(model.wires)}
-    values = ", ".join(f"pc_real(inputs[{entries[n]}])" for n in part.composed.inputs) or "0"
-    state = [f"x.{c_name(n)} = pc_real({own}.x.{c_name(n)});" for n in found.states]
+    values = (
+        ", ".join(
+            f"pc_make(inputs[{entries[n]}], 0.0, seeds[{entries[n]}], 0.0)" for n in part.composed.inputs
+        )
+        or "0"
+    )
+    state = [
+        f"x.{c_name(n)} = pc_make({own}.x.{c_name(n)}, 0.0, seeds[{len(entries) + k}], 0.0);"
+        for k, n in enumerate(found.states)
+    ]
     outputs = [f"outputs[{k}] = y.{c_name(n)}.value;" for k, n in enumerate(part.composed.outputs)]
     ends = [f"rates[{k}] = x1.{c_name(n)}.rate;" for k, n in enumerate(found.states)]
+    slopes = [f"slopes[{k}] = y.{c_name(n)}.seed;" for k, n in enumerate(part.composed.outputs)]
+    slopes += [f"slopes[{len(slopes) + k}] = x1.{c_name(n)}.both;" for k, n in enumerate(found.states)]
     assert not [b for b in lists.values() if b.resource]
     body = [
         f"const {kinds['Parameters']} p = {{{copied('Parameters', f'{own}.p')}}};",
@@ -159,20 +169,32 @@ def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str
         f"{kinds['State']} x = {{{copied('State', f'{own}.x')}}}, x1;",
         f"{kinds['Coefficients']} c;",
         f"{kinds['Output']} y;",
-        *("(void)m;", "(void)p;", "(void)u;", "(void)rates;", "(void)inputs;", "(void)py_fault;"),
+        *(
+            "(void)m;",
+            "(void)p;",
+            "(void)u;",
+            "(void)rates;",
+            "(void)inputs;",
+            "(void)seeds;",
+            "(void)py_fault;",
+        ),
         program.call("coefficients", "c", "&p", "pc_real(0.0)"),
         program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
         "x = x1; /* what it keeps of the input is that of now */",
         *state,
         program.call("output", "y", "&x", "&u", "&m", "&p"),
         *outputs,
-        program.call("coefficients", "c", "&p", "pc_make(0.0, 1.0)"),
+        program.call("coefficients", "c", "&p", "pc_make(0.0, 1.0, 0.0, 0.0)"),
         program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
         *ends,
+        *slopes,
         "(void)c;",
         "(void)x1;",
     ]
-    head = "const Model *M, const double inputs[], double outputs[], double rates[], int *py_fault"
+    head = (
+        "const Model *M, const double inputs[], const double seeds[], double outputs[], double rates[], "
+        "double slopes[], int *py_fault"
+    )
     return function("model_rates", head, body)
 
 
@@ -189,7 +211,13 @@ def extended(root: etree._Element, model: Model, content: bytes) -> etree._Eleme
                                        "canSerializeFMUstate", "needsExecutionTool")}  # fmt: skip
     sources = E.SourceFiles(*(E.File(name=f.get("name")) for f in slave.findall("SourceFiles/File")))
     slave.addprevious(
-        E.ModelExchange(sources, modelIdentifier=model.name, completedIntegratorStepNotNeeded="true", **flags)
+        E.ModelExchange(
+            sources,
+            modelIdentifier=model.name,
+            completedIntegratorStepNotNeeded="true",
+            providesDirectionalDerivative="true",
+            **flags,
+        )
     )
     known = [v for _, _, v in model.rows]
     every = [*known, *(v for _, v in rows), *(derivative_of(v) for _, v in rows)]
