@@ -7,11 +7,11 @@ small, and too large only where terms cancel.
 
 import ast
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from fmus.compose import Composed
 from fmus.contract import Buffer
-from fmus.syntax import parsed
+from fmus.syntax import names, parsed
 
 Names = frozenset[str]
 NONE: Names = frozenset()
@@ -107,7 +107,6 @@ class _Frame:
     variables: dict[str, Value]
     result: Value | None = None
     conditions: Names = NONE
-    stores: list[tuple[Value, Names]] = field(default_factory=list)
 
 
 class _Text:
@@ -118,17 +117,23 @@ class _Text:
         tree = parsed(composed.source)
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         self.fields = {name: tuple(getattr(composed.module, name)._fields) for name in LAYOUTS}
+        self.open: list[
+            str
+        ] = []  # functions that are being followed: one that calls itself is not followed again
 
     def layout(self, name: str, prefix: str = "") -> Fields:
         """A named tuple whose fields depend on themselves."""
         keys = self.fields[name]
         return Fields(keys, tuple(frozenset({f"{prefix}{key}"}) for key in keys))
 
-    def call(self, name: str, arguments: Sequence[Value]) -> Value:
-        """Follow a function."""
+    def call(self, name: str, arguments: Sequence[Value], conditions: Names = NONE) -> Value:
+        """Follow a function that is called under conditions."""
         node = self.functions[name]
-        frame = _Frame(dict(zip((a.arg for a in node.args.args), arguments, strict=True)))
+        given = dict(zip((a.arg for a in node.args.args), arguments, strict=True))
+        frame = _Frame(given, conditions=conditions)
+        self.open.append(name)
         self.follow(node.body, frame)
+        self.open.pop()
         return NONE if frame.result is None else frame.result
 
     def follow(self, body: Sequence[ast.stmt], frame: _Frame) -> None:
@@ -165,6 +170,12 @@ class _Text:
             self.loop(node, frame)
         elif isinstance(node, ast.Expr):
             self.value(node.value, frame)
+        else:  # of any other kind: whatever it reads may be behind whatever it assigns or returns
+            read = self.read(node, frame) | frame.conditions
+            for name in names(node, ast.Store):
+                frame.variables[name] = flat(frame.variables.get(name, NONE)) | read
+            if any(isinstance(n, ast.Return) for n in ast.walk(node)):
+                frame.result = joined(frame.result, read)
 
     def branches(self, test: Value, bodies: Sequence[Sequence[ast.stmt]], frame: _Frame) -> None:
         """Follow each branch from the same variables; either may have been taken."""
@@ -226,13 +237,18 @@ class _Text:
             return flat(whole) | flat(self.value(place, frame))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             arguments = [self.value(a, frame) for a in node.args]
-            if node.func.id in self.functions:
-                return self.call(node.func.id, arguments)
-            if node.func.id in self.fields:
+            by_place = not node.keywords and not any(isinstance(a, ast.Starred) for a in node.args)
+            if node.func.id in self.functions and by_place and node.func.id not in self.open:
+                return self.call(node.func.id, arguments, frame.conditions)
+            if node.func.id in self.fields and by_place:
                 return Fields(self.fields[node.func.id], tuple(arguments))
-            return NONE.union(*map(flat, arguments))
-        inner = [n for n in ast.iter_child_nodes(node) if isinstance(n, ast.expr)]
-        return NONE.union(*(flat(self.value(n, frame)) for n in inner))
+        parts = list(ast.iter_child_nodes(node))
+        inner = NONE.union(*(flat(self.value(n, frame)) for n in parts if isinstance(n, ast.expr)))
+        return inner.union(*(self.read(n, frame) for n in parts if not isinstance(n, ast.expr)))
+
+    def read(self, node: ast.AST, frame: _Frame) -> Names:
+        """Names behind all variables that a piece of text reads."""
+        return NONE.union(*(flat(frame.variables.get(n, NONE)) for n in names(node, ast.Load)))
 
 
 def through(
@@ -250,9 +266,9 @@ def through(
     found: dict[tuple[str, str], Names] = dict.fromkeys(outputs, NONE)
     while True:
         before = dict(found)
-        for (component, output), names in outputs.items():
+        for (component, output), behind in outputs.items():
             own = NONE
-            for name in names:
+            for name in behind:
                 source = sources.get((component, name), (component, ""))
                 if source[1] == "":
                     own |= {f"{component}.{name}"}

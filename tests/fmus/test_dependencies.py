@@ -15,7 +15,9 @@ from cosim.ssp.read import read_system
 from cosim.ssp.write import write_ssp
 from fmus import registry
 from fmus.build import composed_block
-from fmus.dependencies import at_start
+from fmus.compose import compose
+from fmus.contract import Effect, Variable, equation
+from fmus.dependencies import after_step, at_start
 from fmus.describe import model_description
 
 # of what a start depends on, but not alone: an effect that must be on, a value that another one limits
@@ -72,6 +74,24 @@ def test_a_start_depends_on_what_is_listed_and_on_nothing_else(block):
     listed = {(output, name) for output in composed.outputs for name in at_start(composed)[output]}
     assert seen <= listed
     assert listed - seen == CANCELS.get(block, set())
+
+
+@equation
+def capped(slew, m, p):
+    """Said in ways that our own equations do not use."""
+    with_cap = [value for value in (slew, p.cap)]  # noqa: C416
+    return min(*with_cap) if p.cap > 0.0 else max((slew, 0.0), key=lambda one: one)
+
+
+def test_text_that_is_not_followed_counts_as_a_whole():
+    """An effect of somebody else may be any Python: never too small a set."""
+    effect = Effect(
+        name="sensor.cap", text="t", residual="r", source="s", key="cap", fills={"transmitted": capped},
+        parameters={"cap": Variable("1", "Cap", 0.0, 0.0, 1.0, source="off")},
+    )  # fmt: skip
+    found = after_step(compose(registry.block("sensor"), [effect]))
+    assert {"cap", "theta", "gain", "bias"} <= found["slew"]
+    assert "cap" not in found["reading"]
 
 
 def unknowns(root, section):
