@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "clients"))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from jacobi import FIRST_INPUT_ZERO, read_parts, simulate
+from jacobi import SCHEMES, read_parts, simulate
 
 from benchmarks.engines import run_engine
 from benchmarks.interoperability_page import BUILD, CLIENTS, KINDS, TOLERANCE, H, Row, page
@@ -97,7 +97,7 @@ class Trials:
     def __init__(self, packages: Mapping[str, Mapping[str, Path]], scratch: Path, steps: int = STEPS) -> None:
         self.packages, self.steps = packages, steps
         self.host = compiled_host(scratch)
-        self.expected: dict[tuple[str, str, bool | None], dict[str, Array]] = {}
+        self.expected: dict[tuple[str, str, str | None], dict[str, Array]] = {}
 
     def row(self, kind: str, client: str) -> Row:
         """Try one client on every package of a kind."""
@@ -160,15 +160,15 @@ class Trials:
 
     def reference(self, kind: str, client: str, system: str) -> dict[str, Array]:
         """What the equations give under the client's scheme."""
-        zero = FIRST_INPUT_ZERO.get(client)
-        key = (kind, system, zero)
+        scheme = SCHEMES.get(client)
+        key = (kind, system, client if scheme else None)
         if key not in self.expected:
             package, signals = self.packages[kind][system], SIGNALS[system]
-            if zero is None:
+            if scheme is None:
                 with read_system(package) as read:
                     self.expected[key] = gauss_seidel(package, prepare(read), self.steps, H, signals)
             else:
-                self.expected[key] = simulate(package, self.steps, H, signals, first_input_zero=zero)
+                self.expected[key] = simulate(package, self.steps, H, signals, **scheme)
         return self.expected[key]
 
 

@@ -62,10 +62,14 @@ Made by `python benchmarks/interoperability.py`; do not edit by hand. Every cell
 NOT_RUN = """
 ## Not run here
 
-There is no MATLAB, no Modelica tool and no Windows at hand. [Export](export.md) says what was checked in their stead.
+There is no MATLAB, no OpenModelica, no Dymola and no Windows at hand. [Export](export.md) says what was checked in their
+stead.
 
 - Simulink: `cosim export-simulink` writes a script; it was run in Octave against a stand-in for Simulink.
-- OpenModelica and Dymola: `cosim export-modelica` writes a package; its C functions were run event by event.
+- OpenModelica and Dymola: `cosim export-modelica` writes a package; its C functions were run event by event,
+  and the Modelica compiler Rumoca checks its types, sizes and balance in the tests.
+- OMSimulator (built from source once) and PyFMI (its source was read): what they met is mended ([native FMUs](native.md)),
+  and was not run again.
 - Windows: the FMUs of the kind `pythonfmu` hold win64 binaries.
 """
 

@@ -21,7 +21,7 @@ from fmus.specialise import flat_text
 
 ARCHIVE_DATE = (2026, 1, 1, 0, 0, 0)
 PICTURES = Path(__file__).parent / "pictures"
-EQUATIONS = "Input, Parameters, State, Memory, start, begin, coefficients, output"
+EQUATIONS = "Input, Parameters, State, Memory, start, begin, coefficients, output, advance"
 PARTS = ("slave_base.py", "slave.py")  # of the slave, in the order in which one needs the other
 
 
@@ -49,6 +49,7 @@ def script(composed: Composed, starts: Mapping[str, float]) -> str:
         "n_inputs": len(composed.inputs),
         "n_outputs": len(composed.outputs),
         "takes_time": composed.takes_time,
+        "direct": tuple(i for i, n in enumerate(composed.outputs) if n in composed.direct),
         "buffers": tuple(buffers),
         "switches": tuple((names.index(key), off) for key, off in keys.items()),
     }

@@ -61,6 +61,13 @@ class Composed:
         return any(v.kind == "time" for v in self.block.inputs.values())
 
     @property
+    def direct(self) -> tuple[str, ...]:
+        """Outputs that follow an input at once, by a step of length 0; none where such a step needs the time or changes a list."""
+        if self.takes_time or any(isinstance(item, Buffer) for item in self.memory.values()):
+            return ()
+        return tuple(name for name in self.outputs if self.block.feedthrough.get(name))
+
+    @property
     def digest(self) -> str:
         """Twelve hexadecimal digits of the text's SHA-256."""
         return hashlib.sha256(self.source.encode()).hexdigest()[:12]

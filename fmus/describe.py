@@ -2,7 +2,7 @@
 
 import hashlib
 import uuid
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from lxml import etree
 from lxml.builder import E
@@ -10,9 +10,11 @@ from lxml.builder import E
 from cosim.units import base_exponents, factor
 from fmus.compose import Composed
 from fmus.contract import UNBOUNDED, Variable
+from fmus.dependencies import at_start
 
 GENERATION_DATE = "2026-01-01T00:00:00Z"  # fixed: the same content gives the same bytes
 VERSION = "1.0"
+TOLERANCE = "1e-06"  # of a solver in model exchange; in co-simulation a step is as exact as it is
 
 
 def number(value: float, variable: Variable) -> str:
@@ -93,7 +95,14 @@ def model_description(composed: Composed, starts: Mapping[str, float], content: 
     """
     block = composed.block
     return described(
-        block.name, block.title, table(composed), block.feedthrough, starts, content, block.step_size
+        block.name,
+        block.title,
+        table(composed),
+        block.feedthrough,
+        at_start(composed),
+        starts,
+        content,
+        block.step_size,
     )
 
 
@@ -102,6 +111,7 @@ def described(
     title: str,
     rows: Sequence[tuple[str, str, Variable]],
     feedthrough: Mapping[str, tuple[str, ...]],
+    initial: Mapping[str, Collection[str]],
     starts: Mapping[str, float],
     content: bytes,
     step_size: float,
@@ -115,6 +125,7 @@ def described(
         title: one line for people.
         rows: (name, causality, declaration) of every variable; the position is its value reference.
         feedthrough: outputs that depend directly on an input, with those inputs.
+        initial: inputs and parameters on which each output depends at initialisation.
         starts: start values that differ from the declarations.
         content: everything else that makes the FMU what it is.
         step_size: default communication step, s.
@@ -143,9 +154,11 @@ def described(
     for category in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll"):
         categories.append(E.Category(name=category))
     root.append(categories)
-    root.append(E.DefaultExperiment(startTime="0", stopTime="10", stepSize=repr(step_size)))
+    root.append(
+        E.DefaultExperiment(startTime="0", stopTime="10", tolerance=TOLERANCE, stepSize=repr(step_size))
+    )
     root.append(variables)
-    root.append(structure(rows, feedthrough))
+    root.append(structure(rows, feedthrough, initial))
     root.set("guid", f"{{{uuid.UUID(hashlib.sha256(etree.tostring(root) + content).hexdigest()[:32])}}}")
     return root
 
@@ -162,16 +175,25 @@ def co_simulation(name: str, sources: Sequence[str]) -> etree._Element:
 
 
 def structure(
-    rows: Sequence[tuple[str, str, Variable]], feedthrough: Mapping[str, tuple[str, ...]]
+    rows: Sequence[tuple[str, str, Variable]],
+    feedthrough: Mapping[str, tuple[str, ...]],
+    initial: Mapping[str, Collection[str]],
 ) -> etree._Element:
-    """Outputs, with the inputs that they depend on directly."""
+    """Outputs, with the inputs that they depend on directly, and with what they depend on at initialisation.
+
+    An empty list means that there are none; without a list a master has to assume all, and sees loops that there are not.
+    """
     index = {own: i + 1 for i, (own, _, _) in enumerate(rows)}
-    outputs, initial = E.Outputs(), E.InitialUnknowns()
+    outputs, unknowns = E.Outputs(), E.InitialUnknowns()
     for output in [own for own, causality, _ in rows if causality == "output"]:
-        depends = " ".join(str(index[i]) for i in feedthrough.get(output, ()))
-        outputs.append(E.Unknown(index=str(index[output]), dependencies=depends))
-        initial.append(E.Unknown(index=str(index[output])))
-    return E.ModelStructure(outputs, initial)
+        outputs.append(unknown(index[output], [index[i] for i in feedthrough.get(output, ())]))
+        unknowns.append(unknown(index[output], [index[i] for i in initial[output]]))
+    return E.ModelStructure(outputs, unknowns)
+
+
+def unknown(index: int, dependencies: Iterable[int]) -> etree._Element:
+    """An entry of ModelStructure."""
+    return E.Unknown(index=str(index), dependencies=" ".join(map(str, sorted(dependencies))))
 
 
 def documentation(composed: Composed, starts: Mapping[str, float]) -> bytes:

@@ -20,10 +20,12 @@ class BlockSlave(BaseSlave):
     """A composed block as a slave; the subclass that the FMU's script defines fills in the tables.
 
     Attributes:
-        equations: (Input, Parameters, State, Memory, start, begin, coefficients, output).
+        equations: (Input, Parameters, State, Memory, start, begin, coefficients, output, advance).
         plain, with_effects: texts of the flattened step, without effects and with all of them.
         switches: (position among the parameters, off value) of each effect's key.
         takes_time: the equations want the communication time as last input.
+        direct: positions among the outputs of those that follow an input at once.
+        stale: an input has changed since the last step, so that these are to be computed when they are asked for.
         buffers: (length, resource file and column) of each array that block or effects remember.
         set_real, get_real, do_step: what pythonfmu calls every step; each phase of life installs its own.
     """
@@ -33,6 +35,7 @@ class BlockSlave(BaseSlave):
     with_effects = ""
     switches: tuple[tuple[int, float], ...] = ()
     takes_time = False
+    direct: tuple[int, ...] = ()
     buffers: tuple[tuple[int, str], ...] = ()
     set_real: Callable[[list[int], list[float]], None]
     get_real: Callable[[list[int]], list[float]]
@@ -41,6 +44,7 @@ class BlockSlave(BaseSlave):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self.time = 0.0
+        self.stale = [False]
         self.install_setup()
 
     # The calls of each phase, as closures over the flat list
@@ -101,6 +105,59 @@ class BlockSlave(BaseSlave):
             return found if len(found) == len(refs) else self.read(refs)
 
         self.set_real, self.get_real = set_real, get_real
+        if self.direct:
+            self.install_direct(set_real, get_real)
+
+    def install_direct(
+        self,
+        set_plain: Callable[[list[int], list[float]], None],
+        get_plain: Callable[[list[int]], list[float]],
+    ) -> None:
+        """The same where outputs follow inputs at once: what is asked for after an input was set is that of this input."""
+        values, lows, highs, n, stale = self.values, self.lows, self.highs, self.n_inputs, self.stale
+        last = n + self.n_outputs
+
+        def set_real(refs: list[int], new: list[float]) -> None:
+            if len(refs) == 1:
+                r, v = refs[0], new[0]
+                if 0 <= r < n and lows[r] <= v <= highs[r]:
+                    if values[r] != v:
+                        stale[0] = True
+                    values[r] = v
+                    return
+            before = values[:n]
+            set_plain(refs, new)
+            if values[:n] != before:
+                stale[0] = True
+
+        def get_real(refs: list[int]) -> list[float]:
+            found = get_plain(refs)
+            if stale[0]:
+                now = self.at_once()
+                found = [now[r - n] if n <= r < last else v for r, v in zip(refs, found)]
+            return found
+
+        self.set_real, self.get_real = set_real, get_real
+
+    def at_once(self) -> list[float]:
+        """Outputs as the inputs are now: after a step of length 0, which changes nothing but those that follow at once.
+
+        Where the equations have no such step, a filter or a lag stands between, and the output stays.
+        """
+        Input, _, State, Memory, _, _, coefficients, output, advance = self.equations
+        n = self.n_inputs
+        found = self.values[n : n + self.n_outputs]
+        try:
+            x, m, _ = self.running() if self.running else ((), (), 0.0)
+            u = Input(*self.values[:n])
+            x, m = advance(State(*x), Memory(*m), u, self.p, coefficients(self.p, 0.0))
+            y = output(x, u, m, self.p)
+        except Exception:
+            return found
+        for i in self.direct:
+            if -1e300 < y[i] < 1e300:
+                found[i] = y[i]
+        return found
 
     def install_running(self) -> None:
         """After initialisation: steps can be made, by the flattened text itself."""
@@ -128,8 +185,9 @@ class BlockSlave(BaseSlave):
                 self.refuse(f"the step at t = {time!r} s failed: {why}")
             return False
 
+        self.stale = [False]
         do_step, renew, running = stepper(
-            self.values, p, coefficients(p, h), self.x, self.m, h, resized, failed
+            self.values, p, coefficients(p, h), self.x, self.m, h, resized, failed, self.stale
         )
         self.do_step = self.step_after_refusal if self.failed else do_step
         self.running = lambda: (*running(), h)
@@ -183,7 +241,7 @@ class BlockSlave(BaseSlave):
 
     def begin(self) -> bool:
         """State, memory and outputs from start values and inputs; True if that went well."""
-        Input, Parameters, _, _, start, begin, coefficients, output = self.equations
+        Input, Parameters, _, _, start, begin, coefficients, output, _ = self.equations
         n, last = self.n_inputs, self.n_inputs + self.n_outputs
         try:
             u = Input(*self.values[:n], *((self.time,) if self.takes_time else ()))
@@ -224,6 +282,7 @@ class BlockSlave(BaseSlave):
             "mode": self.mode,
             "failed": self.failed,
             "time": self.time,
+            "stale": self.stale[0],
         }
         state["values"] = list(self.values)
         if self.running is not None:
@@ -265,6 +324,7 @@ class BlockSlave(BaseSlave):
         self.values[:] = values
         if "x" in state:
             self.install_running()
+            self.stale[0] = state.get("stale") is True
         else:
             self.install_setup()
         if mode == "terminated":

@@ -14,13 +14,13 @@ from textwrap import indent
 from fmus.compose import Composed
 from fmus.syntax import calls, collect, names, parsed
 
-TAKEN = ("values", "now", "resized", "failed")
+TAKEN = ("values", "now", "resized", "failed", "stale")
 TUPLES = {"x": "State", "x1": "State", "u": "Input", "m": "Memory", "p": "Parameters", "c": "Coefficients"}
 
 TEMPLATE = '''"""{title}"""
 import math
 
-def stepper(values, p, c, x, m, h, resized, failed):
+def stepper(values, p, c, x, m, h, resized, failed, stale=[False]):
     """Make a step; take coefficients of another step size; tell state and memory."""
     {p}*_ = p
     {c}= c
@@ -47,13 +47,13 @@ now = do__time + do__step
 
 
 def flat_text(composed: Composed) -> str:
-    """Text of a module that defines ``stepper(values, p, c, x, m, h, resized, failed) -> (do_step, renew, running)``.
+    """Text of a module that defines ``stepper(values, p, c, x, m, h, resized, failed, stale) -> (do_step, renew, running)``.
 
     ``values`` is a list of inputs, outputs and whatever follows; ``do_step(time, step)`` reads inputs there, makes a step, stores
     the outputs and gives True. Before a step that is not exactly `h` long it asks ``resized(time, step)``, which calls
     ``renew(c, step)`` with the coefficients of that size, or leaves them, or gives False, which ends the step. What raises, or makes a
-    first output that is no number, ends with what ``failed(time, error or None)`` gives. ``running()`` gives (x, m). ``p`` and ``m``
-    may have more fields than the block has (those of effects that are off): they are left alone.
+    first output that is no number, ends with what ``failed(time, error or None)`` gives. ``running()`` gives (x, m). Where outputs
+    follow inputs at once, a step clears ``stale[0]``. ``p`` and ``m`` may have more fields than the block has (those of effects that are off): they are left alone.
 
     Raises:
         ValueError: an equation uses a named tuple in a way that cannot be flattened; the message names it.
@@ -148,6 +148,7 @@ class _Flat:
         guarded = node.body[0]
         assert isinstance(guarded, ast.Try)
         header = HEADER + (CLOCK if self.composed.takes_time else "")
+        header += "stale[0] = False\n" if self.composed.direct else ""
         guarded.body = [*parsed(header).body, *parsed("\n".join(inputs)).body, *step.body]
         return node
 

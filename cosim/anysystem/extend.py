@@ -18,7 +18,7 @@ from cosim.diagnosis.answer.schema import Packages
 from cosim.files import write_bytes
 from cosim.native.build import MissingCompilerError, build_native
 from cosim.ssp.system import System
-from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, write_archive, xml_bytes
+from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, structure_bytes, write_archive, xml_bytes
 from cosim.ssp.xml import parse
 from fmus.build import build_fmu
 from fmus.compose import Composed, compose
@@ -118,7 +118,7 @@ def write_package(
         component, _, parameter = full.partition(".")
         element = node.find(f"ssd:Elements/ssd:Component[@name='{component}']", NAMESPACES)
         bind(element, {parameter: value})
-    entries[DESCRIPTION] = xml_bytes(root)
+    entries[DESCRIPTION] = structure_bytes(root)
     return write_archive(entries, destination)
 
 
@@ -140,9 +140,7 @@ def opened(system: System) -> tuple[dict[str, bytes], etree._Element]:
     elements = etree.SubElement(node, f"{{{SSD}}}Elements")
     wires = etree.SubElement(node, f"{{{SSD}}}Connections")
     file = f"resources/{system.path.name}"
-    element = etree.SubElement(
-        elements, f"{{{SSD}}}Component", name=name, type="application/x-fmu-sharedlibrary", source=file
-    )
+    element = etree.SubElement(elements, f"{{{SSD}}}Component", name=name, source=file)
     inner = etree.SubElement(element, f"{{{SSD}}}Connectors")
     for variable in component.fmu.variables.values():
         if variable.kind == "Real" and variable.causality in ("input", "output"):
@@ -176,7 +174,6 @@ def insert(system: etree._Element, action: Action, name: str) -> None:
         elements,
         f"{{{SSD}}}Component",
         name=name,
-        type="application/x-fmu-sharedlibrary",
         source=f"resources/{name}.fmu",
     )
     own = etree.SubElement(element, f"{{{SSD}}}Connectors")

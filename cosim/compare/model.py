@@ -5,7 +5,15 @@ from pathlib import Path
 from cosim.errors import ModelError, UsageError
 from cosim.paths import build_folder, ssp_folder
 from cosim.ssp.build import SYSTEMS
-from cosim.ssp.write import STIMULUS, add_component, fmu_bytes, read_xml, write_archive, write_ssp, xml_bytes
+from cosim.ssp.write import (
+    STIMULUS,
+    add_component,
+    fmu_bytes,
+    read_xml,
+    structure_bytes,
+    write_archive,
+    write_ssp,
+)
 
 NAMES = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
 
@@ -66,5 +74,5 @@ def package_of(wiring: Path, destination: Path) -> Path:
     entries: dict[str, bytes] = {}
     for component in document.findall(".//ssd:Component", NAMES):
         add_component(entries, component, wiring, {}, None, fmu_bytes)
-    entries["SystemStructure.ssd"] = xml_bytes(document)
+    entries["SystemStructure.ssd"] = structure_bytes(document)
     return write_archive(entries, destination)

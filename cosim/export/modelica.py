@@ -17,7 +17,10 @@ from cosim.packages import project_version
 from cosim.ssp.archive import open_archive
 from cosim.ssp.system import Component, Value, Variable, Wire
 
-RESERVED = ("fmu", "started", "y", "begin", "step", "time", "instanceName", "initialised", "Internal")
+RESERVED = (
+    *("fmu", "started", "initialised", "instanceName", "named", "y"),
+    *("begin", "step", "time", "Internal"),
+)
 """Names that the component models use themselves."""
 
 
@@ -83,18 +86,21 @@ def _context(model: ExportedModel, name: str) -> dict[str, Any]:
         "connections": wiring.connections,
         "equations": wiring.equations,
         "references": lambda ports: _array([str(p["reference"]) for p in ports]),
-        "names": lambda ports: _array([p["name"] for p in ports], "0.0" if _reals(ports) else "0"),
+        "names": lambda ports: _array([p["name"] for p in ports], "0.0"),
+        "wholes": lambda ports: _array([p["name"] for p in ports]),
         "flags": lambda ports: _array([f"(if {p['name']} then 1 else 0)" for p in ports]),
+        "assigned": lambda ports: _assigned([p["name"] for p in ports]),
     }
 
 
-def _reals(ports: Sequence[dict[str, Any]]) -> bool:
-    return not ports or ports[0]["type"] == "Real"
-
-
 def _array(cells: Sequence[str], empty: str = "0") -> str:
-    """An array constructor; Modelica has none for an empty array."""
+    """An array constructor; Modelica has none for an empty array, whose type is that of `empty`: 0 Integer, 0.0 Real."""
     return "{" + ", ".join(cells) + "}" if cells else f"fill({empty}, 0)"
+
+
+def _assigned(names: Sequence[str]) -> str:
+    """What an equation gives the results of a function to."""
+    return names[0] if len(names) == 1 else f"({', '.join(names)})"
 
 
 def _unit(unit: str) -> str:

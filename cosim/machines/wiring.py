@@ -7,7 +7,7 @@ from lxml import etree
 
 from cosim.errors import DataError
 from cosim.machines.table import MachineTable, block_of
-from cosim.ssp.write import NAMESPACES, SSC, SSD, values_xml, xml_bytes
+from cosim.ssp.write import NAMESPACES, SSC, SSD, structure_bytes, values_xml
 from cosim.units import base_exponents, parse_unit
 from fmus import registry
 
@@ -94,7 +94,7 @@ def wiring_xml(
         exponents, _ = base_exponents(unit)
         node = etree.SubElement(listed_units, f"{{{SSC}}}Unit", name=unit)
         etree.SubElement(node, f"{{{SSC}}}BaseUnit", {n: str(p) for n, p in sorted(exponents.items())})
-    return xml_bytes(root)
+    return structure_bytes(root)
 
 
 def _connector(parent: etree._Element, name: str, kind: str, unit: str) -> str:

@@ -133,7 +133,8 @@ def entries(model: Model, resources: Mapping[str, bytes], optimise: str | None =
     played = b"".join(name.encode() + data for name, data in sorted(resources.items()))
     digested = b"".join(name.encode() + plain[name] for name in sorted(plain)) + played
     description = described(
-        model.name, model.title, model.rows, model.feedthrough, model.starts, digested, model.step_size, TOOL, ["fmu.c"]
+        model.name, model.title, model.rows, model.feedthrough, model.initial, model.starts, digested, model.step_size,
+        TOOL, ["fmu.c"],
     )  # fmt: skip
     description = extended(description, model, digested)
     content = sources(model, description.get("guid"))

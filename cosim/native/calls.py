@@ -47,7 +47,8 @@ class Calls(Expressions):
             return Value(f"{name}({texts[0]}) != 0", TRUTH, EQUALITY)
         if name in ("degrees", "radians"):
             factor = 180.0 / math.pi if name == "degrees" else math.pi / 180.0
-            return Value(f"{arguments[0].at(PRODUCT)} * {real_text(factor)}", REAL, PRODUCT)
+            by = Value(real_text(factor), REAL, constant=factor)
+            return self.operation("times", "*", PRODUCT, arguments[0], by)
         if name in SAFE:
             return Value(f"{name}({', '.join(texts)})", REAL)
         return Value(self.failing("py_power" if name == "pow" else f"py_{name}", *texts), REAL)

@@ -8,7 +8,8 @@ stay with co-simulation; where only an effect does so, the effect is refused.
 
 import hashlib
 import uuid
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from lxml import etree
 from lxml.builder import E
@@ -19,7 +20,8 @@ from cosim.native.model import Model, buffers
 from cosim.native.translate import Program
 from cosim.units import base_exponents
 from fmus.contract import Variable
-from fmus.describe import scalar_variable, unit_definitions
+from fmus.dependencies import after_step, at_start, of_states
+from fmus.describe import scalar_variable, unit_definitions, unknown
 
 
 @dataclass(frozen=True)
@@ -27,21 +29,30 @@ class Exchange:
     """What model exchange of a block needs.
 
     Attributes:
-        states: its continuous states; the other fields of `State` follow from the input.
+        states: its continuous states, each with the states and inputs on which its derivative depends; the other fields of
+            `State` follow from the input.
         smooth: parameters that must be zero, because their effect has events: dry friction sticks, a reading in steps jumps.
     """
 
-    states: tuple[str, ...] = ()
+    states: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     smooth: tuple[str, ...] = ()
 
 
 EXCHANGE = {
     "dead_zone": Exchange(),
-    "sensor": Exchange((), ("quantum",)),
-    "continuity": Exchange(("p_load",)),
-    "continuity_physical": Exchange(("p_a", "p_b", "p_supply")),
-    "mechanical": Exchange(("theta", "omega"), ("tau_c", "tau_s")),
-    "simplified": Exchange(("theta", "omega")),
+    "sensor": Exchange({}, ("quantum",)),
+    "continuity": Exchange({"p_load": ("p_load", "spool")}),
+    "continuity_physical": Exchange(
+        {
+            "p_a": ("p_a", "p_b", "p_supply", "spool", "omega"),
+            "p_b": ("p_a", "p_b", "p_supply", "spool", "omega"),
+            "p_supply": ("p_a", "p_b", "p_supply", "spool"),
+        }
+    ),
+    "mechanical": Exchange(
+        {"theta": ("theta", "omega"), "omega": ("theta", "omega", "p_load")}, ("tau_c", "tau_s")
+    ),
+    "simplified": Exchange({"theta": ("omega",), "omega": ("omega", "command")}),
 }
 
 
@@ -123,19 +134,33 @@ def lines(model: Model) -> list[str]:
 
 
 def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str]:
-    """Derivatives of the states and outputs at the present states and inputs."""
+    """Derivatives of the states, and outputs, at the present states and inputs; and of both in a direction of these."""
     part = model.parts[0]
     kinds = {name: struct.c for name, struct in program.layouts.items()}
     lists = buffers(part.composed)
 
     def copied(layout: str, place: str) -> str:
-        return ", ".join(f"{place}.{c_name(n)}" for n in program.layouts[layout].names) or "0"
+        places = [(n, f"{place}.{c_name(n)}") for n in program.layouts[layout].names]
+        return (
+            ", ".join(at if n in lists and layout == "Memory" else f"pc_real({at})" for n, at in places)
+            or "0"
+        )
 
     entries = {w.target[1]: k for k, w in enumerate(model.wires)}
-    values = ", ".join(f"inputs[{entries[n]}]" for n in part.composed.inputs) or "0"
-    state = [f"x.{c_name(n)} = {own}.x.{c_name(n)};" for n in found.states]
-    outputs = [f"outputs[{k}] = creal(y.{c_name(n)});" for k, n in enumerate(part.composed.outputs)]
-    ends = [f"rates[{k}] = cimag(x1.{c_name(n)}) / SEED;" for k, n in enumerate(found.states)]
+    values = (
+        ", ".join(
+            f"pc_make(inputs[{entries[n]}], 0.0, seeds[{entries[n]}], 0.0)" for n in part.composed.inputs
+        )
+        or "0"
+    )
+    state = [
+        f"x.{c_name(n)} = pc_make({own}.x.{c_name(n)}, 0.0, seeds[{len(entries) + k}], 0.0);"
+        for k, n in enumerate(found.states)
+    ]
+    outputs = [f"outputs[{k}] = y.{c_name(n)}.value;" for k, n in enumerate(part.composed.outputs)]
+    ends = [f"rates[{k}] = x1.{c_name(n)}.rate;" for k, n in enumerate(found.states)]
+    slopes = [f"slopes[{k}] = y.{c_name(n)}.seed;" for k, n in enumerate(part.composed.outputs)]
+    slopes += [f"slopes[{len(slopes) + k}] = x1.{c_name(n)}.both;" for k, n in enumerate(found.states)]
     assert not [b for b in lists.values() if b.resource]
     body = [
         f"const {kinds['Parameters']} p = {{{copied('Parameters', f'{own}.p')}}};",
@@ -144,20 +169,32 @@ def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str
         f"{kinds['State']} x = {{{copied('State', f'{own}.x')}}}, x1;",
         f"{kinds['Coefficients']} c;",
         f"{kinds['Output']} y;",
-        *("(void)m;", "(void)p;", "(void)u;", "(void)rates;", "(void)inputs;", "(void)py_fault;"),
-        program.call("coefficients", "c", "&p", "0.0"),
+        *(
+            "(void)m;",
+            "(void)p;",
+            "(void)u;",
+            "(void)rates;",
+            "(void)inputs;",
+            "(void)seeds;",
+            "(void)py_fault;",
+        ),
+        program.call("coefficients", "c", "&p", "pc_real(0.0)"),
         program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
         "x = x1; /* what it keeps of the input is that of now */",
         *state,
         program.call("output", "y", "&x", "&u", "&m", "&p"),
         *outputs,
-        program.call("coefficients", "c", "&p", "pc_make(0.0, SEED)"),
+        program.call("coefficients", "c", "&p", "pc_make(0.0, 1.0, 0.0, 0.0)"),
         program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
         *ends,
+        *slopes,
         "(void)c;",
         "(void)x1;",
     ]
-    head = "const Model *M, const double inputs[], double outputs[], double rates[], int *py_fault"
+    head = (
+        "const Model *M, const double inputs[], const double seeds[], double outputs[], double rates[], "
+        "double slopes[], int *py_fault"
+    )
     return function("model_rates", head, body)
 
 
@@ -174,7 +211,13 @@ def extended(root: etree._Element, model: Model, content: bytes) -> etree._Eleme
                                        "canSerializeFMUstate", "needsExecutionTool")}  # fmt: skip
     sources = E.SourceFiles(*(E.File(name=f.get("name")) for f in slave.findall("SourceFiles/File")))
     slave.addprevious(
-        E.ModelExchange(sources, modelIdentifier=model.name, completedIntegratorStepNotNeeded="true", **flags)
+        E.ModelExchange(
+            sources,
+            modelIdentifier=model.name,
+            completedIntegratorStepNotNeeded="true",
+            providesDirectionalDerivative="true",
+            **flags,
+        )
     )
     known = [v for _, _, v in model.rows]
     every = [*known, *(v for _, v in rows), *(derivative_of(v) for _, v in rows)]
@@ -187,18 +230,46 @@ def extended(root: etree._Element, model: Model, content: bytes) -> etree._Eleme
         node = local(f"der({name})", first + n + k, derivative_of(variable))
         node[0].set("derivative", str(first + k + 1))
         variables.append(node)
-    outputs, initial = structure.find("Outputs"), structure.find("InitialUnknowns")
-    places = [str(first + k + 1) for k in range(n)]
-    for unknown in outputs:
-        unknown.set("dependencies", " ".join([*unknown.get("dependencies", "").split(), *places]))
-    derivatives = E.Derivatives(*(E.Unknown(index=str(first + n + k + 1)) for k in range(n)))
-    if n:
-        outputs.addnext(derivatives)
-        initial.extend(E.Unknown(index=str(first + k + 1)) for k in range(2 * n))
+    depend(structure, model, {name: k for k, (name, _, _) in enumerate(model.rows, 1)})
     root.set("guid", "")
     digest = hashlib.sha256(etree.tostring(root) + content).hexdigest()
     root.set("guid", f"{{{uuid.UUID(digest[:32])}}}")
     return root
+
+
+def depend(structure: etree._Element, model: Model, index: dict[str, int]) -> None:
+    """Add to ModelStructure the states that outputs depend on, and states and derivatives with what these depend on.
+
+    Args:
+        structure: of the model as a slave.
+        model: it has one part.
+        index: of each variable but states and derivatives, which follow.
+    """
+    part, found = model.parts[0], exchange(model)
+    assert found is not None
+    places = {f"x.{name}": len(index) + k for k, name in enumerate(found.states, 1)}
+    shown, start, stepped = (f(part.composed) for f in (of_states, at_start, after_step))
+    outputs, unknowns = structure.find("Outputs"), structure.find("InitialUnknowns")
+    for node, (name, _) in zip(outputs, model.of("output"), strict=True):
+        own = [int(i) for i in node.get("dependencies", "").split()]
+        node.set(
+            "dependencies",
+            unknown(0, [*own, *(places[n] for n in shown[name] if n in places)]).get("dependencies"),
+        )
+    if not places:
+        return
+    derivatives = E.Derivatives()
+    for name, place in places.items():
+        unknowns.append(unknown(place, [index[n] for n in start[name]]))
+    for (name, place), knowns in zip(places.items(), found.states.values(), strict=True):
+        known = [index[n] if n in part.composed.inputs else places[f"x.{n}"] for n in knowns]
+        derivatives.append(unknown(place + len(places), known))
+        first = {n for n in knowns if n in part.composed.inputs} | {
+            n for n in stepped[name.removeprefix("x.")] if n in part.composed.parameters
+        }
+        first |= {n for state in knowns for n in start.get(f"x.{state}", ())}
+        unknowns.append(unknown(place + len(places), [index[n] for n in first]))
+    outputs.addnext(derivatives)
 
 
 def local(name: str, reference: int, variable: Variable) -> etree._Element:

@@ -28,10 +28,10 @@ from cosim.native.kinds import (
     real_text,
 )
 
-SYMBOLS: dict[type[ast.operator], tuple[str, int]] = {
-    ast.Add: ("+", SUM),
-    ast.Sub: ("-", SUM),
-    ast.Mult: ("*", PRODUCT),
+SYMBOLS: dict[type[ast.operator], tuple[str, str, int]] = {
+    ast.Add: ("plus", "+", SUM),
+    ast.Sub: ("minus", "-", SUM),
+    ast.Mult: ("times", "*", PRODUCT),
 }
 # (helper for doubles, helper for whole numbers)
 HELPERS: dict[type[ast.operator], tuple[str, str]] = {
@@ -119,11 +119,13 @@ class Expressions:
 
     def size(self, value: Value) -> str:
         """A number in a comparison: its value alone, where it carries a derivative."""
-        return (
-            f"creal({value.code})"
-            if self.with_rates and value.kind is REAL and value.constant is None
-            else value.at(SUM)
-        )
+        return f"pc_value({value.code})" if self.with_rates and value.kind is REAL else value.at(SUM)
+
+    def operation(self, name: str, symbol: str, rank: int, one: Value, other: Value) -> Value:
+        """One number by another, double by double; a function where they carry derivatives."""
+        if self.with_rates:
+            return Value(f"pc_{name}({one.code}, {other.code})", REAL)
+        return Value(f"{one.at(rank)} {symbol} {other.at(rank + 1)}", REAL, rank)
 
     def failing(self, helper: str, *arguments: str) -> str:
         """Text of a call that can raise in Python."""
@@ -195,7 +197,7 @@ class Expressions:
             if joined(part.kind, kind) != kind:
                 raise RefusedError(f"field '{name}' of {struct.text} is {kind.text}, not {part.kind.text}")
             texts.append(f"*{part.code}" if part.pointer else part.as_kind(kind).code)
-        return Value(f"({struct.c}){{{', '.join(texts) or '0'}}}", struct)
+        return Value(f"PY_NEW({struct.c}){{{', '.join(texts) or '0'}}}", struct)
 
     # Operations
 
@@ -208,6 +210,10 @@ class Expressions:
             return value
         if not isinstance(node.op, ast.USub):
             raise RefusedError("~ is not supported")
+        if self.with_rates and value.kind is REAL:
+            if value.constant is not None:
+                return Value(real_text(-float(value.constant)), REAL, constant=-value.constant)
+            return Value(f"pc_negative({value.code})", REAL)
         text = value.at(UNARY)
         constant = None if value.constant is None else -value.constant
         return Value(f"-({text})" if text.startswith("-") else f"-{text}", value.kind, UNARY, constant)
@@ -219,7 +225,7 @@ class Expressions:
         if operator is ast.Div:
             one, other = left.real(), right.real()
             if other.constant is not None and other.constant != 0.0:
-                return Value(f"{one.at(PRODUCT)} / {other.at(UNARY)}", REAL, PRODUCT)
+                return self.operation("over", "/", PRODUCT, one, other)
             return Value(self.failing("py_divide", one.code, other.code), REAL)
         if operator is ast.Pow:
             if kind is WHOLE:
@@ -231,8 +237,7 @@ class Expressions:
         helper = HELPERS[operator][kind is WHOLE]
         if helper:
             return Value(self.failing(helper, one.code, other.code), kind)
-        symbol, rank = SYMBOLS[operator]
-        return Value(f"{one.at(rank)} {symbol} {other.at(rank + 1)}", REAL, rank)
+        return self.operation(*SYMBOLS[operator], one, other)
 
     def _on_Compare(self, node: ast.Compare) -> Value:
         operands = [node.left, *node.comparators]

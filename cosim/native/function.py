@@ -5,9 +5,10 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from cosim.native.expressions import RefusedError
-from cosim.native.kinds import NONE, Kind, Struct, Value, c_name
+from cosim.native.kinds import NONE, REAL, TRUTH, WHOLE, Kind, Struct, Value, c_name
 from cosim.native.statements import Statements
 
+NOTHING = {REAL: " = 0.0", WHOLE: " = 0", TRUTH: " = 0"}  # before the first assignment
 PASSES = 12  # kinds settle in two or three
 
 
@@ -76,7 +77,7 @@ class Function(Statements):
             if not isinstance(kind, Struct):
                 texts.append(value.code)
             elif name in self.used:
-                if not (value.pointer or value.code.isidentifier() or value.code.startswith("(")):
+                if not (value.pointer or value.code.isidentifier() or value.code.startswith("PY_NEW(")):
                     raise RefusedError(
                         f"the tuple that a call gives cannot be handed on as '{name}': give it a name first"
                     )
@@ -135,10 +136,7 @@ class Function(Statements):
         ends = self.block(self.body)
         if self.result is not NONE and not ends:
             raise RefusedError("it may end without returning a value")
-        top = [
-            f"{self.kinds[n].c} {c_name(n)}{'' if isinstance(self.kinds[n], Struct) else ' = 0'};"
-            for n in self.late
-        ]
+        top = [f"{self.kinds[n].c} {c_name(n)}{NOTHING.get(self.kinds[n], '')};" for n in self.late]
         idle = [n for n, k in self.parameters.items() if not isinstance(k, Struct) and n not in self.used]
         self.lines = [*top, *(f"(void){self.given(n)};" for n in idle), *self.lines]
 

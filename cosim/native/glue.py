@@ -24,6 +24,7 @@ class Glue:
             *self.coefficients(),
             *self.begin(),
             *self.step(),
+            *self.direct(),
             *self.moves(),
         ]
 
@@ -122,7 +123,9 @@ class Glue:
         lines = self.arguments(part, "inputs", "outputs")
         lines += [f"{program.layouts['Output'].c} y;"]
         if lists:
-            lines.append(f"const py_array buffers[] = {{{', '.join(lists)}}};")
+            # one by one: tcc takes no structs among the initial values of an array
+            lines.append(f"py_array buffers[{len(lists)}];")
+            lines += [f"buffers[{k}] = {name};" for k, name in enumerate(lists)]
         for name, buffer in buffers(part.composed).items():
             if not buffer.resource:
                 lines.append(f"memset({own}.{c_name(name)}, 0, sizeof {own}.{c_name(name)});")
@@ -159,6 +162,34 @@ class Glue:
             "Model *M, const double inputs[], double outputs[], double now, int *py_fault",
             lines,
         )
+
+    def direct(self) -> list[str]:
+        """Outputs that follow the inputs at once, by a step of length 0 of their components, of which nothing is kept."""
+        lines = []
+        for part in self.model.parts:
+            names = [n for n in part.composed.direct if self.model.is_direct(part.name, n)]
+            if not names:
+                continue
+            own, program = f"M->{c_name(part.name)}", part.program
+            inner = [
+                *self.arguments(part, "inputs", "outputs"),
+                f"{program.layouts['Coefficients'].c} c;",
+                f"{program.entries['advance'].result.c} next;",
+                f"{program.layouts['Output'].c} y;",
+                program.call("coefficients", "c", f"&{own}.p", "0.0"),
+                program.call("advance", "next", f"&{own}.x", f"&{own}.m", "&u", f"&{own}.p", "&c"),
+                program.call("output", "y", "&next.e0", "&u", "&next.e1", f"&{own}.p"),
+                "(void)c;",
+                "if (*py_fault != PY_NO_FAULT) {",
+                "    return;",
+                "}",
+            ]
+            for name in names:
+                value, place = f"y.{c_name(name)}", f"outputs[{self.output[part.name, name]}]"
+                inner.append(f"{place} = -1e300 < {value} && {value} < 1e300 ? {value} : {place};")
+            lines += ["{", *(f"    {line}" for line in inner), "}"]
+        head = "Model *M, const double inputs[], double outputs[], int *py_fault"
+        return function("model_direct", head, lines) if lines else []
 
     def moves(self) -> list[str]:
         """All numbers of state and memory into a list, and back."""

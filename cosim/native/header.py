@@ -43,6 +43,7 @@ def definitions(model: Model, guid: str) -> list[str]:
         f"#define N_TABLES {len(model.tables)}",
         f"#define N_NUMBERS {sum(map(len, (numbers(p) for p in model.parts))) + sum(map(room, model.parts))}",
         f"#define TAKES_TIME {int(model.takes_time)}",
+        f"#define DIRECT {int(any(model.is_direct(p.name, n) for p in model.parts for n in p.composed.direct))}",
         "",
         array("char *const", "model_names", [f'"{n}"' for n in names]),
         array("double", "model_starts", [real_text(float(model.starts.get(n, 0.0))) for n in names]),

@@ -78,7 +78,7 @@ class Value(NamedTuple):
             return self
         if self.constant is not None:
             return Value(real_text(float(self.constant)), REAL, constant=float(self.constant))
-        return Value(f"(double){self.at(UNARY)}", REAL, UNARY)
+        return Value(f"(double)({self.code})", REAL, UNARY)
 
     def whole(self) -> "Value":
         """As an int64_t; only truth values and whole numbers can be."""
@@ -109,11 +109,18 @@ def joined(one: Kind | None, other: Kind) -> Kind | None:
     return None
 
 
+# of C and C++, and what the headers define
 KEYWORDS = frozenset((
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum",
     "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return",
     "short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void",
-    "volatile", "while", "asm", "typeof", "NAN", "NULL", "INFINITY", "HUGE_VAL", "I", "EOF", "int64_t",
+    "volatile", "while", "alignas", "alignof", "and", "and_eq", "bitand", "bitor", "bool", "catch", "char8_t",
+    "char16_t", "char32_t", "class", "co_await", "co_return", "co_yield", "compl", "concept", "const_cast",
+    "consteval", "constexpr", "constinit", "decltype", "delete", "dynamic_cast", "explicit", "export", "false",
+    "friend", "mutable", "namespace", "new", "noexcept", "not", "not_eq", "nullptr", "operator", "or", "or_eq",
+    "private", "protected", "public", "reinterpret_cast", "requires", "static_assert", "static_cast", "template",
+    "this", "thread_local", "throw", "true", "try", "typeid", "typename", "using", "virtual", "wchar_t", "xor",
+    "xor_eq", "asm", "typeof", "NAN", "NULL", "INFINITY", "HUGE_VAL", "I", "EOF", "int64_t",
     "isnan", "isinf", "isfinite", "fabs", "tanh", "atan", "atan2", "copysign", "asinh", "erf", "erfc",
     "linux", "unix",
 ))  # fmt: skip

@@ -8,6 +8,7 @@ from cosim.native.kinds import c_name
 from cosim.native.translate import Program
 from fmus.compose import Composed
 from fmus.contract import Buffer, Variable
+from fmus.dependencies import at_start, through
 from fmus.describe import table
 
 # inputs that the equations hold over a step; all others reach their value at the step's end
@@ -86,12 +87,29 @@ class Model:
         return found
 
     @cached_property
+    def initial(self) -> dict[str, frozenset[str]]:
+        """Inputs and parameters on which each output depends at initialisation."""
+        outputs = {
+            (p.name, n): names
+            for p in self.parts
+            for n, names in at_start(p.composed).items()
+            if n in p.composed.outputs
+        }
+        found = through(outputs, {w.target: w.source for w in self.wires})
+        names = {f"{part}.{own}": name for name, (part, own) in self.places.items()}
+        return {n: frozenset(names.get(k, k) for k in found[self.places[n]]) for n, _ in self.of("output")}
+
+    @cached_property
     def tables(self) -> list[tuple[str, int]]:
         """(file, column) of the resources that components play."""
         found = [
             b.resource.partition(":") for p in self.parts for b in buffers(p.composed).values() if b.resource
         ]
         return [(file, int(column)) for file, _, column in found]
+
+    def is_direct(self, part: str, output: str) -> bool:
+        """True if an input of the whole acts on an output of a component at once."""
+        return any(self.places[n] == (part, output) and knowns for n, knowns in self.feedthrough.items())
 
     @property
     def takes_time(self) -> bool:

@@ -13,7 +13,16 @@ from cosim.errors import ModelError, UsageError
 from cosim.files import write_bytes
 from cosim.native.build import TOOL, build_native
 from cosim.ssp.archive import open_archive, read_entry
-from cosim.ssp.write import NAMESPACES, STIMULUS, Values, changed, values_xml, write_archive, write_ssp
+from cosim.ssp.write import (
+    NAMESPACES,
+    STIMULUS,
+    Values,
+    changed,
+    structure_bytes,
+    values_xml,
+    write_archive,
+    write_ssp,
+)
 from cosim.ssp.xml import parse
 from fmus import registry
 from fmus.build import checked_starts, composed_block
@@ -92,6 +101,7 @@ def swapped(source: Path, destination: Path, values: Values | None = None) -> Pa
             raise UsageError(f"{source.name} has no component '{name}'; {registry.suggestion(name, known)}")
     for component in components:
         swap_component(entries, component, source.name, (values or {}).get(component.get("name", ""), {}))
+    entries["SystemStructure.ssd"] = structure_bytes(root)
     return write_archive(entries, destination)
 
 

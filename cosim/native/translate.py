@@ -121,11 +121,16 @@ class Program:
         return rated(text) if self.with_rates else text
 
 
+LITERAL = re.compile(r"(?<![\w.)])-?(?:\d+\.\d+(?:e[-+]?\d+)?|\d+e[-+]?\d+|HUGE_VAL|NAN)\b")
+
+
 def rated(text: str) -> str:
-    """C text of numbers as that of numbers with a derivative: another type, other helpers, the same operators."""
+    """C text of numbers as that of numbers with a derivative: another type, other helpers, literals without a derivative."""
+    comment, end, text = text.partition("*/")
     helpers = "|".join(
-        (*FAILING, "divide", "modulo", "floor_divide", "power", "min", "max", "round", "whole")
+        (*FAILING, "divide", "modulo", "floor_divide", "power", "min", "max", "round", "whole", "get", "set")
     )
     text = re.sub(rf"\bpy_({helpers})\(", r"pc_\1(", text)
     text = re.sub(rf"\b({'|'.join((*SAFE, *TESTS))})\(", r"pc_\1(", text)
-    return re.sub(r"\bdouble\b", "py_complex", text)
+    text = LITERAL.sub(r"pc_real(\g<0>)", text.replace("(double)(", "pc_real("))
+    return comment + end + re.sub(r"\bdouble\b", "py_dual", text)

@@ -15,6 +15,7 @@ from lxml import etree
 
 from cosim.errors import ModelError, UsageError
 from cosim.files import write_bytes
+from cosim.ssp.read import FMU_TYPES
 from cosim.ssp.stimulus import stop_time
 from cosim.ssp.xml import safe_parser
 from cosim.units import base_exponents
@@ -94,7 +95,7 @@ def write_ssp(
     for component in components:
         own = wanted.get(component.get("name", ""), {})
         add_component(entries, component, ssd_path, own, stimulus, make or fmu_bytes)
-    entries["SystemStructure.ssd"] = xml_bytes(document)
+    entries["SystemStructure.ssd"] = structure_bytes(document)
     return write_archive(entries, destination)
 
 
@@ -247,6 +248,14 @@ def add_connector(connectors: etree._Element, name: str, kind: str, like: etree.
     """Add a connector with the type and unit of another."""
     connector = etree.SubElement(connectors, f"{{{SSD}}}Connector", name=name, kind=kind)
     etree.SubElement(connector, like[0].tag, dict(like[0].attrib))
+
+
+def structure_bytes(document: etree._Element) -> bytes:
+    """A SystemStructure.ssd; components without a type get that of FMUs, a default that OMSimulator does not assume."""
+    for component in document.iterfind(".//ssd:Component", NAMESPACES):
+        if component.get("type") is None:
+            component.set("type", FMU_TYPES[0])
+    return xml_bytes(document)
 
 
 def xml_bytes(root: etree._Element) -> bytes:

@@ -4,7 +4,8 @@ All three are Jacobi masters: every component steps from t to t + h with the out
 connection delays by one step. They differ at the start and in the stamps:
 
     fmpy       components are initialised alone; every input of the first step is 0; the row of a step bears its start time
-    ecos       outputs are handed on during initialisation, once for each component; rows from t = 0; clock accumulated
+    ecos       outputs are handed on during initialisation, once for each component; rows from t = 0; clock accumulated;
+               a row is asked for after the outputs were handed on, so that what follows an input at once shows the new input
     libcosim   as ecos; rows from the end of the first step; clock in whole nanoseconds
 """
 
@@ -21,7 +22,11 @@ from fmus import registry
 from fmus.build import composed_block
 from fmus.contract import Buffer
 
-FIRST_INPUT_ZERO = {"fmpy": True, "ecos": False, "libcosim": False}
+SCHEMES = {
+    "fmpy": {"first_input_zero": True},
+    "ecos": {"first_input_zero": False, "asked_after_sets": True},
+    "libcosim": {"first_input_zero": False},
+}
 
 
 @dataclass
@@ -33,6 +38,7 @@ class Part:
     buffers: list[Any]
     inputs: dict[str, float] = field(default_factory=dict)
     outputs: dict[str, float] = field(default_factory=dict)
+    stepped: dict[str, float] = field(default_factory=dict)  # inputs of the last step
 
     def __post_init__(self):
         self.equations = self.composed.module
@@ -50,9 +56,17 @@ class Part:
         self.publish(u)
 
     def step(self, time, h):
-        u = self.u(time + h)
+        u, self.stepped = self.u(time + h), dict(self.inputs)
         self.x, self.m = self.equations.advance(self.x, self.m, u, self.p, self.c)
         self.publish(u)
+
+    def now(self, name):
+        """An output as an FMU answers after its inputs changed: what follows them at once by a step of length 0."""
+        if name not in self.composed.direct or self.inputs == self.stepped:
+            return self.outputs[name]
+        u, none = self.u(0.0), self.equations.coefficients(self.p, 0.0)
+        x, m = self.equations.advance(self.x, self.m, u, self.p, none)
+        return getattr(self.equations.output(x, u, m, self.p), name)
 
     def publish(self, u):
         self.outputs = self.equations.output(self.x, u, self.m, self.p)._asdict()
@@ -91,7 +105,16 @@ def read_buffers(package: Path, source: str, composed):
         yield [float(line.split(",")[int(column)]) for line in lines]
 
 
-def simulate(package: Path, steps: int, h: float, signals, *, first_input_zero: bool, values=None):
+def simulate(
+    package: Path,
+    steps: int,
+    h: float,
+    signals,
+    *,
+    first_input_zero: bool,
+    asked_after_sets=False,
+    values=None,
+):
     """Results of the Jacobi scheme: an array of shape (steps + 1,) for each signal, the first at initialisation."""
     parts, wires = read_parts(package, values)
 
@@ -113,5 +136,5 @@ def simulate(package: Path, steps: int, h: float, signals, *, first_input_zero: 
         for part in parts.values():
             part.step(k * h, h)
         transfer()
-        table[k + 1] = [parts[a].outputs[b] for a, b in places]
+        table[k + 1] = [parts[a].now(b) if asked_after_sets else parts[a].outputs[b] for a, b in places]
     return dict(zip(signals, table.T, strict=True))

@@ -7,7 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from jacobi import FIRST_INPUT_ZERO, read_parts, simulate
+from jacobi import SCHEMES, read_parts, simulate
 
 from benchmarks.engines import environment, run_engine
 from cosim.paths import ssp_folder
@@ -94,7 +94,7 @@ def largest_difference(engine, found, expected, signals):
 def test_system_agrees_with_the_blocks_under_the_master_s_scheme(engine, system, packages):
     signals = SIGNALS[system]
     found, _ = run_engine(engine, packages[system], steps=STEPS, h=H, signals=signals, timeout=120)
-    expected = simulate(packages[system], STEPS, H, signals, first_input_zero=FIRST_INPUT_ZERO[engine])
+    expected = simulate(packages[system], STEPS, H, signals, **SCHEMES[engine])
     worst = largest_difference(engine, found, expected, signals)
     # the same floating-point operations but for the clock, which some masters accumulate
     assert max(worst.values()) < 1e-9, worst
@@ -132,7 +132,7 @@ def test_every_changed_parameter_matters(packages):
 def test_changed_parameters_are_in_the_fmus_and_honoured(engine, packages):
     signals = SIGNALS["full_order"]
     found, _ = run_engine(engine, packages["extended"], steps=STEPS, h=H, signals=signals, timeout=120)
-    expected = simulate(packages["extended"], STEPS, H, signals, first_input_zero=FIRST_INPUT_ZERO[engine])
+    expected = simulate(packages["extended"], STEPS, H, signals, **SCHEMES[engine])
     worst = largest_difference(engine, found, expected, signals)
     assert max(worst.values()) < 1e-9, worst
 
@@ -141,7 +141,7 @@ def test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_fmpy(engine, 
     signals = SIGNALS["full_order"]
     found, _ = run_engine(engine, packages["bound"], steps=STEPS, h=H, signals=signals, timeout=120)
     obeyed = "full_order" if engine == "fmpy" else "extended"
-    expected = simulate(packages[obeyed], STEPS, H, signals, first_input_zero=FIRST_INPUT_ZERO[engine])
+    expected = simulate(packages[obeyed], STEPS, H, signals, **SCHEMES[engine])
     worst = largest_difference(engine, found, expected, signals)
     assert max(worst.values()) < 1e-9, worst
 

@@ -34,8 +34,14 @@ def read_package(text):
             outputs,
             inputs,
             input_names,
-        ) = cells[:11]
-        assert (cells[11], cells[12], cells[13]) == (inputs, input_names, outputs)
+            output_names,
+        ) = cells[:12]
+        assert (cells[12], cells[13], cells[14]) == (inputs, input_names, outputs)
+        left = re.findall(r"^ +\(?([\w, ]+?)\)? = named\(", body, re.M)
+        assert left == [", ".join(output_names)] * 2
+        assert re.findall(r"(\w+) := y\[(\d+)\];", body) == [
+            (n, str(k)) for k, n in enumerate(output_names, 1)
+        ]
         parameters = dict(re.findall(rf"parameter (?:Real|Integer) (\w+)(?:\([^)]*\))? = ({NUMBER});", body))
         folder, identifier, guid = re.search(
             r'loadResource\("modelica://\w+/([^"]*)"\),\s*"([^"]*)", "([^"]*)", instanceName\)', body
@@ -44,7 +50,7 @@ def read_package(text):
             "folder": folder, "identifier": identifier, "guid": guid, "parameters": parameters,
             "reals": (reals, real_names), "integers": (integers, integer_names),
             "direct": (direct, direct_names), "inputs": (inputs, input_names), "outputs": outputs,
-            "output_names": re.findall(r"(\w+) = y\[\d+\];", body),
+            "output_names": output_names,
         }  # fmt: skip
     system = re.search(r"^  model System .*?^  end System;", text, re.S | re.M)[0]
     instances = {

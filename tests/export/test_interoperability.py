@@ -58,7 +58,7 @@ def test_plain_host_without_python_fails_for_the_known_reason(trials):
 @pytest.mark.slow
 def test_another_scheme_is_seen(trials, monkeypatch):
     """Were our runner compared with masters that delay each wire by one step, it would not agree."""
-    monkeypatch.setitem(interoperability.FIRST_INPUT_ZERO, "cosim", False)
+    monkeypatch.setitem(interoperability.SCHEMES, "cosim", {"first_input_zero": False})
     row = trials.row("pythonfmu", "cosim")
     assert (row.runs, row.agrees) == (True, False)
     assert row.difference > 1e-4

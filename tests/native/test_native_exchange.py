@@ -10,6 +10,7 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Model, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmu_raw import ERROR, OK, Instance
+from lxml import etree
 from scipy.integrate import solve_ivp
 
 from cosim.native.exchange import EXCHANGE
@@ -124,6 +125,56 @@ def test_derivatives_are_those_of_the_equations(unpacked, block) -> None:
             assert slave.get(*(f"x.{n}" for n in EXCHANGE[block].states)) == x
             assert slave.get(*(f"der(x.{n})" for n in EXCHANGE[block].states)) == slave.rates(*x)
         slave.fmu.freeInstance()
+
+
+def structure(folder: Path, section: str) -> dict[str, set[str]]:
+    """Unknowns of a section of ModelStructure, with the names that each depends on."""
+    root = etree.parse(folder / "modelDescription.xml").getroot()
+    names = [v.get("name") for v in root.find("ModelVariables")]
+    return {
+        names[int(u.get("index")) - 1]: {names[int(k) - 1] for k in u.get("dependencies").split()}
+        for u in root.findall(f"ModelStructure/{section}/Unknown")
+    }
+
+
+# effects under which everything that can act acts; states and inputs about which it is tried
+ACTING = {
+    "continuity": {"a_q": 0.2},
+    "continuity_physical": {"R_s": 1e10},
+    "mechanical": {"e_l": 0.3, "theta_l": 0.2, "tau_g": 100.0},
+    "simplified": {},
+}
+
+
+@pytest.mark.parametrize("block", RIGHT_HAND_SIDES)
+def test_what_derivatives_and_outputs_depend_on_is_listed(unpacked, block) -> None:
+    _, states, inputs, _ = RIGHT_HAND_SIDES[block]
+    rng, slave = np.random.default_rng(4), Exchanged(unpacked[block], block, **ACTING[block])
+    names = [f"x.{n}" for n in EXCHANGE[block].states] + list(registry.block(block).inputs)
+    outputs = list(registry.block(block).outputs)
+    seen = {name: set() for name in (*outputs, *(f"der(x.{n})" for n in EXCHANGE[block].states))}
+
+    def found(numbers):
+        slave.set(**dict(zip(names[len(states) :], numbers[len(states) :], strict=True)))
+        rates = slave.rates(*numbers[: len(states)])
+        return dict(zip(seen, [*slave.get(*outputs), *rates], strict=True))
+
+    for _ in range(60):
+        numbers = [*(v * rng.uniform(0.2, 2.0) for v in states), *(v * rng.normal() for v in inputs)]
+        before = found(numbers)
+        for k, name in enumerate(names):
+            after = found([v * (1.01 if j == k else 1.0) for j, v in enumerate(numbers)])
+            for unknown in seen:
+                seen[unknown] |= {name} if after[unknown] != before[unknown] else set()
+    assert structure(unpacked[block], "Outputs") | structure(unpacked[block], "Derivatives") == seen
+    # at the start the inputs alone are not known yet; states follow from parameters
+    initial = structure(unpacked[block], "InitialUnknowns")
+    given = set(registry.block(block).inputs)
+    assert {n: names & given for n, names in initial.items() if n.startswith("der")} == {
+        n: names & given for n, names in seen.items() if n.startswith("der")
+    }
+    assert not any(names & given for n, names in initial.items() if not n.startswith("der"))
+    assert set(initial) == set(seen) | {f"x.{n}" for n in EXCHANGE[block].states}
 
 
 @pytest.mark.parametrize("block", RIGHT_HAND_SIDES)

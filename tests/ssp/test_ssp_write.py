@@ -167,6 +167,12 @@ def test_fmus_have_the_connectors_units_and_start_values_of_the_package(package,
             assert float(variables[name].start) == composed.parameters[name].start
 
 
+def test_every_component_says_that_it_is_an_fmu(package):
+    # the standard's default, which OMSimulatorPython does not assume
+    components = wiring(package).findall(".//ssd:Component", NAMESPACES)
+    assert {c.get("type") for c in components} == {"application/x-fmu-sharedlibrary"}
+
+
 def test_annotations_give_libcosim_and_omsimulator_the_step(package):
     root = wiring(package)
     assert [a.get("baseStepSize") for a in find(root, ".//osp:FixedStepAlgorithm")] == ["0.001"]

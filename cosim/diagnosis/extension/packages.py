@@ -23,10 +23,10 @@ from cosim.ssp.write import (
     add_component,
     fmu_bytes,
     read_xml,
+    structure_bytes,
     values_xml,
     write_archive,
     write_ssp,
-    xml_bytes,
 )
 from fmus import registry
 from fmus.build import composed_block
@@ -195,5 +195,5 @@ def write_open(wiring: Path, destination: Path, values: Mapping[str, Mapping[str
     entries: dict[str, bytes] = {}
     for component in document.findall(".//ssd:Component", NAMESPACES):
         add_component(entries, component, wiring, values.get(component.get("name", ""), {}), None, fmu_bytes)
-    entries["SystemStructure.ssd"] = xml_bytes(document)
+    entries["SystemStructure.ssd"] = structure_bytes(document)
     return write_archive(entries, destination)

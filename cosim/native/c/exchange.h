@@ -16,15 +16,17 @@ static fmi2Status check_exchange(Instance *I) {
     return fmi2OK;
 }
 
+static const double no_seeds[N_INPUTS + N_STATES + 1] = {0};
+
 /* Derivatives, and outputs among the values, at the present states and inputs. */
 static fmi2Status refresh(Instance *I, double rates[]) {
-    double outputs[N_OUTPUTS];
+    double outputs[N_OUTPUTS], slopes[N_OUTPUTS + N_STATES];
     char a[NUMBER_SIZE], text[80];
     int k, fault = PY_NO_FAULT;
     if (check_exchange(I) != fmi2OK) {
         return fmi2Error;
     }
-    model_rates(&I->model, I->values, outputs, rates, &fault);
+    model_rates(&I->model, I->values, no_seeds, outputs, rates, slopes, &fault);
     for (k = 0; k < N_STATES; k++) {
         fault = fault || isfinite(rates[k]) ? fault : PY_RANGE;
     }
@@ -47,8 +49,8 @@ static fmi2Status get_local(Instance *I, fmi2ValueReference r, double *value) {
     model_get_states(&I->model, numbers);
     if (place >= N_STATES) {
         int fault = PY_NO_FAULT;
-        double outputs[N_OUTPUTS];
-        model_rates(&I->model, I->values, outputs, numbers + N_STATES, &fault);
+        double outputs[N_OUTPUTS], slopes[N_OUTPUTS + N_STATES];
+        model_rates(&I->model, I->values, no_seeds, outputs, numbers + N_STATES, slopes, &fault);
         if (fault) {
             *value = NAN; /* a step may still be possible: dry friction has steps but no derivative */
             return fmi2OK;
@@ -138,6 +140,42 @@ fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
     }
     memcpy(rates, found, N_STATES * sizeof *found);
     ((Instance *)c)->begun = 1;
+    return fmi2OK;
+}
+
+/* Exact, from the equations: of outputs and derivatives by inputs and states. */
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
+                                        const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
+                                        fmi2Real sensitivity[]) {
+    Instance *I = (Instance *)c;
+    double seeds[N_INPUTS + N_STATES + 1] = {0}, outputs[N_OUTPUTS], rates[N_STATES + 1], slopes[N_OUTPUTS + N_STATES];
+    const fmi2ValueReference first = N_VARIABLES, last = N_VARIABLES + N_STATES;
+    int fault = PY_NO_FAULT;
+    size_t k;
+    if (in_exchange(c, "fmi2GetDirectionalDerivative") != fmi2OK || check_exchange(I) != fmi2OK) {
+        return fmi2Error;
+    }
+    for (k = 0; k < n_knowns; k++) {
+        const fmi2ValueReference r = knowns[k];
+        if (r >= N_INPUTS && (r < first || r >= last)) {
+            return refuse(I, "directional derivatives are by inputs and states, and number %u is neither", (unsigned)r);
+        }
+        seeds[r < N_INPUTS ? r : r - first + N_INPUTS] += seed[k];
+    }
+    model_rates(&I->model, I->values, seeds, outputs, rates, slopes, &fault);
+    if (fault) {
+        return refuse_fault(I, "fmi2GetDirectionalDerivative", fault);
+    }
+    for (k = 0; k < n_unknowns; k++) {
+        const fmi2ValueReference r = unknowns[k];
+        if ((r < N_INPUTS || r >= N_INPUTS + N_OUTPUTS) && (r < last || r >= last + N_STATES)) {
+            return refuse(I, "directional derivatives are of outputs and derivatives, and number %u is neither", (unsigned)r);
+        }
+        sensitivity[k] = slopes[r < last ? r - N_INPUTS : r - last + N_OUTPUTS];
+        if (!isfinite(sensitivity[k])) {
+            return refuse(I, "there is no directional derivative at this place");
+        }
+    }
     return fmi2OK;
 }
 

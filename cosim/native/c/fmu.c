@@ -190,8 +190,8 @@ static int is_integer(fmi2ValueReference r) { return model_integers[r]; }
 static fmi2Status take(Instance *I, fmi2ValueReference r, double value) {
     if (r < N_VARIABLES && (model_kinds[r] == INPUT || (model_kinds[r] == PARAMETER && I->mode < RUNNING)) &&
         model_lows[r] <= value && value <= model_highs[r]) {
+        I->begun = I->begun && I->values[r] == value;
         I->values[r] = value;
-        I->begun = 0;
         return fmi2OK;
     }
     return refuse_value(I, r, value);
@@ -211,9 +211,25 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, 
     return status;
 }
 
+/* Outputs that follow the inputs at once, as the inputs are now; the others, and those behind a filter or a lag, stay. */
+static const double *outputs_now(Instance *I, double outputs[]) {
+#if DIRECT
+    if (I->mode >= RUNNING && !I->exchange && !I->begun) {
+        int fault = PY_NO_FAULT;
+        memcpy(outputs, I->values + N_INPUTS, N_OUTPUTS * sizeof *outputs);
+        model_direct(&I->model, I->values, outputs, &fault);
+        return outputs;
+    }
+#endif
+    (void)outputs;
+    return I->values + N_INPUTS;
+}
+
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Real values[]) {
     Instance *I = (Instance *)c;
     fmi2Status status = I ? fmi2OK : fmi2Error;
+    double outputs[N_OUTPUTS];
+    const double *shown;
     size_t k;
     if (I && I->mode == INITIALISING && !I->begun) {
         status = begin(I);
@@ -225,9 +241,10 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, 
         I->begun = status == fmi2OK;
     }
 #endif
+    shown = I ? outputs_now(I, outputs) : NULL;
     for (k = 0; I && k < n; k++) {
         if (r[k] < N_VARIABLES) {
-            values[k] = I->values[r[k]];
+            values[k] = model_kinds[r[k]] == OUTPUT ? shown[r[k] - N_INPUTS] : I->values[r[k]];
             continue;
         }
 #if EXCHANGE

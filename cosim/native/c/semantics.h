@@ -22,6 +22,13 @@ enum {
     PY_REFUSED     /* this one and those above it: an input between two components is out of its bounds */
 };
 
+/* a new struct of these values: a compound literal in C, a list of them in C++ */
+#ifdef __cplusplus
+#define PY_NEW(type) type
+#else
+#define PY_NEW(type) (type)
+#endif
+
 #define PY_WHOLE_LIMIT 9007199254740992.0
 
 enum { INPUT, OUTPUT, PARAMETER }; /* kinds of variables */

@@ -119,6 +119,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
         }
     }
     memcpy(I->values + N_INPUTS, outputs, sizeof outputs);
+    I->begun = 1;
     I->time = time + step;
     return fmi2OK;
 }
@@ -228,6 +229,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     return fmi2OK;
 }
 
+#if !EXCHANGE
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[]) {
@@ -237,7 +239,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     (void)n_knowns;
     (void)seed;
     (void)sensitivity;
-    return c ? refuse((Instance *)c, "directional derivatives are not provided") : fmi2Error;
+    return c ? refuse((Instance *)c, "directional derivatives are not provided: %s is for co-simulation only", MODEL_NAME) : fmi2Error;
 }
+#endif
 
 #endif
