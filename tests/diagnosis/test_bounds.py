@@ -87,6 +87,13 @@ def test_a_size_beyond_or_at_the_edge_of_its_range_cannot_be(name, sizes, nomina
     assert absurd(registry.effects()[name], sizes, nominal, torque=470.0) == wanted
 
 
+@pytest.mark.parametrize(("at_rest", "wanted"), [(0.0, False), (500.0, False), (899.0, False), (900.0, True)])
+def test_friction_that_all_but_ends_in_motion_is_a_dead_band(at_rest, wanted) -> None:
+    sizes = {"tau_c": 100.0, "tau_s": at_rest, "omega_s": 0.01}
+    off = {"tau_c": 0.0, "tau_s": 0.0, "omega_s": 0.01}
+    assert absurd(registry.effects()["mechanical.stribeck_friction"], sizes, off) == wanted
+
+
 def test_a_torque_is_held_against_nothing_where_the_drive_is_not_known() -> None:
     assert not absurd(registry.effects()["mechanical.coulomb_friction"], {"tau_c": 1e6}, {"tau_c": 0.0})
 

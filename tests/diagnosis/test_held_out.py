@@ -1,6 +1,6 @@
 """Which causes held-out data keep: those whose absence makes the prediction worse, even where they help together only."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -10,6 +10,7 @@ import pytest
 from cosim.diagnosis.extension.estimate import vanished
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.held_out import causes as held_out
 from cosim.diagnosis.held_out.causes import (
     Held,
     Refused,
@@ -20,6 +21,7 @@ from cosim.diagnosis.held_out.causes import (
     least,
     likeliest,
     reconsider,
+    stepper,
 )
 from cosim.diagnosis.held_out.gain import begun_anew
 from cosim.diagnosis.hypotheses.naming import find
@@ -43,6 +45,18 @@ MECHANICS = SimpleNamespace(
     task=SimpleNamespace(model=SimpleNamespace(group=MODELS["full_order"][2])), rivals={}
 )
 FIT = Fit({}, {}, 0.0, 0, {}, np.empty((0, 0)))
+
+
+@dataclass(frozen=True)
+class FakeFinding:
+    """As much of a finding as weighing rivals on held-out data needs."""
+
+    task: object
+    chosen: object
+    rivals: dict[str, list[object]]
+    undecided: dict[str, list[str]] = field(default_factory=dict)
+    held_squares: object = None
+    borne: dict[str, object] = field(default_factory=dict)
 
 
 def kept(
@@ -229,6 +243,57 @@ def test_of_effects_that_cannot_be_told_apart_the_likeliest_is_named() -> None:
     assert likeliest(stop, [saturation], ()) == stop
     assert likeliest(saturation, [stop], ("sensor.saturation",)) == saturation
     assert likeliest(saturation, [stop], ("mechanical.end_stop", "sensor.saturation")) == stop
+
+
+@pytest.mark.parametrize("first", [(COULOMB,), (COULOMB, BACKLASH)], ids=["the part", "the whole"])
+def test_a_set_that_leaves_more_than_a_part_of_it_is_fitted_from_there(monkeypatch, first) -> None:
+    """Whichever was fitted first: a search that ended in a worse minimum than that of a part of its set went astray."""
+    good = replace(FIT, values={"mechanical.tau_c": 5.0}, residuals={"slew": np.ones(48)})
+    astray = replace(FIT, values={"mechanical.tau_c": 0.1}, residuals={"slew": np.full(48, 9.0)})
+
+    def refitted(finding, effects, tolerance, near):
+        return good if len(effects) == 1 or near is good else astray
+
+    monkeypatch.setattr(held_out, "refitted", refitted)
+    monkeypatch.setattr(held_out, "errors", lambda finding, fit, record: fit.residuals)
+    monkeypatch.setattr(held_out, "worth_naming", lambda *_: True)
+    model = SimpleNamespace(group=replace(MODELS["full_order"][2], absolute=("slew",)), cuts=(), stages=())
+    monkeypatch.setattr(held_out, "not_physical", lambda *_: False)
+    rule = SimpleNamespace(bins=1, window=6)
+    finding = SimpleNamespace(
+        task=SimpleNamespace(model=model, rules={"slew": rule}), chosen=SimpleNamespace(fit=FIT)
+    )
+    step = stepper(finding, Held(SimpleNamespace(cuts=()), 0), "slew", 0.01)  # type: ignore[arg-type]
+    step(first)
+    step((COULOMB,))
+    assert step((BACKLASH, COULOMB)).fit is good
+
+
+def test_an_effect_takes_the_place_of_one_only_and_of_none_at_the_cost_of_another(monkeypatch) -> None:
+    """A dead zone is likelier than a shifted valve and than friction, but one cause; where it costs friction, it is none."""
+    zone, offset = registry.effects()["dead_zone.mismatch"], registry.effects()["dcv.offset"]
+    costly: set[str] = set()
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        names = {e.name for e in effects}
+        error = 1.0 if len(names) == 2 else 4.0 + len(names)
+        unsure = tuple(costly & names) if zone.name in names else ()
+        return Step(effects, FIT, 1.0, error, unsure, error**2 * np.linspace(0.8, 1.2, 24))
+
+    chosen = SimpleNamespace(effects=(offset, COULOMB), fit=FIT)
+    known = [SimpleNamespace(effects=(e, zone), names=(), score=0.0) for e in (COULOMB, offset)]
+    task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
+    finding = FakeFinding(task, chosen, {offset.name: known[:1], COULOMB.name: known[1:]})
+    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
+    monkeypatch.setattr(held_out, "tried_all", lambda *_: [])
+    held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
+    found, taken = reconsider(finding, held, [], 0.01)  # type: ignore[arg-type]
+    assert [e.name for e in taken].count(zone.name) == 1
+    assert len(taken) == 2
+    costly.update({offset.name, COULOMB.name})
+    found, taken = reconsider(finding, held, [], 0.01)  # type: ignore[arg-type]
+    assert taken == chosen.effects
+    assert found.undecided[offset.name] == [zone.name]
 
 
 def test_the_set_that_errs_least_in_part_after_part_is_taken_and_a_sure_one_first() -> None:

@@ -73,6 +73,8 @@ def absurd(
 ) -> bool:
     """True if a parameter lies beyond its physical range, or at an edge of it that is not its off value.
 
+    So is one that is as many times another as it can be at most: friction that all but ends in motion is a dead band.
+
     Args:
         effect: the effect.
         values: its parameters -> estimate, SI.
@@ -89,7 +91,11 @@ def absurd(
             return True
         if (value < low + near and off != low) or (value > high - near and off != high):
             return True
-    return False
+    shares = {p: free.within for p, free in effect.free.items() if free.within is not None and p in values}
+    return any(
+        other in values and 0.0 < (1.0 - RANGE_EDGE) * ratio * values[other] < values[p]
+        for p, (other, ratio) in shares.items()
+    )
 
 
 def greatest_torque(model: GroupModel, values: Mapping[str, float]) -> float:
