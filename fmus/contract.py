@@ -106,6 +106,8 @@ class Block:
         title: one line for people.
         module: the module that declares it.
         feedthrough: outputs that depend directly on an input, with those inputs.
+        reads: what each input stands for over a step from t to t + h. "held": its value from t to t + h; "line": its value at
+            t + h, joined by a straight line to that of the step before; "instant": its value at t + h, read as it is.
         memory: arrays that the block itself remembers (a table it plays).
         helpers: equations of other modules that this block's equations call.
         step_size: default communication step, s.
@@ -115,6 +117,7 @@ class Block:
     title: str
     module: ModuleType
     feedthrough: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    reads: dict[str, Literal["held", "line", "instant"]] = field(default_factory=dict)
     memory: dict[str, Buffer] = field(default_factory=dict)
     helpers: tuple[Callable[..., Any], ...] = ()
     step_size: float = 1e-3

@@ -237,5 +237,6 @@ BLOCK = Block(
     name="dcv",
     title="Directional control valve: command to spool position",
     module=sys.modules[__name__],
+    reads={"demand": "held"},
     helpers=(expm2,),
 )
