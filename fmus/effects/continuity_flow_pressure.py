@@ -51,5 +51,4 @@ EFFECT = Effect(
     begin=throttled_begin,
     remember=throttled_remember,
     when="after",
-    asked=True,
 )
