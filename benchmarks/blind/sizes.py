@@ -76,7 +76,7 @@ RANGES: dict[str, Ranges] = {
     "dcv.bandwidth": Ranges({"w0": nominal()}),
     "dcv.damping": Ranges({"zeta": nominal()}),
     "dcv.amplitude_damping": Ranges(
-        {"c_a": Drawn((0.2, 0.4), (0.7, 1.5), (2.0, 4.0))}, {"x_a": (0.3e-3, 0.8e-3)}
+        {"c_a": Drawn((0.2, 0.4), (0.7, 1.5), (2.0, 4.0))}, {"u_a": (0.12, 0.34)}
     ),
     "dcv.delay": Ranges({"tau_d": Drawn((0.001, 0.003), (0.008, 0.025), (0.03, 0.06))}),
     "dcv.rate_limit": Ranges({"v_max": Drawn((0.975, 0.98), (0.983, 0.99), (0.992, 0.996), signs=(-1.0,))}),

@@ -66,7 +66,7 @@ def valve_rates(s: State, t: float, demand: float, p: Plant) -> tuple[float, flo
     error = k * demand + q.x_0 - s.x
     zeta = q.zeta
     if q.c_a != 0.0:
-        zeta *= 1.0 + q.c_a * math.exp(-((error / q.x_a) ** 2))
+        zeta *= 1.0 + q.c_a * math.exp(-((error / (q.u_a * k)) ** 2))
     v = clip(s.v, -q.v_max, q.v_max)
     return v, q.w0 * q.w0 * error - 2.0 * zeta * q.w0 * v
 

@@ -44,7 +44,7 @@ class Dcv(NamedTuple):
     tau_d: float = 0.0
     play: float = 0.0
     c_a: float = 0.0
-    x_a: float = 0.5e-3
+    u_a: float = 0.2
 
 
 class Continuity(NamedTuple):
@@ -177,7 +177,7 @@ PARAMETERS: dict[str, Parameter] = {
     "dcv.tau_d": Parameter("s", 0.0, 2.0, "Delay of the demand", _D),
     "dcv.play": Parameter("1", 0.0, 1.0, "Half the width of the play on the compensated command", _D),
     "dcv.c_a": Parameter("1", 0.0, 20.0, "Damping added in small motion, of zeta", "fig. 5.6"),
-    "dcv.x_a": Parameter("m", 1e-5, 0.1, "Spool error over which that fades", "fig. 5.6"),
+    "dcv.u_a": Parameter("1", 1e-3, 10.0, "Spool error, in demand, over which that fades", "fig. 5.6"),
     "continuity.K_c": Parameter("Pa/m", 1e6, 1e11, "Load pressure per spool opening", "(5.4)"),
     "continuity.T": Parameter("s", 5e-3, 10.0, "Time constant of the load pressure", "(5.4)"),
     "continuity.p_s": Parameter("Pa", 1e5, 1e8, "Supply pressure", "CONTRACT 6"),
@@ -297,7 +297,7 @@ EFFECTS: dict[str, Effect] = {
     "sensor.dropout": Effect("sensor", {"sensor.p_drop": 0.1}),
     "tracker.clock": Effect("tracker", {"tracker.offset": 0.2, "tracker.rate": 1.0005}),
     "tracker.seam": Effect("tracker", {"tracker.seam": 0.3 * DEG}),
-    "dcv.amplitude_damping": Effect("dcv", {"dcv.c_a": 1.0, "dcv.x_a": 0.5e-3}),
+    "dcv.amplitude_damping": Effect("dcv", {"dcv.c_a": 1.0, "dcv.u_a": 0.2}),
     "continuity.flow_pressure": Effect("continuity", {"continuity.c_q": 1.0 / (170.0 * BAR)}),
     "unknown.quadratic_drag": Effect("mechanical", {"unknown.q_drag": 1.5e5}),
     "unknown.warming_valve": Effect("dcv", {"unknown.g_warm": 0.15, "unknown.tau_warm": 20.0}),

@@ -7,8 +7,9 @@ from fmus.contract import Effect, Free, Range, Variable, equation
 
 @equation
 def damped_more_when_near(zeta, e, m, p):
-    """The damping ratio, zeta (1 + c_a exp(-(e/x_a)^2)), e the spool's distance from its goal."""
-    return zeta * (1.0 + p.c_a * math.exp(-(e / p.x_a) * (e / p.x_a)))
+    """The damping ratio, zeta (1 + c_a exp(-(e/(u_a K))^2)), e the spool's distance from its goal."""
+    part = e / (p.u_a * p.K)
+    return zeta * (1.0 + p.c_a * math.exp(-part * part))
 
 
 EFFECT = Effect(
@@ -26,23 +27,29 @@ EFFECT = Effect(
             20.0,
             source="off: (4.16) damps alike at every amplitude",
         ),
-        "x_a": Variable(
-            "m",
-            "Distance from the demanded position over which it fades",
-            0.5e-3,
-            1e-6,
-            0.1,
-            display="mm",
-            nominal=1e-3,
-            source="a fifth of the stroke; fig. 5.6 has amplitudes of 35 to 100 %",
+        "u_a": Variable(
+            "1",
+            "Distance from the goal, in demand, over which it fades",
+            0.2,
+            1e-3,
+            10.0,
+            display="%",
+            nominal=0.1,
+            source="fig. 5.6 has amplitudes of 35 to 100 %: half of the smallest",
         ),
     },
     free={
         "c_a": Free(starts=(0.5, 2.0), scale=1.0, floor=0.05),
-        "x_a": Free(starts=(0.3e-3, 1e-3), scale=0.3e-3),
+        "u_a": Free(starts=(0.12, 0.4), scale=0.12),
     },
     fills={"damping_ratio": damped_more_when_near},
     ranges={
+        "u_a": Range(
+            0.05,
+            3.0,
+            "beyond three fifths of full command no motion is large, and the damping is one number: dcv.damping",
+            of="nominal",
+        ),
         "c_a": Range(
             0.0, 10.0, "beyond ten times the damping the valve would creep for seconds at small commands"
         ),

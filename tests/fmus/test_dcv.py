@@ -176,12 +176,12 @@ def test_the_neutral_may_be_shifted() -> None:
 VARIED = compose(registry.block("dcv"), [registry.effects()["dcv.amplitude_damping"]])
 
 
-def near(demand: float, t: float, c_a: float, x_a: float, x_max: float = 1.0) -> tuple[float, float]:
-    """(spool, speed) after t seconds from rest, damped by zeta (1 + c_a exp(-(e/x_a)^2)), up to a stop, by scipy."""
+def near(demand: float, t: float, c_a: float, u_a: float, x_max: float = 1.0) -> tuple[float, float]:
+    """(spool, speed) after t seconds from rest, damped by zeta (1 + c_a exp(-(e/(u_a K))^2)), up to a stop, by scipy."""
     rest = K * demand
 
     def rates(_: float, y: np.ndarray) -> list[float]:
-        zeta = ZETA * (1.0 + c_a * math.exp(-(((y[0] - rest) / x_a) ** 2)))
+        zeta = ZETA * (1.0 + c_a * math.exp(-(((y[0] - rest) / (u_a * K)) ** 2)))
         return [y[1], W0**2 * (rest - y[0]) - 2 * zeta * W0 * y[1]]
 
     def stop(_: float, y: np.ndarray) -> float:
@@ -197,17 +197,17 @@ def near(demand: float, t: float, c_a: float, x_a: float, x_max: float = 1.0) ->
     return float(state[0]), float(state[1])
 
 
-@pytest.mark.parametrize(("c_a", "x_a"), [(1.0, 0.5e-3), (4.0, 0.2e-3), (10.0, 2e-3)])
+@pytest.mark.parametrize(("c_a", "u_a"), [(1.0, 0.2), (4.0, 0.08), (10.0, 0.8)])
 @pytest.mark.parametrize("h", [1e-3, 0.02, 0.3])
 def test_damping_that_changes_with_amplitude_against_a_fine_integration(
-    c_a: float, x_a: float, h: float
+    c_a: float, u_a: float, h: float
 ) -> None:
     n = max(1, round(0.3 / h))
     for demand in (0.05, -0.9):
-        found = run(VARIED, h, [0.0], {"c_a": c_a, "x_a": x_a}).play([[demand]] * n)
+        found = run(VARIED, h, [0.0], {"c_a": c_a, "u_a": u_a}).play([[demand]] * n)
         for k in sorted({1, n // 8, n // 3, n} - {0}):
             # Runge-Kutta in pieces of a tenth of the fastest rate: 1e-6 of the travel
-            exact = near(demand, k * h, c_a, x_a)
+            exact = near(demand, k * h, c_a, u_a)
             assert found[k - 1] == pytest.approx(exact, abs=3e-6 * K * abs(demand) * W0), f"after {k} steps"
 
 
@@ -216,8 +216,8 @@ def test_damping_that_changes_with_amplitude_at_a_stop(h: float) -> None:
     """Near the stop a piece takes the damping of its middle: second order in the piece."""
     for t in (0.08, 0.12, 0.2):
         n = round(t / h)
-        found = run(VARIED, h, [0.0], {"c_a": 0.3, "x_a": 1e-3, "x_max": 2.4e-3}).play([[1.0]] * n)[-1]
-        exact = near(1.0, n * h, 0.3, 1e-3, x_max=2.4e-3)
+        found = run(VARIED, h, [0.0], {"c_a": 0.3, "u_a": 0.4, "x_max": 2.4e-3}).play([[1.0]] * n)[-1]
+        exact = near(1.0, n * h, 0.3, 0.4, x_max=2.4e-3)
         assert found == pytest.approx(exact, abs=2e-4 * K * W0)
         assert found[0] <= 2.4e-3
 
@@ -231,9 +231,7 @@ def test_small_steps_are_damped_more_than_large_ones() -> None:
     """Fig. 5.6 in words: the overshoot of a small step goes, that of a large one hardly changes."""
 
     def overshoot(demand: float, c_a: float) -> float:
-        spool = run(VARIED, 1e-3, [0.0], {"c_a": c_a, "x_a": 0.3e-3, "x_max": 1.0}).play([[demand]] * 400)[
-            :, 0
-        ]
+        spool = run(VARIED, 1e-3, [0.0], {"c_a": c_a, "u_a": 0.12, "x_max": 1.0}).play([[demand]] * 400)[:, 0]
         return float(spool.max() / (K * demand) - 1.0)
 
     assert overshoot(0.05, 1.0) < 1e-3 < overshoot(1.0, 1.0) < overshoot(1.0, 0.0)

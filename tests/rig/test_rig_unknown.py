@@ -61,7 +61,7 @@ def test_small_motion_is_damped_more_than_large():
         x = clean(held((low, 1.5), (high, 1.5)), *hidden).true["spool"] / K
         return (x[1500:].max() - high) / (high - low)
 
-    hidden = "dcv.amplitude_damping:c_a=2,x_a=0.4 mm"
+    hidden = "dcv.amplitude_damping:c_a=2,u_a=0.17"
     assert overshoot(0.5, 0.55) == pytest.approx(overshoot(-0.5, 0.5), rel=1e-6)
     assert overshoot(0.5, 0.55, hidden) < 0.1 * overshoot(0.5, 0.55)
     assert overshoot(0.5, 0.55, hidden) < overshoot(-0.5, 0.5, hidden) < overshoot(-0.5, 0.5)
