@@ -147,7 +147,8 @@ def compensation(of: Campaign) -> Item:
 def squares(of: Campaign) -> Item:
     """Figs 4.5 and 4.12b."""
     panels, rows = {"spool [mm]": list[Layer](), "slew [deg]": list[Layer]()}, list[Row]()
-    for level, role in zip(AMPLITUDES, ("nominal", "extended", "rising"), strict=True):
+    roles: tuple[Role, ...] = ("nominal", "extended", "rising")
+    for level, role in zip(AMPLITUDES, roles, strict=True):
         log = of.log(f"square {level:g}")
         name = f"{100 * level:g} % (rig)"
         panels["spool [mm]"].append(line(name, role, log.time, 1e3 * log["spool"]))
@@ -257,9 +258,9 @@ def slew_fits(of: Campaign) -> Item:
 def valve_fits(of: Campaign) -> Item:
     """Table 4.3."""
     rows = list[Row]()
-    for name, values in fits_of(of, "dcv").items():
+    for name, (values, best) in fits_of(of, "dcv").items():
         source = TABLE_4_3[name]
-        K, w0, zeta, best = values
+        K, w0, zeta = values
         rows += [
             Row(f"{name} K", source[0], K.value * 1e3, "mm", half(K, 1e3)),
             Row(f"{name} w0", source[1], w0.value, "rad/s", half(w0)),
@@ -294,9 +295,9 @@ def valve_fits(of: Campaign) -> Item:
 def pressure_fits(of: Campaign) -> Item:
     """Table 4.4."""
     rows = list[Row]()
-    for name, values in fits_of(of, "continuity").items():
+    for name, (values, best) in fits_of(of, "continuity").items():
         source = TABLE_4_4[name]
-        gain, time, best = values
+        gain, time = values
         rows += [
             Row(f"{name} K", source[0], gain.value * 1e-8, "bar/mm", half(gain, 1e-8)),
             Row(f"{name} T", source[1], time.value, "s", half(time)),
@@ -324,18 +325,18 @@ def pressure_fits(of: Campaign) -> Item:
     )
 
 
-def fits_of(of: Campaign, block: str) -> dict[str, tuple[Quantity, ...]]:
-    """The block's own structure fitted to the valve's sweep at each amplitude, and to all: TF1 to TF4."""
+def fits_of(of: Campaign, block: str) -> dict[str, tuple[tuple[Quantity, ...], float]]:
+    """Parameters and best fit of the block's own structure on the valve's sweep at each amplitude, and all: TF1 to TF4."""
     from cosim.identify.blocks import parameters
 
     logs = [of.log(f"dcv {level:g}") for level in AMPLITUDES]
     records = records_of(logs, channel(block, None, None), of.known)
-    found = {}
+    found = dict[str, tuple[tuple[Quantity, ...], float]]()
     groups: list[Sequence[int]] = [[0], [1], [2], [0, 1, 2]]
     for number, chosen in enumerate(groups, 1):
         model = fit_records([records[i] for i in chosen], form(block).structure)
         values = parameters(block, model, of.known)
-        found[f"TF{number}"] = (*values.values(), model.best_fit)
+        found[f"TF{number}"] = tuple(values.values()), model.best_fit
     return found
 
 

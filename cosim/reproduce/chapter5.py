@@ -84,7 +84,7 @@ def locus() -> Item:
     """Fig. 5.2."""
     loops = {
         "simplified (4.15)": root_locus([10.0], [1.0, 4.4, 0.0]),
-        "full order (5.12)": root_locus(*(list(s) for s in models.PRINTED)),
+        "full order (5.12)": root_locus(list(models.PRINTED[0]), list(models.PRINTED[1])),
     }
     layers = list[Layer]()
     roles: tuple[Role, ...] = ("nominal", "extended")
