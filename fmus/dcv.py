@@ -255,8 +255,8 @@ def varied(
     By Runge-Kutta in pieces that are short beside the valve's fastest rate. Where that would take many, and near a limit,
     the motion of a piece is exact with the damping ratio of its middle (order 2).
     """
-    n = int(min(h * p.w0 * (1.0 + 2.0 * most) / 0.2, 1e6)) + 1
-    few = n <= 16
+    n = int(min(h * p.w0 * (1.0 + 2.0 * most) / 0.4, 1e6)) + 1
+    few = n <= 10
     if not few:
         n = int(min(h * p.w0 / 0.05, 200.0)) + 1
     dt = h / n
