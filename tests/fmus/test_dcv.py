@@ -207,8 +207,8 @@ def test_damping_that_changes_with_amplitude_against_a_fine_integration(
         found = run(VARIED, h, [0.0], {"c_a": c_a, "u_a": u_a}).play([[demand]] * n)
         for k in sorted({1, n // 8, n // 3, n} - {0}):
             exact = near(demand, k * h, c_a, u_a)
-            # order 4 in short pieces (5e-6 of the stroke is 1/400 of the sensor's noise), order 2 where a long step would take
-            # many of them
+            # order 4 in short pieces (5e-6 of the stroke is 1/400 of the sensor's noise), order 2 where a long step would
+            # take many of them
             size = (5e-6 if h == 1e-3 else 3e-4) * K * abs(demand) * np.array([1.0, W0])
             assert np.all(np.abs(np.subtract(found[k - 1], exact)) < size), f"after {k} steps"
 
