@@ -51,4 +51,5 @@ EFFECT = Effect(
     begin=throttled_begin,
     remember=throttled_remember,
     when="after",
+    alone=True,
 )

@@ -42,6 +42,7 @@ EFFECT = Effect(
         "c_a": Free(starts=(0.5, 2.0), scale=1.0, floor=0.05),
         "u_a": Free(starts=(0.12, 0.4), scale=0.12),
     },
+    alone=True,
     fills={"damping_ratio": damped_more_when_near},
     ranges={
         "u_a": Range(
