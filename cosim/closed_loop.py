@@ -5,7 +5,8 @@ As a linear loop, cut at the command:
     G(s) = K w0^2 / (s^2 + 2 zeta w0 s + w0^2)  K_c / (T s + 1)  A r / (s (J s + b))        (4.16), (4.33), (4.28)
     u = -k_p theta - k_d omega,  omega by the observer (2.15), theta by the sensor or by the observer
 
-Compensator and dead zone are taken to cancel there, the sensor as exact. Held for 1 ms and half a millisecond old on
+Compensator and dead zone are taken to cancel there (form 2 does; the tanh of form 3 leaves a dead band of -3.18 % to +3.28 %
+of command), the sensor as exact. Held for 1 ms and half a millisecond old on
 average, the command costs 0.03 deg of phase for each rad/s of crossover, which is left out.
 
 Where they do not cancel, their joint curve f has the describing function N(A) of a sine of amplitude A, and the loop swings

@@ -9,7 +9,7 @@ from cosim.errors import DataError, ModelError, UsageError
 from cosim.logs import load_log
 from cosim.logs.load import open_source
 from cosim.master.inputs import Series
-from cosim.paths import build_folder
+from cosim.paths import build_folder, ssp_folder
 from cosim.signals import LOG_SIGNALS
 from cosim.ssp import System, read_ssv
 from cosim.ssp.build import LOOPS, SYSTEMS
@@ -57,6 +57,27 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
     return built
 
 
+def source_sets() -> dict[str, Path]:
+    """The parameter sets that the source prints, by name (ssp/README.md)."""
+    return {file.stem: file for file in sorted((ssp_folder() / "source").glob("*.ssv"))}
+
+
+def set_file(given: Path) -> Path:
+    """The file of a parameter set: itself, or one of the source's by its name, such as ``table_4_3_tf2``.
+
+    Raises:
+        UsageError: it has no suffix and is none of them.
+    """
+    if given.suffix or given.exists() or given.name != str(given):
+        return given
+    known = source_sets()
+    if given.name not in known:
+        raise UsageError(
+            f"'{given}' is no parameter set: give an .ssv file, or one of the source's: {', '.join(known)}"
+        )
+    return known[given.name]
+
+
 def parameters(system: System, files: list[Path], settings: list[str]) -> dict[str, Any]:
     """Start values from .ssv files, then from ``name=value unit`` texts, in the units of the FMUs.
 
@@ -65,7 +86,7 @@ def parameters(system: System, files: list[Path], settings: list[str]) -> dict[s
         ModelError: a file is bad, or a value does not fit.
     """
     found: dict[str, Any] = {}
-    for file in files:
+    for file in map(set_file, files):
         for value in read_ssv(file):
             ports = resolve(system, value.name)
             if not ports:

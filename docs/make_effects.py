@@ -40,6 +40,8 @@ def table() -> str:
     ]
     for effect in registry.effects().values():
         asked = " Considered on request only." if effect.asked else ""
+        if effect.alone:
+            asked = " On request only where its block is not judged by itself."
         lines.append(f"| `{effect.name}` | {effect.text}{asked} | {parameters(effect)} | {effect.residual} |")
     return "\n".join(lines)
 

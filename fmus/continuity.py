@@ -128,5 +128,6 @@ BLOCK = Block(
     name="continuity",
     title="Flow and pressure, identified form: spool position to load pressure",
     module=sys.modules[__name__],
+    reads={"spool": "line"},
     helpers=(phi_functions,),
 )

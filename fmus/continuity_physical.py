@@ -152,4 +152,5 @@ BLOCK = Block(
     name="continuity_physical",
     title="Flow and pressure, physical form: orifices, two chambers, leakage, supply",
     module=sys.modules[__name__],
+    reads={"spool": "line", "omega": "line"},
 )

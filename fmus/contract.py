@@ -106,6 +106,8 @@ class Block:
         title: one line for people.
         module: the module that declares it.
         feedthrough: outputs that depend directly on an input, with those inputs.
+        reads: what each input stands for over a step from t to t + h. "held": its value from t to t + h; "line": its value at
+            t + h, joined by a straight line to that of the step before; "instant": its value at t + h, read as it is.
         memory: arrays that the block itself remembers (a table it plays).
         helpers: equations of other modules that this block's equations call.
         step_size: default communication step, s.
@@ -115,6 +117,7 @@ class Block:
     title: str
     module: ModuleType
     feedthrough: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    reads: dict[str, Literal["held", "line", "instant"]] = field(default_factory=dict)
     memory: dict[str, Buffer] = field(default_factory=dict)
     helpers: tuple[Callable[..., Any], ...] = ()
     step_size: float = 1e-3
@@ -224,6 +227,7 @@ class Effect:
         when: "before" the block's step (x1 is x then) or "after" it.
         helpers: further equations that these call.
         asked: the diagnosis considers it only where a mapping file asks for it.
+        alone: without being asked, only where its block is judged by itself: among others its law is not told from theirs.
         sole_form: its law can have no other form (an offset, a factor, an inertia): what it leaves is none of its own.
         ranges: where those of its parameters can physically be whose declaration admits more.
         prior: log odds against the other effects before a log is seen.
@@ -245,6 +249,7 @@ class Effect:
     when: Literal["before", "after"] = "before"
     helpers: tuple[Callable[..., Any], ...] = ()
     asked: bool = False
+    alone: bool = False
     sole_form: bool = False
     ranges: dict[str, Range] = field(default_factory=dict)
     prior: float = 0.0

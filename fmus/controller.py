@@ -123,4 +123,5 @@ BLOCK = Block(
     title="Position controller",
     module=sys.modules[__name__],
     feedthrough={"u": ("reference", "reference_rate", "slew", "slew_rate", "manual")},
+    reads=dict.fromkeys(Input._fields, "instant"),
 )

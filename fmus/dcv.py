@@ -64,10 +64,16 @@ def delayed_demand(demand: float, m: NoMemory, p: Parameters) -> float:
     return demand
 
 
+@slot("chain")
+def damping_ratio(zeta: float, e: float, m: NoMemory, p: Parameters) -> float:
+    """The damping ratio at the distance e, m, from the rest position; one that changes anywhere differs from zeta at 0."""
+    return zeta
+
+
 @equation
-def transition(t: float, p: Parameters) -> tuple[float, float, float, float]:
+def transition(t: float, zeta: float, p: Parameters) -> tuple[float, float, float, float]:
     """Transition matrix of (deviation from the rest position, speed) over t seconds, row by row."""
-    return expm2(0.0, 1.0, -p.w0 * p.w0, -2.0 * p.zeta * p.w0, t)
+    return expm2(0.0, 1.0, -p.w0 * p.w0, -2.0 * zeta * p.w0, t)
 
 
 @equation
@@ -93,16 +99,16 @@ def unlimited(spool: float, rate: float, rest: float, p: Parameters) -> bool:
 
 
 @equation
-def turning_time(e: float, v: float, dt: float, p: Parameters) -> float:
+def turning_time(e: float, v: float, dt: float, zeta: float, p: Parameters) -> float:
     """Time within dt <= 1/w0 at which v, the derivative of e, changes sign in free motion, by bisection; dt if it does not."""
-    _, _, a21, a22 = transition(dt, p)
+    _, _, a21, a22 = transition(dt, zeta, p)
     if v * (a21 * e + a22 * v) >= 0.0:
         return dt
     low = 0.0
     high = dt
     for _ in range(60):
         t = 0.5 * (low + high)
-        _, _, a21, a22 = transition(t, p)
+        _, _, a21, a22 = transition(t, zeta, p)
         if v * (a21 * e + a22 * v) > 0.0:
             low = t
         else:
@@ -111,41 +117,43 @@ def turning_time(e: float, v: float, dt: float, p: Parameters) -> float:
 
 
 @equation
-def moved(spool: float, rate: float, rest: float, t: float, p: Parameters) -> tuple[float, float]:
+def moved(
+    spool: float, rate: float, rest: float, t: float, zeta: float, p: Parameters
+) -> tuple[float, float]:
     """Spool and speed after t seconds of free motion."""
-    a11, a12, a21, a22 = transition(t, p)
+    a11, a12, a21, a22 = transition(t, zeta, p)
     e = spool - rest
     return rest + a11 * e + a12 * rate, a21 * e + a22 * rate
 
 
 @equation
-def is_inside_after(spool: float, rate: float, rest: float, t: float, p: Parameters) -> bool:
+def is_inside_after(spool: float, rate: float, rest: float, t: float, zeta: float, p: Parameters) -> bool:
     """True where t seconds of free motion end inside the limits."""
-    x, v = moved(spool, rate, rest, t, p)
+    x, v = moved(spool, rate, rest, t, zeta, p)
     return inside(x, v, p)
 
 
 @equation
-def exit_time(spool: float, rate: float, rest: float, dt: float, p: Parameters) -> float:
+def exit_time(spool: float, rate: float, rest: float, dt: float, zeta: float, p: Parameters) -> float:
     """Time just after the free motion first leaves the limits, or dt if it stays inside; dt <= 1/w0.
 
     Between the turning points of position and speed both are monotone, so it is enough to look there and at the end.
     """
     e = spool - rest
-    force = -p.w0 * p.w0 * e - 2.0 * p.zeta * p.w0 * rate
-    one = turning_time(e, rate, dt, p)
-    two = turning_time(rate, force, dt, p)
+    force = -p.w0 * p.w0 * e - 2.0 * zeta * p.w0 * rate
+    one = turning_time(e, rate, dt, zeta, p)
+    two = turning_time(rate, force, dt, zeta, p)
     high = min(one, two)
-    if is_inside_after(spool, rate, rest, high, p):
+    if is_inside_after(spool, rate, rest, high, zeta, p):
         high = max(one, two)
-        if is_inside_after(spool, rate, rest, high, p):
+        if is_inside_after(spool, rate, rest, high, zeta, p):
             high = dt
-            if is_inside_after(spool, rate, rest, high, p):
+            if is_inside_after(spool, rate, rest, high, zeta, p):
                 return dt
     low = 0.0
     for _ in range(60):
         t = 0.5 * (low + high)
-        if is_inside_after(spool, rate, rest, t, p):
+        if is_inside_after(spool, rate, rest, t, zeta, p):
             low = t
         else:
             high = t
@@ -153,9 +161,9 @@ def exit_time(spool: float, rate: float, rest: float, dt: float, p: Parameters) 
 
 
 @equation
-def sliding_time(spool: float, rate: float, rest: float, p: Parameters) -> float:
+def sliding_time(spool: float, rate: float, rest: float, zeta: float, p: Parameters) -> float:
     """How long the spool stays at the speed limit, s: until the demand asks for less, or a stop; <= 0 if it leaves at once."""
-    release = rest - 2.0 * p.zeta * rate / p.w0  # where the acceleration changes sign
+    release = rest - 2.0 * zeta * rate / p.w0  # where the acceleration changes sign
     goal = min(release, p.x_max) if rate > 0.0 else max(release, p.x_min)
     return (goal - spool) / rate
 
@@ -172,14 +180,14 @@ def settled(spool: float, rate: float, p: Parameters) -> State:
 
 
 @equation
-def constrained(spool: float, rate: float, rest: float, h: float, p: Parameters) -> State:
+def constrained(spool: float, rate: float, rest: float, h: float, zeta: float, p: Parameters) -> State:
     """The motion over h with stops and speed limit, event by event, in pieces that hold one turning point at most."""
     left = h
     for _ in range(100000):
         if rate == 0.0 and ((spool >= p.x_max and rest >= p.x_max) or (spool <= p.x_min and rest <= p.x_min)):
             return State(spool, 0.0)  # pressed against a stop
         if abs(rate) >= p.v_max:
-            dt = min(left, sliding_time(spool, rate, rest, p))
+            dt = min(left, sliding_time(spool, rate, rest, zeta, p))
             if dt > 1e-9 * h:
                 spool, rate = settled(spool + rate * dt, rate, p)
                 left = left - dt
@@ -187,10 +195,10 @@ def constrained(spool: float, rate: float, rest: float, h: float, p: Parameters)
                     continue
                 return State(spool, rate)
         if unlimited(spool, rate, rest, p):
-            spool, rate = moved(spool, rate, rest, left, p)
+            spool, rate = moved(spool, rate, rest, left, zeta, p)
             return settled(spool, rate, p)
-        dt = exit_time(spool, rate, rest, min(left, 1.0 / p.w0), p)
-        spool, rate = moved(spool, rate, rest, dt, p)
+        dt = exit_time(spool, rate, rest, min(left, 1.0 / p.w0), zeta, p)
+        spool, rate = moved(spool, rate, rest, dt, zeta, p)
         spool, rate = settled(spool, rate, p)
         left = left - dt
         if not left > 0.0:
@@ -207,8 +215,64 @@ def start(u: Input, p: Parameters) -> State:
 @equation
 def coefficients(p: Parameters, h: float) -> Coefficients:
     """Transition matrix over the step h, s."""
-    a11, a12, a21, a22 = transition(h, p)
+    a11, a12, a21, a22 = transition(h, p.zeta, p)
     return Coefficients(h, a11, a12, a21, a22)
+
+
+@equation
+def pull(e: float, v: float, m: NoMemory, p: Parameters) -> float:
+    """Acceleration, m/s2, at the distance e from the rest position and the speed v."""
+    return -p.w0 * p.w0 * e - 2.0 * damping_ratio(p.zeta, e, m, p) * p.w0 * v
+
+
+@equation
+def met_nothing(spool: float, rate: float, e: float, v: float, dt: float, p: Parameters) -> bool:
+    """True if motion over dt from (e, v) to (spool, rate) met no limit: it did not turn, and energy bounds its speed."""
+    slow = p.w0 * p.w0 * e * e + v * v < p.v_max * p.v_max
+    within = p.x_min < spool < p.x_max and -p.v_max < rate < p.v_max
+    return within and slow and v * rate >= 0.0 and p.w0 * dt <= 1.0
+
+
+@equation
+def runge_kutta(e: float, v: float, h: float, m: NoMemory, p: Parameters) -> tuple[float, float]:
+    """Distance from the rest position and speed after h, by the classical scheme (order 4)."""
+    a1 = pull(e, v, m, p)
+    v2 = v + 0.5 * h * a1
+    a2 = pull(e + 0.5 * h * v, v2, m, p)
+    v3 = v + 0.5 * h * a2
+    a3 = pull(e + 0.5 * h * v2, v3, m, p)
+    v4 = v + h * a3
+    a4 = pull(e + h * v3, v4, m, p)
+    return e + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+
+@equation
+def varied(
+    spool: float, rate: float, rest: float, h: float, most: float, m: NoMemory, p: Parameters
+) -> State:
+    """The motion over h where the damping ratio, at most `most`, changes on the way.
+
+    By Runge-Kutta in pieces that are short beside the valve's fastest rate. Where that would take many, and near a limit,
+    the motion of a piece is exact with the damping ratio of its middle (order 2).
+    """
+    n = int(min(h * p.w0 * (1.0 + 2.0 * most) / 0.4, 1e6)) + 1
+    few = n <= 10
+    if not few:
+        n = int(min(h * p.w0 / 0.05, 200.0)) + 1
+    dt = h / n
+    still = 1e-9 * (p.x_max - p.x_min) * p.w0
+    for i in range(n):
+        e = spool - rest
+        if few:
+            new, fast = runge_kutta(e, rate, dt, m, p)
+            if met_nothing(rest + new, fast, e, rate, dt, p) or unlimited(spool, rate, rest, p):
+                spool, rate = settled(rest + new, fast, p)
+                continue
+        elif p.w0 * abs(e) + abs(rate) < still:
+            return constrained(spool, rate, rest, (n - i) * dt, most, p)
+        halfway = max(min(0.5 * dt * rate, abs(e)), -abs(e))
+        spool, rate = constrained(spool, rate, rest, dt, damping_ratio(p.zeta, e + halfway, m, p), p)
+    return State(spool, rate)
 
 
 @equation
@@ -217,6 +281,9 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
     rest = rest_position(delayed_demand(u.demand, m, p), p)
     e = x.spool - rest
     v = x.spool_rate
+    most = damping_ratio(p.zeta, 0.0, m, p)
+    if most != p.zeta:
+        return varied(x.spool, v, rest, c.h, most, m, p)
     spool = rest + c.a11 * e + c.a12 * v
     rate = c.a21 * e + c.a22 * v
     if p.x_min < spool < p.x_max and -p.v_max < rate < p.v_max:
@@ -224,7 +291,7 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
         slow = p.w0 * p.w0 * e * e + v * v < p.v_max * p.v_max
         if (slow and v * rate >= 0.0 and p.w0 * c.h <= 1.0) or unlimited(x.spool, v, rest, p):
             return State(spool, rate)
-    return constrained(x.spool, v, rest, c.h, p)
+    return constrained(x.spool, v, rest, c.h, p.zeta, p)
 
 
 @equation
@@ -237,5 +304,6 @@ BLOCK = Block(
     name="dcv",
     title="Directional control valve: command to spool position",
     module=sys.modules[__name__],
+    reads={"demand": "held"},
     helpers=(expm2,),
 )

@@ -4,7 +4,9 @@
     form 2   DZ^-1(x) = x/m_r + b_r, x > 0;  0, x = 0;  x/m_l + b_l, x < 0                        (2.3)
     form 3   x + d_plus tanh(S x), x > 0;  0, x = 0;  x + d_minus tanh(S x), x < 0               (4.9)
 
-The result is limited to +-limit.
+The result is limited to +-limit. Form 2 undoes form 1 exactly. Form 3 does so only where tanh has reached 1: with the numbers
+of Table 4.1 and S = 50, commands between -3.18 % and +3.28 % leave the demand inside the dead zone, and of 7 % still 0.08 %
+are lost.
 """
 
 import math
@@ -117,4 +119,5 @@ BLOCK = Block(
     title="Dead zone of the valve, or its inverse in the controller",
     module=sys.modules[__name__],
     feedthrough={"demand": ("command",)},
+    reads={"command": "instant"},
 )

@@ -196,6 +196,39 @@ def unknown(index: int, dependencies: Iterable[int]) -> etree._Element:
     return E.Unknown(index=str(index), dependencies=" ".join(map(str, sorted(dependencies))))
 
 
+READS = {
+    "held": "{names}: held. The value set before a step from t to t + h acts from t to t + h (zero-order hold).",
+    "line": "{names}: a straight line. The value set before a step from t to t + h is taken as that at t + h, joined to that of "
+    "the step before.",
+    "instant": "{names}: as it is. The value set before a step from t to t + h is taken as that at t + h.",
+}
+LATE = (
+    "A master that steps the components in the order of the wires hands over the value that is meant. One that exchanges all "
+    "values between the steps (Jacobi, as simulate_ssp of fmpy, ecos and libcosim do) hands over the value at t of every "
+    "continuous output: each wire from such an output to {names} then lags by one step."
+)
+
+
+def over_a_step(composed: Composed) -> list[str]:
+    """Which step convention inputs and outputs follow, one sentence each."""
+    block = composed.block
+    said = []
+    for way, text in READS.items():
+        names = ", ".join(name for name in composed.inputs if block.reads.get(name) == way)
+        if names:
+            said.append(text.format(names=names))
+    for discrete, text in (
+        (False, "{names}: read after the step, the value at t + h."),
+        (True, "{names}: read after the step, the value that is held over the step that follows."),
+    ):
+        names = ", ".join(name for name, v in composed.outputs.items() if v.discrete == discrete)
+        if names:
+            said.append(text.format(names=names))
+    if composed.inputs:
+        said.append(LATE.format(names=", ".join(composed.inputs)))
+    return said
+
+
 def documentation(composed: Composed, starts: Mapping[str, float]) -> bytes:
     """The documentation page (HTML): equations, variables, effects."""
     block = composed.block
@@ -209,6 +242,8 @@ def documentation(composed: Composed, starts: Mapping[str, float]) -> bytes:
         low, high = (f"{b:g}" if abs(b) < UNBOUNDED else "" for b in (v.low, v.high))
         rows.append(E.tr(*(E.td(t) for t in (name, causality, v.unit, start, low, high, v.text, v.source))))
     body.append(E.table(*rows, border="1"))
+    body.append(E.h2("A step"))
+    body.extend(E.p(text) for text in over_a_step(composed))
     for effect in composed.effects:
         body.append(E.h2(effect.name))
         body.append(

@@ -309,5 +309,6 @@ BLOCK = Block(
     name="mechanical",
     title="Slew mechanics: load pressure to angle",
     module=sys.modules[__name__],
+    reads={"p_load": "line"},
     helpers=(phi_functions, slide, slid, stopping_time, stopped),
 )

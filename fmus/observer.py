@@ -117,5 +117,6 @@ BLOCK = Block(
     name="observer",
     title="Observer of slew angle and velocity",
     module=sys.modules[__name__],
+    reads={"u": "held", "slew": "line"},
     helpers=(expm2,),
 )

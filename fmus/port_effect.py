@@ -151,5 +151,6 @@ BLOCK = Block(
     name="port_effect",
     title="What happens to a signal in a wire",
     module=sys.modules[__name__],
+    reads={"u": "line"},
     memory={"ring": Buffer(RING, "Past values of the signal")},
 )

@@ -95,4 +95,5 @@ BLOCK = Block(
     name="reference",
     title="Reference of the position loop",
     module=sys.modules[__name__],
+    reads={"command": "instant", "slew": "instant"},
 )

@@ -117,5 +117,6 @@ BLOCK = Block(
     title="Slew sensor",
     module=sys.modules[__name__],
     feedthrough={"slew": ("theta",)},
+    reads={"theta": "line"},
     helpers=(expm2,),
 )

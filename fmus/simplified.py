@@ -94,5 +94,6 @@ BLOCK = Block(
     name="simplified",
     title="Simplified drive: command to angle in one transfer function",
     module=sys.modules[__name__],
+    reads={"command": "held"},
     helpers=(phi_functions, stopped),
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, least_squares
 
 TOP = Path(__file__).resolve().parent.parent
 DOCUMENT = (TOP / "docs" / "contradictions.md").read_text(encoding="utf-8")
@@ -141,3 +141,31 @@ def test_simplified_and_full_order_models_agree_at_low_frequency() -> None:
     full = numerator / denominator[-1]
     assert simplified == pytest.approx(full, rel=2e-3)
     documented(f"{simplified:.2f} deg/s per unit command, is that of (5.12), {full:.2f} deg/s")
+
+
+def decibels(value: np.ndarray | complex) -> np.ndarray:
+    return 20.0 * np.log10(np.abs(value))
+
+
+def test_the_simplified_model_is_no_two_pole_reduction_of_5_12() -> None:
+    def full(w: np.ndarray | float) -> np.ndarray:
+        return PRINTED_NUMERATOR / np.polyval((*PRINTED_DENOMINATOR, 0.0), 1j * np.asarray(w))
+
+    def reduced(gain: float, pole: float, w: np.ndarray | float) -> np.ndarray:
+        s = 1j * np.asarray(w)
+        return gain / (s * (s + pole))
+
+    w = np.linspace(0.1, 5.0, 491)
+
+    def error(z: np.ndarray) -> np.ndarray:
+        ratio = np.log(reduced(z[0], z[1], w) / full(w))
+        return np.concatenate([ratio.real, ratio.imag])
+
+    gain, pole = least_squares(error, [10.0, 4.4]).x
+    documented(f"{gain:.1f}/(s(s + {pole:.1f}))")
+    assert pole > 1.15 * 4.4
+    worst = np.abs(decibels(reduced(gain, pole, w) / full(w))).max()
+    documented(f"{worst:.1f} dB from it at most")
+    behind = [-decibels(reduced(10.0, 4.4, one) / full(one)) for one in (1.0, 3.0, 5.0)]
+    documented("{:.1f} dB low at 1 rad/s, {:.1f} dB at 3 rad/s and {:.1f} dB at 5 rad/s".format(*behind))
+    documented(f"(4.15) is {behind[2]:.1f} dB below (5.12) at 5 rad/s")

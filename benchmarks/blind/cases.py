@@ -140,8 +140,6 @@ def unknown_parameters(name: str, duration: float, size: Size, rng: np.random.Ge
     values = {n.partition(".")[2]: v for n, v in EFFECTS[name].moderate.items()}
     first = next(iter(values))
     values[first] *= float(rng.uniform(*factor))
-    if name == "unknown.orifice_flow":
-        values[first] = min(values[first], 1.0)
     if name == "unknown.angle_inertia":
         values[first] = min(values[first], 0.8)
     if name == "unknown.torque_burst":

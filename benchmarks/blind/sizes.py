@@ -75,6 +75,9 @@ RANGES: dict[str, Ranges] = {
     "dcv.gain": Ranges({"K": nominal()}),
     "dcv.bandwidth": Ranges({"w0": nominal()}),
     "dcv.damping": Ranges({"zeta": nominal()}),
+    "dcv.amplitude_damping": Ranges(
+        {"c_a": Drawn((0.2, 0.4), (0.7, 1.5), (2.0, 4.0))}, {"u_a": (0.12, 0.34)}
+    ),
     "dcv.delay": Ranges({"tau_d": Drawn((0.001, 0.003), (0.008, 0.025), (0.03, 0.06))}),
     "dcv.rate_limit": Ranges({"v_max": Drawn((0.975, 0.98), (0.983, 0.99), (0.992, 0.996), signs=(-1.0,))}),
     "dcv.stroke_limit": Ranges(
@@ -95,6 +98,8 @@ RANGES: dict[str, Ranges] = {
         {"k_s": Drawn((0.05e9, 0.15e9), (0.5e9, 1.5e9), (2e9, 3.5e9))}, {"tau_s": (0.05, 0.4)}
     ),
     "continuity.cracking_pressure": Ranges({"p_c": Drawn((0.1e5, 0.2e5), (0.5e5, 1.3e5), (1.8e5, 3e5))}),
+    # the source's own supply of 170 bar is 5.9e-8: a moderate size
+    "continuity.flow_pressure": Ranges({"c_q": Drawn((1.2e-8, 2e-8), (4e-8, 8e-8), (1.2e-7, 2.5e-7))}),
     "mechanical.coulomb_friction": Ranges({"tau_c": Drawn((8.0, 20.0), (50.0, 130.0), (180.0, 280.0))}),
     "mechanical.stribeck_friction": Ranges(
         {
@@ -155,8 +160,6 @@ UNKNOWN: dict[str, str] = {
     "unknown.torque_burst": "mechanical",
     "unknown.pressure_friction": "mechanical",
     "unknown.angle_inertia": "mechanical",
-    "unknown.small_motion_damping": "dcv",
-    "unknown.orifice_flow": "continuity",
 }
 GROUP_OF: dict[str, str] = {
     name: "mechanical"

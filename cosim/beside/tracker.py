@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.compare.metrics import rms
 from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
+from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
 from cosim.diagnosis.tracker.model import NOMINAL, SEAM, SEAM_ANGLE
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 DEG = float(np.pi / 180.0)
 NORMAL = 1.959964
+BIAS, TOGETHER = "sensor.bias", "tracker.seam - sensor.bias"
 # parameter: unit people read, factor to it, what it is
 SHOWN = {
     "tracker.offset": ("s", 1.0, "time of the log at the tracker's zero"),
@@ -29,6 +31,7 @@ SHOWN = {
     "sensor.gain": ("1", 1.0, "slew sensor per true angle"),
     "sensor.bias": ("deg", 1.0 / DEG, "slew sensor at angle zero"),
     "sensor.drift": ("deg/s", 1.0 / DEG, "of the slew sensor"),
+    TOGETHER: ("deg", 1.0 / DEG, "tracker minus slew sensor below 12 deg; either, or both"),
 }
 HEADS = ("", "value", "+- (95 %)", "unit", "what")
 
@@ -58,6 +61,12 @@ class TrackerRun:
         """(m,) slew sensor minus tracker, synchronised and nothing else, rad."""
         return self.sensor - self.reading
 
+    @property
+    def below(self) -> bool:
+        """Whether the motion stays below the seam, so that seam and bias are one number."""
+        unknown = not np.isfinite(self.finding.everything.deviations[SEAM])
+        return unknown and SEAM not in self.finding.never
+
 
 def run_tracker(log: Log, file: Path) -> TrackerRun:
     """Lay a tracker's record over a log and find clock, seam and sensor errors.
@@ -80,15 +89,32 @@ def run_tracker(log: Log, file: Path) -> TrackerRun:
 def estimates(run: TrackerRun) -> dict[str, tuple[float, float, bool]]:
     """Parameter -> (value, standard deviation, whether it differs from nothing wrong), SI.
 
-    Errors that were not accepted come from the fit of everything, so that a reader sees how small they are.
+    Errors that were not accepted come from the fit of everything, so that a reader sees how small they are. Where the motion
+    stays below the seam, seam and bias have no size of their own, accepted or not; the size of their sum has.
     """
     fit, all_of_them = run.finding.fit, run.finding.everything
-    return {
+    found = {
         n: (fit.values[n], fit.deviations[n], True)
         if n in fit.values
         else (all_of_them.values[n], all_of_them.deviations[n], False)
         for n in NOMINAL
     }
+    if run.below:
+        for n in (SEAM, BIAS):
+            found[n] = (found[n][0], float("nan"), found[n][2])
+        found[TOGETHER] = together(fit if {SEAM, BIAS} & set(fit.values) else all_of_them, fit)
+    return found
+
+
+def together(source: Fit, accepted: Fit) -> tuple[float, float, bool]:
+    """Tracker minus slew sensor below the seam, seam - bias / gain, its standard deviation, rad; whether it was accepted."""
+    names = list(source.values)
+    slopes = np.zeros(len(names))
+    for name, slope in ((SEAM, 1.0), (BIAS, -1.0 / source.values.get("sensor.gain", 1.0))):
+        if name in names:
+            slopes[names.index(name)] = slope
+    value = float(slopes @ np.array([source.values[n] for n in names]))
+    return value, float(np.sqrt(slopes @ source.covariance @ slopes)), source is accepted
 
 
 def rows(run: TrackerRun) -> list[list[object]]:
@@ -113,7 +139,12 @@ def lines(run: TrackerRun) -> list[str]:
         f"minus tracker {rms(run.difference) / DEG:.3g} deg rms, {rms(run.corrected) / DEG:.3g} deg with the errors above "
         "taken out. The intervals are the Cramer-Rao bound for this noise."
     ]
-    if finding.seam_angle is not None:
+    if run.below:
+        found.append(
+            f"The motion stays below {SEAM_ANGLE / DEG:g} deg: a seam cannot be told from a bias of the sensor, only "
+            f"{TOGETHER} is known. Let it pass {SEAM_ANGLE / DEG:g} deg to tell them apart."
+        )
+    elif finding.seam_angle is not None:
         best, low, high = (x / DEG for x in finding.seam_angle)
         found.append(
             f"The seam fits best at {best:.4g} deg (95 %: {low:.4g} to {high:.4g}); the two marker models are said to meet "
@@ -121,7 +152,7 @@ def lines(run: TrackerRun) -> list[str]:
         )
     elif not np.isfinite(finding.everything.deviations[SEAM]):
         found.append(
-            f"The motion stays on one side of {SEAM_ANGLE / DEG:g} deg: a seam cannot be told from a bias of the sensor."
+            f"The motion stays above {SEAM_ANGLE / DEG:g} deg, where a seam does not show; there may be one."
         )
     return found
 
@@ -145,8 +176,20 @@ def as_data(run: TrackerRun) -> dict[str, Any]:
             }
             for name, (value, deviation, accepted) in estimates(run).items()
         ],
-        "seam_angle": None if angle is None else {"value": angle[0], "ci95": list(angle[1:]), "unit": "rad"},
+        "seam_angle": None
+        if angle is None or run.below
+        else {"value": angle[0], "ci95": list(angle[1:]), "unit": "rad"},
         "causes": [cause.effect.name for cause in finding.causes],
+        "indistinguishable_from": {
+            cause.effect.name: sorted(
+                {
+                    *cause.indistinguishable,
+                    *({SEAM, BIAS} if run.below and cause.effect.name in (SEAM, BIAS) else ()),
+                }
+                - {cause.effect.name}
+            )
+            for cause in finding.causes
+        },
         "readings": finding.measured.size,
         "noise": finding.noise,
         "rms_difference": rms(run.difference),
@@ -191,10 +234,11 @@ def tracker_figure(run: TrackerRun) -> "Figure":
     upper.legend(loc="upper right")
     middle.legend(loc="center right", markerscale=5.0, frameon=True)
     parts = []
-    for name, (value, _, accepted) in estimates(run).items():
+    for name, (value, deviation, accepted) in estimates(run).items():
         unit, scale, _ = SHOWN[name]
-        if accepted:
-            parts.append(f"{name.partition('.')[2]} {value * scale:.6g} {unit.removesuffix('1')}".rstrip())
+        if accepted and np.isfinite(deviation):
+            short = name if name == TOGETHER else name.partition(".")[2]
+            parts.append(f"{short} {value * scale:.6g} {unit.removesuffix('1')}".rstrip())
     upper.set_title(", ".join(parts), loc="left")
     figure.suptitle(f"Slew sensor of {run.log[0].name} and tracker {run.log[1].name}", fontsize=11)
     return figure

@@ -13,7 +13,7 @@ Text = str | None
 Texts = list[str] | None
 Out = Annotated[Path, typer.Option("--out", "-o", help="Log to write: .csv, .parquet or .mat.")]
 Excitation = Annotated[
-    str, typer.Option(help="mixed, sweep, steps, small_steps, triangle, multisine, chirp or file.")
+    str, typer.Option(help="mixed, sweep, square, steps, small_steps, triangle, multisine, chirp or file.")
 ]
 Played = Annotated[
     Path | None,

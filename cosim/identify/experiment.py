@@ -57,8 +57,12 @@ class Experiment:
         return float(np.ptp(np.cumsum(self.command))) * STEP * SPEED
 
 
-def stepped_sine(name: str, frequencies: Sequence[float] | Array, amplitudes: Sequence[float]) -> Experiment:
+def stepped_sine(
+    name: str, frequencies: Sequence[float] | Array, amplitudes: Sequence[float], square: bool = False
+) -> Experiment:
     """One whole period of each frequency [rad/s], in turn, for each amplitude [1] in turn (4.10-4.12).
+
+    With `square` each sine goes by its sign, as the source's square waves (figs 4.5, 4.12b, 5.7, 5.9b).
 
     Raises:
         UsageError: no frequency, or an amplitude or frequency out of range.
@@ -72,10 +76,12 @@ def stepped_sine(name: str, frequencies: Sequence[float] | Array, amplitudes: Se
         raise UsageError("the amplitudes must lie within 0 .. 1 of full command")
     parts = [np.zeros(round(REST / STEP))]
     for amplitude in amplitudes:
-        parts += [_sines(w, amplitude), np.zeros(round(REST / STEP))]
+        wave = amplitude * np.sign(_sines(w, 1.0)) if square else _sines(w, amplitude)
+        parts += [wave, np.zeros(round(REST / STEP))]
     plan: dict[str, object] = {
         "frequencies": {"value": w.tolist(), "unit": "rad/s"},
         "amplitudes": list(amplitudes),
+        "shape": "square" if square else "sine",
     }
     return Experiment(name, np.concatenate(parts), plan)
 

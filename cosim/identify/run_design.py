@@ -235,9 +235,15 @@ def _table_point(volts: float, value: float) -> dict[str, float]:
 
 
 def experiment_of(
-    name: str, amplitudes: Sequence[float], band: tuple[float, float, int] | None, periods: int
+    name: str,
+    amplitudes: Sequence[float],
+    band: tuple[float, float, int] | None,
+    periods: int,
+    square: bool = False,
 ) -> Experiment:
     """The experiment `name`: ``slew``, ``dcv``, ``ramp``, or ``sine`` over a band (lowest, highest [rad/s], count).
+
+    With `square`, square waves of the same frequencies in place of sines.
 
     Raises:
         UsageError: there is no such experiment, or its numbers make no sense.
@@ -245,14 +251,18 @@ def experiment_of(
     if name == "ramp":
         if len(amplitudes) > 1:
             raise UsageError("a ramp has one amplitude")
+        if square:
+            raise UsageError(
+                "a ramp has no periods that could be square: --square goes with slew, dcv and sine"
+            )
         return ramp(amplitudes[0] if amplitudes else 1.0, periods)
     if name == "sine":
         if band is None or not 0.0 < band[0] < band[1] or band[2] < 2:
             raise UsageError(
                 "the experiment 'sine' needs a band: --low, --high (rad/s) and --count of at least 2"
             )
-        return stepped_sine(name, np.geomspace(*band), tuple(amplitudes) or (SINE_AMPLITUDE,))
+        return stepped_sine(name, np.geomspace(*band), tuple(amplitudes) or (SINE_AMPLITUDE,), square)
     if name not in GRIDS:
         raise UsageError(f"'{name}' is no experiment: choose {', '.join([*GRIDS, 'ramp', 'sine'])}")
     grid, levels = GRIDS[name]
-    return stepped_sine(name, grid, tuple(amplitudes) or levels)
+    return stepped_sine(name, grid, tuple(amplitudes) or levels, square)

@@ -30,6 +30,7 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "dcv.hysteresis": (valve.play,),
     "dcv.bandwidth": (valve.step_response,),
     "dcv.damping": (valve.step_response,),
+    "dcv.amplitude_damping": (valve.step_response,),
     "dcv.delay": (valve.step_response,),
     "dcv.rate_limit": (valve.step_response,),
     "continuity.flow_gain": (hydraulics.pressure_curve,),

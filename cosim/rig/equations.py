@@ -65,8 +65,8 @@ def valve_rates(s: State, t: float, demand: float, p: Plant) -> tuple[float, flo
         k *= 1.0 + p.unknown.g_warm * (1.0 - math.exp(-t / p.unknown.tau_warm))
     error = k * demand + q.x_0 - s.x
     zeta = q.zeta
-    if p.unknown.c_small != 0.0:
-        zeta *= 1.0 + p.unknown.c_small * math.exp(-((error / p.unknown.x_small) ** 2))
+    if q.c_a != 0.0:
+        zeta *= 1.0 + q.c_a * math.exp(-((error / (q.u_a * k)) ** 2))
     v = clip(s.v, -q.v_max, q.v_max)
     return v, q.w0 * q.w0 * error - 2.0 * zeta * q.w0 * v
 
@@ -78,9 +78,8 @@ def pressure_rates(s: State, p: Plant) -> tuple[float, float]:
     x = clip(s.x, p.dcv.x_min, p.dcv.x_max)
     root = math.sqrt(max(s.p_supply, 0.0) / q.p_s)
     opening = x * root * (1.0 + q.a_q if x > 0.0 else 1.0 - q.a_q)
-    if p.unknown.o_sat != 0.0:  # (4.22) in its standard form, SYSTEM 9.5
-        drop = 1.0 - math.copysign(1.0, x) * s.p_load / max(s.p_supply, 1.0)
-        opening *= 1.0 - p.unknown.o_sat + p.unknown.o_sat * math.sqrt(max(drop, 0.0))
+    if q.c_q != 0.0:  # (4.22) in its standard form, SYSTEM 9.5
+        opening *= math.sqrt(max(1.0 - q.c_q * math.copysign(s.p_load, x * s.p_load), 0.0))
     leak = 1.0 + q.c_l
     load = (q.K_c / leak * opening - s.p_load) * leak / (q.T * (1.0 + q.c_beta))
     supply = (q.p_s - q.k_s * abs(x) * root - s.p_supply) / q.tau_s

@@ -57,6 +57,13 @@ def sweep(
     return np.where(inside, amplitude * np.sin(chosen[which] * (time - start)), 0.0)
 
 
+def square(
+    time: Array, amplitude: float = 1.0, seed: int = 1, frequencies: Sequence[float] | None = None
+) -> Array:
+    """The source's square waves (figs 4.5, 5.7, 5.9b): as `sweep`, each sine by its sign; half a period +A, half -A."""
+    return amplitude * np.sign(sweep(time, 1.0, seed, frequencies))
+
+
 def _held(time: Array, levels: Callable[[np.random.Generator], float], hold: tuple[float, float], name: str,
           seed: int) -> Array:  # fmt: skip
     """Pairs +a, 0, -a, 0 (or mirrored) of random level and hold [s]; only whole pairs, so that the mean is zero."""
@@ -152,6 +159,7 @@ def _length(time: Array) -> float:
 EXCITATIONS: dict[str, Callable[[Array, float, int], Array]] = {
     "mixed": mixed,
     "sweep": sweep,
+    "square": square,
     "steps": steps,
     "small_steps": small_steps,
     "triangle": triangle,

@@ -43,6 +43,8 @@ class Dcv(NamedTuple):
     x_max: float = 2.6e-3
     tau_d: float = 0.0
     play: float = 0.0
+    c_a: float = 0.0
+    u_a: float = 0.2
 
 
 class Continuity(NamedTuple):
@@ -57,6 +59,7 @@ class Continuity(NamedTuple):
     k_s: float = 0.0
     tau_s: float = 0.1
     p_c: float = 0.0
+    c_q: float = 0.0
 
 
 class Mechanical(NamedTuple):
@@ -118,9 +121,6 @@ class Unknown(NamedTuple):
     kappa: float = 0.0
     j_theta: float = 0.0
     n_theta: float = 6.0
-    c_small: float = 0.0
-    x_small: float = 0.5e-3
-    o_sat: float = 0.0
 
 
 class Plant(NamedTuple):
@@ -176,6 +176,8 @@ PARAMETERS: dict[str, Parameter] = {
     "dcv.x_max": Parameter("m", 0.0, 0.1, "Stop of the spool, port A", "Table 3.6"),
     "dcv.tau_d": Parameter("s", 0.0, 2.0, "Delay of the demand", _D),
     "dcv.play": Parameter("1", 0.0, 1.0, "Half the width of the play on the compensated command", _D),
+    "dcv.c_a": Parameter("1", 0.0, 20.0, "Damping added in small motion, of zeta", "fig. 5.6"),
+    "dcv.u_a": Parameter("1", 1e-3, 10.0, "Spool error, in demand, over which that fades", "fig. 5.6"),
     "continuity.K_c": Parameter("Pa/m", 1e6, 1e11, "Load pressure per spool opening", "(5.4)"),
     "continuity.T": Parameter("s", 5e-3, 10.0, "Time constant of the load pressure", "(5.4)"),
     "continuity.p_s": Parameter("Pa", 1e5, 1e8, "Supply pressure", "CONTRACT 6"),
@@ -185,6 +187,9 @@ PARAMETERS: dict[str, Parameter] = {
     "continuity.k_s": Parameter("Pa/m", 0.0, 1e11, "Fall of the supply per spool opening", _D),
     "continuity.tau_s": Parameter("s", 2 * MS, 100.0, "Time constant of the supply", _D),
     "continuity.p_c": Parameter("Pa", 0.0, 1e8, "Cracking pressure of the counterbalance valve", _D),
+    "continuity.c_q": Parameter(
+        "1/Pa", 0.0, 1e-5, "Inverse of the load pressure that ends the flow", "(4.22)"
+    ),
     "mechanical.J": Parameter(
         "kg.m2", 1.0, 1e6, "Inertia at the slew axis", "(4.34) with the pole of (5.12)"
     ),
@@ -228,9 +233,6 @@ PARAMETERS: dict[str, Parameter] = {
     "unknown.kappa": Parameter("1", 0.0, 0.9, "Friction as a fraction of the driving torque", _U),
     "unknown.j_theta": Parameter("1", -0.9, 0.9, "Amplitude of inertia over angle, of J", _U),
     "unknown.n_theta": Parameter("1", 0.1, 100.0, "Periods of inertia a revolution", _U),
-    "unknown.c_small": Parameter("1", 0.0, 20.0, "Damping added at small valve motion, of zeta", _U),
-    "unknown.x_small": Parameter("m", 1e-5, 0.1, "Spool error over which that fades", _U),
-    "unknown.o_sat": Parameter("1", 0.0, 1.0, "Share of the orifice law in the flow", _U),
 }
 
 
@@ -295,6 +297,8 @@ EFFECTS: dict[str, Effect] = {
     "sensor.dropout": Effect("sensor", {"sensor.p_drop": 0.1}),
     "tracker.clock": Effect("tracker", {"tracker.offset": 0.2, "tracker.rate": 1.0005}),
     "tracker.seam": Effect("tracker", {"tracker.seam": 0.3 * DEG}),
+    "dcv.amplitude_damping": Effect("dcv", {"dcv.c_a": 1.0, "dcv.u_a": 0.2}),
+    "continuity.flow_pressure": Effect("continuity", {"continuity.c_q": 1.0 / (170.0 * BAR)}),
     "unknown.quadratic_drag": Effect("mechanical", {"unknown.q_drag": 1.5e5}),
     "unknown.warming_valve": Effect("dcv", {"unknown.g_warm": 0.15, "unknown.tau_warm": 20.0}),
     "unknown.torque_burst": Effect(
@@ -308,6 +312,4 @@ EFFECTS: dict[str, Effect] = {
     ),
     "unknown.pressure_friction": Effect("mechanical", {"unknown.kappa": 0.12}),
     "unknown.angle_inertia": Effect("mechanical", {"unknown.j_theta": 0.4, "unknown.n_theta": 6.0}),
-    "unknown.small_motion_damping": Effect("dcv", {"unknown.c_small": 1.0, "unknown.x_small": 0.5e-3}),
-    "unknown.orifice_flow": Effect("continuity", {"unknown.o_sat": 1.0}),
 }

@@ -41,7 +41,7 @@ EFFECT = Effect(
             source="off: flow in proportion to the opening (5.4)",
         )
     },
-    free={"c_q": Free(starts=(3e-8, 1e-7), scale=3e-8, floor=1e-9)},
+    free={"c_q": Free(starts=(3e-8, 1e-7), scale=6e-8, floor=1e-9)},
     fills={"opening": throttled_opening},
     memory={
         "throttled_pressure": Variable(
@@ -51,5 +51,5 @@ EFFECT = Effect(
     begin=throttled_begin,
     remember=throttled_remember,
     when="after",
-    asked=True,
+    alone=True,
 )

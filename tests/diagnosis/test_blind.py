@@ -86,7 +86,6 @@ def test_a_drift_is_not_named_for_the_gravity_that_the_library_lacks() -> None:
     ("effect", "block"),
     [
         ("unknown.warming_valve", "dcv"),
-        ("unknown.small_motion_damping", "dcv"),
         ("unknown.quadratic_drag", "mechanical"),
         ("unknown.torque_burst", "mechanical"),
     ],

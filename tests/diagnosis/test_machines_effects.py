@@ -1,10 +1,13 @@
 """Effects that other machines ask for, against figures worked out by hand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.signal import lsim
 
 from cosim.compiled import compiled_block
+from cosim.diagnosis.model.machine import our_machine
 
 K_C, T = 5.28e8, 0.11
 
@@ -63,3 +66,19 @@ def test_friction_that_differs_between_the_directions(force: float) -> None:
 def test_asymmetric_friction_holds_at_rest_and_never_drives() -> None:
     assert speed(19.0, tau_c=20.0, tau_d=5.0) == 0.0
     assert speed(-60.0, tau_c=20.0, tau_d=50.0) == pytest.approx(-60.0 / 200.0, rel=1e-4)
+
+
+def test_laws_that_need_their_block_alone_are_no_candidates_among_others() -> None:
+    """Where neither spool nor pressure is measured their blocks are one group: there they are asked for or not tried."""
+    needy = {"dcv.amplitude_damping", "continuity.flow_pressure"}
+
+    def considered(group) -> set[str]:
+        return needy & {effect.name for effect in group.effects()}
+
+    apart = {group.name: group for group in our_machine("full_order").groups}
+    assert considered(apart["dcv"]) | considered(apart["continuity"]) == needy
+    stages = tuple(stage for group in apart.values() for stage in group.stages)
+    lumped = dataclasses.replace(apart["mechanical"], stages=stages)
+    assert considered(lumped) == set()
+    asked = dataclasses.replace(lumped, asked=("continuity.flow_pressure",))
+    assert considered(asked) == {"continuity.flow_pressure"}

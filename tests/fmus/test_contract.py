@@ -127,6 +127,43 @@ def test_feedthrough_is_what_is_declared(block: Block) -> None:
             assert jumps == (name in block.feedthrough.get(output, ())), (name, output)
 
 
+# a switch from manual to automatic starts a transition of so many steps; the reference goes to its target in whole steps
+DIGITAL = {("controller", "automatic"), ("reference", "command")}
+
+
+def test_what_an_input_stands_for_over_a_step_is_what_is_declared(block: Block) -> None:
+    """One long step is 64 short ones in which the input stands still, goes on a straight line, or either."""
+    composed = compose(block)
+    assert set(block.reads) == set(composed.inputs)
+    parameters = {"t_switch": 1.0} if block.name == "reference" else {}  # in manual
+    base = [0.0 if v.kind == "time" else 0.3 * v.nominal for v in block.inputs.values()]
+    for i, name in enumerate(composed.inputs):
+        if (block.name, name) in DIGITAL:
+            continue
+        moved = list(base)
+        moved[i] += 0.2 * block.inputs[name].nominal
+
+        def over(parts: int, line: bool, moved: list[float] = moved) -> np.ndarray:
+            h = 0.02 / parts
+            r = run(composed, h, base, parameters, TABLES.get(block.name))
+            for k in range(parts):
+                share = (k + 1) / parts if line else 1.0
+                inputs = [b + share * (m - b) for b, m in zip(base, moved, strict=True)]
+                if "time" in block.inputs:
+                    inputs[list(block.inputs).index("time")] = (k + 1) * h
+                last = r.step(*inputs)
+            return np.array(last)
+
+        sizes = np.array([v.nominal for v in block.outputs.values()])
+        whole, held, line = (over(*way) / sizes for way in ((1, False), (64, False), (64, True)))
+        from_held, from_line = np.abs(whole - held).max(), np.abs(whole - line).max()
+        if max(from_held, from_line) < 1e-12:
+            assert block.reads[name] in ("instant", "line"), name  # a filter that is off by default
+        else:
+            assert block.reads[name] == ("held" if from_held < 0.02 * from_line else "line"), name
+            assert min(from_held, from_line) < 0.02 * max(from_held, from_line), name
+
+
 def trajectory(composed: Composed, seed: int = 0, h: float = 1e-2, **parameters: float) -> np.ndarray:
     """Outputs over 200 steps under inputs of typical size."""
     rng = np.random.default_rng(seed)

@@ -13,6 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from fmus import registry
+from fmus.compose import compose
+
 BLOCK = bare("dcv")
 K, W0, ZETA, STOP = 2.375e-3, 25.23, 0.545, 2.6e-3
 
@@ -168,3 +171,79 @@ def test_the_neutral_may_be_shifted() -> None:
     assert r.step(0.0) == pytest.approx((3e-4, 0.0), abs=1e-15)
     assert r.play([[0.5]] * 4)[-1, 0] == pytest.approx(0.5 * K + 3e-4, rel=1e-12)
     assert r.play([[1.0]] * 4)[-1, 0] == STOP
+
+
+VARIED = compose(registry.block("dcv"), [registry.effects()["dcv.amplitude_damping"]])
+
+
+def near(demand: float, t: float, c_a: float, u_a: float, x_max: float = 1.0) -> tuple[float, float]:
+    """(spool, speed) after t seconds from rest, damped by zeta (1 + c_a exp(-(e/(u_a K))^2)), up to a stop, by scipy."""
+    rest = K * demand
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        zeta = ZETA * (1.0 + c_a * math.exp(-(((y[0] - rest) / (u_a * K)) ** 2)))
+        return [y[1], W0**2 * (rest - y[0]) - 2 * zeta * W0 * y[1]]
+
+    def stop(_: float, y: np.ndarray) -> float:
+        return x_max - y[0]
+
+    stop.terminal, stop.direction = True, -1
+    now, state = 0.0, np.zeros(2)
+    while t - now > 1e-14:
+        found = solve_ivp(rates, (now, t), state, "DOP853", rtol=1e-12, atol=1e-15, events=stop)
+        now, state = float(found.t[-1]), found.y[:, -1]
+        if found.status == 1:
+            state = np.array([x_max, 0.0])
+    return float(state[0]), float(state[1])
+
+
+@pytest.mark.parametrize(("c_a", "u_a"), [(1.0, 0.2), (4.0, 0.08), (10.0, 0.8)])
+@pytest.mark.parametrize("h", [1e-3, 0.02, 0.3])
+def test_damping_that_changes_with_amplitude_against_a_fine_integration(
+    c_a: float, u_a: float, h: float
+) -> None:
+    n = max(1, round(0.3 / h))
+    for demand in (0.05, -0.9):
+        found = run(VARIED, h, [0.0], {"c_a": c_a, "u_a": u_a}).play([[demand]] * n)
+        for k in sorted({1, n // 8, n // 3, n} - {0}):
+            exact = near(demand, k * h, c_a, u_a)
+            # order 4 in short pieces (5e-6 of the stroke is 1/400 of the sensor's noise), order 2 where a long step would
+            # take many of them
+            size = (5e-6 if h == 1e-3 else 3e-4) * K * abs(demand) * np.array([1.0, W0])
+            assert np.all(np.abs(np.subtract(found[k - 1], exact)) < size), f"after {k} steps"
+
+
+def test_a_stiff_valve_and_a_long_step_take_few_pieces() -> None:
+    """Damping far above 1 and a fast valve: the motion ends at its rest, as it would in short steps."""
+    stiff = {"c_a": 10.0, "u_a": 0.5, "w0": 2000.0, "zeta": 3.0}
+    short = run(VARIED, 1e-4, [0.0], stiff).play([[0.4]] * 2000)[-1]
+    assert run(VARIED, 0.2, [0.0], stiff).step(0.4) == pytest.approx(
+        short, abs=1e-6 * K * np.array([1.0, W0]).max()
+    )
+
+
+@pytest.mark.parametrize("h", [1e-3, 0.01])
+def test_damping_that_changes_with_amplitude_at_a_stop(h: float) -> None:
+    """Near the stop a piece takes the damping of its middle: second order in the piece."""
+    for t in (0.08, 0.12, 0.2):
+        n = round(t / h)
+        found = run(VARIED, h, [0.0], {"c_a": 0.3, "u_a": 0.4, "x_max": 2.4e-3}).play([[1.0]] * n)[-1]
+        exact = near(1.0, n * h, 0.3, 0.4, x_max=2.4e-3)
+        assert found == pytest.approx(exact, abs=2e-4 * K * W0)
+        assert found[0] <= 2.4e-3
+
+
+def test_without_it_the_valve_is_the_same_to_the_last_bit() -> None:
+    demands = np.random.default_rng(8).uniform(-1.2, 1.2, (300, 1))
+    assert np.array_equal(run(VARIED, 1e-3, [0.0]).play(demands), run(BLOCK, 1e-3, [0.0]).play(demands))
+
+
+def test_small_steps_are_damped_more_than_large_ones() -> None:
+    """Fig. 5.6 in words: the overshoot of a small step goes, that of a large one hardly changes."""
+
+    def overshoot(demand: float, c_a: float) -> float:
+        spool = run(VARIED, 1e-3, [0.0], {"c_a": c_a, "u_a": 0.12, "x_max": 1.0}).play([[demand]] * 400)[:, 0]
+        return float(spool.max() / (K * demand) - 1.0)
+
+    assert overshoot(0.05, 1.0) < 1e-3 < overshoot(1.0, 1.0) < overshoot(1.0, 0.0)
+    assert overshoot(0.05, 0.0) == pytest.approx(overshoot(1.0, 0.0), rel=1e-9)

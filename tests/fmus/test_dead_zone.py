@@ -73,6 +73,18 @@ def test_smooth_inverse_tends_to_the_sharp_one(x: float) -> None:
     assert curve(curve(-x, form=SMOOTH)) == pytest.approx(-x, abs=5e-9)
 
 
+@pytest.mark.parametrize(("side", "end"), [(1.0, 0.0328), (-1.0, 0.0318)])
+def test_the_rigs_inverse_leaves_a_dead_band_and_the_exact_one_none(side: float, end: float) -> None:
+    """Table 4.1 and S = 50: u + d tanh(50 u) = d at 3.28 % and -3.18 %, the figures of docs/closed_loop.md."""
+    below, above = side * (end - 5e-5), side * (end + 5e-5)  # the printed digits
+    assert curve(curve(below, form=SMOOTH)) == 0.0
+    assert abs(curve(curve(above, form=SMOOTH))) > 0.0
+    lost = 0.07 - abs(curve(curve(0.07 * side, form=SMOOTH)))
+    assert lost == pytest.approx(0.0008, abs=1e-4)
+    for command in (1e-6 * side, below, above, 0.07 * side):
+        assert curve(curve(command, form=INVERSE)) == pytest.approx(command, rel=1e-9)
+
+
 @given(commands, st.sampled_from([DEAD_ZONE, INVERSE, SMOOTH]), st.floats(0.1, 2.0))
 def test_limit_is_never_exceeded(x: float, form: float, limit: float) -> None:
     found = curve(x, form=form, limit=limit)

@@ -57,6 +57,15 @@ def test_sweep_is_one_whole_period_of_each_frequency_of_the_source():
     assert 40.0 < np.sum(2 * np.pi / chosen) <= 60.0
 
 
+def test_square_is_the_sign_of_the_sweep():
+    time = grid(30)
+    u = excitation.square(time, 0.35)
+    assert set(np.unique(u)) == {-0.35, 0.0, 0.35}
+    assert np.array_equal(u, 0.35 * np.sign(excitation.sweep(time)))
+    periods = excitation.sweep_frequencies(30.001)
+    assert np.count_nonzero(np.diff(u) < -0.5) == periods.size, "one fall from plus to minus a period"
+
+
 def test_triangle_is_slow_and_straight():
     u = command("triangle", grid(40), 0.9, 1)
     slope = np.diff(u) / 1e-3

@@ -61,7 +61,7 @@ def test_small_motion_is_damped_more_than_large():
         x = clean(held((low, 1.5), (high, 1.5)), *hidden).true["spool"] / K
         return (x[1500:].max() - high) / (high - low)
 
-    hidden = "unknown.small_motion_damping:c_small=2,x_small=0.4 mm"
+    hidden = "dcv.amplitude_damping:c_a=2,u_a=0.17"
     assert overshoot(0.5, 0.55) == pytest.approx(overshoot(-0.5, 0.5), rel=1e-6)
     assert overshoot(0.5, 0.55, hidden) < 0.1 * overshoot(0.5, 0.55)
     assert overshoot(0.5, 0.55, hidden) < overshoot(-0.5, 0.5, hidden) < overshoot(-0.5, 0.5)
@@ -69,6 +69,6 @@ def test_small_motion_is_damped_more_than_large():
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_orifice_flow_balances(sign):
-    run = clean(held((sign * 0.9, 5.0)), "unknown.orifice_flow:o_sat=1", settings={"continuity.p_s": 40e5})
+    run = clean(held((sign * 0.9, 5.0)), "continuity.flow_pressure:c_q=2.5e-7")
     root = brentq(lambda p: K_C * 0.9 * K * np.sqrt(1 - p / 40e5) - p, 0.0, 40e5)
     assert run.true["p_load"][-1] == pytest.approx(sign * root, rel=1e-6)

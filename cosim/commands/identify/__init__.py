@@ -20,5 +20,6 @@ def register(app: typer.Typer) -> None:
     group.command("drive")(of_logs.drive)
     group.command("observer")(of_logs.observer)
     group.command("scaling")(prepare.scaling)
+    group.command("linearisation")(prepare.linearisation)
     group.command("experiment")(prepare.experiment)
     app.add_typer(group, name="identify")

@@ -38,6 +38,29 @@ def scaling(
     finish(scaling_answer(log, point or [], column or [], radius, time), out, as_json)
 
 
+def linearisation(
+    start_a: Annotated[str, typer.Option(help="Voltage at which the spool starts towards A.")] = "0.15 V",
+    start_b: Annotated[str, typer.Option(help="The same towards B.")] = "-0.24 V",
+    point: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Measured point, such as '6.0 V:3.0275 mm'; one or more a side "
+            "[default: Table 3.5, 6.0 V:3.0275 mm and -6.0 V:-2.6880 mm]."
+        ),
+    ] = None,
+    full: Annotated[
+        str, typer.Option(help="Voltage of full command, and the travel it is to give on either side.")
+    ] = "3 V:2.6 mm",
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """The valve's voltage for a command so that the spool's travel is linear and the same on both sides (3.5.5)."""
+    from cosim.identify.answer import finish
+    from cosim.identify.linearisation import linearisation_answer
+
+    finish(linearisation_answer((start_a, start_b), point or [], full), out, as_json)
+
+
 def experiment(
     name: Annotated[str, typer.Argument(help="slew, dcv, ramp or sine.")],
     out: Annotated[
@@ -51,6 +74,7 @@ def experiment(
     high: Annotated[str | None, typer.Option(help="sine: highest frequency.")] = None,
     count: Annotated[int, typer.Option(help="sine: number of frequencies.")] = 40,
     periods: Annotated[int, typer.Option(help="ramp: number of periods.")] = 2,
+    square: Annotated[bool, typer.Option("--square", help="Square waves in place of sines.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write the command of an experiment, for the crane or for `cosim rig --excitation file`."""
@@ -63,7 +87,7 @@ def experiment(
     if out.suffix.lower() != ".csv":
         raise UsageError(f"{out}: a command is written as .csv")
     band = None if low is None or high is None else (angular(low, "--low"), angular(high, "--high"), count)
-    made = experiment_of(name, amplitude or [], band, periods)
+    made = experiment_of(name, amplitude or [], band, periods, square)
     plan = write_experiment(made, out)
     found = {"identify": "experiment", "experiment": name, "duration": {"value": made.duration, "unit": "s"},
              "travel": {"value": made.travel, "unit": "deg"}, "files": {"csv": str(out), "plan": str(plan)}}  # fmt: skip

@@ -126,11 +126,13 @@ class Group:
         An effect that acts on what the next group feels, and not on what is measured between, belongs to the next.
         """
         slot = self.upstream_slot
+        lumped = sum(block in DYNAMIC for _, block in self.stages) > 1
         found = []
         for effect in registry.effects().values():
             if effect.name in self.excluded or effect.name in _LEFT_OUT.get():
                 continue
-            if effect.asked and effect.name not in self.asked:
+            asked = effect.name in self.asked
+            if not asked and (effect.asked or (effect.alone and lumped)):
                 continue
             handed_on = set(effect.fills) == {"driving_pressure"}
             inside = effect.component in self.components[:-1] or not handed_on
