@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.extension.packages import ChainModel
+from cosim.diagnosis.fitting.whole import ChainModel
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import plain_name
 from cosim.diagnosis.record.record import Record, fixed_values

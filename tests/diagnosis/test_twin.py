@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.extension.packages import ChainModel, write_extended
+from cosim.diagnosis.extension.packages import write_extended
+from cosim.diagnosis.fitting.whole import ChainModel
 from cosim.diagnosis.held_out.gain import run_package
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.record.record import Record

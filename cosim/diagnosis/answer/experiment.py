@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.extension.packages import ChainModel
 from cosim.diagnosis.fitting.fit import Unknown, jacobian
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import unknowns
+from cosim.diagnosis.fitting.whole import ChainModel
 from cosim.diagnosis.hypotheses.exercised import moderate
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import Grid, of_piece

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compare.metrics import rms
-from cosim.diagnosis.extension.packages import closed, fitted_chain, whole_run, write_extended
+from cosim.diagnosis.extension.packages import closed, write_extended
 from cosim.diagnosis.extension.together import weighed
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import standing
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import Trial, tried, without
+from cosim.diagnosis.fitting.whole import fitted_chain, whole_run
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.between import estimates, fit_of, over_logs, task_of
 from cosim.diagnosis.held_out.causes import Held, Refused, left_out_errors

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.extension.packages import ChainModel
+from cosim.diagnosis.fitting.whole import ChainModel
 from cosim.diagnosis.found import Diagnosis, Elsewhere
 from cosim.diagnosis.record.record import Record, fixed_values
 from cosim.diagnosis.thresholds import (
