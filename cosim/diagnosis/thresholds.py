@@ -677,6 +677,13 @@ SHAPE: Annotated[
     "a wrong label leaves the shape as it is",
     "benchmarks/labels.py, as a whole",
 ] = 0.8
+SHAPE_ABOVE: Annotated[
+    float,
+    "correlation",
+    "the same of a block that moves too much",
+    "friction, play and stops take from a motion and from its shape, and none adds to it",
+    "benchmarks/labels.py, as a whole",
+] = 0.6
 CLOCK_SHAPE: Annotated[
     float,
     "correlation",
@@ -684,6 +691,13 @@ CLOCK_SHAPE: Annotated[
     "nothing but the truth comes so near",
     "benchmarks/labels.py, as a whole",
 ] = 0.9
+CLOCK_BETTER: Annotated[
+    float,
+    "correlation",
+    "what the blocks must answer better, in the mean, where the clock is in question",
+    "a slow motion looks the same by a wrong clock where only valve and pressure were measured",
+    "benchmarks/labels.py, as a whole",
+] = 0.25
 STILL: Annotated[
     float,
     "share of the range",
@@ -695,9 +709,9 @@ MOVES: Annotated[
     float,
     "share of the range",
     "motion that the model must predict where a signal is said never to move",
-    "less is hidden by noise",
-    "not measured by itself",
-] = 0.01
+    "a reading in steps may hide less, and a machine that rests",
+    "benchmarks/labels.py, as a whole",
+] = 0.003
 BALANCE: Annotated[
     tuple[float, float],
     "share",
@@ -939,6 +953,13 @@ LONGEST: Annotated[
     "the cost of a longer log is that of reading it",
     "benchmarks/growth.py",
 ] = 300.0
+LONGEST_SAMPLES: Annotated[
+    int,
+    "samples",
+    "samples that the same part holds at least",
+    "twice the fewest of which every third window can be held out: a slow process is sampled slowly",
+    "arithmetic",
+] = 300
 LEVELS: Annotated[
     int,
     "levels",

@@ -437,16 +437,9 @@ def diagnose(
             "an external tracker goes" if tracker is not None else "diagnose.held_out_from in a mapping goes"
         )
         raise UsageError(f"{what} with one log; give one log, or hold out whole logs (--held-out)")
-    parts = [used_part(one, machine, tracker is not None) for one in logs]
-    data: list[Contradiction] = []
-    for at, one in enumerate(parts):
-        told = clock(one, lambda log: prepare(log, machine), machine, trust < CALIBRATED_TRUST)
-        parts[at] = rescaled(one, 1.0 / (told[0].factor or 1.0)) if told else one
-        data += told
-    records = [prepare(part, machine) for part in parts]
-    for one, record in zip(parts, records, strict=True):
-        data += contradictions(one, record, machine, trust < CALIBRATED_TRUST)
-    record, held = parted(joined(records), machine)
+    each = [labelled(one, machine, trust, tracker is not None) for one in logs]
+    parts, data = [part for part, _, _ in each], [told for _, _, found in each for told in found]
+    record, held = parted(joined([record for _, record, _ in each]), machine)
     if held_out is not None:
         held = held_logs([prepare(one, machine) for one in listed(held_out)], listed(held_out))
     found = Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals))
@@ -471,6 +464,33 @@ def contradicted(found: Diagnosis, data: list[Contradiction]) -> None:
     found.data, found.causes, found.rests, found.never = data, [], [], []
     found.verdict, found.tracker, found.stage = "implausible_data", None, ""
     found.before = by_twin(found, found.record, found.machine.base)
+
+
+def labelled(
+    log: Log, machine: Machine, trust: float, from_start: bool = False
+) -> tuple[Log, Record, list[Contradiction]]:
+    """The part of a log that is fitted, the same made ready, and what the data say against their labels.
+
+    The clock comes first, of the whole log: in another unit the part would be another one.
+
+    Args:
+        log: the log as read.
+        machine: the model.
+        trust: relative standard deviation of the nominal parameters.
+        from_start: as `used_part`.
+
+    Raises:
+        DataError: as `prepare`.
+    """
+    known = trust < CALIBRATED_TRUST
+
+    def made(one: Log) -> Record:
+        return prepare(used_part(one, machine, from_start), machine)
+
+    told = clock(log, made, machine, known)
+    part = used_part(rescaled(log, 1.0 / (told[0].factor or 1.0)) if told else log, machine, from_start)
+    record = prepare(part, machine)
+    return part, record, [*told, *contradictions(part, record, machine, known)]
 
 
 def used_part(log: Log, machine: Machine, from_start: bool) -> Log:

@@ -13,32 +13,42 @@ from numpy.typing import NDArray
 from cosim.diagnosis.extension.packages import ChainModel
 from cosim.diagnosis.found import Diagnosis, Elsewhere
 from cosim.diagnosis.record.record import Record, fixed_values
-from cosim.diagnosis.thresholds import LEVELS, LONGEST, SETTLING, SHORT_PIECE, VISITED, WORSE_ELSEWHERE
+from cosim.diagnosis.thresholds import (
+    LEVELS,
+    LONGEST,
+    LONGEST_SAMPLES,
+    SETTLING,
+    SHORT_PIECE,
+    VISITED,
+    WORSE_ELSEWHERE,
+)
 from cosim.logs import Log
 
 Array = NDArray[np.float64]
 
-PIECE = 20.0  # s by which the stretch is moved
+PIECE = 20.0  # s by which the stretch is moved, of the `LONGEST` seconds
 
 
 def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
     """The part of a log that the fits use: the log itself, or the `LONGEST` seconds whose command visits most.
 
-    Visited is counted in cells of level and direction of the command; among equals the command that moves most wins,
-    then the earliest.
+    A slow process is sampled slowly: its part is longer, so that it holds `LONGEST_SAMPLES`. Visited is counted in cells of
+    level and direction of the command; among equals the command that moves most wins, then the earliest.
 
     Args:
         log: the log.
         drive: the command.
         from_start: the first seconds in any case, because another clock is counted from there.
     """
-    if log.duration <= LONGEST or drive not in log:
+    span = max(LONGEST, LONGEST_SAMPLES * log.step)
+    if log.duration <= span or drive not in log:
         return log
     if from_start:
-        return log.slice(None, float(log.time[0]) + LONGEST)
+        return log.slice(None, float(log.time[0]) + span)
     u = log[drive]
     low, size = float(u.min()), max(float(np.ptp(u)), 1e-300)
-    edges = np.searchsorted(log.time, log.time[0] + PIECE * np.arange(int(log.duration / PIECE) + 1))
+    piece = PIECE * span / LONGEST
+    edges = np.searchsorted(log.time, log.time[0] + piece * np.arange(int(log.duration / piece) + 1))
     rows = []
     travel = []
     for a, b in pairwise(edges.tolist()):  # piece by piece: a long log fills the memory as it is
@@ -55,8 +65,8 @@ def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
         score = (visited, round(sum(travel[first : first + width]), 6))
         if score > best:
             best, found = score, first
-    start = float(log.time[0]) + found * PIECE
-    return log.slice(start, start + LONGEST)
+    start = float(log.time[0]) + found * piece
+    return log.slice(start, start + span)
 
 
 def others(log: Log, part: Log) -> list[Log]:
