@@ -340,6 +340,9 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
         name = group.observed[0]
         if moving.get(name, True) or group.drive not in record.signals or name not in SIGNALS:
             continue
+        # what integrates a drive that never moves would run away on the least zero of that sensor
+        if group.drive != machine.drive and not moving[group.drive]:
+            continue
         most = SIGNALS[name].high - SIGNALS[name].low
         if float(np.ptp(of_machine(record, record.signals, group, machine.base)[name])) > MOVES * most:
             yield Contradiction(name, f"{name} never moves", remedy)

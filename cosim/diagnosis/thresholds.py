@@ -604,6 +604,20 @@ SKEW_INTERVAL: Annotated[
     "slower logs are no worse in step",
     "second simulator",
 ] = 1e-3
+SPARSE_SAMPLING: Annotated[
+    float,
+    "s",
+    "sampling interval beyond which nobody knows what a signal did between two samples",
+    "the drive has news up to some 10 Hz: a step of the command lies anywhere between two stamps",
+    "rig logs thinned to 10 and 1 Hz",
+] = 0.05
+SPARSE_OF_INTEGRAL: Annotated[
+    float,
+    "s",
+    "the same for blocks that integrate what drives them",
+    "an integral takes the mean over an interval, which straight lines give while the drive's own lag is not far shorter",
+    "rig logs thinned to 10 and 1 Hz",
+] = 0.5
 SLOW_NOISE: Annotated[
     float,
     "bins",
