@@ -132,7 +132,10 @@ def test_whatever_call_fails_each_file_is_old_or_new(command, words, tmp_path):
         assert "internal error" not in error, (at, error)
         assert "Traceback" not in error, (at, error)
         assert code in (0, 2, 3), (at, error)
-        assert set(sizes(out)) == set(good), at
+        # an answer without its report says so, and no earlier report is left beside it
+        missing = set(good) - set(sizes(out))
+        assert not missing or (code == 0 and "the report failed" in error and "No space left" in error), at
+        assert set(sizes(out)) <= set(good), at
         assert whole(out)
         assert code == 0 or "No space left" in error, (at, error)
 
