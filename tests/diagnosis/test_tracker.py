@@ -14,7 +14,7 @@ from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import Array, Record
 from cosim.diagnosis.tracker.comparison import TrackerFinding, borne_out, compare_tracker
-from cosim.diagnosis.tracker.model import SEAM_ANGLE, carried_on
+from cosim.diagnosis.tracker.model import SEAM_ANGLE, extrapolated
 from cosim.errors import DataError
 from cosim.inference.noise import Noise as SensorNoise
 from cosim.logs import Tracker
@@ -69,12 +69,12 @@ def test_an_error_of_one_window_is_none_of_the_sensor() -> None:
 
 def test_noise_slower_than_the_record_tells_goes_on() -> None:
     times = (1.0, 9.0, 81.0, 729.0)
-    pink = carried_on(SensorNoise(0.0, times, (3.0, 2.0, 1.0, 1e-9)), 4800, 6)
+    pink = extrapolated(SensorNoise(0.0, times, (3.0, 2.0, 1.0, 1e-9)), 4800, 6)
     assert pink.sizes == (3.0, 2.0, 1.0, 1.0)
     white = SensorNoise(1.0, times, (0.0, 0.0, 0.0, 0.0))
-    assert carried_on(white, 4800, 6) == white
+    assert extrapolated(white, 4800, 6) == white
     short = SensorNoise(0.0, times, (1.0, 1.0, 1.0, 0.0))
-    assert carried_on(short, 30, 6) == short, "of so short a record nothing is known"
+    assert extrapolated(short, 30, 6) == short, "of so short a record nothing is known"
 
 
 @pytest.mark.slow

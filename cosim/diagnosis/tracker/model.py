@@ -199,10 +199,10 @@ class TrackerModel:
         ]
         one = bands(even[0], np.stack(even[1:]), quietest(self.readings))
         noise = learn({"slew_external": one}, np.zeros((len(slopes),) * 2))["slew_external"]
-        self.noise = carried_on(noise, whole.size, len(slopes))
+        self.noise = extrapolated(noise, whole.size, len(slopes))
 
 
-def carried_on(noise: Noise, count: int, unknowns: int) -> Noise:
+def extrapolated(noise: Noise, count: int, unknowns: int) -> Noise:
     """Noise slower than a record can tell is taken to go on as that just fast enough: as 1/f, which sensors have.
 
     A record has few frequencies at which slow noise shows, and what is estimated takes as many of them up. Held to be
