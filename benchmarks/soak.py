@@ -29,7 +29,7 @@ from cosim.rig.write import as_log
 TOP = Path(__file__).resolve().parent.parent
 PIECE = 300.0  # s of the chain simulated at once
 LOG = 21.0  # s, of each log diagnosed
-BETWEEN_KILLS = 3.0  # s
+BETWEEN_KILLS = 10.0  # s: a new worker takes seconds to begin
 
 
 def used(process: psutil.Process) -> tuple[float, int]:
