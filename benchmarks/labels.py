@@ -20,9 +20,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from scipy.stats import binomtest
 
 from benchmarks.blind.cases import cases
-from cosim.diagnosis.labels import Contradiction, clock, contradictions
+from cosim.diagnosis.labels import Contradiction
 from cosim.diagnosis.model.machine import our_machine
-from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.pipeline.diagnose import labelled
+from cosim.diagnosis.thresholds import NOMINAL_TRUST
 from cosim.logs import Log
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -112,9 +113,7 @@ MISTAKES: dict[str, tuple[Wrong, set[str]]] = {
 
 def said(log: Log) -> list[Contradiction]:
     """What is said of a log's labels."""
-    machine = our_machine("full_order")
-    told = clock(log, lambda one: prepare(one, machine), machine, True)
-    return told or contradictions(log, prepare(log, machine), machine, True)
+    return labelled(log, our_machine("full_order"), NOMINAL_TRUST)[2]
 
 
 def main() -> int:

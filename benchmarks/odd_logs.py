@@ -3,12 +3,14 @@
 Each case is a synthetic log of the rig, sampled again at a random rate (1 Hz to 5 kHz) with jitter, of random length, with
 signals left out, and other outputs of the blocks judged by a mapping (spool speed, slew speed, the angle before the sensor).
 It is diagnosed from end to end, report included, as the command does. A clear refusal (exit code 2 or 3) is an answer, too.
+With ``--rows FILE`` each case is a line of JSON there as soon as it has ended, and one that is there is not run again.
 """
 
 import argparse
 import json
 import sys
 import tempfile
+import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator
@@ -118,6 +120,7 @@ def columns(case: Odd) -> tuple[dict[str, Array], dict[str, str]]:
 def run_case(case: Odd) -> dict[str, Any]:
     """The case with what came of it: a verdict, a refusal, or an internal error with its traceback."""
     row: dict[str, Any] = {"case": asdict(case)}
+    began = time.process_time()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         try:
@@ -129,6 +132,7 @@ def run_case(case: Odd) -> dict[str, Any]:
             log = load_log(file, mapping)
             answer = diagnose_into(folder / "out", log, None, None, 0.01, case.calibrate, mapping)
             row["verdict"] = answer.verdict
+            row["seconds"] = time.process_time() - began
             row["failed"] = [
                 n for n in (*answer.warnings, *answer.not_judged.values()) if "please report" in n
             ]
@@ -157,6 +161,22 @@ def toml(case: Odd, values: dict[str, Array], stands: dict[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def wrong(row: dict[str, Any]) -> object:
+    """What must not be in a case's outcome: an internal error, or no report; nothing for nearly every case."""
+    return row.get("error") or row.get("failed") or ("" if row.get("report", True) else "no report")
+
+
+def stored(file: Path) -> list[dict[str, Any]]:
+    """The outcomes of an earlier run; a line that was cut off is left out."""
+    rows = []
+    for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
+        try:
+            rows.append(json.loads(line))
+        except json.JSONDecodeError:
+            continue
+    return rows
+
+
 def main() -> int:
     """Run the cases and count what came of them; 1 if one ended in an internal error."""
     parser = argparse.ArgumentParser(
@@ -165,19 +185,23 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--rows", type=Path, help="JSON lines, one a case; what is there is not run again")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    counts: Counter[str] = Counter()
-    errors = []
+    rows = stored(options.rows) if options.rows is not None else []
+    done = {row["case"]["seed"] for row in rows}
+    todo = [c for c in drawn(options.cases, options.seed) if c.seed not in done]
     with ProcessPoolExecutor(options.workers) as pool:
-        for future in as_completed([pool.submit(run_case, c) for c in drawn(options.cases, options.seed)]):
+        for future in as_completed([pool.submit(run_case, c) for c in todo]):
             row = future.result()
-            kind = "error" if "error" in row else row.get("verdict", "refused")
-            counts[kind] += 1
-            bad = row.get("error") or row.get("failed") or ("" if row.get("report", True) else "no report")
-            if bad:
-                errors.append(row)
+            rows.append(row)
+            if options.rows is not None:
+                with options.rows.open("a", encoding="utf-8") as file:
+                    file.write("\n" + json.dumps(row))
+            if bad := wrong(row):
                 print(json.dumps(row["case"]), bad, file=sys.stderr, flush=True)
+    counts = Counter("error" if "error" in r else r.get("verdict", "refused") for r in rows)
+    errors = [row for row in rows if wrong(row)]
     if options.json:
         print(json.dumps({"counts": counts, "internal": len(errors), "errors": errors}))
     else:

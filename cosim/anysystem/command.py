@@ -153,12 +153,12 @@ def diagnose_any(
             for text in allowed.warnings:
                 warn(text)
             found.notes = [*notes, *found.notes, *allowed.warnings]
-            earlier.clear()
             package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
             result = answer(found, package)
             write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
             if not allowed.ended:
                 write_page(found, result, folder)
+            earlier.clear()  # only now: a write that fails must leave the old or the new
     if allowed.ended:
         raise KeyboardInterrupt
     return result

@@ -53,6 +53,7 @@ class Diagnosis:
         groups: its groups, as far as this log tells them apart.
         findings: group -> what was found in it, for the groups that could be judged.
         unjudged: group -> the signals whose absence keeps it from being judged.
+        sparse: group -> why so sparse a log says nothing of it.
         data: labels of the log that its data contradict; nothing else is judged then.
         causes: named causes, the largest gain first.
         rests: what stays unexplained.
@@ -86,6 +87,7 @@ class Diagnosis:
     groups: tuple[Group, ...]
     findings: dict[str, Finding] = field(default_factory=dict)
     unjudged: dict[str, list[str]] = field(default_factory=dict)
+    sparse: dict[str, str] = field(default_factory=dict)
     data: list[Contradiction] = field(default_factory=list)
     causes: list[Cause] = field(default_factory=list)
     rests: list[Rest] = field(default_factory=list)

@@ -21,8 +21,10 @@ from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.record.record import Record, fixed_values
 from cosim.diagnosis.thresholds import (
     AT_END,
+    AT_ZERO,
     BALANCE,
     BEYOND_RANGE,
+    CLOCK_BETTER,
     CLOCK_SHAPE,
     FEWEST_AT_END,
     FEWEST_BLOCKS,
@@ -33,6 +35,7 @@ from cosim.diagnosis.thresholds import (
     PLAUSIBLE_STEP,
     REPEATED,
     SHAPE,
+    SHAPE_ABOVE,
     STILL,
     TRACKER_LEFT,
     USUAL_GAIN,
@@ -47,9 +50,10 @@ from cosim.units import factor
 
 Array = NDArray[np.float64]
 Signals = Mapping[str, Array]
+Shapes = list[tuple[float, float]]  # gain and correlation of each block
 
 UNITS = {
-    "rad": ("deg", "rad", "rev"),
+    "rad": ("deg", "rad"),
     "m": ("m", "cm", "mm", "in"),
     "Pa": ("Pa", "kPa", "MPa", "bar", "psi"),
     "1": ("1", "%"),
@@ -101,40 +105,105 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
     # the noise of signals at rest has neither gain nor shape
     if found or nothing_moves(record, machine):
         return found
-    groups = merged(machine.groups, record.signals)
-    as_labelled = shapes(record, record.signals, groups)
-    shape = SHAPE
-    if plausible(as_labelled):
-        # the command passes a dead zone and limits: a wrong unit of it spoils the shape, not the gain
-        usual = in_range(record, machine.drive) and as_labelled and abs(as_labelled[0][1]) >= SHAPE
-        if not trusted or not as_labelled or usual:
-            return exchanged_with_supply(record.signals)
-        shape = CLOCK_SHAPE
+    groups, base = merged(machine.groups, record.signals), machine.base
+    as_labelled = shapes(record, record.signals, groups, base)
+    usual = USUAL_GAIN if trusted else (0.0, np.inf)
+    # the command passes a dead zone and limits: a wrong unit of it spoils the shape, not the gain
+    command = record.signals[machine.drive]
+    commanding = machine.drive not in SIGNALS or commands(command)
+    spoiled = bool(as_labelled) and not (commanding and abs(as_labelled[0][1]) >= SHAPE)
+    if plausible(as_labelled, usual) and not (trusted and spoiled):
+        return exchanged_with_supply(record.signals)
     mistakes = [*signs(record, groups)]
     if trusted:
-        mistakes += [*units(log, record)]
-    tried = ((m, shapes(record, m.undone(record.signals), groups)) for m in mistakes)
-    right = [(min(abs(r) for _, r in each), m) for m, each in tried if plausible(each, shape)]
-    if right:
-        return [max(right, key=lambda item: item[0])[1].reported]
+        mistakes += [*units(log, record, machine.drive)]
+    told = []
+    for mistake in mistakes:
+        undone = mistake.undone(record.signals)
+        # a label that leaves the command where it cannot be is not the one that is wrong
+        if not in_range(undone, machine.drive):
+            continue
+        each = shapes(record, undone, groups, base)
+        if cured(as_labelled, each, usual) if not plausible(as_labelled, usual) else shaped(each, commanding):
+            told.append(((round(min(r for _, r in each), 3), -off(each)), mistake))
+    if told:
+        return [either_sign(max(told, key=lambda item: item[0])[1].reported, groups)]
     return exchanged_with_supply(record.signals) or (other_machine(as_labelled) if trusted else [])
 
 
-def in_range(record: Record, name: str) -> bool:
+def cured(before: Shapes, after: Shapes, usual: tuple[float, float]) -> bool:
+    """True if the blocks whose gain was beyond all faults answer as they should, and no other does worse.
+
+    Args:
+        before: gain and correlation of each block as labelled.
+        after: the same with the labels changed.
+        usual: gains that are not beyond all faults.
+    """
+    return (
+        len(before) == len(after)
+        and plausible(after, usual)
+        and all(
+            usual[0] <= gain <= usual[1] and r >= SHAPE_ABOVE
+            for was, (gain, r) in zip(before, after, strict=True)
+            if beyond(was, usual)
+        )
+    )
+
+
+def shaped(after: Shapes, commanding: bool) -> bool:
+    """True if shape and gain of all blocks are right, of the first one only where the command was none as labelled."""
+    firm = after if commanding else after[:1]
+    return (
+        bool(after)
+        and plausible(after, USUAL_GAIN)
+        and all(USUAL_GAIN[0] <= gain <= USUAL_GAIN[1] and r >= CLOCK_SHAPE for gain, r in firm)
+    )
+
+
+def off(each: Shapes) -> float:
+    """How far the gains of the blocks are from the nominal ones, in logarithms."""
+    return float(sum(abs(np.log(abs(gain))) for gain, _ in each if gain != 0.0 and np.isfinite(gain)))
+
+
+def either_sign(told: Contradiction, groups: tuple[Group, ...]) -> Contradiction:
+    """A reversed sign as the data tell it: where one group only was measured, command and answer go against one another."""
+    drive, answer = groups[0].drive, groups[0].observed[0]
+    if told.factor != -1.0 or len(groups) > 1:
+        return told
+    finding = f"{drive} and {answer} go against one another: one of the two looks reversed in sign"
+    remedy = f"give {drive} or {answer} the other sign: gain = -1 in its table of a mapping"
+    return replace(told, finding=finding, remedy=remedy)
+
+
+def in_range(signals: Signals, name: str) -> bool:
     """True if a signal keeps to its plausible range, or half as much again."""
-    most = float(np.max(np.abs(record.signals[name])))
+    most = float(np.max(np.abs(signals[name])))
     return name not in SIGNALS or most <= BEYOND_RANGE * max(abs(SIGNALS[name].low), abs(SIGNALS[name].high))
 
 
-def shapes(record: Record, signals: Signals, groups: tuple[Group, ...]) -> list[tuple[float, float]]:
-    """Gain and correlation of each group's first signal against the nominal prediction, as far as both were measured."""
+def of_machine(record: Record, signals: Signals, group: Group, base: Mapping[str, float]) -> dict[str, Array]:
+    """(n,) SI of what a group observes, predicted from its drive among these signals by the machine as it is told to be."""
+    own = Record(record.h, dict(signals), record.grid, record.rest)
+    told = {n: v for n, v in base.items() if n.partition(".")[0] in group.components}
+    model = GroupModel(group, signals[group.drive], record.h, told | fixed_values(own, group), record.grid)
+    return model.simulate({})
+
+
+def shapes(record: Record, signals: Signals, groups: tuple[Group, ...], base: Mapping[str, float]) -> Shapes:
+    """Gain and correlation of each group's first signal against the nominal prediction, as far as both were measured.
+
+    Args:
+        record: the log.
+        signals: its signals, or what they would be under other labels.
+        groups: the groups.
+        base: ``component.parameter`` -> SI in which the machine differs from what its blocks declare.
+    """
     found = []
     for group in groups:
         if group.drive not in signals or group.observed[0] not in signals:
             continue
-        own = Record(record.h, dict(signals), record.grid, record.rest)
-        model = GroupModel(group, signals[group.drive], record.h, fixed_values(own, group), record.grid)
-        y, predicted = signals[group.observed[0]], model.simulate({})[group.observed[0]]
+        y = signals[group.observed[0]]
+        predicted = of_machine(record, signals, group, base)[group.observed[0]]
         rows = [centred(values, record.h, group.integrates) for values in (y, predicted)]
         sizes = [float(np.sqrt(row @ row)) for row in rows]
         if sizes[0] <= 0.0 or not np.all(np.isfinite(sizes)):
@@ -153,14 +222,25 @@ def centred(values: Array, h: float, windows: bool) -> Array:
     return np.concatenate([part - part.mean() for part in np.array_split(values, count)])
 
 
-def plausible(each: list[tuple[float, float]], shape: float = 0.0) -> bool:
-    """True if no block's gain is beyond all faults while its shape is right; with `shape`, all shapes must be right."""
-    if not each:
-        return not shape
-    inside = [USUAL_GAIN[0] <= gain <= USUAL_GAIN[1] for gain, _ in each]
-    if shape:
-        return all(ok and r >= shape for ok, (_, r) in zip(inside, each, strict=True))
-    return all(ok or abs(r) < SHAPE for ok, (_, r) in zip(inside, each, strict=True))
+def plausible(each: Shapes, usual: tuple[float, float] = USUAL_GAIN) -> bool:
+    """True if no block's gain is beyond all faults while its shape is right.
+
+    Args:
+        each: gain and correlation of each block.
+        usual: gains that are not beyond all faults; of a machine whose gains are not known any positive one.
+    """
+    return not any(beyond(one, usual) for one in each)
+
+
+def beyond(one: tuple[float, float], usual: tuple[float, float]) -> bool:
+    """True if a block's gain is beyond all faults while its shape is right.
+
+    Faults take from a motion and from its shape, and none adds to it: of too much motion a poorer shape is right.
+    """
+    gain, r = one
+    if usual[0] <= gain <= usual[1]:
+        return False
+    return abs(r) >= (SHAPE_ABOVE if gain > usual[1] else SHAPE)
 
 
 def scaled(names: tuple[str, ...], by: float) -> Callable[[Signals], dict[str, Array]]:
@@ -189,8 +269,8 @@ def signs(record: Record, groups: tuple[Group, ...]) -> Iterator[Mistake]:
         yield Mistake(told, scaled((name,), -1.0))
 
 
-def units(log: Log, record: Record) -> Iterator[Mistake]:
-    """Each signal in each other unit of its dimension."""
+def units(log: Log, record: Record, drive: str) -> Iterator[Mistake]:
+    """Each signal of the crane in each other unit of its dimension, but for a command that is one as labelled only."""
     pressures = tuple(n for n in ("p_a", "p_b") if n in record.signals)
     single = [(n,) for n in record.signals if n in SIGNALS and n not in ("p_load", "p_supply")]
     for names in [pressures, *single] if len(pressures) == 2 else single:
@@ -202,13 +282,27 @@ def units(log: Log, record: Record) -> Iterator[Mistake]:
         seen: list[float] = []
         for labelled, true in pairs:
             by = factor(labelled, si) / factor(true, si)
-            if any(abs(by / other - 1.0) < 1e-6 for other in seen):
+            # what a fault may do twice over is no proof of another unit
+            if USUAL_GAIN[0] ** 2 <= by <= USUAL_GAIN[1] ** 2 or any(
+                abs(by / other - 1.0) < 1e-6 for other in seen
+            ):
                 continue
             seen.append(by)
+            if (
+                names == (drive,)
+                and commands(record.signals[drive])
+                and not commands(record.signals[drive] / by)
+            ):
+                continue
             told = Contradiction(
                 names[0], f"{who}: looks like {true} labelled {labelled}", f"label {who} [{true}]", by
             )
             yield Mistake(told, scaled(names, by))
+
+
+def commands(u: Array) -> bool:
+    """True if a command is one as its range says: more than none, and not beyond all of it."""
+    return AT_ZERO < float(np.max(np.abs(u))) <= BEYOND_RANGE * SIGNALS["u"].high
 
 
 def exchanged_with_supply(signals: Signals) -> list[Contradiction]:
@@ -246,10 +340,11 @@ def still(record: Record, machine: Machine) -> Iterator[Contradiction]:
         name = group.observed[0]
         if moving.get(name, True) or group.drive not in record.signals or name not in SIGNALS:
             continue
-        drive = record.signals[group.drive]
-        model = GroupModel(group, drive, record.h, fixed_values(record, group), record.grid)
+        # what integrates a drive that never moves would run away on the least zero of that sensor
+        if group.drive != machine.drive and not moving[group.drive]:
+            continue
         most = SIGNALS[name].high - SIGNALS[name].low
-        if float(np.ptp(model.simulate({})[name])) > MOVES * most:
+        if float(np.ptp(of_machine(record, record.signals, group, machine.base)[name])) > MOVES * most:
             yield Contradiction(name, f"{name} never moves", remedy)
 
 
@@ -270,7 +365,7 @@ def answered(record: Record, machine: Machine) -> bool:
     return True
 
 
-def other_machine(each: list[tuple[float, float]]) -> list[Contradiction]:
+def other_machine(each: Shapes) -> list[Contradiction]:
     """A log of another machine: not one of its blocks answers as the model's, however wrong a single one may be."""
     if len(each) < FEWEST_BLOCKS or any(USUAL_GAIN[0] <= abs(gain) <= USUAL_GAIN[1] for gain, _ in each):
         return []
@@ -338,7 +433,7 @@ def clock(
         machine: the model.
         trusted: its nominal parameters are known.
     """
-    if not trusted or machine.drive not in log:
+    if not trusted or machine.drive not in log or log.time_unit != "s":
         return []
     for said, scale in TIMES.items():
         span = log.duration * scale
@@ -348,11 +443,17 @@ def clock(
         if not likely or finest <= log.step <= coarsest:
             continue
         try:
-            record = prepared(rescaled(log, scale))
+            read = [prepared(one) for one in (log, rescaled(log, scale))]
         except CosimError:
             continue
-        each = shapes(record, record.signals, merged(machine.groups, record.signals))
-        if each and plausible(each, CLOCK_SHAPE):
+        before, after = (shapes(r, r.signals, merged(machine.groups, r.signals), machine.base) for r in read)
+        right = any(USUAL_GAIN[0] <= gain <= USUAL_GAIN[1] and r >= CLOCK_SHAPE for gain, r in after)
+        # of friction a block may move next to nothing; too much, or the other way, is no fault
+        if (
+            right
+            and plausible(after, (0.0, USUAL_GAIN[1]))
+            and answering(after) > answering(before) + CLOCK_BETTER
+        ):
             true = said.partition(" ")[0]
             return [
                 Contradiction(
@@ -360,6 +461,12 @@ def clock(
                 )
             ]
     return []
+
+
+def answering(each: Shapes) -> float:
+    """Mean correlation of the blocks, of those whose gain is beyond all faults none."""
+    rows = [max(r, 0.0) * (USUAL_GAIN[0] <= gain <= USUAL_GAIN[1]) for gain, r in each]
+    return float(np.mean(rows)) if rows else 0.0
 
 
 def against_tracker(record: Record, tracker: Tracker, seen: TrackerFinding) -> list[Contradiction]:

@@ -611,6 +611,20 @@ SKEW_INTERVAL: Annotated[
     "slower logs are no worse in step",
     "second simulator",
 ] = 1e-3
+SPARSE_SAMPLING: Annotated[
+    float,
+    "s",
+    "sampling interval beyond which nobody knows what a signal did between two samples",
+    "the drive has news up to some 10 Hz: a step of the command lies anywhere between two stamps",
+    "rig logs thinned to 10 and 1 Hz",
+] = 0.05
+SPARSE_OF_INTEGRAL: Annotated[
+    float,
+    "s",
+    "the same for blocks that integrate what drives them",
+    "an integral takes the mean over an interval, which straight lines give while the drive's own lag is not far shorter",
+    "rig logs thinned to 10 and 1 Hz",
+] = 0.5
 SLOW_NOISE: Annotated[
     float,
     "bins",
@@ -684,6 +698,13 @@ SHAPE: Annotated[
     "a wrong label leaves the shape as it is",
     "benchmarks/labels.py, as a whole",
 ] = 0.8
+SHAPE_ABOVE: Annotated[
+    float,
+    "correlation",
+    "the same of a block that moves too much",
+    "friction, play and stops take from a motion and from its shape, and none adds to it",
+    "benchmarks/labels.py, as a whole",
+] = 0.6
 CLOCK_SHAPE: Annotated[
     float,
     "correlation",
@@ -691,6 +712,13 @@ CLOCK_SHAPE: Annotated[
     "nothing but the truth comes so near",
     "benchmarks/labels.py, as a whole",
 ] = 0.9
+CLOCK_BETTER: Annotated[
+    float,
+    "correlation",
+    "what the blocks must answer better, in the mean, where the clock is in question",
+    "a slow motion looks the same by a wrong clock where only valve and pressure were measured",
+    "benchmarks/labels.py, as a whole",
+] = 0.25
 STILL: Annotated[
     float,
     "share of the range",
@@ -702,9 +730,9 @@ MOVES: Annotated[
     float,
     "share of the range",
     "motion that the model must predict where a signal is said never to move",
-    "less is hidden by noise",
-    "not measured by itself",
-] = 0.01
+    "a reading in steps may hide less, and a machine that rests",
+    "benchmarks/labels.py, as a whole",
+] = 0.003
 BALANCE: Annotated[
     tuple[float, float],
     "share",

@@ -271,8 +271,9 @@ class Data:
         gram, goal = scaled.T @ scaled, scaled.T @ target
         gram[np.diag_indices_from(gram)] += 1e-10
         residuals = target - scaled @ np.linalg.solve(gram, goal)
-        moved = max(float(np.ptp(self.y)), 1e-300)
-        weight = float(residuals @ residuals) / self.blocks / moved**2
+        moved = float(np.ptp(self.y))
+        # an output that never moves has no initial state, and nothing is left of it
+        weight = float(residuals @ residuals) / self.blocks / moved**2 if moved**2 > 0.0 else 0.0
         states = np.zeros(sizes.size)
         states[max(sections.order, 1) : -1] = np.sqrt(weight)
         gram[np.diag_indices_from(gram)] += (states / sizes) ** 2

@@ -104,12 +104,13 @@ def diagnose_into(
             )
             for warning in allowed.warnings:
                 warn(warning)
-            earlier.clear()
-            return delivered(found, logs, folder, watch)
+            result = delivered(found, logs, folder, watch)
+            earlier.clear()  # only now: a write that fails must leave the old or the new
+            return result
         except Interrupted as stop:
             watch.close()
-            earlier.clear()
             leave(stop.found, logs, folder)
+            earlier.clear()
             raise
 
 

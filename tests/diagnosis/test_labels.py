@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from benchmarks.labels import MISTAKES, changed, said
+from benchmarks.real_logs import DATA, MAPPINGS
 from cosim.diagnosis.answer.answer import answer
-from cosim.diagnosis.labels import against_tracker, contradictions, other_machine, saturated
+from cosim.diagnosis.labels import against_tracker, contradictions, other_machine, saturated, units
+from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.model.machine import our_machine
-from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.pipeline.diagnose import diagnose, labelled, prepare
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST, LONGEST, NOMINAL_TRUST
 from cosim.diagnosis.tracker.comparison import compare_tracker
-from cosim.logs import Log, Tracker
+from cosim.logs import Log, Tracker, load_log
 from cosim.report.deliver import delivered
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -70,6 +73,91 @@ def test_signs_are_all_that_is_asked_of_a_machine_whose_gains_are_not_known(log:
     scaled = replace(log, signals=log.signals | {"slew": 30.0 * log.signals["slew"]})
     machine = our_machine("full_order")
     assert contradictions(scaled, prepare(scaled, machine), machine, trusted=False) == []
+
+
+def test_gains_are_held_against_the_machine_as_it_is_told_to_be_not_against_our_crane(log: Log) -> None:
+    # pressure and slew of a drive that opens eight times as far for the same command: right for that machine only
+    eight = {"dcv.K": 8.0 * 2.375e-3, "dcv.x_max": 0.1, "dcv.x_min": -0.1, "continuity.K_c": 5.28e8 / 8.0}
+    other = changed(log, spool=8.0 * log.signals["spool"])
+    machine = our_machine("full_order", eight)
+    assert labelled(other, machine, NOMINAL_TRUST)[2] == []
+    (told,) = labelled(changed(other, slew=57.3 * log.signals["slew"]), machine, NOMINAL_TRUST)[2]
+    assert told.finding == "slew: looks like deg labelled rad"
+
+
+def test_a_reversed_sign_is_told_whatever_the_gains_of_a_machine(log: Log) -> None:
+    machine = our_machine("full_order")
+    wrong = changed(log, spool=30.0 * log.signals["spool"], u=-log.signals["u"])
+    assert [t.signal for t in labelled(wrong, machine, CALIBRATED_TRUST)[2]] == ["u"]
+
+
+def test_of_command_and_answer_alone_nobody_knows_which_is_reversed(log: Log) -> None:
+    alone = replace(log, signals={"u": -log.signals["u"], "slew": log.signals["slew"]})
+    (told,) = said(alone)
+    assert told.finding == "u and slew go against one another: one of the two looks reversed in sign"
+
+
+def test_a_clock_in_ms_is_told_of_a_slow_log_before_its_part_is_cut_out(log: Log) -> None:
+    thin = replace(
+        log,
+        time=1000.0 * log.time[::10],
+        signals={n: v[::10] for n, v in log.signals.items()},
+    )
+    assert thin.duration > 60.0 * LONGEST
+    assert [(t.signal, t.finding) for t in said(thin)] == [("time", "time looks like ms labelled s")]
+
+
+def test_a_slow_log_with_the_right_clock_is_left_alone_though_it_would_do_in_ms() -> None:
+    hours = np.arange(20000.0)
+    u = 0.6 * np.sin(2.0 * np.pi * hours / 3000.0)
+    demand = np.clip(
+        u + np.where(u > 0, 0.45, 0.40) * np.tanh(50.0 * u) - 0.45 * (u > 0) + 0.40 * (u < 0), -1, 1
+    )
+    signals = {"u": u, "spool": 2.375e-3 * demand}
+    slow = Log(
+        time=hours,
+        source=Path("slow.csv"),
+        warnings=(),
+        synthetic=True,
+        sha256="",
+        signals=signals,
+        units={"u": "1", "spool": "m"},
+        display={"u": "1", "spool": "mm"},
+        held=frozenset({"u"}),
+    )
+    assert said(slow) == []
+
+
+def test_a_command_that_is_one_as_labelled_is_in_no_other_unit(log: Log) -> None:
+    units_of_u = [m.reported.finding for m in units(log, prepare(log, our_machine("full_order")), "u")]
+    assert units_of_u
+    assert not [finding for finding in units_of_u if finding.startswith("u:")]
+
+
+REAL = {
+    "excavator_arm": "excavator/arm-in-70-L-single.csv",
+    "excavator_boom": "excavator/boom-up-90-H-coupled.csv",
+    "excavator_bucket": "excavator/bucket-out-50-H-single.csv",
+    "mini_excavator_boom": "mini_excavator/manual_1101_2326.csv",
+    "mini_excavator_stick": "mini_excavator/manual_shyam_1101_2012.csv",
+    "mini_excavator_swing": "mini_excavator/manual_1101_2326.csv",
+    "emps": "emps/DATA_EMPS.mat",
+    "actuator_forest_crane": "actuator_forest_crane/actuator.mat",
+}
+
+
+@pytest.mark.data
+@pytest.mark.skipif(not DATA.is_dir(), reason="no measured data: set COSIM_DATA to their folder")
+@pytest.mark.parametrize("name", REAL)
+def test_real_logs_are_left_alone_and_a_reversed_sign_is_told(name: str) -> None:
+    mapping = MAPPINGS / f"{name}.toml"
+    real = load_log(DATA / REAL[name], mapping)
+    machine = machine_of(None, real, mapping)
+    for trust in (NOMINAL_TRUST, CALIBRATED_TRUST):
+        assert labelled(real, machine, trust)[2] == []
+    if name in ("mini_excavator_swing", "emps"):
+        turned = changed(real, **{machine.drive: -real.signals[machine.drive]})
+        assert "reversed in sign" in labelled(turned, machine, CALIBRATED_TRUST)[2][0].finding
 
 
 def tracker_of(log: Log, by: float) -> Tracker:

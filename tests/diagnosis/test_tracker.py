@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from benchmarks.blind.cases import cases
+from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import Array, Record
-from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
-from cosim.diagnosis.tracker.model import SEAM_ANGLE
+from cosim.diagnosis.tracker.comparison import TrackerFinding, borne_out, compare_tracker
+from cosim.diagnosis.tracker.model import SEAM_ANGLE, extrapolated
 from cosim.errors import DataError
+from cosim.inference.noise import Noise as SensorNoise
 from cosim.logs import Tracker
 from cosim.rig import Noise, as_log, as_tracker, make_log
 from cosim.rig.noise import SIZES
@@ -39,6 +42,47 @@ def test_the_clock_is_not_fitted_to_slow_noise_of_the_sensor(seed: int) -> None:
     assert finding.causes == []
     for name, nominal in (("tracker.offset", 0.0), ("tracker.rate", 1.0)):
         assert abs(finding.fit.values[name] - nominal) < 4.0 * finding.fit.deviations[name]
+
+
+def fits_of(seen: Array) -> dict[tuple[str, ...], Fit]:
+    """Fits with and without an error that shows as the same everywhere, to what is seen, in units of the noise."""
+    slopes = np.ones((seen.size, 1))
+
+    def fit(names: tuple[str, ...], slopes: Array) -> Fit:
+        size = np.linalg.lstsq(slopes, seen, rcond=None)[0]
+        rows = seen - slopes @ size
+        value, likelihood = dict(zip(names, size, strict=True)), -0.5 * float(rows @ rows)
+        return Fit(value, {}, likelihood, seen.size, {}, np.empty((0, 0)), slopes=-slopes, rows=rows)
+
+    return {(): fit((), slopes[:, :0]), ("sensor.bias",): fit(("sensor.bias",), slopes)}
+
+
+def test_an_error_of_one_window_is_none_of_the_sensor() -> None:
+    noise = np.random.default_rng(2).standard_normal(4800)
+    once, always = noise.copy(), noise + 0.2
+    once[1000:1200] += 0.2 * 24.0
+    for seen, kept in ((once, ()), (always, ("sensor.bias",))):
+        fits = fits_of(seen)
+        assert fits["sensor.bias",].log_likelihood - fits[()].log_likelihood > 80.0
+        assert borne_out(fits, ("sensor.bias",)) == kept
+
+
+def test_noise_slower_than_the_record_tells_goes_on() -> None:
+    times = (1.0, 9.0, 81.0, 729.0)
+    pink = extrapolated(SensorNoise(0.0, times, (3.0, 2.0, 1.0, 1e-9)), 4800, 6)
+    assert pink.sizes == (3.0, 2.0, 1.0, 1.0)
+    white = SensorNoise(1.0, times, (0.0, 0.0, 0.0, 0.0))
+    assert extrapolated(white, 4800, 6) == white
+    short = SensorNoise(0.0, times, (1.0, 1.0, 1.0, 0.0))
+    assert extrapolated(short, 30, 6) == short, "of so short a record nothing is known"
+
+
+@pytest.mark.slow
+def test_slow_noise_is_no_drift_with_a_wrong_scale() -> None:
+    *_, clean = cases(14, 171723)
+    assert (clean.kind, clean.noise["kind"]) == ("clean", "pink")
+    run = make_log(**clean.recipe())
+    assert compare_tracker(prepare(as_log(run), our_machine("full_order")), as_tracker(run)).causes == []
 
 
 def test_a_drift_larger_than_the_motion_does_not_mislead_the_clock() -> None:

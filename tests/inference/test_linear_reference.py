@@ -32,6 +32,12 @@ def noisy(y: Array, seed: int = 0, share: float = 0.01) -> Array:
     return y + share * np.std(y) * np.random.default_rng(100 + seed).standard_normal(y.size)
 
 
+def test_an_output_that_never_moves_is_a_constant() -> None:
+    found = reference(data(command(1), np.full(COUNT, 0.3)))
+    assert found.order == 0
+    assert np.allclose(found.predicted(command(1), H), 0.3)
+
+
 @pytest.mark.parametrize(
     ("top", "bottom", "poles"),
     [

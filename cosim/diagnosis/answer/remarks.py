@@ -140,7 +140,7 @@ def is_part(span: tuple[float, float], log: Log) -> bool:
 
 def not_judged(diagnosis: Diagnosis) -> dict[str, str]:
     """Group -> why nothing is said of it."""
-    found = {g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()}
+    found = {g: f"not measured: {', '.join(s)}" for g, s in diagnosis.unjudged.items()} | diagnosis.sparse
     for group in diagnosis.groups:
         if group.name in diagnosis.failed:
             found[group.name] = diagnosis.failed[group.name]

@@ -63,7 +63,7 @@ def estimate(
         (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
         estimate_alone(diagnosis, finding, effects, tolerance, constants)
         return
-    if diagnosis.rests or diagnosis.unjudged or not findings:
+    if diagnosis.rests or diagnosis.unjudged or diagnosis.sparse or not findings:
 
         def blocks_of(log: int) -> dict[str, tuple[float, float]]:
             found: dict[str, tuple[float, float]] = {}

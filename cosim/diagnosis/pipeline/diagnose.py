@@ -53,6 +53,8 @@ from cosim.diagnosis.thresholds import (
     NOMINAL_TRUST,
     SEARCH_BUDGET,
     SEARCHES,
+    SPARSE_OF_INTEGRAL,
+    SPARSE_SAMPLING,
 )
 from cosim.diagnosis.tracker.comparison import compare_tracker
 from cosim.diagnosis.verdict.discrepancy import understood
@@ -93,7 +95,8 @@ def prepare(log: Log, machine: Machine) -> Record:
     signals = {n: v if gains.get(n, 1.0) == 1.0 else gains[n] * v for n, v in log.signals.items()}
     if "p_load" in log:
         signals["p_load"] = log.p_load
-    return Record(interval, signals, grid, machine.options.rest)
+    sparse = interval > SPARSE_SAMPLING and machine.mapping is None
+    return Record(interval, signals, grid, machine.options.rest, sparse)
 
 
 def judge(
@@ -120,6 +123,10 @@ def judge(
             found.unjudged[group.name] = missing
             known = []
             continue
+        if too_sparse(found, group):
+            found.sparse[group.name] = why_sparse(found.record, group.drive)
+            known = []
+            continue
         try:
             known = judged(found, group, known, trust, constants, watch, shares[1])
         except Exception as error:  # the other groups stand
@@ -128,6 +135,25 @@ def judge(
             known = []
     if errors and not found.findings:
         raise errors[0]
+
+
+def too_sparse(found: Diagnosis, group: Group) -> bool:
+    """True if what drives a group between two samples is not known, and decides what is read at them.
+
+    A command may step anywhere in between; a measured signal that is integrated moves no faster than the block before it.
+    """
+    if not found.record.sparse or found.at_rest:
+        return False
+    return not group.integrates or group.drive == found.machine.drive or found.record.h > SPARSE_OF_INTEGRAL
+
+
+def why_sparse(record: Record, drive: str) -> str:
+    """Why so sparse a log says nothing of a group, and what to do."""
+    return (
+        f"sampled every {1e3 * record.h:.4g} ms: what {drive} did between the samples is not known; record every "
+        f"{1e3 * SPARSE_SAMPLING:.4g} ms or faster, or say in a mapping how the command changes ([signals.u] held = true "
+        "where it does at the stamps only)"
+    )
 
 
 def judged(
@@ -167,7 +193,8 @@ def named_in(
     """As `judged`."""
     record, held, most = found.record, found.held, found.machine.options.causes
     # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
-    driving = known if group.integrates else []
+    # what is delivered upstream on a command that is not known between its samples is no better than what was measured
+    driving = known if group.integrates and not record.sparse else []
     # where nominal parameters are not trusted several logs judge one another; else windows do, with what is trusted
     others = held or (each_in_turn(record) if trust >= CALIBRATED_TRUST else None)
     finding = searched(found, group, trust, constants, driving, most, within=others is None)
@@ -456,16 +483,9 @@ def diagnose(
             "an external tracker goes" if tracker is not None else "diagnose.held_out_from in a mapping goes"
         )
         raise UsageError(f"{what} with one log; give one log, or hold out whole logs (--held-out)")
-    parts = [used_part(one, machine, tracker is not None) for one in logs]
-    data: list[Contradiction] = []
-    for at, one in enumerate(parts):
-        told = clock(one, lambda log: prepare(log, machine), machine, trust < CALIBRATED_TRUST)
-        parts[at] = rescaled(one, 1.0 / (told[0].factor or 1.0)) if told else one
-        data += told
-    records = [prepare(part, machine) for part in parts]
-    for one, record in zip(parts, records, strict=True):
-        data += contradictions(one, record, machine, trust < CALIBRATED_TRUST)
-    record, held = parted(joined(records), machine)
+    each = [labelled(one, machine, trust, tracker is not None) for one in logs]
+    parts, data = [part for part, _, _ in each], [told for _, _, found in each for told in found]
+    record, held = parted(joined([record for _, record, _ in each]), machine)
     if held_out is not None:
         held = held_logs([prepare(one, machine) for one in listed(held_out)], listed(held_out))
     found = Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals))
@@ -490,6 +510,33 @@ def contradicted(found: Diagnosis, data: list[Contradiction]) -> None:
     found.data, found.causes, found.rests, found.never = data, [], [], []
     found.verdict, found.tracker, found.stage = "implausible_data", None, ""
     found.before = by_twin(found, found.record, found.machine.base)
+
+
+def labelled(
+    log: Log, machine: Machine, trust: float, from_start: bool = False
+) -> tuple[Log, Record, list[Contradiction]]:
+    """The part of a log that is fitted, the same made ready, and what the data say against their labels.
+
+    The clock comes first, of the whole log: in another unit the part would be another one.
+
+    Args:
+        log: the log as read.
+        machine: the model.
+        trust: relative standard deviation of the nominal parameters.
+        from_start: as `used_part`.
+
+    Raises:
+        DataError: as `prepare`.
+    """
+    known = trust < CALIBRATED_TRUST
+
+    def made(one: Log) -> Record:
+        return prepare(used_part(one, machine, from_start), machine)
+
+    told = clock(log, made, machine, known)
+    part = used_part(rescaled(log, 1.0 / (told[0].factor or 1.0)) if told else log, machine, from_start)
+    record = prepare(part, machine)
+    return part, record, [*told, *contradictions(part, record, machine, known)]
 
 
 def used_part(log: Log, machine: Machine, from_start: bool) -> Log:
@@ -532,6 +579,8 @@ def stages(
         judge(found, trust, constants, watch)
     if not found.findings and tracker is None:
         missing = sorted({s for names in found.unjudged.values() for s in names})
+        if found.sparse:
+            raise DataError(f"{logs[0].source}: no block can be judged: {next(iter(found.sparse.values()))}")
         raise DataError(f"{logs[0].source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
     not_physical(found, trust)

@@ -36,12 +36,15 @@ class Record:
         grid: the stamps and the finer steps of a simulation, or those of several logs one behind the other; None where each
             sample is a step.
         rest: s at the start whose mean gives the start angle.
+        sparse: what the signals did between the samples is not known: sampled more rarely than the drive has news, and
+            no mapping says how the command changes.
     """
 
     h: float
     signals: dict[str, Array] = field(repr=False)
     grid: Grid | Pieces | None = field(default=None, repr=False)
     rest: float = READ_AT_START
+    sparse: bool = False
 
     @property
     def time(self) -> Array:
@@ -64,14 +67,14 @@ class Record:
             return [self]
         rows = {n: np.split(v, grid.cuts) for n, v in self.signals.items()}
         return [
-            Record(h, {n: parts[i] for n, parts in rows.items()}, own, self.rest)
+            Record(h, {n: parts[i] for n, parts in rows.items()}, own, self.rest, self.sparse)
             for i, (h, own) in enumerate(zip(grid.intervals, grid.grids, strict=True))
         ]
 
     def until(self, count: int) -> "Record":
         """The first samples of one log alone."""
         grid = replace(self.grid, stamps=self.grid.stamps[:count]) if isinstance(self.grid, Grid) else None
-        return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid, self.rest)
+        return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid, self.rest, self.sparse)
 
     def has(self, *names: str) -> bool:
         """True if all of these were measured."""
@@ -113,7 +116,8 @@ def joined(records: Sequence[Record]) -> Record:
     common = [n for n in records[0].signals if all(r.has(n) for r in records)]
     signals = {n: np.concatenate([r.signals[n] for r in records]) for n in common}
     pieces = Pieces(tuple(r.time.size for r in records), intervals, tuple(grids))
-    return Record(float(np.median(intervals)), signals, pieces, records[0].rest)
+    sparse = any(r.sparse for r in records)
+    return Record(float(np.median(intervals)), signals, pieces, records[0].rest, sparse)
 
 
 def fixed_values(record: Record, group: Group) -> dict[str, float]:

@@ -20,7 +20,6 @@ from threadpoolctl import threadpool_limits
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.record.signatures import grid_step
-from cosim.diagnosis.residuals.cross_validation import held_windows
 from cosim.diagnosis.thresholds import (
     CHI_SQUARE_95,
     CLOCK_SURE,
@@ -36,7 +35,7 @@ from cosim.diagnosis.tracker.alignment import first_offsets
 from cosim.diagnosis.tracker.model import ERRORS, OFFSET, RATE, SEAM, SEAM_ANGLE, TrackerModel
 from cosim.diagnosis.verdict.verdict import Cause
 from cosim.errors import DataError
-from cosim.inference.held_out import HeldOutGain
+from cosim.inference.held_out import HeldOutGain, gain_between, left_out
 from cosim.logs import Tracker
 from fmus import registry
 from fmus.contract import Effect
@@ -137,7 +136,23 @@ def explained(
         for size in range(len(ERRORS) + 1)
         for chosen in itertools.combinations(ERRORS, size)
     }
-    return model, fits, max(fits, key=lambda chosen: believed(fits, chosen))
+    return model, fits, borne_out(fits, max(fits, key=lambda chosen: believed(fits, chosen)))
+
+
+def borne_out(fits: Mapping[tuple[str, ...], Fit], chosen: tuple[str, ...]) -> tuple[str, ...]:
+    """A set of errors without those whose gain on left-out windows may be nothing, the worst first."""
+    while chosen:
+        gains = {name: held_out(fits[chosen], fits[beside(chosen, name)]) for name in chosen}
+        worst = min(chosen, key=lambda name: gains[name].ci95[0])
+        if gains[worst].sure:
+            break
+        chosen = beside(chosen, worst)
+    return chosen
+
+
+def beside(chosen: tuple[str, ...], name: str) -> tuple[str, ...]:
+    """The others of a set of errors."""
+    return tuple(n for n in chosen if n != name)
 
 
 def price(everything: Fit) -> float:
@@ -226,7 +241,7 @@ def effect_of(name: str) -> Effect:
 def named(name: str, best: tuple[str, ...], fits: dict[tuple[str, ...], Fit], model: TrackerModel) -> Cause:
     """One accepted error as a cause, with the others as rivals."""
     found = fits[best]
-    without = tuple(n for n in best if n != name)
+    without = beside(best, name)
     rivals = []
     for other in ERRORS:
         if other not in best:
@@ -238,7 +253,7 @@ def named(name: str, best: tuple[str, ...], fits: dict[tuple[str, ...], Fit], mo
         "sensor",
         {name.partition(".")[2]: (found.values[name], found.deviations[name])},
         found.log_likelihood - fits[without].log_likelihood,
-        HeldOutGain(held_out(model, found, best, without)),
+        held_out(found, fits[without]),
         rivals,
         [e.name for e, behind in rivals if behind < INDISTINGUISHABLE],
     )
@@ -253,29 +268,23 @@ def clock_cause(found: Fit, model: TrackerModel) -> list[Cause]:
         or abs(rate - 1.0) > max(CLOCK_TRUST[1], CLOCK_SURE * spread[1])
     ):
         return []
-    errors = {n: v for n, v in found.values.items() if n in ERRORS}
-    predicted, _ = model.predict({**errors, OFFSET: 0.0, RATE: 1.0})
-    white = model.white((model.readings - predicted)[None, :])[0]
-    gain = found.log_likelihood + 0.5 * float(white @ white)
-    if gain < NAMING_GAIN + float(np.log(found.count)):  # BIC's price of two parameters
+    synchronous = model.fit([n for n in found.values if n in ERRORS], found.values, clock=False)
+    gain = found.log_likelihood - synchronous.log_likelihood
+    held = held_out(found, synchronous)
+    if gain < NAMING_GAIN + float(np.log(found.count)) or not held.sure:  # BIC's price of two parameters
         return []
     parameters = {"offset": (offset, spread[0]), "rate": (rate, spread[1])}
-    return [Cause(effect_of("tracker.clock"), "tracker", parameters, gain, HeldOutGain(float("nan")))]
+    return [Cause(effect_of("tracker.clock"), "tracker", parameters, gain, held)]
 
 
-def held_out(model: TrackerModel, found: Fit, best: tuple[str, ...], without: tuple[str, ...]) -> float:
-    """Log-likelihood that an error gains on parts of the record that had no share in the estimate."""
-    windows = np.arange(model.stamps.size) * TRACKER_WINDOWS // model.stamps.size
-    held = held_windows(TRACKER_WINDOWS)[windows]
-    scores = []
-    try:
-        for names in (best, without):
-            model.mask = ~held
-            values = model.fit(names, found.values).values
-            model.mask = held
-            predicted, _ = model.predict(values)
-            white = model.white((model.readings - predicted)[None, :])[0]
-            scores.append(-0.5 * float(white @ white))
-    finally:
-        model.mask = np.ones(model.stamps.size, dtype=bool)
-    return scores[0] - scores[1]
+def held_out(richer: Fit, poorer: Fit) -> HeldOutGain:
+    """What one fit gains over another on windows of the record that had no share in either."""
+    block = np.arange(richer.count) * TRACKER_WINDOWS // richer.count
+    return gain_between(alone(richer, block), alone(poorer, block), block)
+
+
+def alone(found: Fit, block: NDArray[np.int64]) -> Array:
+    """(n,) whitened residuals of each window with the estimate that the others give."""
+    assert found.rows is not None
+    assert found.slopes is not None
+    return left_out(found.rows, found.slopes, block)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,21 +119,34 @@ class TrackerModel:
         white = self.noise.whiten(rows, self.places)
         return white if self.mask.all() else white[:, self.mask]
 
-    def fit(self, names: Sequence[str], start: Mapping[str, float]) -> Fit:
+    def fit(self, names: Sequence[str], start: Mapping[str, float], clock: bool = True) -> Fit:
         """Least squares over offset, rate and `names`, from `start` and from the seam alone: the better one.
 
         Where the motion is hardly longer than the seam is high, a wrong scale of the sensor is a local minimum of its own.
+
+        Args:
+            names: of the errors.
+            start: where the search begins.
+            clock: False takes offset and rate as nominal.
         """
-        found = self.fit_from(names, start)
+        if not clock:
+            return self.fit_from(tuple(names), start)
+        found = self.fit_from((OFFSET, RATE, *names), start)
         if SEAM not in names or len(names) == 1:
             return found
-        clock = {n: start[n] for n in (OFFSET, RATE) if n in start}
-        other = self.fit_from(names, self.fit_from((SEAM,), clock).values)
+        near = {n: start[n] for n in (OFFSET, RATE) if n in start}
+        alone = self.fit_from((OFFSET, RATE, SEAM), near)
+        other = self.fit_from((OFFSET, RATE, *names), alone.values)
         return max(found, other, key=lambda one: one.log_likelihood)
 
-    def fit_from(self, names: Sequence[str], start: Mapping[str, float]) -> Fit:
-        """Least squares over offset, rate and `names`, from `start`."""
-        chosen = (OFFSET, RATE, *names)
+    def fit_from(self, chosen: tuple[str, ...], start: Mapping[str, float]) -> Fit:
+        """Least squares over the parameters chosen, from `start`; all others are nominal."""
+        if not chosen:
+            left = {"slew_external": self.readings - self.predict({})[0]}
+            row = self.white(left["slew_external"][None, :])[0]
+            none = np.empty((0, 0))
+            likelihood = -0.5 * float(row @ row)
+            return Fit({}, {}, likelihood, row.size, left, none, slopes=np.empty((row.size, 0)), rows=row)
         scales = np.array([SCALES[n] for n in chosen])
         centre = np.array([start.get(n, NOMINAL[n]) for n in chosen])
         reach = np.array([REACH[n] for n in chosen])
@@ -163,7 +177,17 @@ class TrackerModel:
         deviations = dict(zip(chosen, own.tolist(), strict=True))
         found = values(done.x)
         residuals = {"slew_external": self.readings - self.predict(found)[0]}
-        return Fit(found, deviations, -float(done.cost), done.fun.size, residuals, covariance)
+        return Fit(
+            found,
+            deviations,
+            -float(done.cost),
+            done.fun.size,
+            residuals,
+            covariance,
+            slopes=done.jac,
+            rows=done.fun,
+            scales=dict(zip(chosen, scales.tolist(), strict=True)),
+        )
 
     def learn(self, found: Fit) -> None:
         """Take over the noise that a fit leaves."""
@@ -174,4 +198,24 @@ class TrackerModel:
             np.interp(whole, self.places, row) for row in (found.residuals["slew_external"], *(slopes / size))
         ]
         one = bands(even[0], np.stack(even[1:]), quietest(self.readings))
-        self.noise = learn({"slew_external": one}, np.zeros((len(slopes),) * 2))["slew_external"]
+        noise = learn({"slew_external": one}, np.zeros((len(slopes),) * 2))["slew_external"]
+        self.noise = extrapolated(noise, whole.size, len(slopes))
+
+
+def extrapolated(noise: Noise, count: int, unknowns: int) -> Noise:
+    """Noise slower than a record can tell is taken to go on as that just fast enough: as 1/f, which sensors have.
+
+    A record has few frequencies at which slow noise shows, and what is estimated takes as many of them up. Held to be
+    none, such noise would pass for a drift together with a wrong scale.
+
+    Args:
+        noise: as learned.
+        count: samples of the record.
+        unknowns: estimates that the fit has made: a kind of noise is told from fewer frequencies below its corner by none.
+    """
+    told = [k for k, tau in enumerate(noise.times) if count / (2.0 * np.pi * tau) >= unknowns]
+    if not told:
+        return noise
+    least = noise.sizes[told[-1]]
+    sizes = tuple(s if k in told else max(s, least) for k, s in enumerate(noise.sizes))
+    return replace(noise, sizes=sizes)
