@@ -155,6 +155,14 @@ def starts(action: Action, reach: Reach) -> list[dict[str, float]]:
     return [{action.key(n): v for n, v in one.items()} for one in table.get(action.effect, [])]
 
 
+def moderate(action: Action, reach: Reach) -> dict[str, float]:
+    """A moderate size of an effect at a port, for a signal of this reach; nothing for what a reading shows by itself."""
+    found = starts(action, reach)
+    if not found:
+        return {}
+    return found[0 if len(found[0]) > 1 else len(found) // 2]
+
+
 def off(action: Action, reach: Reach) -> dict[str, float]:
     """Values at which the effect does nothing to a signal of this reach."""
     a = reach.half

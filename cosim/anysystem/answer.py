@@ -3,6 +3,7 @@
 import platform
 from collections.abc import Mapping
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from cosim.diagnosis.answer.schema import (
     Answer,
     Location,
     NamedCause,
+    NextExperiment,
     Packages,
     Parameter,
     RefusedCause,
@@ -34,8 +36,8 @@ Array = NDArray[np.float64]
 SHOWN_RIVALS = 8
 
 
-def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
-    """The answer."""
+def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | None = None) -> Answer:
+    """The answer; `file` is where the inputs of the next experiment lie."""
     cut_short = found.budget.ended and found.budget.why in found.unjudged.values()
     return Answer(
         verdict="interrupted" if cut_short else found.verdict,  # type: ignore[arg-type]
@@ -48,8 +50,8 @@ def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
         extended=package,
         gain=gains(found),
         unexplained=unexplained(found),
-        next_experiment=None,
-        not_exercised=sorted({e for f in found.findings.values() for e in f.never}),
+        next_experiment=next_experiment(found, file),
+        not_exercised=[a.words for f in found.findings.values() for a in f.never],
         not_judged=found.unjudged,
         isolability=[
             Separable(residual=list(where), effects=list(names)) for where, names in found.structure.classes
@@ -71,6 +73,18 @@ def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
             "runs of FMUs": str(found.runs),
             "steps of FMUs": str(found.steps),
         },
+    )
+
+
+def next_experiment(found: AnyDiagnosis, file: Path | None) -> NextExperiment | None:
+    """The proposed experiment, if one would help."""
+    if found.proposal is None:
+        return None
+    return NextExperiment(
+        why=found.proposal.why,
+        excitation=found.proposal.excitation,
+        predicted_gain=found.proposal.gain,
+        file=str(file) if file else None,
     )
 
 
@@ -148,9 +162,9 @@ def shown_action(found: AnyDiagnosis, group: str, action: Action) -> Action:
 
 
 def ruled_out(found: AnyDiagnosis, group: str, action: Action, other: Action) -> bool:
-    """Whether what the reading drives has shown that another place of the same effect is not it."""
-    where = found.where.get((group, action))
-    return where == "sensor" and other.where == "input" and other.effect == action.effect
+    """Whether what the reading drives has shown that it alone is off, and not the quantity, which the other would change."""
+    asked = found.votes.get((group, action))
+    return bool(asked) and found.where.get((group, action)) == "sensor" and other.where != "sensor"
 
 
 def reason(behind: float) -> str:

@@ -13,6 +13,20 @@ from cosim.system.runs import Runs
 
 Array = NDArray[np.float64]
 SHIFT = "shift"
+DRIVE = "drive"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What drives a group in place of a reading.
+
+    Attributes:
+        series: (n,) of each log.
+        slopes: for each number that made it of the reading, (n,) of each log: what one standard deviation of it changes.
+    """
+
+    series: list[Array]
+    slopes: list[list[Array]] = field(default_factory=list)
 
 
 @dataclass
@@ -54,13 +68,15 @@ class GroupModel:
         segments: the logs.
         base: values that hold unless a call says otherwise: ``component.parameter`` of free parameters.
         held: signal -> for each log the places whose values its samples hold, where some are stale.
-        drives: signal -> series of each segment that drives instead of the measured ones.
+        steps: signal -> step of a reading that is rounded: what differs by less than half of it is not seen.
+        drives: signal -> what drives instead of the reading.
     """
 
     def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
         self.group, self.system, self.runs, self.segments = group, system, runs, list(segments)
         self.base: dict[str, float] = {}
-        self.drives: dict[str, list[Array]] = {}
+        self.drives: dict[str, Quantity] = {}
+        self.steps: dict[str, float] = {}
         self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
         self._within = {
             (w.source.component, w.target.component)
@@ -75,8 +91,15 @@ class GroupModel:
         for k in range(len(self.segments)):
             series = self.ports(values, k)
             for signal, _ in self.group.judged:
-                found[place(signal, k)] = series[signal]
+                found[place(signal, k)] = self.seen(signal, k, series[signal])
         return found
+
+    def seen(self, signal: str, k: int, series: Array) -> Array:
+        """A modelled reading (n,) as far as what was measured tells: within half a step of a rounded one nothing does."""
+        if signal not in self.steps:
+            return series
+        reading, half = self.segments[k].signals[signal], 0.5 * self.steps[signal]
+        return np.asarray(reading + series - np.clip(series, reading - half, reading + half))
 
     def ports(self, values: Mapping[str, float], k: int) -> dict[str, Array]:
         """Readings of the judged signals, and what leaves (``out:port``) and enters (``in:port``) each component."""
@@ -90,7 +113,7 @@ class GroupModel:
         entering: dict[Port, Array] = {}
         early: dict[Port, float] = {}
         for drive in self.group.drives:
-            series = self._driving(drive.signal, k)
+            series = self._driving(drive.signal, k, everything)
             shift = everything.get(f"{SHIFT}:{drive.signal}>{drive.port}", 0.0)
             whole = round(shift)
             early[drive.port] = shift - whole
@@ -128,9 +151,13 @@ class GroupModel:
             found[signal] = reading[self.held[signal][k]] if signal in self.held else reading
         return found
 
-    def _driving(self, signal: str, k: int) -> Array:
+    def _driving(self, signal: str, k: int, values: Mapping[str, float]) -> Array:
         if signal in self.drives:
-            return self.drives[signal][k]
+            series = self.drives[signal].series[k]
+            for i, slope in enumerate(self.drives[signal].slopes):
+                if value := values.get(f"{DRIVE}:{signal}:{i}", 0.0):
+                    series = series + value * slope[k]
+            return series
         segment = self.segments[k]
         return segment.driving.get(signal, segment.signals[signal])
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, Reach, off, starts, unknowns
-from cosim.anysystem.model import SHIFT, GroupModel, place
+from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, Reach, moderate, off, starts, unknowns
+from cosim.anysystem.model import DRIVE, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
 from cosim.diagnosis.budget import Budget
@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 # thresholds, each with its reason
 NAMED = 10.0  # log-likelihood beyond the price of the parameters: the best of some hundred candidates on clean data
 CLOSE = 6.0  # log-likelihood within which two hypotheses cannot be told apart (DIAGNOSIS.md, 7)
+ROUNDED = 0.1  # of a step: smaller noise of a rounded reading is not believed: little is left, and at its edges only
 LEAST = 1e-3  # of a signal's spread: two programs that integrate the same model differ by that
 SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
@@ -40,6 +41,7 @@ MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
 SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause (CONTRACT section 4)
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
+FAINT = 20.0  # times that, under the white noise alone: what a moderate size does is no more, and is looked at again
 OUTER = 0.5  # of a start's effect: a projection beyond is no small step
 
 
@@ -80,7 +82,9 @@ class Finding:
         free: free parameters -> (value, standard deviation).
         between: numbers of the causes, by `Action.key` or ``parameter|...`` -> what several logs say of them one by one.
         unexplained: signals that stay wrong, with words.
-        never: effects that the log does not exercise.
+        twins: for each named cause, those of `alike` that were fitted, with all values of the model.
+        twin_unknowns: (cause, twin) -> what was fitted with the twin.
+        never: causes that the log could not have shown even at a moderate size, with that size.
         read: causes that the readings show by themselves.
         refused: causes that the fitted windows ask for and the held-out ones do not bear out, with words.
     """
@@ -101,7 +105,9 @@ class Finding:
     free: dict[str, tuple[float, float]] = field(default_factory=dict)
     between: dict[str, Between] = field(default_factory=dict)
     unexplained: dict[str, str] = field(default_factory=dict)
-    never: list[str] = field(default_factory=list)
+    twins: dict[Action, list[tuple[Action, dict[str, float]]]] = field(default_factory=dict)
+    twin_unknowns: dict[tuple[Action, Action], tuple[Unknown, ...]] = field(default_factory=dict)
+    never: dict[Action, dict[str, float]] = field(default_factory=dict)
     read: dict[Action, Grid | Stale] = field(default_factory=dict)
     refused: list[tuple[Action, str]] = field(default_factory=list)
 
@@ -181,6 +187,9 @@ class Search:
         self.estimated: dict[str, tuple[float, float]] = {}
         self.null = self._null()
         self.learned = False
+        self.sizes: dict[
+            Action, float
+        ] = {}  # log-likelihood that each cause's starts change at most, at first sight
         self.moved: dict[Action, Action] = {}  # causes at an output that are as good at an input
 
     # What is given
@@ -193,8 +202,13 @@ class Search:
             series = [s.signals[signal] for s in self.model.segments]
             grid = grid_of(series)
             stale = None if grid else stale_of(series, [first[place(signal, k)] for k in range(count)])
-            if grid is not None and "port.quantisation" not in self.exclude:
-                found[Action("port.quantisation", port, "sensor")] = grid
+            if grid is not None:
+                self.model.steps[signal] = grid.step
+                for k in range(count):
+                    name = place(signal, k)
+                    self.problem.least[name] = max(self.problem.least[name], ROUNDED * grid.step)
+                if "port.quantisation" not in self.exclude:
+                    found[Action("port.quantisation", port, "sensor")] = grid
             if stale is not None:
                 self.model.held[signal] = stale.held
                 if "port.dropout" not in self.exclude:
@@ -271,6 +285,15 @@ class Search:
             return [Unknown(f"{PARAMETER}|{name}", low, high, 0.2 * size)]
         return unknowns(action, self.reach(action))
 
+    def moderate(self, action: Action) -> dict[str, float]:
+        """A moderate size of it; nothing for what a reading shows by itself."""
+        if action.effect == PARAMETER:
+            value, deviation = self.trusted[str(action.port)]
+            size = max(0.2, 5.0 * deviation) * (abs(value) or 1.0)
+            (unknown,) = self.numbers(action)
+            return {unknown.name: unknown.within(value + size)}
+        return moderate(action, self.reach(action))
+
     def begins(self, action: Action) -> list[dict[str, float]]:
         """Where its search begins."""
         if action.effect == PARAMETER:
@@ -343,7 +366,17 @@ class Search:
                 continue
             nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))
             rows.append({n: moved[0][n] - moved[1][n] for n in problem.names})
+        for signal, quantity in model.drives.items():
+            for i in range(len(quantity.slopes)):
+                name = f"{DRIVE}:{signal}:{i}"
+                try:
+                    moved_one = model({**at, name: 1.0})
+                except SimulationError:
+                    continue
+                add(Unknown(name, -SURE, SURE, 1.0, 1.0), moved_one, 1.0)
         for signal, _ in model.group.judged:
+            if signal in model.steps:
+                continue  # a step hides by far more than what a sample's moment makes out
             shifted = {
                 n: np.gradient(here[n]) if n.partition("#")[0] == signal else np.zeros_like(here[n])
                 for n in problem.names
@@ -525,6 +558,8 @@ class Search:
                     continue
                 change = (rest - rows)[inside]
                 size = float(change @ change)
+                if not base.actions:
+                    self.sizes[action] = max(self.sizes.get(action, 0.0), 0.5 * size)
                 if size <= 0.0:
                     continue
                 # how far the shape of this effect goes along with what is left, and what it reaches as it is
@@ -657,7 +692,7 @@ class Search:
             )
             if fine is not None and fine.log_likelihood >= best.fit.log_likelihood - 1.0:
                 best = self._scored(Candidate(best.actions, fine, best.price))
-            best = self._at_outputs(best)
+            best = self._at_outputs(best, singles)
         for action in best.actions:
             poorer = self._without(best, action, null)
             if poorer is None:
@@ -726,28 +761,52 @@ class Search:
         finding.unexplained = wrong
         finding.floors = {s: self._floor(s, best) for s, _ in self.model.group.judged}
         self._rivals(finding, best, singles, null)
-        finding.never = self._never()
+        finding.never = self._never(best)
 
-    def _at_outputs(self, best: Candidate) -> Candidate:
-        """Causes at inputs moved to a judged output where that is as good: there the reading can be asked."""
+    def _at_outputs(self, best: Candidate, singles: Sequence[Candidate]) -> Candidate:
+        """Causes at inputs, and parameters, moved to a judged output where that is as good: its reading can be asked."""
         for action in best.actions:
-            if action.where != "input":
+            if action.where not in ("input", ""):
                 continue
-            for _, port in self.model.group.judged:
-                other = Action(action.effect, port, "output")
-                if other in best.actions or other.effect == "port.offset":
+            for other, start in self._output_twins(action, best, singles):
+                if other in best.actions:
                     continue
                 actions = tuple(other if a == action else a for a in best.actions)
-                begin = dict(best.fit.values)
-                for parameter in EFFECTS[action.effect].parameters:
-                    begin[other.key(parameter)] = begin.pop(action.key(parameter))
+                dropped = {u.name for u in self.numbers(action)}
+                begin = {n: v for n, v in best.fit.values.items() if n not in dropped} | start
                 fit = self.problem.fit([u for a in actions for u in self.numbers(a)], begin, 8)
-                moved = None if fit is None else self._scored(Candidate(actions, fit, best.price))
+                moved = None if fit is None else self._scored(Candidate(actions, fit, self._price(actions)))
                 if moved is not None and moved.score > best.score - 1.0:
                     self.moved[other] = action
                     best = moved
                     break
         return best
+
+    def _output_twins(
+        self, action: Action, best: Candidate, singles: Sequence[Candidate]
+    ) -> list[tuple[Action, dict[str, float]]]:
+        """Effects at judged outputs that may be the same as a cause elsewhere, with where their fit begins."""
+        ports = [port for _, port in self.model.group.judged]
+        values = best.fit.values
+        if action.effect != PARAMETER:
+            same = EFFECTS[action.effect].parameters
+            return [
+                (other, {other.key(p): values[action.key(p)] for p in same})
+                for port in ports
+                if (other := Action(action.effect, port, "output")).effect
+                not in ("port.offset", *self.exclude)
+            ]
+        found = {
+            single.actions[0]: {u.name: single.fit.values[u.name] for u in self.numbers(single.actions[0])}
+            for single in singles
+            if single.actions[0].where == "output" and single.actions[0].port in ports
+        }
+        value = self.trusted[str(action.port)][0]
+        for port in ports:
+            gain = Action("port.gain", port, "output")
+            if port.component == action.port.component and value and "port.gain" not in self.exclude:
+                found.setdefault(gain, {gain.key("gain"): values[f"{PARAMETER}|{action.port}"] / value})
+        return list(found.items())
 
     def _on_all(self, best: Candidate) -> Candidate:
         """The last estimate, of the whole log: what only a window held out shows counts as well."""
@@ -780,7 +839,10 @@ class Search:
         return False
 
     def _white(self, signal: str) -> float:
-        return max(white(s.signals[signal]) for s in self.model.segments)
+        """White noise of a reading; what is rounded has at least that of its steps, and all what two runs differ by."""
+        return max(
+            *(white(s.signals[signal]) for s in self.model.segments), self.problem.least[place(signal, 0)]
+        )
 
     def _floor(self, signal: str, best: Candidate) -> float:
         """Noise of a reading: what is left by the best, where that is noise."""
@@ -842,6 +904,7 @@ class Search:
                 continue
             others: list[tuple[Action, float]] = []
             alike: list[Action] = []
+            fits: dict[Action, Fit] = {}
             rest = tuple(a for a in best.actions if a != action)
             for single in singles:
                 (rival,) = single.actions
@@ -855,12 +918,13 @@ class Search:
                     fit = self.problem.fit(numbers, begin, 8)
                     if fit is None:
                         continue
-                    score = self._scored(Candidate((*rest, rival), fit, self._price((*rest, rival)))).score
+                    with_rival = self._scored(Candidate((*rest, rival), fit, self._price((*rest, rival))))
                 else:
-                    score = self._scored(single).score
+                    with_rival = self._scored(single)
+                score, fits[rival] = with_rival.score, with_rival.fit
                 behind = self._scored(best).score - score
                 others.append((rival, behind))
-                if behind < CLOSE:
+                if behind < CLOSE or self._same(best.fit, fits[rival]):
                     alike.append(rival)
             same = self.moved.get(action)
             if same is not None and same not in alike:
@@ -868,7 +932,44 @@ class Search:
                 others = [(same, 0.0), *(o for o in others if o[0] != same)]
             finding.rivals[action] = sorted(others, key=lambda item: item[1])
             finding.alike[action] = alike
+            for twin in sorted(fits, key=lambda a: dict(others)[a]):
+                if twin in alike:
+                    finding.twins.setdefault(action, []).append((twin, fits[twin].values))
+                    finding.twin_unknowns[action, twin] = fits[twin].unknowns
 
-    def _never(self) -> list[str]:
-        """Effects that no candidate start can show: what they would do is within the noise."""
-        return []
+    def _same(self, one: Fit, other: Fit) -> bool:
+        """Whether two fits predict the same but for what matters to nobody.
+
+        A delay before a component or behind it, say: the two differ by how series are read between samples, and long logs
+        tell even that.
+        """
+        left, theirs = self.problem.residuals(one.values), self.problem.residuals(other.values)
+        return all(
+            float(np.sqrt(np.mean((left[name] - theirs[name]) ** 2)))
+            < SIZE * self.spreads[name.partition("#")[0]]
+            for name in self.problem.names
+        )
+
+    def _never(self, best: Candidate) -> dict[Action, dict[str, float]]:
+        """Causes of which a moderate size would be within the noise: nobody knows whether they are there.
+
+        The screening has seen what each would do at the noise that was known then; only what was faint is looked at again.
+        """
+        found: dict[Action, dict[str, float]] = {}
+        here = best.fit.rows
+        for action, size in self.sizes.items():
+            if size > FAINT * NAMED or any(
+                a.port == action.port and a.effect == action.effect for a in best.actions
+            ):
+                continue
+            if self.budget.over:
+                self._left_out("what the log never exercised")
+                break
+            moved = self.moderate(action)
+            rows = self.problem.rows({**best.fit.values, **moved})
+            if rows is None:
+                continue
+            change = (here - rows)[self.problem.mask]
+            if 0.5 * float(change @ change) < NAMED + self._price((action,)):
+                found[action] = moved
+        return found

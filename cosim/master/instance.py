@@ -8,6 +8,7 @@ import ctypes
 import hashlib
 import importlib.util
 import itertools
+import os
 import sys
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -162,9 +163,33 @@ class Instance:
                 )
         except Exception as error:  # fmpy raises bare exceptions
             raise ModelError(f"{fmu.source}: the library cannot be loaded: {error}") from None
+        self._bind()
+
+    def _bind(self) -> None:
         self.set_real = self._address("fmi2SetReal")
         self.get_real = self._address("fmi2GetReal")
         self.do_step = self._address("fmi2DoStep")
+
+    def _load_anew(self) -> None:
+        """Free the library and load it again; fmpy's own constructor would inspect each of its functions once more."""
+        slave, file = self._slave, self._slave.dll._name
+        slave.freeLibrary()
+        here = Path.cwd()
+        os.chdir(Path(file).parent)  # as fmpy does: some libraries look for others beside them
+        try:
+            with self._marked(marks.LOAD):
+                slave.dll = ctypes.cdll.LoadLibrary(file)
+        except OSError as error:
+            raise ModelError(
+                f"{self.component.fmu.source}: the library cannot be loaded again: {error}"
+            ) from None
+        finally:
+            os.chdir(here)
+        for name, old in slave._functions.items():
+            new = getattr(slave.dll, name)
+            new.argnames, new.argtypes, new.restype = old.argnames, old.argtypes, old.restype
+            slave._functions[name] = new
+        self._bind()
 
     def _address(self, name: str) -> int:
         return ctypes.cast(getattr(self._slave.dll, name), ctypes.c_void_p).value or 0
@@ -193,8 +218,7 @@ class Instance:
         if self.alive and self._used and self.renew:
             self._free()
             if self.component.fmu.module is None:
-                self._slave.freeLibrary()
-                self._load()
+                self._load_anew()
         if not self.alive:
             self._instantiate()
         self._used = True

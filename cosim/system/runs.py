@@ -38,14 +38,15 @@ class Runs:
         stop: told of a Ctrl-C in a run; True if what runs will end by itself soon.
     """
 
-    def __init__(self, system: System, limits: Limits | None = None) -> None:
+    def __init__(self, system: System, limits: Limits | None = None, apart: bool | None = None) -> None:
         """Nothing is loaded before it is run.
 
         Args:
             system: what is cut into units; it must outlive this.
             limits: of the processes in which FMUs of others run.
+            apart: whether units run in processes of their own; by default those with an FMU that is not ours.
         """
-        self.system, self.limits = system, limits
+        self.system, self.limits, self.apart = system, limits, apart
         self.count = self.steps = 0
         self.stop: Callable[[], bool] = lambda: False
         self.runners: dict[tuple[str, ...], Runner] = {}
@@ -185,7 +186,7 @@ class Runs:
                 notes=[],
                 folder=None,
             )
-            self.runners[unit.components] = Runner(part, limits=self.limits)
+            self.runners[unit.components] = Runner(part, apart=self.apart, limits=self.limits)
         return self.runners[unit.components]
 
     def _key(

@@ -53,7 +53,7 @@ def test_a_hidden_effect_is_named_at_its_connector(
         f"{told['value']:.3g}"[:4],
         "plant.y [1]",
         "with the causes",
-        "No further run is proposed",
+        "No further run is needed",
     ):
         assert text in page
     assert "(port)" not in page
