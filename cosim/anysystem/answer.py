@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, Action
+from cosim.anysystem.missing import Missing
 from cosim.anysystem.model import place
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.anysystem.readings import ON, Grid, Stale
@@ -17,6 +18,7 @@ from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.schema import (
     Answer,
     Location,
+    MissingFunction,
     NamedCause,
     NextExperiment,
     Packages,
@@ -30,6 +32,7 @@ from cosim.diagnosis.answer.schema import (
 )
 from cosim.inference.held_out import ratio_ci95
 from cosim.packages import project_version
+from cosim.ssp.system import Port
 from cosim.system.effects import EFFECTS
 
 Array = NDArray[np.float64]
@@ -317,15 +320,41 @@ def unexplained(found: AnyDiagnosis) -> list[Unexplained]:
         unit, scale, _ = column_scale(found, connector)
         left = rms(np.concatenate(series(found, finding, connector, finding.chosen.fit.values)))
         port = dict(finding.model.group.judged)[connector]
+        lost = found.missing.get(finding.model.group.name)
         result.append(
             Unexplained(
                 block=port.component,
-                what=f"{connector}: {finding.unexplained[connector]}",
+                what=f"{connector}: {finding.unexplained[connector]}"
+                + (f"; {entering(lost)}" if lost else ""),
                 residual_rms=left / abs(scale),
                 unit=unit,
+                missing=shape(found, lost) if lost else None,
             )
         )
     return result
+
+
+def entering(lost: Missing) -> str:
+    """Words for where what is missing enters."""
+    what = f"a function of {lost.by}" if lost.by else "a function of several signals"
+    return f"{what} added at {' or '.join(lost.ports)} would tell {100 * lost.told:.0f} % of it"
+
+
+def shape(found: AnyDiagnosis, lost: Missing) -> MissingFunction:
+    """The same for programs, in the units of the log."""
+    port = Port(*lost.ports[0].rpartition(" ")[0].split(".", 1))
+    factor = unit_at(found, Action("port.gain", port, "input"))[1]
+    _, scale, offset = (
+        unit_at(found, Action("port.gain", Port(*lost.by.split(".", 1)), "input"))
+        if lost.by
+        else ("", 1.0, 0.0)
+    )
+    return MissingFunction(
+        enters_at=list(lost.ports),
+        depends_on=lost.by or None,
+        told=lost.told,
+        points=[((x - offset) / scale, y / factor) for x, y in zip(lost.at, lost.of, strict=True)],
+    )
 
 
 def nominal(found: AnyDiagnosis) -> dict[str, Parameter]:

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 Description = dict[str, float | str | list[float]]
 Series = dict[str, Array]
 LONGEST = 4000  # samples of an experiment
-PART = 0.25  # of the runs of FMUs that the diagnosis made: so many may be spent on the experiment
-FEWEST = 60  # runs that it may take in any case
+PART = 0.3  # of the runs of FMUs that the diagnosis made: so many may be spent on the experiment
+FEWEST = 100  # runs that it may take in any case
 TRIED = 2  # twins of a cause for which one is looked for
 SHOWN = 8  # effects that were never exercised and that one is to show
 SWEEPS = 12  # of a loop of groups, until what goes round stands
@@ -82,7 +82,12 @@ class Rehearsal:
         late = [{s for g in self.groups[k:] for s, _ in g.judged} for k in range(len(self.groups))]
         self.looped = any(d.signal in late[k] for k, g in enumerate(self.groups) for d in g.drives)
         self.outside = {n: first.signals[n] for n in driving if n not in judged}
-        self.most = runs.count + max(FEWEST, round(PART * runs.count))
+        self.allowed = max(FEWEST, round(PART * runs.count))
+        self.most = runs.count
+
+    def allow(self, share: float) -> None:
+        """What follows may take this share of the runs that the experiment may take."""
+        self.most = self.runs.count + round(share * self.allowed)
 
     def read(self, inputs: Series, changed: Mapping[str, Mapping[str, float]]) -> Series:
         """Readings of all judged signals on inputs from outside.
@@ -197,9 +202,11 @@ def propose(found: "AnyDiagnosis", runs: Runs) -> Proposal | None:
     for name, action in found.causes():
         finding = found.findings[name]
         for twin, values in finding.twins.get(action, [])[:TRIED]:
+            rehearsal.allow(1.0 / TRIED)
             best = _apart(rehearsal, finding, action, twin, values)
             if best is not None:
                 return best
+    rehearsal.allow(1.0)
     return _shown(rehearsal)
 
 

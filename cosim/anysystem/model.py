@@ -70,6 +70,7 @@ class GroupModel:
         held: signal -> for each log the places whose values its samples hold, where some are stale.
         steps: signal -> step of a reading that is rounded: what differs by less than half of it is not seen.
         drives: signal -> what drives instead of the reading.
+        added: ``port|where`` -> for each log what is added there, behind the effects.
     """
 
     def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
@@ -77,6 +78,7 @@ class GroupModel:
         self.base: dict[str, float] = {}
         self.drives: dict[str, Quantity] = {}
         self.steps: dict[str, float] = {}
+        self.added: dict[str, list[Array]] = {}
         self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
         self._within = {
             (w.source.component, w.target.component)
@@ -121,7 +123,7 @@ class GroupModel:
                 series = series[np.clip(np.arange(series.size) + whole, 0, series.size - 1)]
             if (drive.factor, drive.offset) != (1.0, 0.0):
                 series = drive.factor * series + drive.offset
-            entering[drive.port] = acted(series, h, drive.port, "input", places)
+            entering[drive.port] = self._acted(series, k, drive.port, "input", places)
         judged = {port for _, port in self.group.judged}
         for unit in self.group.units:
             wanted = tuple(
@@ -138,18 +140,31 @@ class GroupModel:
                 outputs = self.runs.free_run(unit, segment.start, h, segment.count, wanted, parameters)
             for port, series in outputs.items():
                 found[f"pure:{port}"] = series
-                series = acted(series, h, port, "output", places)
+                series = self._acted(series, k, port, "output", places)
                 found[f"out:{port}"] = series
                 for wire in self.group.inner:
                     if wire.source == port and wire.target.component not in unit.components:
                         handed = wire.factor * series + wire.offset
-                        entering[wire.target] = acted(handed, h, wire.target, "input", places)
+                        entering[wire.target] = self._acted(handed, k, wire.target, "input", places)
         for port, series in entering.items():
             found[f"in:{port}"] = series
         for signal, port in self.group.judged:
             reading = acted(found[f"out:{port}"], h, port, "sensor", places)
             found[signal] = reading[self.held[signal][k]] if signal in self.held else reading
         return found
+
+    def _acted(
+        self,
+        series: Array,
+        k: int,
+        port: Port,
+        where: str,
+        places: Mapping[str, Mapping[str, Mapping[str, float]]],
+    ) -> Array:
+        """A series behind the effects at a port, and what is added there."""
+        found = acted(series, self.segments[k].h, port, where, places)
+        added = self.added.get(f"{port}|{where}")
+        return found if added is None else found + added[k]
 
     def _driving(self, signal: str, k: int, values: Mapping[str, float]) -> Array:
         if signal in self.drives:

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import Action
 from cosim.anysystem.experiment import Proposal, propose
+from cosim.anysystem.missing import FEWEST as FEWEST_RUNS
+from cosim.anysystem.missing import SPENT, Missing, missing
 from cosim.anysystem.model import GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, ends, value_of
@@ -51,6 +53,7 @@ class AnyDiagnosis:
         budget: the time allowed, and what was left out for it.
         stage: what goes on.
         proposal: the next experiment.
+        missing: group that stays wrong -> where what is missing enters; None where nobody can tell.
         runs, steps: runs of units and communication steps made.
     """
 
@@ -72,6 +75,7 @@ class AnyDiagnosis:
     budget: Budget = field(default_factory=Budget)
     stage: str = ""
     proposal: Proposal | None = None
+    missing: dict[str, Missing | None] = field(default_factory=dict)
 
     def causes(self) -> list[tuple[str, Action]]:
         """Group and cause, the one that explains most first."""
@@ -178,6 +182,10 @@ def diagnose_system(
     found.verdict = verdict_of(found)
     found.stage = found.stage if found.budget.ended else "looking for the next experiment"
     with found.budget.searching():
+        most = runs.count + max(FEWEST_RUNS, round(SPENT * runs.count))
+        for name, finding in found.findings.items():
+            if finding.unexplained and not found.budget.over:
+                found.missing[name] = missing(finding, runs, most)
         found.proposal = propose(found, runs)
     found.runs, found.steps = runs.count, runs.steps
     return found

@@ -82,7 +82,8 @@ class Finding:
         free: free parameters -> (value, standard deviation).
         between: numbers of the causes, by `Action.key` or ``parameter|...`` -> what several logs say of them one by one.
         unexplained: signals that stay wrong, with words.
-        twins: for each named cause, those of `alike` that were fitted, with all values of the model.
+        twins: for each named cause, those of `alike` that were fitted, with all values of the model; other effects
+            first.
         twin_unknowns: (cause, twin) -> what was fitted with the twin.
         never: causes that the log could not have shown even at a moderate size, with that size.
         read: causes that the readings show by themselves.
@@ -932,7 +933,8 @@ class Search:
                 others = [(same, 0.0), *(o for o in others if o[0] != same)]
             finding.rivals[action] = sorted(others, key=lambda item: item[1])
             finding.alike[action] = alike
-            for twin in sorted(fits, key=lambda a: dict(others)[a]):
+            # the same effect elsewhere often is the same for every run
+            for twin in sorted(fits, key=lambda a: (a.effect == action.effect, dict(others)[a])):
                 if twin in alike:
                     finding.twins.setdefault(action, []).append((twin, fits[twin].values))
                     finding.twin_unknowns[action, twin] = fits[twin].unknowns
