@@ -232,9 +232,13 @@ def run(case: Case, fmus: dict[str, Path], folder: Path) -> tuple[Answer, float,
 
 def told(cause: NamedCause) -> set[str]:
     """Everything that a cause declares possible, in words."""
+    return {named(cause), *cause.indistinguishable_from}
+
+
+def named(cause: NamedCause) -> str:
+    """What it is named, in words."""
     port = f"{cause.component}.{cause.connector or cause.parameter}"
-    own = f"parameter {port}" if cause.effect == "parameter" else f"{cause.effect} at {port} ({cause.where})"
-    return {own, *cause.indistinguishable_from}
+    return f"parameter {port}" if cause.effect == "parameter" else f"{cause.effect} at {port} ({cause.where})"
 
 
 def score(case: Case, found: Answer) -> dict[str, bool]:
@@ -270,7 +274,7 @@ def score(case: Case, found: Answer) -> dict[str, bool]:
             if case.hidden
             else {case.parameter[0].partition(".")[2]: case.parameter[1] * case.parameter[2]}
         )
-        if set(true) >= set(cause.parameters) and cause.effect == wanted[0].split(" ")[0]:
+        if named(cause) == wanted[0]:
             errors = [abs(p.value - true[n]) / max(abs(true[n]), 1e-12) for n, p in cause.parameters.items()]
             result["size 5 %"] = max(errors, default=1.0) < 0.05
             result["within ci"] = all(p.ci95[0] <= true[n] <= p.ci95[1] for n, p in cause.parameters.items())

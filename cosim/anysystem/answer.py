@@ -123,7 +123,8 @@ def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
     low, high = gain.ci95
     told = shown_action(found, group, action)
     alike = [a.words for a in finding.alike.get(action, []) if not ruled_out(found, group, action, a)]
-    alike += [w for w in behind_wire(finding, action) if w not in alike]
+    for one in (action, *finding.alike.get(action, [])):
+        alike += [w for w in behind_wire(finding, one) if w not in alike]
     alike += [w for w in found.undecided.get((group, action), []) if w not in alike]
     rivals = [
         Rival(effect=a.words, why_not=reason(behind))

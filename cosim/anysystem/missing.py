@@ -113,7 +113,9 @@ def _entries(model: GroupModel) -> list[tuple[Port, str]]:
     inputs = [*(d.port for d in group.drives), *(w.target for w in group.inner)]
     outputs = [*(p for _, p in group.judged), *(w.source for w in group.inner)]
     found = [(p, "output") for p in dict.fromkeys(outputs)] + [(p, "input") for p in dict.fromkeys(inputs)]
-    return [(p, where) for p, where in found if not model.looped(p)]
+    return [
+        (p, where) for p, where in found if not model.looped(p) and model.system.variable(p).kind == "Real"
+    ]
 
 
 def _side(where: str) -> str:

@@ -130,7 +130,9 @@ class GroupModel:
                 dict.fromkeys([*self._leaving(unit), *(p for p in judged if p.component in unit.components)])
             )
             inputs = {
-                p: _held(s, early.get(p, 0.0)) for p, s in entering.items() if p.component in unit.components
+                p: self._held(p, s, early.get(p, 0.0))
+                for p, s in entering.items()
+                if p.component in unit.components
             }
             if not wanted:
                 continue
@@ -176,6 +178,21 @@ class GroupModel:
         segment = self.segments[k]
         return segment.driving.get(signal, segment.signals[signal])
 
+    def _held(self, port: Port, series: Array, early: float = 0.0) -> Array:
+        """What an input is set to in each step: the mean of the values at its two ends, so that a held input is not early.
+
+        `early` from -0.5 to 0.5 samples shifts the weight to one of them: at -0.5 a step holds what was measured at its
+        start, which is what a controller of the log's own rate does. So it is with what is true or false, or a whole number.
+        """
+        variable = self.system.variable(port)
+        if variable.kind != "Real":
+            return series
+        found = series.copy()
+        found[1:] = (0.5 + early) * series[1:] + (0.5 - early) * series[:-1]
+        if variable.variability == "discrete":  # the master hands over its value at the START of a step
+            found[:-1] = found[1:].copy()
+        return found
+
     def _leaving(self, unit: Unit) -> list[Port]:
         return [
             w.source
@@ -191,14 +208,3 @@ class GroupModel:
                 if inside and port in (wire.source, wire.target):
                     return True
         return False
-
-
-def _held(series: Array, early: float = 0.0) -> Array:
-    """What an input is set to in each step: the mean of the values at its two ends, so that a held input is not early.
-
-    `early` from -0.5 to 0.5 samples shifts the weight to one of them: at -0.5 a step holds what was measured at its start,
-    which is what a controller of the log's own rate does.
-    """
-    found = series.copy()
-    found[1:] = (0.5 + early) * series[1:] + (0.5 - early) * series[:-1]
-    return found

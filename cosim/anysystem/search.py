@@ -6,7 +6,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, Reach, moderate, off, starts, unknowns
+from cosim.anysystem.actions import (
+    LEAST_DELAY,
+    PARAMETER,
+    Action,
+    Reach,
+    moderate,
+    off,
+    sides,
+    starts,
+    unknowns,
+)
 from cosim.anysystem.model import DRIVE, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
@@ -35,6 +45,9 @@ LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if 
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 SCREENED = 7  # candidates fitted at each stage
+REPLACED = 10  # causes that are tried in the place of a named one
+OTHERS = 3  # more of them, of effects that are not among these, where they promise
+PROMISE = 0.1  # of what the best does
 SCANNED = 9  # values of a limit over its range
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
@@ -188,6 +201,7 @@ class Search:
         self.estimated: dict[str, tuple[float, float]] = {}
         self.null = self._null()
         self.learned = False
+        self.tried: list[Candidate] = []  # all sets that were fitted
         self.sizes: dict[
             Action, float
         ] = {}  # log-likelihood that each cause's starts change at most, at first sight
@@ -266,7 +280,10 @@ class Search:
             found += [Action(e, port, "output") for e, effect in EFFECTS.items() if not effect.reading]
         for port in judged:
             found.append(Action("port.drift", port, "sensor"))
-        return [a for a in found if a.effect not in self.exclude]
+        real = {
+            p for p in dict.fromkeys(a.port for a in found) if self.model.system.variable(p).kind == "Real"
+        }
+        return [a for a in found if a.effect not in self.exclude and a.port in real]
 
     def _only_wire(self, port: Port, fans: Sequence[Port], judged: set[Port]) -> bool:
         """Whether an unmeasured wire into this port is the only one of its source: then both of its ends are one place."""
@@ -294,6 +311,9 @@ class Search:
             (unknown,) = self.numbers(action)
             return {unknown.name: unknown.within(value + size)}
         return moderate(action, self.reach(action))
+
+    def _sides(self, action: Action) -> dict[str, list[float]]:
+        return {} if action.effect == PARAMETER else sides(action, self.reach(action))
 
     def begins(self, action: Action) -> list[dict[str, float]]:
         """Where its search begins."""
@@ -359,6 +379,8 @@ class Search:
             rows.append({n: (moved[n] - here[n]) / step for n in problem.names})
 
         for drive in model.group.drives:
+            if model.system.variable(drive.port).kind != "Real":
+                continue  # held over each step
             name = f"{SHIFT}:{drive.signal}>{drive.port}"
             try:
                 # half a sample: the slope is then exact for an input that is held over each step
@@ -427,6 +449,7 @@ class Search:
             for base in pool[:KEPT]:
                 found += self._stage(base)
             found = self._unique(found)
+            self.tried += found
             if not found:
                 break
             found = self._relearned(found, [best, *singles])
@@ -553,29 +576,54 @@ class Search:
                 self._left_out(action.effect)
                 continue
             own: list[tuple[float, dict[str, float]]] = []
-            for start in self.begins(action):
+
+            def look(
+                action: Action, start: dict[str, float], own: list[tuple[float, dict[str, float]]] = own
+            ) -> float:
+                """What a start reaches as it is; kept with how far its shape goes along with what is left."""
                 rows = problem.rows({**base.fit.values, **start})
                 if rows is None:
-                    continue
+                    return 0.0
                 change = (rest - rows)[inside]
                 size = float(change @ change)
                 if not base.actions:
                     self.sizes[action] = max(self.sizes.get(action, 0.0), 0.5 * size)
                 if size <= 0.0:
-                    continue
-                # how far the shape of this effect goes along with what is left, and what it reaches as it is
+                    return 0.0
                 along = float(change @ rest[inside])
-                drop = max(0.5 * along * abs(along) / size, along - 0.5 * size)
+                reached = along - 0.5 * size
+                drop = max(0.5 * along * abs(along) / size, reached)
                 if drop > 0.0:
                     own.append((drop, start))
+                return reached
+
+            limits = self._sides(action)
+            nothing = self._off(action) if limits else {}
+            both = dict(nothing)
+            for name, values in limits.items():
+                reached = [look(action, {**nothing, name: value}) for value in values]
+                if max(reached) > 0.0:
+                    both[name] = values[int(np.argmax(reached))]
+            if sum(both[n] != nothing[n] for n in limits) > 1:
+                look(action, both)
+            for start in () if limits else self.begins(action):
+                look(action, start)
             if own:
                 own.sort(key=lambda item: -item[0])
                 ranked.append((own[0][0], action, [start for _, start in own[: self._tries(action)]]))
         ranked.sort(key=lambda item: -item[0])
         found: list[Candidate] = []
-        for drop, action, begins in ranked[:SCREENED]:
-            if drop < max(2.0, 0.02 * ranked[0][0]):
-                break
+        chosen = [r for r in ranked[:SCREENED] if r[0] >= max(2.0, 0.02 * ranked[0][0])]
+        known = {action.effect for _, action, _ in chosen}
+        for item in ranked[SCREENED:]:  # one effect at many places shall not keep the others out
+            if (
+                len(chosen) < SCREENED + OTHERS
+                and item[1].effect not in known
+                and item[0] > PROMISE * ranked[0][0]
+            ):
+                chosen.append(item)
+                known.add(item[1].effect)
+        for _, action, begins in chosen:
             if found and self.budget.over:
                 self._left_out(f"{action.effect} by a fit")
                 continue
@@ -751,6 +799,7 @@ class Search:
                 residual = problem.residuals(null.fit.values)
                 left = self._told(residual, null)
                 wrong = self._wrong(left, residual) or wrong
+        best = self._as_well_as_programs_agree(best)
         finding.chosen, finding.told = best, left
         if not best.actions or finding.fitted is None:
             finding.fitted = best
@@ -818,6 +867,33 @@ class Search:
             fits = [self.problem.fit(numbers, c.fit.values, 10, DIFFERENCE * FINE) for c in starts]
         fit = next((f for f in fits if f is not None), None)
         return best if fit is None else self._scored(Candidate(best.actions, fit, best.price))
+
+    def _as_well_as_programs_agree(self, best: Candidate) -> Candidate:
+        """The estimate with what the machine and a program that integrates its model differ by in its deviations.
+
+        Noise averages out over a long log, this does not: no number is known better than what changes the readings so much.
+        """
+        fit = best.fit
+        if not fit.unknowns or self.budget.over:
+            return best
+        here = self.model(fit.values)
+        variances = []
+        for unknown in fit.unknowns:
+            step = DIFFERENCE * unknown.scale
+            if fit.values[unknown.name] + step > unknown.high:
+                step = -step
+            try:
+                moved = self.model({**fit.values, unknown.name: fit.values[unknown.name] + step})
+            except SimulationError:
+                variances.append(0.0)
+                continue
+            slopes = []
+            for signal, _ in self.model.group.judged:
+                names = [place(signal, k) for k in range(len(self.model.segments))]
+                change = np.concatenate([moved[n] - here[n] for n in names])
+                slopes.append(float(np.sqrt(np.mean(change**2))) / abs(step) / self.spreads[signal])
+            variances.append((LEAST / max(slopes)) ** 2 if max(slopes) > 0.0 else 0.0)
+        return replace(best, fit=replace(fit, covariance=fit.covariance + np.diag(variances)))
 
     def _without(self, best: Candidate, action: Action, null: Candidate) -> Candidate | None:
         actions = tuple(a for a in best.actions if a != action)
@@ -907,20 +983,21 @@ class Search:
             alike: list[Action] = []
             fits: dict[Action, Fit] = {}
             rest = tuple(a for a in best.actions if a != action)
-            for single in singles:
-                (rival,) = single.actions
-                if rival == action or rival in rest:
+            for rival, values in self._in_place_of(rest, singles).items():
+                single = next((s for s in singles if s.actions == (rival,)), None)
+                if rival == action or rival in rest or (not rest and single is None):
                     continue
                 if rest:
                     numbers = [u for a in (*rest, rival) for u in self.numbers(a)]
                     own = {u.name for u in self.numbers(action)}
                     begin = {n: v for n, v in best.fit.values.items() if n not in own}
-                    begin |= {u.name: single.fit.values[u.name] for u in self.numbers(rival)}
+                    begin |= values
                     fit = self.problem.fit(numbers, begin, 8)
                     if fit is None:
                         continue
                     with_rival = self._scored(Candidate((*rest, rival), fit, self._price((*rest, rival))))
                 else:
+                    assert single is not None
                     with_rival = self._scored(single)
                 score, fits[rival] = with_rival.score, with_rival.fit
                 behind = self._scored(best).score - score
@@ -938,6 +1015,20 @@ class Search:
                 if twin in alike:
                     finding.twins.setdefault(action, []).append((twin, fits[twin].values))
                     finding.twin_unknowns[action, twin] = fits[twin].unknowns
+
+    def _in_place_of(
+        self, rest: tuple[Action, ...], singles: Sequence[Candidate]
+    ) -> dict[Action, dict[str, float]]:
+        """Causes that were fitted beside the others of a set, or alone, with their numbers; the best first."""
+        beside = {self.moved.get(a, a) for a in rest} | set(rest)
+        found: dict[Action, dict[str, float]] = {}
+        sets = [c for c in self.tried if rest and len(c.actions) == len(rest) + 1]
+        for candidate in [*sorted(sets, key=lambda c: -c.score), *singles]:
+            others = [a for a in candidate.actions if a not in beside]
+            if len(others) == 1 and others[0] not in found:
+                numbers = self.numbers(others[0])
+                found[others[0]] = {u.name: candidate.fit.values[u.name] for u in numbers}
+        return dict(list(found.items())[:REPLACED])
 
     def _same(self, one: Fit, other: Fit) -> bool:
         """Whether two fits predict the same but for what matters to nobody.

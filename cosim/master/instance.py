@@ -123,7 +123,7 @@ class Instance:
         renew: each run takes a new instance of the library loaded anew, as with fmpy. What others compiled does not always
             come back by fmi2Reset to where it began: FMUs of 20-sim keep their clock, and some free twice what they freed.
         pointer: address of the FMU's component, for the compiled loop.
-        set_real, get_real, do_step: addresses of its C functions.
+        set_real, get_real, set_integer, get_integer, set_boolean, get_boolean, do_step: addresses of its C functions.
     """
 
     def __init__(self, component: Component, number: int = 0) -> None:
@@ -168,6 +168,10 @@ class Instance:
     def _bind(self) -> None:
         self.set_real = self._address("fmi2SetReal")
         self.get_real = self._address("fmi2GetReal")
+        self.set_integer = self._address("fmi2SetInteger")
+        self.get_integer = self._address("fmi2GetInteger")
+        self.set_boolean = self._address("fmi2SetBoolean")
+        self.get_boolean = self._address("fmi2GetBoolean")
         self.do_step = self._address("fmi2DoStep")
 
     def _load_anew(self) -> None:

@@ -202,6 +202,8 @@ def _variable(
 ) -> Variable:
     causality = item.causality or "local"
     variability = item.variability or "continuous"
+    if item.type != "Real" and variability == "continuous" and causality in ("input", "output", "local"):
+        variability = "discrete"  # FMI 2.0, section 2.2.7: only Real can be continuous
     declared = item.declaredType
     unit = item.unit or (declared.unit if declared else None) or ""
     display = item.displayUnit or (declared.displayUnit if declared else None) or ""

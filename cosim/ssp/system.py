@@ -13,6 +13,10 @@ Value = float | int | bool | str
 """A value of an FMI variable: Real, Integer or Enumeration, Boolean, String."""
 
 
+NUMERIC = ("Real", "Integer", "Enumeration", "Boolean")
+"""Kinds of variables whose values are numbers, and can be signals; those that are not Real are held over each step."""
+
+
 class Port(NamedTuple):
     """A variable of a component; as text ``component.variable``."""
 
