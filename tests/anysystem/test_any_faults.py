@@ -79,3 +79,18 @@ def test_a_system_that_differs_from_run_to_run_is_measured_and_said(command, tmp
     size = float(said.partition("differ by ")[2].split()[0])
     assert size == pytest.approx(0.02 / np.sqrt(6.0), rel=0.2)
     assert found["causes"] == []
+
+
+def test_an_fmu_that_needs_its_tool_is_told_and_run_all_the_same(command, tmp_path: Path) -> None:
+    path, _ = log(tmp_path / "log.csv", 1.0)
+    fmu = changed(tmp_path, "tool", "double h = step / 4;", "double h = step / 4.0;")
+    with zipfile.ZipFile(fmu) as archive:
+        entries = {n: archive.read(n) for n in archive.namelist()}
+    with zipfile.ZipFile(fmu, "w") as archive:
+        for name, content in entries.items():
+            archive.writestr(
+                name, content.replace(b"<CoSimulation ", b'<CoSimulation needsExecutionTool="true" ')
+            )
+    found = diagnosed(command, fmu, path, tmp_path / "out")
+    assert found["verdict"] == "adequate"
+    assert any("needsExecutionTool" in w for w in found["warnings"])
