@@ -142,6 +142,7 @@ class Instance:
         self.alive = self._used = False
         fmu = component.fmu
         self.renew = not fmu.ours and fmu.module is None
+        self._state: ctypes.c_void_p | None = None
         _claim_module(fmu)
         self._load()
         self._number = next(_numbers)
@@ -207,6 +208,11 @@ class Instance:
         self.alive, self._used = True, False
         _keep_module(self.component.fmu)
         self.pointer = int(self._slave.component)
+        self._state = None
+        if self.component.fmu.restarts:
+            state = ctypes.c_void_p()
+            if 0 <= self._status("fmi2GetFMUstate", ctypes.byref(state)) <= WARNING:
+                self._state = state
 
     def fresh(self) -> None:
         """Bring the instance to where it was after instantiation; one that broke or cannot be reset is made anew.
@@ -214,6 +220,13 @@ class Instance:
         Raises:
             SimulationError: the FMU refuses to be instantiated again.
         """
+        if self.alive and self._used and self._state is not None:
+            status = self._status("fmi2SetFMUstate", self._state)
+            if 0 <= status <= WARNING:
+                self.messages.clear()
+                return
+            self.failed(status)
+            self._state = None
         if self.alive and self._used and not self.renew:
             status = self._status("fmi2Reset")
             self.failed(status)
@@ -228,6 +241,9 @@ class Instance:
         self._used = True
 
     def _free(self) -> None:
+        if self._state is not None:
+            self._status("fmi2FreeFMUstate", ctypes.byref(self._state))
+            self._state = None
         self.alive = False
         with self._marked(marks.function("fmi2FreeInstance")):
             self._slave.fmi2FreeInstance(self._slave.component)

@@ -202,6 +202,7 @@ def _fmu(
         step_size=None,
         variable_steps=bool(slave.canHandleVariableCommunicationStepSize),
         module=_python_module(folder),
+        keeps_state=bool(slave.canGetAndSetFMUstate),
     )
 
 
