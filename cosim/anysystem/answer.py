@@ -353,7 +353,7 @@ def shape(found: AnyDiagnosis, lost: Missing) -> MissingFunction:
     return MissingFunction(
         enters_at=list(lost.ports),
         depends_on=lost.by or None,
-        told=lost.told,
+        share=lost.told,
         points=[((x - offset) / scale, y / factor) for x, y in zip(lost.at, lost.of, strict=True)],
     )
 

@@ -132,7 +132,7 @@ def test_what_is_not_in_the_vocabulary_stays_unexplained_and_its_port_and_functi
     assert left["block"] == "plant"
     assert left["missing"]["enters_at"] == [f"{port} ({where})"]
     assert left["missing"]["depends_on"] == port
-    assert left["missing"]["told"] > 0.9
+    assert left["missing"]["share"] > 0.9
     if where == "input":  # what is measured there is what the square is of
         points = left["missing"]["points"]
         reach = max(y for _, y in points) - min(y for _, y in points)
