@@ -70,6 +70,7 @@ class GroupModel:
         held: signal -> for each log the places whose values its samples hold, where some are stale.
         steps: signal -> step of a reading that is rounded: what differs by less than half of it is not seen.
         drives: signal -> what drives instead of the reading.
+        off: signal -> (first, last, size): by how much it is taken to be off in this part of each log.
         added: ``port|where`` -> for each log what is added there, behind the effects.
     """
 
@@ -78,6 +79,7 @@ class GroupModel:
         self.base: dict[str, float] = {}
         self.drives: dict[str, Quantity] = {}
         self.steps: dict[str, float] = {}
+        self.off: dict[str, tuple[float, float, float]] = {}
         self.added: dict[str, list[Array]] = {}
         self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
         self._within = {
@@ -169,14 +171,18 @@ class GroupModel:
         return found if added is None else found + added[k]
 
     def _driving(self, signal: str, k: int, values: Mapping[str, float]) -> Array:
+        segment = self.segments[k]
+        series = segment.driving.get(signal, segment.signals[signal])
         if signal in self.drives:
             series = self.drives[signal].series[k]
             for i, slope in enumerate(self.drives[signal].slopes):
                 if value := values.get(f"{DRIVE}:{signal}:{i}", 0.0):
                     series = series + value * slope[k]
-            return series
-        segment = self.segments[k]
-        return segment.driving.get(signal, segment.signals[signal])
+        if signal in self.off:
+            first, last, size = self.off[signal]
+            place = np.arange(series.size) / series.size
+            series = series + size * ((place >= first) & (place < last))
+        return series
 
     def _held(self, port: Port, series: Array, early: float = 0.0) -> Array:
         """What an input is set to in each step: the mean of the values at its two ends, so that a held input is not early.

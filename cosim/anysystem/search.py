@@ -44,6 +44,8 @@ UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
+PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
+KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
 SCREENED = 7  # candidates fitted at each stage
 REPLACED = 10  # causes that are tried in the place of a named one
 OTHERS = 3  # more of them, of effects that are not among these, where they promise
@@ -198,6 +200,7 @@ class Search:
         self.reaches = self._reaches()
         self.read = self._read(first)
         self._learn_white()
+        self.slow = self._slow(first)
         self.estimated: dict[str, tuple[float, float]] = {}
         self.null = self._null()
         self.learned = False
@@ -424,8 +427,58 @@ class Search:
             except SimulationError:
                 continue
             add(Unknown(f"free:{key}", -np.inf, np.inf, 1.0, 1e3), moved_one, 1.0)
+        for unknown, slope in self.slow:
+            nuisances.append(unknown)
+            rows.append(slope)
         problem.share(
             nuisances, {n: np.array([r[n] for r in rows]).reshape(len(rows), -1) for n in problem.names}
+        )
+
+    def _slow(self, first: Mapping[str, Array]) -> list[tuple[Unknown, dict[str, Array]]]:
+        """Slow errors of what drives the group, as nuisances: what a component that integrates makes of them is no fault.
+
+        A drive is off by no more than programs agree on, all along; and by the mean of its reading's noise in each part of
+        the log, where the group does not forget it.
+        """
+        model, found = self.model, list[tuple[Unknown, dict[str, Array]]]()
+        for drive in {d.signal: d for d in model.group.drives}.values():
+            signal = drive.signal
+            if model.system.variable(drive.port).kind != "Real":
+                continue
+            readings = [s.signals[signal] for s in model.segments]
+            spread = float(np.std(np.concatenate(readings)))
+            noise = max(white(r) for r in readings)
+            count = min(r.size for r in readings) / PARTS
+            sizes = [(0.0, 1.0, LEAST * spread)]
+            sizes += [
+                (p / PARTS, (p + 1) / PARTS, noise / np.sqrt(count)) for p in range(PARTS) if noise > 0.0
+            ]
+            for number, (begin, end, size) in enumerate(sizes):
+                if size <= 0.0:
+                    continue
+                # large enough to be seen in the digits of an FMU that controls its own step
+                step = 0.02 * spread
+                model.off[signal] = begin, end, step
+                try:
+                    moved = model({**self.base})
+                except SimulationError:
+                    break
+                finally:
+                    model.off.clear()
+                slope = {n: (moved[n] - first[n]) / step for n in self.problem.names}
+                if number == 1 and not self._kept(slope):
+                    break
+                found.append(
+                    (Unknown(f"slow:{signal}:{number}", -SURE * size, SURE * size, size, size), slope)
+                )
+        return found
+
+    @staticmethod
+    def _kept(slope: Mapping[str, Array]) -> bool:
+        """Whether what happened in the first part of a log is still there at its end."""
+        return any(
+            float(np.abs(s[-max(s.size // PARTS, 1) :]).mean()) > KEPT_ON * float(np.abs(s).max()) > 0.0
+            for s in slope.values()
         )
 
     # The search
@@ -814,9 +867,10 @@ class Search:
         finding.never = self._never(best)
 
     def _at_outputs(self, best: Candidate, singles: Sequence[Candidate]) -> Candidate:
-        """Causes at inputs, and parameters, moved to a judged output where that is as good: its reading can be asked."""
+        """Causes elsewhere, and parameters, moved to a judged output where that is as good: its reading can be asked."""
+        judged = {port for _, port in self.model.group.judged}
         for action in best.actions:
-            if action.where not in ("input", ""):
+            if action.where == "sensor" or (action.where == "output" and action.port in judged):
                 continue
             for other, start in self._output_twins(action, best, singles):
                 if other in best.actions:
