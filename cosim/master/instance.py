@@ -10,6 +10,7 @@ import importlib.util
 import itertools
 import os
 import sys
+import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -59,6 +60,10 @@ class Message(NamedTuple):
 # hands back the number of the instance as its environment
 _listeners: dict[int, deque[Message]] = {}
 _numbers = itertools.count(1)
+
+
+# a library is loaded in its own folder, and threads share the working directory: one at a time, or another's folder stays
+_loading = threading.Lock()
 
 
 # how many open instances each FMU's folder has
@@ -155,7 +160,7 @@ class Instance:
     def _load(self) -> None:
         fmu = self.component.fmu
         try:
-            with self._marked(marks.LOAD):
+            with _loading, self._marked(marks.LOAD):
                 self._slave = FMU2Slave(
                     guid=fmu.guid,
                     unzipDirectory=str(fmu.folder),
@@ -179,17 +184,18 @@ class Instance:
         """Free the library and load it again; fmpy's own constructor would inspect each of its functions once more."""
         slave, file = self._slave, self._slave.dll._name
         slave.freeLibrary()
-        here = Path.cwd()
-        os.chdir(Path(file).parent)  # as fmpy does: some libraries look for others beside them
-        try:
-            with self._marked(marks.LOAD):
-                slave.dll = ctypes.cdll.LoadLibrary(file)
-        except OSError as error:
-            raise ModelError(
-                f"{self.component.fmu.source}: the library cannot be loaded again: {error}"
-            ) from None
-        finally:
-            os.chdir(here)
+        with _loading:
+            here = Path.cwd()
+            os.chdir(Path(file).parent)  # as fmpy does: some libraries look for others beside them
+            try:
+                with self._marked(marks.LOAD):
+                    slave.dll = ctypes.cdll.LoadLibrary(file)
+            except OSError as error:
+                raise ModelError(
+                    f"{self.component.fmu.source}: the library cannot be loaded again: {error}"
+                ) from None
+            finally:
+                os.chdir(here)
         for name, old in slave._functions.items():
             new = getattr(slave.dll, name)
             new.argnames, new.argtypes, new.restype = old.argnames, old.argtypes, old.restype
