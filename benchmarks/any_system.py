@@ -7,12 +7,14 @@ vocabulary. The log is made by a simulation of its own (`benchmarks.systems.trut
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 import time
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -81,10 +83,10 @@ def values_of(kind: str, rng: np.random.Generator) -> dict[str, float]:
 
 
 def system(
-    rng: np.random.Generator, most: int
+    rng: np.random.Generator, most: int, least: int = 2
 ) -> tuple[dict[str, str], dict[str, dict[str, float]], list[tuple[str, str]]]:
     """Components and wires: each new one follows an earlier one; sums join two, or close a loop."""
-    count = int(rng.integers(2, most + 1))
+    count = int(rng.integers(least, most + 1))
     names = [f"part{k + 1}" for k in range(count)]
     kinds, wires = {}, []
     for k, name in enumerate(names):
@@ -166,11 +168,11 @@ def place(
     return str(rng.choice(outputs if where == "output" else [m for m in measured if m != "command"])), where
 
 
-def make_case(seed: int, most: int = 8, kind: str | None = None) -> Case:
+def make_case(seed: int, most: int = 8, kind: str | None = None, least: int = 2) -> Case:
     """The case of a seed."""
     rng = np.random.default_rng(seed)
     kind = kind or CLASSES[seed % len(CLASSES)]
-    kinds, values, wires = system(rng, most)
+    kinds, values, wires = system(rng, most, least)
     outputs = [f"{n}.y" for n in kinds]
     handed_on = {source for source, _ in wires}
     measured = ["command", *(o for o in outputs if rng.random() < 0.85 or o not in handed_on)]
@@ -205,6 +207,13 @@ def log_of(case: Case) -> dict[str, np.ndarray]:
     return {n: signals[n] for n in case.measured}
 
 
+def trusted_of(case: Case) -> dict[str, None]:
+    """All parameters where one of them is hidden or nothing is, and in every second system of the other classes."""
+    if case.kind in ("parameter", "none") or case.seed // len(CLASSES) % 2:
+        return {f"{n}.{p}": None for n, v in case.values.items() for p in v}
+    return {}
+
+
 def run(case: Case, fmus: dict[str, Path], folder: Path) -> tuple[Answer, float, int]:
     """Answer, time and runs of FMUs."""
     package = parts.write_ssp(
@@ -212,13 +221,10 @@ def run(case: Case, fmus: dict[str, Path], folder: Path) -> tuple[Answer, float,
     )
     signals = log_of(case)
     columns = {n: Column(n, n, "1", 1.0, 0.0) for n in signals}
-    trusted = (
-        {f"{n}.{p}": None for n, v in case.values.items() for p in v}
-        if case.kind in ("parameter", "none")
-        else {}
-    )
+    trusted = trusted_of(case)
     begun = time.perf_counter()
-    with read_system(package) as loaded, Runs(loaded) as runs:
+    # the parts are known to behave: no process of its own, whose start costs more than most of its runs
+    with read_system(package) as loaded, Runs(loaded, apart=False) as runs:
         log = Recording(folder / "log.csv", H * np.arange(COUNT), signals, columns)
         found = diagnose_system(loaded, [log], runs, AnyOptions(trusted=trusted))
         return answer(found), time.perf_counter() - begun, runs.count
@@ -226,9 +232,13 @@ def run(case: Case, fmus: dict[str, Path], folder: Path) -> tuple[Answer, float,
 
 def told(cause: NamedCause) -> set[str]:
     """Everything that a cause declares possible, in words."""
+    return {named(cause), *cause.indistinguishable_from}
+
+
+def named(cause: NamedCause) -> str:
+    """What it is named, in words."""
     port = f"{cause.component}.{cause.connector or cause.parameter}"
-    own = f"parameter {port}" if cause.effect == "parameter" else f"{cause.effect} at {port} ({cause.where})"
-    return {own, *cause.indistinguishable_from}
+    return f"parameter {port}" if cause.effect == "parameter" else f"{cause.effect} at {port} ({cause.where})"
 
 
 def score(case: Case, found: Answer) -> dict[str, bool]:
@@ -264,11 +274,86 @@ def score(case: Case, found: Answer) -> dict[str, bool]:
             if case.hidden
             else {case.parameter[0].partition(".")[2]: case.parameter[1] * case.parameter[2]}
         )
-        if set(true) >= set(cause.parameters) and cause.effect == wanted[0].split(" ")[0]:
+        if named(cause) == wanted[0]:
             errors = [abs(p.value - true[n]) / max(abs(true[n]), 1e-12) for n, p in cause.parameters.items()]
             result["size 5 %"] = max(errors, default=1.0) < 0.05
             result["within ci"] = all(p.ci95[0] <= true[n] <= p.ci95[1] for n, p in cause.parameters.items())
     return result
+
+
+def shows(case: Case) -> float:
+    """How far the readings are changed by what is hidden: the largest RMS of a signal over that of its noise."""
+    clean = log_of(replace(case, hidden=[], parameter=None))
+    return max(
+        float(np.sqrt(np.mean((values - clean[name]) ** 2)) / (NOISE * np.std(clean[name])))
+        for name, values in log_of(case).items()
+        if name != "command"
+    )
+
+
+def row_of(case: Case, found: Answer, seconds: float, runs: int) -> dict[str, object]:
+    """Everything that is kept of a case."""
+    hidden = [[h.effect, h.port, h.where, {n: round(v, 4) for n, v in h.values.items()}] for h in case.hidden]
+    if case.parameter:
+        name, value, factor = case.parameter
+        hidden.append(["parameter", name, "", {"was": value, "is": round(value * factor, 4)}])
+    return {
+        "seed": case.seed,
+        "class": case.kind,
+        "parts": len(case.kinds),
+        "loop": looped(case),
+        "trusted": bool(trusted_of(case)),
+        "seconds": round(seconds, 1),
+        "runs": runs,
+        "right": score(case, found),
+        "shows": round(shows(case), 2) if hidden else 0.0,
+        "hidden": hidden,
+        "verdict": found.verdict,
+        "said": [
+            [sorted(told(c)), {n: [p.value, *(p.ci95 or ())] for n, p in c.parameters.items()}]
+            for c in found.causes
+        ],
+        "unexplained": [[u.block, u.what] for u in found.unexplained],
+        "refused": [[r.effect, r.why] for r in found.refused],
+        "wires": case.wires,
+        "kinds": case.kinds,
+        "measured": case.measured,
+    }
+
+
+def looped(case: Case) -> bool:
+    """Whether a wire leads back."""
+    order = list(case.kinds)
+    return any(
+        s != "command" and order.index(s.partition(".")[0]) >= order.index(e.partition(".")[0])
+        for s, e in case.wires
+    )
+
+
+def report(rows: list[dict[str, Any]]) -> None:
+    """Print how often each class was right, with 95 % intervals (Wilson), and what a case costs."""
+    totals: Counter[str] = Counter()
+    right: Counter[str] = Counter()
+    for row in rows:
+        for key, value in {"runs": "failed" not in row, **row.get("right", {})}.items():
+            totals[f"{row['class']}: {key}"] += 1
+            right[f"{row['class']}: {key}"] += bool(value)
+    for key, count in sorted(totals.items()):
+        interval = binomtest(right[key], count).proportion_ci(method="wilson")
+        print(
+            f"{key:28s} {right[key]:4d} of {count:4d} ({100 * interval.low:.0f} to {100 * interval.high:.0f} %)"
+        )
+    for count in sorted({r["parts"] for r in rows if "parts" in r}):
+        own = [r for r in rows if r.get("parts") == count]
+        print(
+            f"{count} components, {len(own)} systems: {np.median([r['seconds'] for r in own]):.1f} s, "
+            f"{np.median([r['runs'] for r in own]):.0f} runs of FMUs (medians)"
+        )
+
+
+def processor_time() -> float:
+    """Of this process and of those that it has waited for [s]."""
+    return sum(os.times()[:4])
 
 
 def main() -> None:
@@ -277,69 +362,56 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--most", type=int, default=8, help="components")
+    parser.add_argument("--least", type=int, default=2, help="components")
     parser.add_argument("--kind", choices=CLASSES)
     parser.add_argument("--python", action="store_true", help="FMUs of plain pythonfmu")
-    parser.add_argument("--rows", type=Path, help="a JSON line for each case")
+    parser.add_argument(
+        "--rows", type=Path, help="a JSON line for each case; seeds that it holds are not run again"
+    )
+    parser.add_argument("--processor-time", type=float, default=float("inf"), help="s, after which to end")
     options = parser.parse_args()
-    totals: Counter[str] = Counter()
-    right: Counter[str] = Counter()
-    times = []
+    rows: list[dict[str, Any]] = []
+    if options.rows and options.rows.is_file():
+        rows = [json.loads(line) for line in options.rows.read_text().splitlines()]
+    known = {row["seed"] for row in rows}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make = parts.python if options.python else parts.native
         fmus = {kind: make(kind, folder) for kind in parts.KINDS}
         for seed in range(options.seed, options.seed + options.count):
-            case = make_case(seed, options.most, options.kind)
-            try:
-                found, seconds, runs = run(case, fmus, folder)
-            except Exception as error:
-                print(f"{seed} {case.kind}: FAILED {type(error).__name__}: {error}", flush=True)
-                totals[f"{case.kind}: runs"] += 1
+            if seed in known:
                 continue
-            times.append((len(case.kinds), seconds, runs))
-            result = score(case, found)
-            for key, value in {"runs": True, **result}.items():
-                totals[f"{case.kind}: {key}"] += 1
-                right[f"{case.kind}: {key}"] += bool(value)
-            wrong = [k for k, v in result.items() if not v]
-            hidden = [
-                (h.effect, h.port, h.where, {n: round(v, 4) for n, v in h.values.items()})
-                for h in case.hidden
-            ]
-            said = [
-                (sorted(told(c)), {n: round(p.value, 4) for n, p in c.parameters.items()})
-                for c in found.causes
-            ]
-            line = f"{seed} {case.kind} {len(case.kinds)} parts {seconds:.0f} s {runs} runs: "
-            line += f"wrong: {', '.join(wrong)}" if wrong else "right"
-            print(line, flush=True)
-            if wrong:
-                print(
-                    "   hidden",
-                    hidden or case.parameter,
-                    "\n   wires",
-                    case.wires,
-                    case.kinds,
-                    "measured",
-                    case.measured,
-                )
-                print(
-                    "   said", found.verdict, said, [(u.block, u.what) for u in found.unexplained], flush=True
-                )
-                print("   refused", [(r.effect, r.why) for r in found.refused])
+            if processor_time() > options.processor_time:
+                break
+            case = make_case(seed, options.most, options.kind, options.least)
+            try:
+                row = row_of(case, *run(case, fmus, folder))
+            except Exception as error:  # a case that fails is counted, and the others go on
+                row = {"seed": seed, "class": case.kind, "failed": f"{type(error).__name__}: {error}"}
+            rows.append(row)
             if options.rows:
                 with options.rows.open("a") as file:
-                    file.write(json.dumps({"seed": seed, "class": case.kind, **result}) + "\n")
-    for key, count in sorted(totals.items()):
-        interval = binomtest(right[key], count).proportion_ci(method="wilson")
-        print(
-            f"{key:28s} {right[key]:4d} of {count:4d} ({100 * interval.low:.0f} to {100 * interval.high:.0f} %)"
-        )
-    for parts_ in sorted({t[0] for t in times}):
-        own = [t for t in times if t[0] == parts_]
-        print(
-            f"{parts_} components: {np.median([t[1] for t in own]):.1f} s, {np.median([t[2] for t in own]):.0f} runs of FMUs"
-        )
+                    file.write(json.dumps(row) + "\n")
+            wrong = [k for k, v in row.get("right", {}).items() if not v]
+            if "failed" in row:
+                print(f"{seed} {case.kind}: FAILED {row['failed']}", flush=True)
+                continue
+            line = f"{seed} {case.kind} {row['parts']} parts {row['seconds']:.0f} s {row['runs']} runs: "
+            print(line + (f"wrong: {', '.join(wrong)}" if wrong else "right"), flush=True)
+            if wrong:
+                for key in (
+                    "hidden",
+                    "shows",
+                    "wires",
+                    "kinds",
+                    "measured",
+                    "verdict",
+                    "said",
+                    "unexplained",
+                    "refused",
+                ):
+                    print(f"   {key}: {row[key]}", flush=True)
+    report(rows)
 
 
 if __name__ == "__main__":

@@ -155,6 +155,36 @@ def starts(action: Action, reach: Reach) -> list[dict[str, float]]:
     return [{action.key(n): v for n, v in one.items()} for one in table.get(action.effect, [])]
 
 
+def sides(action: Action, reach: Reach) -> dict[str, list[float]]:
+    """Values of each of two limits at which a search looks with the other one off; nothing for other effects.
+
+    The two act on different samples, so the best of each side together are near the best of both.
+    """
+    a = reach.half
+    q10, q25, q75, q90 = reach.quantiles
+    middle = 0.5 * (q25 + q75)
+    table: dict[str, dict[str, list[float]]] = {
+        "port.saturation": {
+            "low": [reach.low + 0.08 * a, q10, q25, middle],
+            "high": [reach.high - 0.08 * a, q90, q75, middle],
+        },
+        "port.dead_zone": {
+            "low": [-part * a for part in (0.05, 0.15, 0.35, 0.8)],
+            "high": [part * a for part in (0.05, 0.15, 0.35, 0.8)],
+        },
+    }
+    found = table.get(action.effect, {})
+    return {action.key(n): values for n, values in found.items()}
+
+
+def moderate(action: Action, reach: Reach) -> dict[str, float]:
+    """A moderate size of an effect at a port, for a signal of this reach; nothing for what a reading shows by itself."""
+    found = starts(action, reach)
+    if not found:
+        return {}
+    return found[0 if len(found[0]) > 1 else len(found) // 2]
+
+
 def off(action: Action, reach: Reach) -> dict[str, float]:
     """Values at which the effect does nothing to a signal of this reach."""
     a = reach.half

@@ -3,11 +3,13 @@
 import platform
 from collections.abc import Mapping
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, Action
+from cosim.anysystem.missing import Missing
 from cosim.anysystem.model import place
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.anysystem.readings import ON, Grid, Stale
@@ -16,7 +18,9 @@ from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.schema import (
     Answer,
     Location,
+    MissingFunction,
     NamedCause,
+    NextExperiment,
     Packages,
     Parameter,
     RefusedCause,
@@ -29,14 +33,15 @@ from cosim.diagnosis.answer.schema import (
 from cosim.inference.held_out import ratio_ci95
 from cosim.packages import project_version
 from cosim.paths import called
+from cosim.ssp.system import Port
 from cosim.system.effects import EFFECTS
 
 Array = NDArray[np.float64]
 SHOWN_RIVALS = 8
 
 
-def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
-    """The answer."""
+def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | None = None) -> Answer:
+    """The answer; `file` is where the inputs of the next experiment lie."""
     cut_short = found.budget.ended and found.budget.why in found.unjudged.values()
     return Answer(
         verdict="interrupted" if cut_short else found.verdict,  # type: ignore[arg-type]
@@ -49,8 +54,8 @@ def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
         extended=package,
         gain=gains(found),
         unexplained=unexplained(found),
-        next_experiment=None,
-        not_exercised=sorted({e for f in found.findings.values() for e in f.never}),
+        next_experiment=next_experiment(found, file),
+        not_exercised=[a.words for f in found.findings.values() for a in f.never],
         not_judged=found.unjudged,
         isolability=[
             Separable(residual=list(where), effects=list(names)) for where, names in found.structure.classes
@@ -72,6 +77,18 @@ def answer(found: AnyDiagnosis, package: Packages | None = None) -> Answer:
             "runs of FMUs": str(found.runs),
             "steps of FMUs": str(found.steps),
         },
+    )
+
+
+def next_experiment(found: AnyDiagnosis, file: Path | None) -> NextExperiment | None:
+    """The proposed experiment, if one would help."""
+    if found.proposal is None:
+        return None
+    return NextExperiment(
+        why=found.proposal.why,
+        excitation=found.proposal.excitation,
+        predicted_gain=found.proposal.gain,
+        file=str(file) if file else None,
     )
 
 
@@ -107,7 +124,8 @@ def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
     low, high = gain.ci95
     told = shown_action(found, group, action)
     alike = [a.words for a in finding.alike.get(action, []) if not ruled_out(found, group, action, a)]
-    alike += [w for w in behind_wire(finding, action) if w not in alike]
+    for one in (action, *finding.alike.get(action, [])):
+        alike += [w for w in behind_wire(finding, one) if w not in alike]
     alike += [w for w in found.undecided.get((group, action), []) if w not in alike]
     rivals = [
         Rival(effect=a.words, why_not=reason(behind))
@@ -149,9 +167,9 @@ def shown_action(found: AnyDiagnosis, group: str, action: Action) -> Action:
 
 
 def ruled_out(found: AnyDiagnosis, group: str, action: Action, other: Action) -> bool:
-    """Whether what the reading drives has shown that another place of the same effect is not it."""
-    where = found.where.get((group, action))
-    return where == "sensor" and other.where == "input" and other.effect == action.effect
+    """Whether what the reading drives has shown that it alone is off, and not the quantity, which the other would change."""
+    asked = found.votes.get((group, action))
+    return bool(asked) and found.where.get((group, action)) == "sensor" and other.where != "sensor"
 
 
 def reason(behind: float) -> str:
@@ -304,15 +322,41 @@ def unexplained(found: AnyDiagnosis) -> list[Unexplained]:
         unit, scale, _ = column_scale(found, connector)
         left = rms(np.concatenate(series(found, finding, connector, finding.chosen.fit.values)))
         port = dict(finding.model.group.judged)[connector]
+        lost = found.missing.get(finding.model.group.name)
         result.append(
             Unexplained(
                 block=port.component,
-                what=f"{connector}: {finding.unexplained[connector]}",
+                what=f"{connector}: {finding.unexplained[connector]}"
+                + (f"; {entering(lost)}" if lost else ""),
                 residual_rms=left / abs(scale),
                 unit=unit,
+                missing=shape(found, lost) if lost else None,
             )
         )
     return result
+
+
+def entering(lost: Missing) -> str:
+    """Words for where what is missing enters."""
+    what = f"a function of {lost.by}" if lost.by else "a function of several signals"
+    return f"{what} added at {' or '.join(lost.ports)} would tell {100 * lost.told:.0f} % of it"
+
+
+def shape(found: AnyDiagnosis, lost: Missing) -> MissingFunction:
+    """The same for programs, in the units of the log."""
+    port = Port(*lost.ports[0].rpartition(" ")[0].split(".", 1))
+    factor = unit_at(found, Action("port.gain", port, "input"))[1]
+    _, scale, offset = (
+        unit_at(found, Action("port.gain", Port(*lost.by.split(".", 1)), "input"))
+        if lost.by
+        else ("", 1.0, 0.0)
+    )
+    return MissingFunction(
+        enters_at=list(lost.ports),
+        depends_on=lost.by or None,
+        share=lost.told,
+        points=[((x - offset) / scale, y / factor) for x, y in zip(lost.at, lost.of, strict=True)],
+    )
 
 
 def nominal(found: AnyDiagnosis) -> dict[str, Parameter]:

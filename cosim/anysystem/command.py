@@ -7,6 +7,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from cosim.anysystem.answer import answer, shown_action
+from cosim.anysystem.experiment import write_inputs
 from cosim.anysystem.extend import write_extended
 from cosim.anysystem.page import write_page
 from cosim.anysystem.pipeline import diagnose_system
@@ -154,7 +155,8 @@ def diagnose_any(
                 warn(text)
             found.notes = [*notes, *found.notes, *allowed.warnings]
             package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
-            result = answer(found, package)
+            file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
+            result = answer(found, package, file)
             write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
             if not allowed.ended:
                 write_page(found, result, folder)

@@ -28,6 +28,7 @@ Starts = Mapping[str, float]
 Maker = Callable[[Composed, Path, Starts], Path]
 DESCRIPTION = "SystemStructure.ssd"
 SET = "diagnosis"
+CONNECTED = ("Real", "Integer", "Boolean")  # types of connectors that need no definition beside them
 # parameters of an effect that are called otherwise where one FMU holds all effects
 NAMES = {
     ("port.dead_zone", "low"): "zone_low",
@@ -143,19 +144,19 @@ def opened(system: System) -> tuple[dict[str, bytes], etree._Element]:
     element = etree.SubElement(elements, f"{{{SSD}}}Component", name=name, source=file)
     inner = etree.SubElement(element, f"{{{SSD}}}Connectors")
     for variable in component.fmu.variables.values():
-        if variable.kind == "Real" and variable.causality in ("input", "output"):
+        if variable.kind in CONNECTED and variable.causality in ("input", "output"):
             for place in (outer, inner):
-                connector(place, variable.name, variable.causality, variable.unit)
+                connector(place, variable.name, variable.causality, variable.unit, variable.kind)
             inside = {"Element": name, "Connector": variable.name}
             ends = [{"Connector": variable.name}, inside]
             connect(wires, *(ends if variable.causality == "input" else reversed(ends)))
     return {file: system.path.read_bytes()}, root
 
 
-def connector(parent: etree._Element, name: str, kind: str, unit: str = "") -> None:
+def connector(parent: etree._Element, name: str, kind: str, unit: str = "", of_type: str = "Real") -> None:
     """Add a connector."""
     one = etree.SubElement(parent, f"{{{SSD}}}Connector", name=name, kind=kind)
-    etree.SubElement(one, f"{{{SSC}}}Real", {"unit": unit} if unit else {})
+    etree.SubElement(one, f"{{{SSC}}}{of_type}", {"unit": unit} if unit and of_type == "Real" else {})
 
 
 def connect(wires: etree._Element, start: Mapping[str, str], end: Mapping[str, str]) -> None:

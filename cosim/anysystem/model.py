@@ -13,6 +13,20 @@ from cosim.system.runs import Runs
 
 Array = NDArray[np.float64]
 SHIFT = "shift"
+DRIVE = "drive"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What drives a group in place of a reading.
+
+    Attributes:
+        series: (n,) of each log.
+        slopes: for each number that made it of the reading, (n,) of each log: what one standard deviation of it changes.
+    """
+
+    series: list[Array]
+    slopes: list[list[Array]] = field(default_factory=list)
 
 
 @dataclass
@@ -54,13 +68,19 @@ class GroupModel:
         segments: the logs.
         base: values that hold unless a call says otherwise: ``component.parameter`` of free parameters.
         held: signal -> for each log the places whose values its samples hold, where some are stale.
-        drives: signal -> series of each segment that drives instead of the measured ones.
+        steps: signal -> step of a reading that is rounded: what differs by less than half of it is not seen.
+        drives: signal -> what drives instead of the reading.
+        off: signal -> (first, last, size): by how much it is taken to be off in this part of each log.
+        added: ``port|where`` -> for each log what is added there, behind the effects.
     """
 
     def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
         self.group, self.system, self.runs, self.segments = group, system, runs, list(segments)
         self.base: dict[str, float] = {}
-        self.drives: dict[str, list[Array]] = {}
+        self.drives: dict[str, Quantity] = {}
+        self.steps: dict[str, float] = {}
+        self.off: dict[str, tuple[float, float, float]] = {}
+        self.added: dict[str, list[Array]] = {}
         self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
         self._within = {
             (w.source.component, w.target.component)
@@ -75,8 +95,15 @@ class GroupModel:
         for k in range(len(self.segments)):
             series = self.ports(values, k)
             for signal, _ in self.group.judged:
-                found[place(signal, k)] = series[signal]
+                found[place(signal, k)] = self.seen(signal, k, series[signal])
         return found
+
+    def seen(self, signal: str, k: int, series: Array) -> Array:
+        """A modelled reading (n,) as far as what was measured tells: within half a step of a rounded one nothing does."""
+        if signal not in self.steps:
+            return series
+        reading, half = self.segments[k].signals[signal], 0.5 * self.steps[signal]
+        return np.asarray(reading + series - np.clip(series, reading - half, reading + half))
 
     def ports(self, values: Mapping[str, float], k: int) -> dict[str, Array]:
         """Readings of the judged signals, and what leaves (``out:port``) and enters (``in:port``) each component."""
@@ -90,7 +117,7 @@ class GroupModel:
         entering: dict[Port, Array] = {}
         early: dict[Port, float] = {}
         for drive in self.group.drives:
-            series = self._driving(drive.signal, k)
+            series = self._driving(drive.signal, k, everything)
             shift = everything.get(f"{SHIFT}:{drive.signal}>{drive.port}", 0.0)
             whole = round(shift)
             early[drive.port] = shift - whole
@@ -98,14 +125,16 @@ class GroupModel:
                 series = series[np.clip(np.arange(series.size) + whole, 0, series.size - 1)]
             if (drive.factor, drive.offset) != (1.0, 0.0):
                 series = drive.factor * series + drive.offset
-            entering[drive.port] = acted(series, h, drive.port, "input", places)
+            entering[drive.port] = self._acted(series, k, drive.port, "input", places)
         judged = {port for _, port in self.group.judged}
         for unit in self.group.units:
             wanted = tuple(
                 dict.fromkeys([*self._leaving(unit), *(p for p in judged if p.component in unit.components)])
             )
             inputs = {
-                p: _held(s, early.get(p, 0.0)) for p, s in entering.items() if p.component in unit.components
+                p: self._held(p, s, early.get(p, 0.0))
+                for p, s in entering.items()
+                if p.component in unit.components
             }
             if not wanted:
                 continue
@@ -115,12 +144,12 @@ class GroupModel:
                 outputs = self.runs.free_run(unit, segment.start, h, segment.count, wanted, parameters)
             for port, series in outputs.items():
                 found[f"pure:{port}"] = series
-                series = acted(series, h, port, "output", places)
+                series = self._acted(series, k, port, "output", places)
                 found[f"out:{port}"] = series
                 for wire in self.group.inner:
                     if wire.source == port and wire.target.component not in unit.components:
                         handed = wire.factor * series + wire.offset
-                        entering[wire.target] = acted(handed, h, wire.target, "input", places)
+                        entering[wire.target] = self._acted(handed, k, wire.target, "input", places)
         for port, series in entering.items():
             found[f"in:{port}"] = series
         for signal, port in self.group.judged:
@@ -128,11 +157,47 @@ class GroupModel:
             found[signal] = reading[self.held[signal][k]] if signal in self.held else reading
         return found
 
-    def _driving(self, signal: str, k: int) -> Array:
-        if signal in self.drives:
-            return self.drives[signal][k]
+    def _acted(
+        self,
+        series: Array,
+        k: int,
+        port: Port,
+        where: str,
+        places: Mapping[str, Mapping[str, Mapping[str, float]]],
+    ) -> Array:
+        """A series behind the effects at a port, and what is added there."""
+        found = acted(series, self.segments[k].h, port, where, places)
+        added = self.added.get(f"{port}|{where}")
+        return found if added is None else found + added[k]
+
+    def _driving(self, signal: str, k: int, values: Mapping[str, float]) -> Array:
         segment = self.segments[k]
-        return segment.driving.get(signal, segment.signals[signal])
+        series = segment.driving.get(signal, segment.signals[signal])
+        if signal in self.drives:
+            series = self.drives[signal].series[k]
+            for i, slope in enumerate(self.drives[signal].slopes):
+                if value := values.get(f"{DRIVE}:{signal}:{i}", 0.0):
+                    series = series + value * slope[k]
+        if signal in self.off:
+            first, last, size = self.off[signal]
+            place = np.arange(series.size) / series.size
+            series = series + size * ((place >= first) & (place < last))
+        return series
+
+    def _held(self, port: Port, series: Array, early: float = 0.0) -> Array:
+        """What an input is set to in each step: the mean of the values at its two ends, so that a held input is not early.
+
+        `early` from -0.5 to 0.5 samples shifts the weight to one of them: at -0.5 a step holds what was measured at its
+        start, which is what a controller of the log's own rate does. So it is with what is true or false, or a whole number.
+        """
+        variable = self.system.variable(port)
+        if variable.kind != "Real":
+            return series
+        found = series.copy()
+        found[1:] = (0.5 + early) * series[1:] + (0.5 - early) * series[:-1]
+        if variable.variability == "discrete":  # the master hands over its value at the START of a step
+            found[:-1] = found[1:].copy()
+        return found
 
     def _leaving(self, unit: Unit) -> list[Port]:
         return [
@@ -149,14 +214,3 @@ class GroupModel:
                 if inside and port in (wire.source, wire.target):
                     return True
         return False
-
-
-def _held(series: Array, early: float = 0.0) -> Array:
-    """What an input is set to in each step: the mean of the values at its two ends, so that a held input is not early.
-
-    `early` from -0.5 to 0.5 samples shifts the weight to one of them: at -0.5 a step holds what was measured at its start,
-    which is what a controller of the log's own rate does.
-    """
-    found = series.copy()
-    found[1:] = (0.5 + early) * series[1:] + (0.5 - early) * series[:-1]
-    return found

@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.anysystem.actions import Action
-from cosim.anysystem.model import GroupModel, Segment, place
+from cosim.anysystem.experiment import Proposal, propose
+from cosim.anysystem.missing import FEWEST as FEWEST_RUNS
+from cosim.anysystem.missing import SPENT, Missing, missing
+from cosim.anysystem.model import GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, ends, value_of
 from cosim.anysystem.search import CLOSE, Finding, Search, Trust, worth
@@ -49,6 +52,8 @@ class AnyDiagnosis:
         notes: what the user should know.
         budget: the time allowed, and what was left out for it.
         stage: what goes on.
+        proposal: the next experiment.
+        missing: group that stays wrong -> where what is missing enters; None where nobody can tell.
         runs, steps: runs of units and communication steps made.
     """
 
@@ -69,6 +74,8 @@ class AnyDiagnosis:
     steps: int = 0
     budget: Budget = field(default_factory=Budget)
     stage: str = ""
+    proposal: Proposal | None = None
+    missing: dict[str, Missing | None] = field(default_factory=dict)
 
     def causes(self) -> list[tuple[str, Action]]:
         """Group and cause, the one that explains most first."""
@@ -173,6 +180,13 @@ def diagnose_system(
         reasons = "; ".join(f"{g}: {why}" for g, why in found.unjudged.items())
         raise DataError(f"no component can be judged: {reasons}")
     found.verdict = verdict_of(found)
+    found.stage = found.stage if found.budget.ended else "looking for the next experiment"
+    with found.budget.searching():
+        most = runs.count + max(FEWEST_RUNS, round(SPENT * runs.count))
+        for name, finding in found.findings.items():
+            if finding.unexplained and not found.budget.over:
+                found.missing[name] = missing(finding, runs, most)
+        found.proposal = propose(found, runs)
     found.runs, found.steps = runs.count, runs.steps
     return found
 
@@ -221,11 +235,24 @@ def judge(
     found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
     if finding.unexplained:
         return
-    left = search.problem.residuals(finding.chosen.fit.values)
     for signal, _ in group.judged:
-        for k, segment in enumerate(found.segments):
-            reading = segment.signals[signal]
-            segment.driving[signal] = followed(reading - left[place(signal, k)], reading)
+        for segment, series in zip(found.segments, behind(finding, signal), strict=True):
+            segment.driving[signal] = series
+
+
+def behind(finding: Finding, signal: str) -> list[Array]:
+    """The quantity behind a reading in each log, as a group's model has it, brought slowly to the reading."""
+    values, model = finding.chosen.fit.values, finding.model
+    left = finding.problem.residuals(values)
+    found = []
+    for k, segment in enumerate(model.segments):
+        own = left[place(signal, k)]
+        # with the moment at which it was read, which the model's series does not have
+        predicted = (
+            segment.signals[signal] - own if signal not in model.steps else model.ports(values, k)[signal]
+        )
+        found.append(followed(predicted, own))
+    return found
 
 
 def unmeasured(system: System, group: CutGroup) -> dict[str, float | None]:
@@ -270,7 +297,7 @@ def assumed(
     ]
 
 
-Doubted = list[tuple[str, Action, str, list[Array]]]
+Doubted = list[tuple[str, Action, str, Quantity]]
 """Group, its cause, the signal that drives this group, the quantity that it would be without the cause."""
 
 
@@ -283,7 +310,7 @@ def doubtful(found: AnyDiagnosis, search: Search) -> Doubted:
             for action in finding.chosen.actions:
                 known = any((d[1], d[2]) == (action, drive.signal) for d in doubted)
                 if action.port == port and action.where in ("output", "sensor") and not known:
-                    series = before_effect(found, finding, action, drive.signal)
+                    series = before_effect(finding, action, drive.signal)
                     doubted.append((name, action, drive.signal, series))
     return doubted
 
@@ -351,7 +378,7 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
             asked = found.votes.setdefault((name, action), {})
             if n == name or n in asked or all(d.signal != signal for d in user.model.group.drives):
                 continue
-            series = before_effect(found, finding, action, signal)
+            series = before_effect(finding, action, signal)
             if (
                 user.named or user.unexplained
             ) and not found.budget.over:  # it may have taken the reading's fault for its own
@@ -406,33 +433,39 @@ def port_behind(system: System, signal: str, port: Port) -> Port:
     return found if found.component else port
 
 
-def before_effect(found: AnyDiagnosis, finding: Finding, action: Action, signal: str) -> list[Array]:
-    """The quantity that a reading would be without an effect, in each log."""
-    values = finding.chosen.fit.values
-    before = {n: v for n, v in values.items() if not n.startswith(f"{action.effect}|{action.port}|")}
-    left = finding.problem.residuals(values)
-    series = []
-    for k, segment in enumerate(found.segments):
-        whole, pure = (finding.model.ports(v, k)[signal] for v in (values, before))
-        reading = segment.signals[signal]
+def before_effect(finding: Finding, action: Action, signal: str) -> Quantity:
+    """What a reading would be without an effect, in each log, and what the effect's uncertainty changes of it."""
+    fit = finding.chosen.fit
+    effect = f"{action.effect}|{action.port}|"
+    before = {n: v for n, v in fit.values.items() if not n.startswith(effect)}
+    own = [u.name for u in fit.unknowns if u.name.startswith(effect)]
+    series: list[Array] = []
+    slopes: list[list[Array]] = [[] for _ in own]
+    for k, reading in enumerate(behind(finding, signal)):
+        whole, pure = (finding.model.ports(v, k)[signal] for v in (fit.values, before))
         # what the model's own slow errors and its timing make out, but not the effect
-        series.append(pure - whole + followed(reading - left[place(signal, k)], reading))
-    return series
+        series.append(pure - whole + reading)
+        for i, name in enumerate(own):
+            moved = finding.model.ports({**fit.values, name: fit.values[name] + fit.deviation(name)}, k)[
+                signal
+            ]
+            slopes[i].append(whole - moved)
+    return Quantity(series, slopes)
 
 
-def undone(found: AnyDiagnosis, finding: Finding, action: Action, signal: str) -> list[Array] | None:
+def undone(found: AnyDiagnosis, finding: Finding, action: Action, signal: str) -> Quantity | None:
     """What drives by a reading, with an effect taken off it that can be undone sample by sample; None for others."""
     values = finding.chosen.fit.values
     driving = [segment.driving.get(signal, segment.signals[signal]) for segment in found.segments]
     if action.effect == "port.offset":
-        return [series - values[action.key("offset")] for series in driving]
+        return Quantity([series - values[action.key("offset")] for series in driving])
     if action.effect == "port.gain" and abs(gain := values[action.key("gain")]) > LEAST_GAIN:
-        return [series / gain for series in driving]
+        return Quantity([series / gain for series in driving])
     return None
 
 
 def vote_of(
-    problem: Problem, model: GroupModel, values: Mapping[str, float], signal: str, series: list[Array]
+    problem: Problem, model: GroupModel, values: Mapping[str, float], signal: str, series: Quantity
 ) -> float | None:
     """Log-likelihood that a group gains if other series drive it; None where it cannot be run."""
     with_reading = problem.rows(values)

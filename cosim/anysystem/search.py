@@ -6,8 +6,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, Reach, off, starts, unknowns
-from cosim.anysystem.model import SHIFT, GroupModel, place
+from cosim.anysystem.actions import (
+    LEAST_DELAY,
+    PARAMETER,
+    Action,
+    Reach,
+    moderate,
+    off,
+    sides,
+    starts,
+    unknowns,
+)
+from cosim.anysystem.model import DRIVE, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
 from cosim.diagnosis.budget import Budget
@@ -26,6 +36,7 @@ Array = NDArray[np.float64]
 # thresholds, each with its reason
 NAMED = 10.0  # log-likelihood beyond the price of the parameters: the best of some hundred candidates on clean data
 CLOSE = 6.0  # log-likelihood within which two hypotheses cannot be told apart (DIAGNOSIS.md, 7)
+ROUNDED = 0.1  # of a step: smaller noise of a rounded reading is not believed: little is left, and at its edges only
 LEAST = 1e-3  # of a signal's spread: two programs that integrate the same model differ by that
 SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
@@ -33,13 +44,19 @@ UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
+PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
+KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
 SCREENED = 7  # candidates fitted at each stage
+REPLACED = 10  # causes that are tried in the place of a named one
+OTHERS = 3  # more of them, of effects that are not among these, where they promise
+PROMISE = 0.1  # of what the best does
 SCANNED = 9  # values of a limit over its range
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
 SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause (CONTRACT section 4)
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
+FAINT = 20.0  # times that, under the white noise alone: what a moderate size does is no more, and is looked at again
 OUTER = 0.5  # of a start's effect: a projection beyond is no small step
 
 
@@ -80,7 +97,10 @@ class Finding:
         free: free parameters -> (value, standard deviation).
         between: numbers of the causes, by `Action.key` or ``parameter|...`` -> what several logs say of them one by one.
         unexplained: signals that stay wrong, with words.
-        never: effects that the log does not exercise.
+        twins: for each named cause, those of `alike` that were fitted, with all values of the model; other effects
+            first.
+        twin_unknowns: (cause, twin) -> what was fitted with the twin.
+        never: causes that the log could not have shown even at a moderate size, with that size.
         read: causes that the readings show by themselves.
         refused: causes that the fitted windows ask for and the held-out ones do not bear out, with words.
     """
@@ -101,7 +121,9 @@ class Finding:
     free: dict[str, tuple[float, float]] = field(default_factory=dict)
     between: dict[str, Between] = field(default_factory=dict)
     unexplained: dict[str, str] = field(default_factory=dict)
-    never: list[str] = field(default_factory=list)
+    twins: dict[Action, list[tuple[Action, dict[str, float]]]] = field(default_factory=dict)
+    twin_unknowns: dict[tuple[Action, Action], tuple[Unknown, ...]] = field(default_factory=dict)
+    never: dict[Action, dict[str, float]] = field(default_factory=dict)
     read: dict[Action, Grid | Stale] = field(default_factory=dict)
     refused: list[tuple[Action, str]] = field(default_factory=list)
 
@@ -178,9 +200,14 @@ class Search:
         self.reaches = self._reaches()
         self.read = self._read(first)
         self._learn_white()
+        self.slow = self._slow(first)
         self.estimated: dict[str, tuple[float, float]] = {}
         self.null = self._null()
         self.learned = False
+        self.tried: list[Candidate] = []  # all sets that were fitted
+        self.sizes: dict[
+            Action, float
+        ] = {}  # log-likelihood that each cause's starts change at most, at first sight
         self.moved: dict[Action, Action] = {}  # causes at an output that are as good at an input
 
     # What is given
@@ -193,8 +220,13 @@ class Search:
             series = [s.signals[signal] for s in self.model.segments]
             grid = grid_of(series)
             stale = None if grid else stale_of(series, [first[place(signal, k)] for k in range(count)])
-            if grid is not None and "port.quantisation" not in self.exclude:
-                found[Action("port.quantisation", port, "sensor")] = grid
+            if grid is not None:
+                self.model.steps[signal] = grid.step
+                for k in range(count):
+                    name = place(signal, k)
+                    self.problem.least[name] = max(self.problem.least[name], ROUNDED * grid.step)
+                if "port.quantisation" not in self.exclude:
+                    found[Action("port.quantisation", port, "sensor")] = grid
             if stale is not None:
                 self.model.held[signal] = stale.held
                 if "port.dropout" not in self.exclude:
@@ -251,7 +283,10 @@ class Search:
             found += [Action(e, port, "output") for e, effect in EFFECTS.items() if not effect.reading]
         for port in judged:
             found.append(Action("port.drift", port, "sensor"))
-        return [a for a in found if a.effect not in self.exclude]
+        real = {
+            p for p in dict.fromkeys(a.port for a in found) if self.model.system.variable(p).kind == "Real"
+        }
+        return [a for a in found if a.effect not in self.exclude and a.port in real]
 
     def _only_wire(self, port: Port, fans: Sequence[Port], judged: set[Port]) -> bool:
         """Whether an unmeasured wire into this port is the only one of its source: then both of its ends are one place."""
@@ -270,6 +305,18 @@ class Search:
                 low = max(low, 1e-3 * value)  # a sign that turns is another model
             return [Unknown(f"{PARAMETER}|{name}", low, high, 0.2 * size)]
         return unknowns(action, self.reach(action))
+
+    def moderate(self, action: Action) -> dict[str, float]:
+        """A moderate size of it; nothing for what a reading shows by itself."""
+        if action.effect == PARAMETER:
+            value, deviation = self.trusted[str(action.port)]
+            size = max(0.2, 5.0 * deviation) * (abs(value) or 1.0)
+            (unknown,) = self.numbers(action)
+            return {unknown.name: unknown.within(value + size)}
+        return moderate(action, self.reach(action))
+
+    def _sides(self, action: Action) -> dict[str, list[float]]:
+        return {} if action.effect == PARAMETER else sides(action, self.reach(action))
 
     def begins(self, action: Action) -> list[dict[str, float]]:
         """Where its search begins."""
@@ -335,6 +382,8 @@ class Search:
             rows.append({n: (moved[n] - here[n]) / step for n in problem.names})
 
         for drive in model.group.drives:
+            if model.system.variable(drive.port).kind != "Real":
+                continue  # held over each step
             name = f"{SHIFT}:{drive.signal}>{drive.port}"
             try:
                 # half a sample: the slope is then exact for an input that is held over each step
@@ -343,7 +392,17 @@ class Search:
                 continue
             nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))
             rows.append({n: moved[0][n] - moved[1][n] for n in problem.names})
+        for signal, quantity in model.drives.items():
+            for i in range(len(quantity.slopes)):
+                name = f"{DRIVE}:{signal}:{i}"
+                try:
+                    moved_one = model({**at, name: 1.0})
+                except SimulationError:
+                    continue
+                add(Unknown(name, -SURE, SURE, 1.0, 1.0), moved_one, 1.0)
         for signal, _ in model.group.judged:
+            if signal in model.steps:
+                continue  # a step hides by far more than what a sample's moment makes out
             shifted = {
                 n: np.gradient(here[n]) if n.partition("#")[0] == signal else np.zeros_like(here[n])
                 for n in problem.names
@@ -368,8 +427,58 @@ class Search:
             except SimulationError:
                 continue
             add(Unknown(f"free:{key}", -np.inf, np.inf, 1.0, 1e3), moved_one, 1.0)
+        for unknown, slope in self.slow:
+            nuisances.append(unknown)
+            rows.append(slope)
         problem.share(
             nuisances, {n: np.array([r[n] for r in rows]).reshape(len(rows), -1) for n in problem.names}
+        )
+
+    def _slow(self, first: Mapping[str, Array]) -> list[tuple[Unknown, dict[str, Array]]]:
+        """Slow errors of what drives the group, as nuisances: what a component that integrates makes of them is no fault.
+
+        A drive is off by no more than programs agree on, all along; and by the mean of its reading's noise in each part of
+        the log, where the group does not forget it.
+        """
+        model, found = self.model, list[tuple[Unknown, dict[str, Array]]]()
+        for drive in {d.signal: d for d in model.group.drives}.values():
+            signal = drive.signal
+            if model.system.variable(drive.port).kind != "Real":
+                continue
+            readings = [s.signals[signal] for s in model.segments]
+            spread = float(np.std(np.concatenate(readings)))
+            noise = max(white(r) for r in readings)
+            count = min(r.size for r in readings) / PARTS
+            sizes = [(0.0, 1.0, LEAST * spread)]
+            sizes += [
+                (p / PARTS, (p + 1) / PARTS, noise / np.sqrt(count)) for p in range(PARTS) if noise > 0.0
+            ]
+            for number, (begin, end, size) in enumerate(sizes):
+                if size <= 0.0:
+                    continue
+                # large enough to be seen in the digits of an FMU that controls its own step
+                step = 0.02 * spread
+                model.off[signal] = begin, end, step
+                try:
+                    moved = model({**self.base})
+                except SimulationError:
+                    break
+                finally:
+                    model.off.clear()
+                slope = {n: (moved[n] - first[n]) / step for n in self.problem.names}
+                if number == 1 and not self._kept(slope):
+                    break
+                found.append(
+                    (Unknown(f"slow:{signal}:{number}", -SURE * size, SURE * size, size, size), slope)
+                )
+        return found
+
+    @staticmethod
+    def _kept(slope: Mapping[str, Array]) -> bool:
+        """Whether what happened in the first part of a log is still there at its end."""
+        return any(
+            float(np.abs(s[-max(s.size // PARTS, 1) :]).mean()) > KEPT_ON * float(np.abs(s).max()) > 0.0
+            for s in slope.values()
         )
 
     # The search
@@ -393,6 +502,7 @@ class Search:
             for base in pool[:KEPT]:
                 found += self._stage(base)
             found = self._unique(found)
+            self.tried += found
             if not found:
                 break
             found = self._relearned(found, [best, *singles])
@@ -519,27 +629,54 @@ class Search:
                 self._left_out(action.effect)
                 continue
             own: list[tuple[float, dict[str, float]]] = []
-            for start in self.begins(action):
+
+            def look(
+                action: Action, start: dict[str, float], own: list[tuple[float, dict[str, float]]] = own
+            ) -> float:
+                """What a start reaches as it is; kept with how far its shape goes along with what is left."""
                 rows = problem.rows({**base.fit.values, **start})
                 if rows is None:
-                    continue
+                    return 0.0
                 change = (rest - rows)[inside]
                 size = float(change @ change)
+                if not base.actions:
+                    self.sizes[action] = max(self.sizes.get(action, 0.0), 0.5 * size)
                 if size <= 0.0:
-                    continue
-                # how far the shape of this effect goes along with what is left, and what it reaches as it is
+                    return 0.0
                 along = float(change @ rest[inside])
-                drop = max(0.5 * along * abs(along) / size, along - 0.5 * size)
+                reached = along - 0.5 * size
+                drop = max(0.5 * along * abs(along) / size, reached)
                 if drop > 0.0:
                     own.append((drop, start))
+                return reached
+
+            limits = self._sides(action)
+            nothing = self._off(action) if limits else {}
+            both = dict(nothing)
+            for name, values in limits.items():
+                reached = [look(action, {**nothing, name: value}) for value in values]
+                if max(reached) > 0.0:
+                    both[name] = values[int(np.argmax(reached))]
+            if sum(both[n] != nothing[n] for n in limits) > 1:
+                look(action, both)
+            for start in () if limits else self.begins(action):
+                look(action, start)
             if own:
                 own.sort(key=lambda item: -item[0])
                 ranked.append((own[0][0], action, [start for _, start in own[: self._tries(action)]]))
         ranked.sort(key=lambda item: -item[0])
         found: list[Candidate] = []
-        for drop, action, begins in ranked[:SCREENED]:
-            if drop < max(2.0, 0.02 * ranked[0][0]):
-                break
+        chosen = [r for r in ranked[:SCREENED] if r[0] >= max(2.0, 0.02 * ranked[0][0])]
+        known = {action.effect for _, action, _ in chosen}
+        for item in ranked[SCREENED:]:  # one effect at many places shall not keep the others out
+            if (
+                len(chosen) < SCREENED + OTHERS
+                and item[1].effect not in known
+                and item[0] > PROMISE * ranked[0][0]
+            ):
+                chosen.append(item)
+                known.add(item[1].effect)
+        for _, action, begins in chosen:
             if found and self.budget.over:
                 self._left_out(f"{action.effect} by a fit")
                 continue
@@ -657,7 +794,7 @@ class Search:
             )
             if fine is not None and fine.log_likelihood >= best.fit.log_likelihood - 1.0:
                 best = self._scored(Candidate(best.actions, fine, best.price))
-            best = self._at_outputs(best)
+            best = self._at_outputs(best, singles)
         for action in best.actions:
             poorer = self._without(best, action, null)
             if poorer is None:
@@ -715,6 +852,7 @@ class Search:
                 residual = problem.residuals(null.fit.values)
                 left = self._told(residual, null)
                 wrong = self._wrong(left, residual) or wrong
+        best = self._as_well_as_programs_agree(best)
         finding.chosen, finding.told = best, left
         if not best.actions or finding.fitted is None:
             finding.fitted = best
@@ -726,28 +864,53 @@ class Search:
         finding.unexplained = wrong
         finding.floors = {s: self._floor(s, best) for s, _ in self.model.group.judged}
         self._rivals(finding, best, singles, null)
-        finding.never = self._never()
+        finding.never = self._never(best)
 
-    def _at_outputs(self, best: Candidate) -> Candidate:
-        """Causes at inputs moved to a judged output where that is as good: there the reading can be asked."""
+    def _at_outputs(self, best: Candidate, singles: Sequence[Candidate]) -> Candidate:
+        """Causes elsewhere, and parameters, moved to a judged output where that is as good: its reading can be asked."""
+        judged = {port for _, port in self.model.group.judged}
         for action in best.actions:
-            if action.where != "input":
+            if action.where == "sensor" or (action.where == "output" and action.port in judged):
                 continue
-            for _, port in self.model.group.judged:
-                other = Action(action.effect, port, "output")
-                if other in best.actions or other.effect == "port.offset":
+            for other, start in self._output_twins(action, best, singles):
+                if other in best.actions:
                     continue
                 actions = tuple(other if a == action else a for a in best.actions)
-                begin = dict(best.fit.values)
-                for parameter in EFFECTS[action.effect].parameters:
-                    begin[other.key(parameter)] = begin.pop(action.key(parameter))
+                dropped = {u.name for u in self.numbers(action)}
+                begin = {n: v for n, v in best.fit.values.items() if n not in dropped} | start
                 fit = self.problem.fit([u for a in actions for u in self.numbers(a)], begin, 8)
-                moved = None if fit is None else self._scored(Candidate(actions, fit, best.price))
+                moved = None if fit is None else self._scored(Candidate(actions, fit, self._price(actions)))
                 if moved is not None and moved.score > best.score - 1.0:
                     self.moved[other] = action
                     best = moved
                     break
         return best
+
+    def _output_twins(
+        self, action: Action, best: Candidate, singles: Sequence[Candidate]
+    ) -> list[tuple[Action, dict[str, float]]]:
+        """Effects at judged outputs that may be the same as a cause elsewhere, with where their fit begins."""
+        ports = [port for _, port in self.model.group.judged]
+        values = best.fit.values
+        if action.effect != PARAMETER:
+            same = EFFECTS[action.effect].parameters
+            return [
+                (other, {other.key(p): values[action.key(p)] for p in same})
+                for port in ports
+                if (other := Action(action.effect, port, "output")).effect
+                not in ("port.offset", *self.exclude)
+            ]
+        found = {
+            single.actions[0]: {u.name: single.fit.values[u.name] for u in self.numbers(single.actions[0])}
+            for single in singles
+            if single.actions[0].where == "output" and single.actions[0].port in ports
+        }
+        value = self.trusted[str(action.port)][0]
+        for port in ports:
+            gain = Action("port.gain", port, "output")
+            if port.component == action.port.component and value and "port.gain" not in self.exclude:
+                found.setdefault(gain, {gain.key("gain"): values[f"{PARAMETER}|{action.port}"] / value})
+        return list(found.items())
 
     def _on_all(self, best: Candidate) -> Candidate:
         """The last estimate, of the whole log: what only a window held out shows counts as well."""
@@ -758,6 +921,33 @@ class Search:
             fits = [self.problem.fit(numbers, c.fit.values, 10, DIFFERENCE * FINE) for c in starts]
         fit = next((f for f in fits if f is not None), None)
         return best if fit is None else self._scored(Candidate(best.actions, fit, best.price))
+
+    def _as_well_as_programs_agree(self, best: Candidate) -> Candidate:
+        """The estimate with what the machine and a program that integrates its model differ by in its deviations.
+
+        Noise averages out over a long log, this does not: no number is known better than what changes the readings so much.
+        """
+        fit = best.fit
+        if not fit.unknowns or self.budget.over:
+            return best
+        here = self.model(fit.values)
+        variances = []
+        for unknown in fit.unknowns:
+            step = DIFFERENCE * unknown.scale
+            if fit.values[unknown.name] + step > unknown.high:
+                step = -step
+            try:
+                moved = self.model({**fit.values, unknown.name: fit.values[unknown.name] + step})
+            except SimulationError:
+                variances.append(0.0)
+                continue
+            slopes = []
+            for signal, _ in self.model.group.judged:
+                names = [place(signal, k) for k in range(len(self.model.segments))]
+                change = np.concatenate([moved[n] - here[n] for n in names])
+                slopes.append(float(np.sqrt(np.mean(change**2))) / abs(step) / self.spreads[signal])
+            variances.append((LEAST / max(slopes)) ** 2 if max(slopes) > 0.0 else 0.0)
+        return replace(best, fit=replace(fit, covariance=fit.covariance + np.diag(variances)))
 
     def _without(self, best: Candidate, action: Action, null: Candidate) -> Candidate | None:
         actions = tuple(a for a in best.actions if a != action)
@@ -780,7 +970,10 @@ class Search:
         return False
 
     def _white(self, signal: str) -> float:
-        return max(white(s.signals[signal]) for s in self.model.segments)
+        """White noise of a reading; what is rounded has at least that of its steps, and all what two runs differ by."""
+        return max(
+            *(white(s.signals[signal]) for s in self.model.segments), self.problem.least[place(signal, 0)]
+        )
 
     def _floor(self, signal: str, best: Candidate) -> float:
         """Noise of a reading: what is left by the best, where that is noise."""
@@ -842,25 +1035,28 @@ class Search:
                 continue
             others: list[tuple[Action, float]] = []
             alike: list[Action] = []
+            fits: dict[Action, Fit] = {}
             rest = tuple(a for a in best.actions if a != action)
-            for single in singles:
-                (rival,) = single.actions
-                if rival == action or rival in rest:
+            for rival, values in self._in_place_of(rest, singles).items():
+                single = next((s for s in singles if s.actions == (rival,)), None)
+                if rival == action or rival in rest or (not rest and single is None):
                     continue
                 if rest:
                     numbers = [u for a in (*rest, rival) for u in self.numbers(a)]
                     own = {u.name for u in self.numbers(action)}
                     begin = {n: v for n, v in best.fit.values.items() if n not in own}
-                    begin |= {u.name: single.fit.values[u.name] for u in self.numbers(rival)}
+                    begin |= values
                     fit = self.problem.fit(numbers, begin, 8)
                     if fit is None:
                         continue
-                    score = self._scored(Candidate((*rest, rival), fit, self._price((*rest, rival)))).score
+                    with_rival = self._scored(Candidate((*rest, rival), fit, self._price((*rest, rival))))
                 else:
-                    score = self._scored(single).score
+                    assert single is not None
+                    with_rival = self._scored(single)
+                score, fits[rival] = with_rival.score, with_rival.fit
                 behind = self._scored(best).score - score
                 others.append((rival, behind))
-                if behind < CLOSE:
+                if behind < CLOSE or self._same(best.fit, fits[rival]):
                     alike.append(rival)
             same = self.moved.get(action)
             if same is not None and same not in alike:
@@ -868,7 +1064,59 @@ class Search:
                 others = [(same, 0.0), *(o for o in others if o[0] != same)]
             finding.rivals[action] = sorted(others, key=lambda item: item[1])
             finding.alike[action] = alike
+            # the same effect elsewhere often is the same for every run
+            for twin in sorted(fits, key=lambda a: (a.effect == action.effect, dict(others)[a])):
+                if twin in alike:
+                    finding.twins.setdefault(action, []).append((twin, fits[twin].values))
+                    finding.twin_unknowns[action, twin] = fits[twin].unknowns
 
-    def _never(self) -> list[str]:
-        """Effects that no candidate start can show: what they would do is within the noise."""
-        return []
+    def _in_place_of(
+        self, rest: tuple[Action, ...], singles: Sequence[Candidate]
+    ) -> dict[Action, dict[str, float]]:
+        """Causes that were fitted beside the others of a set, or alone, with their numbers; the best first."""
+        beside = {self.moved.get(a, a) for a in rest} | set(rest)
+        found: dict[Action, dict[str, float]] = {}
+        sets = [c for c in self.tried if rest and len(c.actions) == len(rest) + 1]
+        for candidate in [*sorted(sets, key=lambda c: -c.score), *singles]:
+            others = [a for a in candidate.actions if a not in beside]
+            if len(others) == 1 and others[0] not in found:
+                numbers = self.numbers(others[0])
+                found[others[0]] = {u.name: candidate.fit.values[u.name] for u in numbers}
+        return dict(list(found.items())[:REPLACED])
+
+    def _same(self, one: Fit, other: Fit) -> bool:
+        """Whether two fits predict the same but for what matters to nobody.
+
+        A delay before a component or behind it, say: the two differ by how series are read between samples, and long logs
+        tell even that.
+        """
+        left, theirs = self.problem.residuals(one.values), self.problem.residuals(other.values)
+        return all(
+            float(np.sqrt(np.mean((left[name] - theirs[name]) ** 2)))
+            < SIZE * self.spreads[name.partition("#")[0]]
+            for name in self.problem.names
+        )
+
+    def _never(self, best: Candidate) -> dict[Action, dict[str, float]]:
+        """Causes of which a moderate size would be within the noise: nobody knows whether they are there.
+
+        The screening has seen what each would do at the noise that was known then; only what was faint is looked at again.
+        """
+        found: dict[Action, dict[str, float]] = {}
+        here = best.fit.rows
+        for action, size in self.sizes.items():
+            if size > FAINT * NAMED or any(
+                a.port == action.port and a.effect == action.effect for a in best.actions
+            ):
+                continue
+            if self.budget.over:
+                self._left_out("what the log never exercised")
+                break
+            moved = self.moderate(action)
+            rows = self.problem.rows({**best.fit.values, **moved})
+            if rows is None:
+                continue
+            change = (here - rows)[self.problem.mask]
+            if 0.5 * float(change @ change) < NAMED + self._price((action,)):
+                found[action] = moved
+        return found

@@ -47,6 +47,6 @@ def _bilateral(x: Array, near: float, reach: int) -> Array:
     return y
 
 
-def followed(model: Array, reading: Array) -> Array:
-    """The model's series, brought slowly to the reading: without noise, and without the model's drift."""
-    return model + gaussian_filter1d(reading - model, SLOW, mode="nearest")
+def followed(model: Array, left: Array) -> Array:
+    """The model's series brought slowly to the reading, of which it leaves a rest: without noise and drift."""
+    return np.asarray(model + gaussian_filter1d(left, SLOW, mode="nearest"))

@@ -79,7 +79,9 @@ class SystemPlant:
             loop = Engine(plan, ordered, grid, Sampler({"u": 0.0}, grid, plan.held))
             found = parameters(system, [], list(settings))
             _initialise(loop, {port: value for n, value in found.items() for port in resolve(system, n)})
-            self._steps = operations(plan, ordered, loop.values, loop.in_values, PERIOD)
+            self._steps = operations(
+                plan, ordered, loop.values, loop.in_values, (loop.in_whole, loop.out_whole), PERIOD
+            )
         except BaseException:
             self.close()
             raise

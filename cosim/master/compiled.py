@@ -3,12 +3,13 @@
 from typing import Any, NamedTuple
 
 import numba
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
 from cosim.master.marks import STEP, STEPPED
-from cosim.master.plan import Array, Flags, Index
+from cosim.master.plan import Array, Flags, Index, Whole
 
 _SET_GET = types.int32(types.int64, types.int64, types.int64, types.int64, types.int64)
 _STEP = types.int32(types.int64, types.int64, types.float64, types.float64)
@@ -55,8 +56,11 @@ class Tables(NamedTuple):
     Attributes:
         exact: for each component, whether a step is what lies between two communication points to the last bit.
         components, setters, getters, steppers: address of each FMU's component and of its C functions, shape (c,).
+        whole_setters, whole_getters: those for Integer and Boolean, shape (2, c).
+        in_whole, out_whole: room for whole numbers, in the order of the inputs and outputs.
         in_references, out_references, in_pointer, out_pointer: addresses of the arrays of value references, of
             `in_values` and of `values`; the arrays must outlive the call.
+        in_whole_pointer, out_whole_pointer: those of `in_whole` and `out_whole`.
         marks: see `cosim.master.marks`.
     """
 
@@ -71,19 +75,37 @@ class Tables(NamedTuple):
     components: Index
     setters: Index
     getters: Index
+    whole_setters: Index
+    whole_getters: Index
     steppers: Index
     in_start: Index
+    in_reals: Index
+    in_kind: Index
     in_source: Index
     in_factor: Array
     in_offset: Array
     out_start: Index
+    out_reals: Index
+    out_kind: Index
+    in_whole: Whole
+    out_whole: Whole
     snapshots: Index
     n_outputs: int
     in_references: int
     out_references: int
     in_pointer: int
     out_pointer: int
+    in_whole_pointer: int
+    out_whole_pointer: int
     marks: Index
+
+
+@numba.njit(cache=True)
+def whole(value: float, kind: int) -> int:
+    """A number as an Integer (kind 1), or as a Boolean (2): true from a half on."""
+    if kind == 2:
+        return 1 if abs(value) >= 0.5 else 0
+    return int(np.floor(value + 0.5))
 
 
 @numba.njit(cache=True)
@@ -91,8 +113,8 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
     """Make the steps `first` to `last` with step size h [s].
 
     Returns:
-        (step reached, component, call, status): component is -1 when all went well or ``stop[0]`` was set; call is 0 for
-        fmi2SetReal, 1 for fmi2DoStep, 2 for fmi2GetReal.
+        (step reached, component, call, status): component is -1 when all went well or ``stop[0]`` was set; call is an
+        index of `cosim.master.engine.CALLS`.
     """
     n_series = t.table.shape[1]
     for k in range(first, last):
@@ -112,22 +134,49 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
                 new |= value != t.in_values[i]
                 t.in_values[i] = value
             if new:  # an input keeps its value until it is set again
-                status = call_real(
-                    t.setters[c], t.components[c], t.in_references + 4 * a, b - a, t.in_pointer + 8 * a
-                )
-                if status > 1 or status < 0:
-                    return k, c, 0, status
+                m = t.in_reals[c]
+                if m > a:
+                    status = call_real(
+                        t.setters[c], t.components[c], t.in_references + 4 * a, m - a, t.in_pointer + 8 * a
+                    )
+                    if status > 1 or status < 0:
+                        return k, c, 0, status
+                for i in range(m, b):
+                    kind = t.in_kind[i]
+                    t.in_whole[i] = whole(t.in_values[i], kind)
+                    status = call_real(
+                        t.whole_setters[kind - 1, c],
+                        t.components[c],
+                        t.in_references + 4 * i,
+                        1,
+                        t.in_whole_pointer + 4 * i,
+                    )
+                    if status > 1 or status < 0:
+                        return k, c, 2 + kind, status
             size = t.time[k + 1] - t.time[k] if t.exact[c] else h
             status = call_step(t.steppers[c], t.components[c], t.time[k], size)
             if status > 1 or status < 0:
                 return k, c, 1, status
             a, b = t.out_start[c], t.out_start[c + 1]
-            if b > a:
+            m = t.out_reals[c]
+            if m > a:
                 status = call_real(
-                    t.getters[c], t.components[c], t.out_references + 4 * a, b - a, t.out_pointer + 8 * a
+                    t.getters[c], t.components[c], t.out_references + 4 * a, m - a, t.out_pointer + 8 * a
                 )
                 if status > 1 or status < 0:
                     return k, c, 2, status
+            for i in range(m, b):
+                kind = t.out_kind[i]
+                status = call_real(
+                    t.whole_getters[kind - 1, c],
+                    t.components[c],
+                    t.out_references + 4 * i,
+                    1,
+                    t.out_whole_pointer + 4 * i,
+                )
+                if status > 1 or status < 0:
+                    return k, c, 4 + kind, status
+                t.values[i] = float(t.out_whole[i])
         for r in range(len(t.recorded)):
             t.rows[k + 1, r] = t.values[t.recorded[r]]
     return last, -1, 0, 0

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from types import FrameType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,16 @@ from cosim.errors import SimulationError
 from cosim.master import marks
 from cosim.master.inputs import Sampler
 from cosim.master.instance import Instance, status_name
-from cosim.master.interpreted import operations
-from cosim.master.plan import Plan
+from cosim.master.interpreted import operations, whole
+from cosim.master.plan import Plan, References, Whole
 
 Array = NDArray[np.float64]
 Room = Callable[[tuple[int, int]], Array]
 """Makes an array of a shape, in memory that somebody else may read."""
 EngineName = Literal["compiled", "python"]
-CALLS = ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal")
+CALLS = (
+    "fmi2SetReal", "fmi2DoStep", "fmi2GetReal", "fmi2SetInteger", "fmi2SetBoolean", "fmi2GetInteger", "fmi2GetBoolean",
+)  # fmt: skip
 CHUNK = 1000  # steps between looks at the progress bar: about a tenth of a second
 PIECE = 100_000  # steps whose inputs and recorded values are in memory at a time
 MOST_SWEEPS = 200
@@ -34,6 +36,15 @@ def pieces(whole: int, points: int) -> list[tuple[int, int]]:
     """First and last point of each piece of `whole` steps, and of the shorter last one where there are more points."""
     edges = [*range(0, whole, PIECE), whole, points - 1]
     return [(start, stop) for start, stop in pairwise(edges) if stop > start]
+
+
+def _one(references: References, room: Whole, i: int) -> tuple[Any, int, Any]:
+    """One value reference, a count of one, and where the value is: what a call of FMI for a single number takes."""
+    return (
+        references[i : i + 1].ctypes.data_as(ctypes.POINTER(ctypes.c_uint)),
+        1,
+        room[i : i + 1].ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
+    )
 
 
 class Engine:
@@ -73,6 +84,8 @@ class Engine:
         self.room, self.reached = room, 0
         self.values = np.zeros(plan.n_values)
         self.in_values = np.zeros(len(plan.in_source))
+        self.in_whole = np.zeros(len(plan.in_source), dtype=np.int32)
+        self.out_whole = np.zeros(plan.n_outputs, dtype=np.int32)
         self.recorded = plan.places()
         self.stop = np.zeros(1, dtype=np.int64)
         self.wall_time = 0.0
@@ -136,24 +149,34 @@ class Engine:
     def _set_inputs(self, c: int) -> None:
         plan = self.plan
         part = slice(plan.in_start[c], plan.in_start[c + 1])
-        count = part.stop - part.start
-        if not count:
+        if part.stop == part.start:
             return
         self.in_values[part] = (
             plan.in_factor[part] * self.values[plan.in_initial[part]] + plan.in_offset[part]
         )
-        references = plan.in_reference[part].ctypes.data_as(ctypes.POINTER(ctypes.c_uint))
-        new = self.in_values[part].ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-        self.instances[c].call("fmi2SetReal", references, count, new)
+        reals = int(plan.in_reals[c])
+        if reals > part.start:
+            references = plan.in_reference[part].ctypes.data_as(ctypes.POINTER(ctypes.c_uint))
+            new = self.in_values[part].ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+            self.instances[c].call("fmi2SetReal", references, reals - part.start, new)
+        for i in range(reals, part.stop):
+            kind = int(plan.in_kind[i])
+            self.in_whole[i] = whole(self.in_values[i], kind)
+            self.instances[c].call(CALLS[2 + kind], *_one(plan.in_reference, self.in_whole, i))
 
     def _get_outputs(self, c: int) -> None:
         plan = self.plan
         part = slice(plan.out_start[c], plan.out_start[c + 1])
-        count = part.stop - part.start
-        if count:
+        reals = int(plan.out_reals[c])
+        if reals > part.start:
             references = plan.out_reference[part].ctypes.data_as(ctypes.POINTER(ctypes.c_uint))
             target = self.values[part].ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-            self.instances[c].call("fmi2GetReal", references, count, target)
+            self.instances[c].call("fmi2GetReal", references, reals - part.start, target)
+        for i in range(reals, part.stop):
+            self.instances[c].call(
+                CALLS[4 + int(plan.out_kind[i])], *_one(plan.out_reference, self.out_whole, i)
+            )
+            self.values[i] = float(self.out_whole[i])
 
     # The loop
 
@@ -258,7 +281,21 @@ class Engine:
             setters=setters,
             getters=getters,
             steppers=steppers,
+            whole_setters=np.array(
+                [[i.set_integer, i.set_boolean] for i in self.instances], dtype=np.int64
+            ).T.copy(),
+            whole_getters=np.array(
+                [[i.get_integer, i.get_boolean] for i in self.instances], dtype=np.int64
+            ).T.copy(),
             in_start=p.in_start,
+            in_reals=p.in_reals,
+            in_kind=p.in_kind,
+            out_reals=p.out_reals,
+            out_kind=p.out_kind,
+            in_whole=self.in_whole,
+            out_whole=self.out_whole,
+            in_whole_pointer=int(self.in_whole.ctypes.data),
+            out_whole_pointer=int(self.out_whole.ctypes.data),
             in_source=p.in_source,
             in_factor=p.in_factor,
             in_offset=p.in_offset,
@@ -280,7 +317,7 @@ class Engine:
     def _interpreted(self, h: float) -> Callable[[int, int], tuple[int, int, int, int]]:
         """The same loop in Python, for machines without numba's compiler; the same calls with the same numbers."""
         p = self.plan
-        pick = operations(p, self.instances, self.values, self.in_values, h)
+        pick = operations(p, self.instances, self.values, self.in_values, (self.in_whole, self.out_whole), h)
         n_series = p.n_series
         copies = list(enumerate(map(int, p.snapshots)))
         values, base = self.values, p.n_outputs

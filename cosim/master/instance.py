@@ -8,7 +8,9 @@ import ctypes
 import hashlib
 import importlib.util
 import itertools
+import os
 import sys
+import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -58,6 +60,10 @@ class Message(NamedTuple):
 # hands back the number of the instance as its environment
 _listeners: dict[int, deque[Message]] = {}
 _numbers = itertools.count(1)
+
+
+# a library is loaded in its own folder, and threads share the working directory: one at a time, or another's folder stays
+_loading = threading.Lock()
 
 
 # how many open instances each FMU's folder has
@@ -122,7 +128,7 @@ class Instance:
         renew: each run takes a new instance of the library loaded anew, as with fmpy. What others compiled does not always
             come back by fmi2Reset to where it began: FMUs of 20-sim keep their clock, and some free twice what they freed.
         pointer: address of the FMU's component, for the compiled loop.
-        set_real, get_real, do_step: addresses of its C functions.
+        set_real, get_real, set_integer, get_integer, set_boolean, get_boolean, do_step: addresses of its C functions.
     """
 
     def __init__(self, component: Component, number: int = 0) -> None:
@@ -141,6 +147,7 @@ class Instance:
         self.alive = self._used = False
         fmu = component.fmu
         self.renew = not fmu.ours and fmu.module is None
+        self._state: ctypes.c_void_p | None = None
         _claim_module(fmu)
         self._load()
         self._number = next(_numbers)
@@ -153,7 +160,7 @@ class Instance:
     def _load(self) -> None:
         fmu = self.component.fmu
         try:
-            with self._marked(marks.LOAD):
+            with _loading, self._marked(marks.LOAD):
                 self._slave = FMU2Slave(
                     guid=fmu.guid,
                     unzipDirectory=str(fmu.folder),
@@ -162,9 +169,38 @@ class Instance:
                 )
         except Exception as error:  # fmpy raises bare exceptions
             raise ModelError(f"{fmu.source}: the library cannot be loaded: {error}") from None
+        self._bind()
+
+    def _bind(self) -> None:
         self.set_real = self._address("fmi2SetReal")
         self.get_real = self._address("fmi2GetReal")
+        self.set_integer = self._address("fmi2SetInteger")
+        self.get_integer = self._address("fmi2GetInteger")
+        self.set_boolean = self._address("fmi2SetBoolean")
+        self.get_boolean = self._address("fmi2GetBoolean")
         self.do_step = self._address("fmi2DoStep")
+
+    def _load_anew(self) -> None:
+        """Free the library and load it again; fmpy's own constructor would inspect each of its functions once more."""
+        slave, file = self._slave, self._slave.dll._name
+        slave.freeLibrary()
+        with _loading:
+            here = Path.cwd()
+            os.chdir(Path(file).parent)  # as fmpy does: some libraries look for others beside them
+            try:
+                with self._marked(marks.LOAD):
+                    slave.dll = ctypes.cdll.LoadLibrary(file)
+            except OSError as error:
+                raise ModelError(
+                    f"{self.component.fmu.source}: the library cannot be loaded again: {error}"
+                ) from None
+            finally:
+                os.chdir(here)
+        for name, old in slave._functions.items():
+            new = getattr(slave.dll, name)
+            new.argnames, new.argtypes, new.restype = old.argnames, old.argtypes, old.restype
+            slave._functions[name] = new
+        self._bind()
 
     def _address(self, name: str) -> int:
         return ctypes.cast(getattr(self._slave.dll, name), ctypes.c_void_p).value or 0
@@ -178,6 +214,11 @@ class Instance:
         self.alive, self._used = True, False
         _keep_module(self.component.fmu)
         self.pointer = int(self._slave.component)
+        self._state = None
+        if self.component.fmu.restarts:
+            state = ctypes.c_void_p()
+            if 0 <= self._status("fmi2GetFMUstate", ctypes.byref(state)) <= WARNING:
+                self._state = state
 
     def fresh(self) -> None:
         """Bring the instance to where it was after instantiation; one that broke or cannot be reset is made anew.
@@ -185,6 +226,13 @@ class Instance:
         Raises:
             SimulationError: the FMU refuses to be instantiated again.
         """
+        if self.alive and self._used and self._state is not None:
+            status = self._status("fmi2SetFMUstate", self._state)
+            if 0 <= status <= WARNING:
+                self.messages.clear()
+                return
+            self.failed(status)
+            self._state = None
         if self.alive and self._used and not self.renew:
             status = self._status("fmi2Reset")
             self.failed(status)
@@ -193,13 +241,15 @@ class Instance:
         if self.alive and self._used and self.renew:
             self._free()
             if self.component.fmu.module is None:
-                self._slave.freeLibrary()
-                self._load()
+                self._load_anew()
         if not self.alive:
             self._instantiate()
         self._used = True
 
     def _free(self) -> None:
+        if self._state is not None:
+            self._status("fmi2FreeFMUstate", ctypes.byref(self._state))
+            self._state = None
         self.alive = False
         with self._marked(marks.function("fmi2FreeInstance")):
             self._slave.fmi2FreeInstance(self._slave.component)

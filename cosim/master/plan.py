@@ -6,6 +6,7 @@ inputs, then copies of those discrete outputs whose value at the START of the st
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,13 @@ from numpy.typing import NDArray
 from cosim.errors import UsageError
 from cosim.master.order import Order, step_order
 from cosim.ssp.hints import did_you_mean
-from cosim.ssp.system import Port, System, Wire
+from cosim.ssp.system import NUMERIC, Port, System, Wire
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 References = NDArray[np.uint32]
 Flags = NDArray[np.bool_]
+Whole = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ class Plan:
         initial: order of initialisation, all wires counted.
         in_source: index into ``values`` of each input, at the time the wire hands over.
         in_initial: the same in initialisation mode, where everything is of the same instant.
+        in_kind, out_kind: 0 for Real, 1 for Integer and Enumeration, 2 for Boolean.
+        in_reals, out_reals: where the Real ones of each component end; they come first.
         snapshots: (source, copy) indices of discrete outputs.
         n_outputs, n_series: lengths of the first two parts of ``values``.
     """
@@ -59,8 +63,12 @@ class Plan:
     in_factor: Array
     in_offset: Array
     in_reference: References
+    in_kind: Index
+    in_reals: Index
     out_start: Index
     out_reference: References
+    out_kind: Index
+    out_reals: Index
     snapshots: Index
     n_outputs: int
     n_series: int
@@ -96,6 +104,11 @@ def make_plan(
     return _Planner(system, inputs, hold).plan(record)
 
 
+def _real_ends(start: Index, kind: Index) -> Index:
+    """Where the Real entries of each component end, shape (c,)."""
+    return np.array([a + int(np.sum(kind[a:b] == 0)) for a, b in pairwise(start)], dtype=np.int64)
+
+
 class _Planner:
     def __init__(self, system: System, inputs: Sequence[str], hold: Sequence[str]) -> None:
         self.system, self.series, self.notes = system, tuple(inputs), list[str]()
@@ -129,7 +142,7 @@ class _Planner:
         component, _, variable = name.partition(".")
         if component in self.system.components:
             found = self.system.components[component].fmu.variables.get(variable)
-            if found is not None and found.causality == "input" and found.kind == "Real":
+            if found is not None and found.causality == "input" and found.kind in NUMERIC:
                 return (Wire(Port("", name), Port(component, variable)),)
         known = list(self.system.inputs) + [
             f"{c.name}.{v.name}"
@@ -137,7 +150,7 @@ class _Planner:
             for v in c.fmu.variables.values()
             if v.causality == "input"
         ]
-        raise UsageError(f"there is no Real input '{name}'{did_you_mean(name, known)}")
+        raise UsageError(f"there is no input '{name}' that takes numbers{did_you_mean(name, known)}")
 
     def declared_discrete(self, k: int) -> bool:
         ports = [target for target, (j, _) in self.driven.items() if j == k]
@@ -152,19 +165,27 @@ class _Planner:
         ports = set(wanted.values()) | {wire.source for wire in self.wires}
         for name in names:
             fmu = self.system.components[name].fmu
-            for variable in fmu.variables.values():
+            # those that are Real first: they are read in one call
+            for variable in sorted(fmu.variables.values(), key=lambda v: v.kind != "Real"):
                 port = Port(name, variable.name)
-                if port in ports and variable.kind == "Real" and variable.causality != "input":
+                if port in ports and variable.kind in NUMERIC and variable.causality != "input":
                     outputs[port] = len(outputs)
             bounds.append(len(outputs))
         late = sorted({outputs[w.source] for w in self.late})
         copies = {source: len(outputs) + len(self.series) + d for d, source in enumerate(late)}
         rows = [row for name in names for row in self.inputs_of(name, outputs, copies)]
         counts = [sum(1 for row in rows if row[0] == name) for name in names]
+        in_start = np.cumsum([0, *counts], dtype=np.int64)
+        in_kind = np.array([self.kind(row[4].target) for row in rows], dtype=np.int64)
+        out_kind = np.array([self.kind(p) for p in outputs], dtype=np.int64)
         return Plan(
             order=self.order,
             initial=self.initial,
-            in_start=np.cumsum([0, *counts], dtype=np.int64),
+            in_start=in_start,
+            in_kind=in_kind,
+            in_reals=_real_ends(in_start, in_kind),
+            out_kind=out_kind,
+            out_reals=_real_ends(np.array(bounds, dtype=np.int64), out_kind),
             in_reference=np.array([row[1] for row in rows], dtype=np.uint32),
             in_source=np.array([row[2] for row in rows], dtype=np.int64),
             in_initial=np.array([row[3] for row in rows], dtype=np.int64),
@@ -195,7 +216,11 @@ class _Planner:
                 now = outputs[wire.source]
                 index = copies[now] if wire in self.late else now
                 rows.append((name, self.system.variable(wire.target).reference, index, now, wire))
-        return rows
+        return sorted(rows, key=lambda row: self.kind(row[4].target) > 0)
+
+    def kind(self, port: Port) -> int:
+        """0 for Real, 1 for Integer and Enumeration, 2 for Boolean."""
+        return {"Real": 0, "Boolean": 2}.get(self.system.variable(port).kind, 1)
 
     def wanted(self, record: Sequence[str] | None) -> dict[str, Port]:
         """What to record: the variable behind each name (a driven system input has no component)."""
@@ -217,10 +242,10 @@ class _Planner:
         component, _, variable = name.partition(".")
         if component in self.system.components:
             found = self.system.components[component].fmu.variables.get(variable)
-            if found is not None and found.kind == "Real":
+            if found is not None and found.kind in NUMERIC:
                 return Port(component, variable)
             if found is not None:
-                raise UsageError(f"'{name}' is of type {found.kind}: only Real variables can be recorded")
+                raise UsageError(f"'{name}' is of type {found.kind}: only numbers can be recorded")
         known = [f"{c.name}.{v}" for c in self.system.components.values() for v in c.fmu.variables]
         raise UsageError(
             f"there is no variable '{name}' to record{did_you_mean(name, [*known, *self.system.outputs])}"

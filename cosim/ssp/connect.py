@@ -9,7 +9,7 @@ from cosim.errors import ModelError
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import linear
 from cosim.ssp.quantities import UnitDefinition, agree, from_xml
-from cosim.ssp.system import Component, Port, SystemInput, Variable, Wire
+from cosim.ssp.system import NUMERIC, Component, Port, SystemInput, Variable, Wire
 from cosim.ssp.xml import SSC, SSD
 
 _CAUSALITIES = {
@@ -173,11 +173,11 @@ class _Wiring:
         source, target = self.variable(start), self.variable(end)
         if source is None or target is None:
             return  # said already, at the connector
-        for port, variable in ((start, source), (end, target)):
-            if variable.kind != "Real":
-                raise ModelError(
-                    f"{what}: {port} is of type {variable.kind}; only Real signals can be connected"
-                )
+        self.numbers(what, source, (factor, offset))
+        if source.kind != target.kind:
+            raise ModelError(
+                f"{what} joins the types {source.kind} and {target.kind}: put a component between them that converts"
+            )
         fmus = self.components[start.component].fmu, self.components[end.component].fmu
         if checked and not agree(source.unit, fmus[0].units, target.unit, fmus[1].units):
             raise ModelError(
@@ -205,10 +205,7 @@ class _Wiring:
                 f"{what}: units '{connector.unit}' and '{variable.unit}' differ: give both ends the same"
             )
         if kind == "input":
-            if variable.kind != "Real":
-                raise ModelError(
-                    f"{what}: {inner} is of type {variable.kind}; only Real signals can be connected"
-                )
+            self.numbers(what, variable, (factor, offset))
             self.feed(inner, f"system input '{outer.variable}'")
             self.targets[outer.variable].append(Wire(outer, inner, factor, offset))
             return
@@ -224,6 +221,16 @@ class _Wiring:
             self.outputs[outer.variable] = inner
         elif kind == "parameter":
             self.parameters[outer.variable].append(inner)
+
+    @staticmethod
+    def numbers(what: str, variable: Variable, transformation: tuple[float, float]) -> None:
+        """Refuse a connection of texts, and one of whole numbers that changes them."""
+        if variable.kind not in NUMERIC:
+            raise ModelError(f"{what}: '{variable.name}' is a {variable.kind}; only numbers can be connected")
+        if variable.kind != "Real" and transformation != (1.0, 0.0):
+            raise ModelError(
+                f"{what}: '{variable.name}' is of type {variable.kind} and cannot be transformed"
+            )
 
     def variable(self, port: Port) -> Variable | None:
         return self.components[port.component].fmu.variables.get(port.variable)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
-from fmpy.model_description import ModelDescription, ModelVariable
+from fmpy.model_description import CoSimulation, ModelDescription, ModelVariable
 from lxml import etree
 
 from cosim.errors import ModelError
@@ -67,7 +67,7 @@ def load_fmu(
         _fmu(description, source, folder, units),
         step_size=experiment.get("stepSize"),
         tolerance=experiment["tolerance"] if experiment.get("tolerance", 0.0) > 0.0 else None,
-        oddities=_oddities(description.coSimulation.modelIdentifier, source),
+        oddities=_oddities(description.coSimulation, source, _python_module(folder) is not None),
         ours=ours,
     )
 
@@ -156,12 +156,20 @@ def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str) -> Non
     raise ModelError(f"{source} has no binary at all ('{wanted}' is missing): export it with binaries")
 
 
-def _oddities(identifier: str, source: str) -> tuple[str, ...]:
-    if re.fullmatch(r"[A-Za-z_]\w*", identifier, re.ASCII):
-        return ()
-    return (
-        f"{source}: modelIdentifier='{identifier}' is no C identifier, which FMI 2.0 demands; it is run all the same",
-    )
+def _oddities(slave: CoSimulation, source: str, python: bool) -> tuple[str, ...]:
+    found = []
+    if not re.fullmatch(r"[A-Za-z_]\w*", slave.modelIdentifier, re.ASCII):
+        found.append(
+            f"{source}: modelIdentifier='{slave.modelIdentifier}' is no C identifier, which FMI 2.0 demands; "
+            "it is run all the same"
+        )
+    if (
+        slave.needsExecutionTool and not python
+    ):  # pythonfmu says so of all it makes, and means the Python that runs this
+        found.append(
+            f"{source} needs the tool that exported it (needsExecutionTool): where that is not installed it will not start"
+        )
+    return tuple(found)
 
 
 def _fmu(
@@ -194,6 +202,7 @@ def _fmu(
         step_size=None,
         variable_steps=bool(slave.canHandleVariableCommunicationStepSize),
         module=_python_module(folder),
+        keeps_state=bool(slave.canGetAndSetFMUstate),
     )
 
 
@@ -202,6 +211,8 @@ def _variable(
 ) -> Variable:
     causality = item.causality or "local"
     variability = item.variability or "continuous"
+    if item.type != "Real" and variability == "continuous" and causality in ("input", "output", "local"):
+        variability = "discrete"  # FMI 2.0, section 2.2.7: only Real can be continuous
     declared = item.declaredType
     unit = item.unit or (declared.unit if declared else None) or ""
     display = item.displayUnit or (declared.displayUnit if declared else None) or ""

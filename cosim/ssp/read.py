@@ -21,7 +21,7 @@ from cosim.ssp.connect import connect
 from cosim.ssp.fmu import load_fmu
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import ParameterValue, bindings, fitted, local_source
-from cosim.ssp.system import Component, Fmu, Port, System, SystemInput, Value, Wire
+from cosim.ssp.system import NUMERIC, Component, Fmu, Port, System, SystemInput, Value, Wire
 from cosim.ssp.xml import SSD, number, parse
 from cosim.trust import is_ours
 
@@ -70,7 +70,7 @@ def read_ssp(path: Path, parameter_set: str | None = None) -> System:
 
 
 def read_fmu(path: Path) -> System:
-    """An FMU as a system of one component named like the file, with all its Real inputs as system inputs.
+    """An FMU as a system of one component named like the file, with all its inputs that are numbers as system inputs.
 
     Raises:
         ModelError: the FMU is bad or cannot run here.
@@ -85,7 +85,7 @@ def read_fmu(path: Path) -> System:
         wires = {
             v.name: Wire(Port("", v.name), Port(name, v.name))
             for v in fmu.variables.values()
-            if v.causality == "input" and v.kind == "Real"
+            if v.causality == "input" and v.kind in NUMERIC
         }
         inputs = {n: SystemInput(n, fmu.variables[n].unit, (wire,)) for n, wire in wires.items()}
         outputs = {

@@ -13,6 +13,10 @@ Value = float | int | bool | str
 """A value of an FMI variable: Real, Integer or Enumeration, Boolean, String."""
 
 
+NUMERIC = ("Real", "Integer", "Enumeration", "Boolean")
+"""Kinds of variables whose values are numbers, and can be signals; those that are not Real are held over each step."""
+
+
 class Port(NamedTuple):
     """A variable of a component; as text ``component.variable``."""
 
@@ -77,6 +81,9 @@ class Fmu:
         module: (name, digest) of the Python module that pythonfmu will import, or None.
         ours: this installation built it (`cosim.trust`).
         tolerance: of the default experiment, for the FMU's own step-size control, or None.
+        keeps_state: it says that its state can be read and set.
+        restarts: its runs begin by setting the state that it had when it was instantiated; for callers who have made sure
+            that this gives what a new instance gives.
         oddities: rules of FMI that it breaks and that stop nobody from running it, with words.
     """
 
@@ -93,6 +100,8 @@ class Fmu:
     ours: bool = False
     tolerance: float | None = None
     oddities: tuple[str, ...] = ()
+    keeps_state: bool = False
+    restarts: bool = False
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from cosim.errors import DataError
 from cosim.ssp.hints import did_you_mean
-from cosim.ssp.system import Port, System, Wire
+from cosim.ssp.system import NUMERIC, Port, System, Wire
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class CutGroup:
         units: in an order in which sources come before targets.
         drives: measured signals that enter.
         inner: wires between its units that were not measured.
-        judged: measured outputs, signal -> port.
+        judged: measured outputs that are Real, signal -> port; what is a whole number, or true or false, only drives.
         missing: inputs from outside that were not measured.
     """
 
@@ -74,7 +74,7 @@ def port_of(system: System, name: str) -> Port:
     Inputs of the system give a port without component.
 
     Raises:
-        DataError: there is none, or it holds no Real signal.
+        DataError: there is none, or it holds no number.
     """
     if name in system.inputs:
         return Port("", name)
@@ -90,18 +90,20 @@ def port_of(system: System, name: str) -> Port:
         raise DataError(f"the system has no connector '{name}'{did_you_mean(name, known)}")
     port = Port(component, variable)
     found = system.variable(port)
-    if found.kind != "Real" or found.causality not in ("input", "output", "local"):
-        raise DataError(f"'{name}' is a {found.kind} {found.causality}: only Real signals can be measured")
+    if found.kind not in NUMERIC or found.causality not in ("input", "output", "local"):
+        raise DataError(
+            f"'{name}' is a {found.kind} {found.causality}: only signals that are numbers can be measured"
+        )
     return port
 
 
 def connectors(system: System) -> list[str]:
-    """Names of all Real inputs and outputs, ``component.connector``, and of the system's own."""
+    """Names of all inputs and outputs that are numbers, ``component.connector``, and of the system's own."""
     own = [
         f"{c.name}.{v.name}"
         for c in system.components.values()
         for v in c.fmu.variables.values()
-        if v.kind == "Real" and v.causality in ("input", "output")
+        if v.kind in NUMERIC and v.causality in ("input", "output")
     ]
     return [*own, *system.inputs]
 
@@ -178,7 +180,9 @@ def cut(system: System, names: Collection[str]) -> tuple[CutGroup, ...]:
         judged = [
             (name, port)
             for name, port in sources.items()
-            if port.component in members and not _is_input(system, port)
+            if port.component in members
+            and not _is_input(system, port)
+            and system.variable(port).kind == "Real"
         ]
         units = _units(members, own)
         groups.append(

@@ -1,7 +1,8 @@
 """Runs the units of a system over series: what enters on a uniform grid, what leaves on the same grid.
 
 Each unit has FMU instances of its own, made once and reset between runs; those of others live in a watched process
-(`cosim.master`). A run that was made before is not made again.
+(`cosim.master`), and begin each run by the state that they had at first where they have one to set and it was seen to give
+the same, else anew. A run that was made before is not made again.
 """
 
 import hashlib
@@ -16,8 +17,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import SimulationError
 from cosim.master import Limits, Runner
-from cosim.ssp.system import Port, System, Value
+from cosim.results import Result
+from cosim.ssp.system import Fmu, Port, System, Value
 from cosim.system.graph import Unit
 
 Array = NDArray[np.float64]
@@ -38,17 +41,20 @@ class Runs:
         stop: told of a Ctrl-C in a run; True if what runs will end by itself soon.
     """
 
-    def __init__(self, system: System, limits: Limits | None = None) -> None:
+    def __init__(self, system: System, limits: Limits | None = None, apart: bool | None = None) -> None:
         """Nothing is loaded before it is run.
 
         Args:
             system: what is cut into units; it must outlive this.
             limits: of the processes in which FMUs of others run.
+            apart: whether units run in processes of their own; by default those with an FMU that is not ours.
         """
-        self.system, self.limits = system, limits
+        self.system, self.limits, self.apart = system, limits, apart
         self.count = self.steps = 0
         self.stop: Callable[[], bool] = lambda: False
         self.runners: dict[tuple[str, ...], Runner] = {}
+        self._proved: set[tuple[str, ...]] = set()  # units whose restarts were tried
+        self._renewed: set[tuple[str, ...]] = set()  # those whose restarts did not give the same
         self._kept: OrderedDict[bytes, dict[Port, Array]] = OrderedDict()
 
     def __enter__(self) -> Self:
@@ -162,18 +168,50 @@ class Runs:
             if not self.stop():
                 raise
             result = once()
+        self._prove(unit, once, result)
         found = {port: np.ascontiguousarray(result.signals[str(port)][::parts]) for port in outputs}
         self._kept[key] = found
         if len(self._kept) > KEPT:
             self._kept.popitem(last=False)
         return found
 
+    def _prove(self, unit: Unit, once: Callable[[], Result], first: Result) -> None:
+        """See whether a unit that restarts by its state gives what a new instance gave; if not it is made anew each time."""
+        if unit.components in self._proved or not any(
+            self._restarts(unit, self.system.components[c].fmu) for c in unit.components
+        ):
+            return
+        self._proved.add(unit.components)
+        self.count += 1
+        try:
+            again = once()
+            same = all(np.array_equal(again.signals[n], v, equal_nan=True) for n, v in first.signals.items())
+        except SimulationError:
+            same = False
+        except KeyboardInterrupt:
+            if not self.stop():
+                raise
+            same = False
+        if not same:
+            self._renewed.add(unit.components)
+            self.runners.pop(unit.components).close()
+
+    def _restarts(self, unit: Unit, fmu: Fmu) -> bool:
+        """Whether an FMU of others is to restart by its state, which spares the loading of its library."""
+        return (
+            fmu.keeps_state and not fmu.ours and fmu.module is None and unit.components not in self._renewed
+        )
+
     def _runner(self, unit: Unit) -> Runner:
         if unit.components not in self.runners:
             inside = set(unit.components)
             part = replace(
                 self.system,
-                components={n: c for n, c in self.system.components.items() if n in inside},
+                components={
+                    n: replace(c, fmu=replace(c.fmu, restarts=self._restarts(unit, c.fmu)))
+                    for n, c in self.system.components.items()
+                    if n in inside
+                },
                 wires=tuple(
                     w
                     for w in self.system.wires
@@ -185,7 +223,7 @@ class Runs:
                 notes=[],
                 folder=None,
             )
-            self.runners[unit.components] = Runner(part, limits=self.limits)
+            self.runners[unit.components] = Runner(part, apart=self.apart, limits=self.limits)
         return self.runners[unit.components]
 
     def _key(

@@ -3,6 +3,7 @@
 import copy
 import json
 import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import systems
 
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
+from cosim.master import Runner
 
 MAPPING = """
 [time]
@@ -186,3 +188,66 @@ def test_a_unit_of_another_dimension_is_refused(command, packages, tmp_path: Pat
     code, _, err = command("diagnose", log, "--model", packages["full_order"], "--out", tmp_path / "o")
     assert code == 3
     assert "'dcv.spool' is in 'bar'" in " ".join(err.split())
+
+
+CLUTCH = """
+import math
+
+from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Integer, Real
+
+
+class Clutch(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.u, self.gear, self.on, self.y, self.shown = 0.0, 1, True, 0.0, 0
+        self.register_variable(Real("u", causality=Fmi2Causality.input))
+        self.register_variable(Integer("gear", causality=Fmi2Causality.input))
+        self.register_variable(Boolean("on", causality=Fmi2Causality.input))
+        self.register_variable(Real("y", causality=Fmi2Causality.output))
+        self.register_variable(Integer("shown", causality=Fmi2Causality.output))
+
+    def do_step(self, t, h):
+        new = self.gear * self.u if self.on else 0.0
+        self.y += (1.0 - math.exp(-h / 0.2)) * (new - self.y)
+        self.shown = self.gear
+        return True
+"""
+
+
+def test_whole_numbers_and_switches_drive_a_component(command, tmp_path: Path) -> None:
+    (tmp_path / "Clutch.py").write_text(CLUTCH)
+    words = [sys.executable, "-m", "pythonfmu", "build", "-f", "Clutch.py", "-d", "."]
+    subprocess.run(words, check=True, cwd=tmp_path, capture_output=True)
+    rng = np.random.default_rng(2)
+    count = 800
+    u = systems.command(rng, count)
+    gear, on = 1 + np.arange(count) // 250, (np.arange(count) // 130) % 3 != 1
+    y = np.zeros(count)
+    for k in range(1, count):  # the gear is lower than it says by a fifth
+        new = 0.8 * gear[k - 1] * 0.5 * (u[k] + u[k - 1]) * on[k - 1]
+        y[k] = y[k - 1] + (1.0 - np.exp(-systems.H / 0.2)) * (new - y[k - 1])
+    table = np.column_stack(
+        [systems.H * np.arange(count), u, gear, on, y + 0.003 * rng.standard_normal(count), gear]
+    )
+    log = tmp_path / "log.csv"
+    heading = "time [s],u [1],gear [1],on [1],y [1],shown [1]"
+    np.savetxt(log, table, "%.12g", delimiter=",", header=heading, comments="")
+    code, out, err = command(
+        "diagnose", log, "--model", tmp_path / "Clutch.fmu", "--out", tmp_path / "o", "--json"
+    )
+    assert code == 0, err
+    found = json.loads(out)
+    (cause,) = found["causes"]
+    assert cause["effect"] == "port.gain"
+    assert "port.gain at Clutch.u (input)" in {
+        f"port.gain at Clutch.{cause['connector']} ({cause['where']})",
+        *cause["indistinguishable_from"],
+    }
+    assert cause["parameters"]["gain"]["value"] == pytest.approx(0.8, rel=0.01)
+    assert list(found["signals"]) == ["Clutch.y"]
+    with Runner(Path(found["extended"]["ssp"])) as runner:  # its package takes them, too
+        time = systems.H * np.arange(count)
+        inputs = {"u": (time, u), "gear": (time, gear), "on": (time, on.astype(float))}
+        result = runner.run(time[-1], systems.H, inputs=inputs, record=["y"], hold=())
+    # the master hands u over half a sample earlier than it acted here; without the gain 25 % are left
+    assert np.std(result["y"] - y) < 0.02 * np.std(y)

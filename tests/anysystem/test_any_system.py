@@ -53,7 +53,7 @@ def test_a_hidden_effect_is_named_at_its_connector(
         f"{told['value']:.3g}"[:4],
         "plant.y [1]",
         "with the causes",
-        "No further run is proposed",
+        "No further run is needed",
     ):
         assert text in page
     assert "(port)" not in page
@@ -118,10 +118,24 @@ def test_a_wrong_reading_in_a_loop_is_one_cause_and_no_second_one_in_what_it_dri
     assert cause["parameters"]["gain"]["value"] == pytest.approx(1.2, rel=0.01)
 
 
-def test_what_is_not_in_the_vocabulary_stays_unexplained_in_its_component(
-    native: Path, command, tmp_path: Path
+@pytest.mark.parametrize(
+    ("port", "where", "size"),
+    [("plant.y", "output", 0.4), ("plant.u", "input", 0.3)],
+)
+def test_what_is_not_in_the_vocabulary_stays_unexplained_and_its_port_and_function_are_told(
+    native: Path, command, tmp_path: Path, port: str, where: str, size: float
 ) -> None:
-    hidden = Hidden("strange.square", "plant.y", "output", {"size": 0.4})
+    hidden = Hidden("strange.square", port, where, {"size": size})
     found = diagnosed(command, systems.log(tmp_path / "log.csv", [hidden], 4), native, tmp_path)
     assert found["verdict"] == "unexplained"
-    assert {item["block"] for item in found["unexplained"]} == {"plant"}
+    (left,) = found["unexplained"]
+    assert left["block"] == "plant"
+    assert left["missing"]["enters_at"] == [f"{port} ({where})"]
+    assert left["missing"]["depends_on"] == port
+    assert left["missing"]["share"] > 0.9
+    if where == "input":  # what is measured there is what the square is of
+        points = left["missing"]["points"]
+        reach = max(y for _, y in points) - min(y for _, y in points)
+        for x, y in points:
+            assert y == pytest.approx(size * x**2, abs=0.05 * reach)
+    assert f"added at {port} ({where})" in left["what"]

@@ -5,6 +5,7 @@ import gc
 import signal
 import subprocess
 import sys
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -151,7 +152,7 @@ def test_a_held_series_may_end_one_interval_early(toys: Any) -> None:
 
 def test_unknown_and_doubled_inputs_are_refused(toys: Any) -> None:
     with Runner(toys.fmu("gain")) as runner:
-        with pytest.raises(UsageError, match=r"no Real input 'v'"):
+        with pytest.raises(UsageError, match=r"no input 'v' that takes numbers"):
             runner.run(1.0, 0.1, inputs={"v": 1.0})
         with pytest.raises(UsageError, match="driven twice"):
             runner.run(1.0, 0.1, inputs={"u": 1.0, "gain.u": 1.0})
@@ -287,3 +288,52 @@ def test_pieces_are_the_run_bit_by_bit(toys: Any, monkeypatch: pytest.MonkeyPatc
         assert np.concatenate(pieces[y]).tobytes() == whole[y].tobytes() == kept[y].tobytes()
     assert seen[-1] == pytest.approx(2.505)
     assert seen == sorted(seen)
+
+
+def test_integers_and_booleans_are_signals_too_held_over_each_step(toys: Any) -> None:
+    time = 0.1 * np.arange(31)
+    gear, on = np.where(time < 1.0, 1.0, 3.0), np.where(time < 2.0, 1.0, 0.0)
+    names = ["gearbox.y", "gearbox.shown", "gearbox.moves", "gearbox.gear"]
+    results = []
+    for way in ("compiled", "python"):
+        with Runner(toys.fmu("gearbox")) as runner:
+            inputs = {"u": 1.0, "gear": (time, gear), "gearbox.on": (time, on)}
+            results.append(runner.run(3.0, 0.1, inputs=inputs, record=names, engine=way))
+    found, again = results
+    for name in names:
+        assert np.array_equal(found[name], again[name])
+    y = np.zeros(time.size)
+    for k in range(30):
+        y[k + 1] = y[k] + (1.0 - np.exp(-0.5)) * (gear[k] * on[k] - y[k])
+    np.testing.assert_allclose(found["gearbox.y"], y, rtol=1e-12)
+    assert np.array_equal(found["gearbox.shown"][1:], gear[:-1])
+    assert np.array_equal(found["gearbox.moves"][1:], (y[1:] > 0.5).astype(float))
+
+
+def test_a_boolean_output_can_drive_a_boolean_input_but_no_real_one(toys: Any) -> None:
+    kinds = {"a.moves": "output"}
+    boxes = {"a": "gearbox", "b": "gearbox"}
+    wires = ["u -> a.u", "u -> b.u", "a.moves -> b.on"]
+    plain = toys.ssp(boxes, wires, kinds=kinds)
+    with zipfile.ZipFile(plain) as archive:
+        entries = {n: archive.read(n) for n in archive.namelist()}
+    text = entries["SystemStructure.ssd"].decode()
+    for name in ("moves", "on"):
+        head, _, tail = text.partition(f'<ssd:Connector name="{name}"')
+        text = head + f'<ssd:Connector name="{name}"' + tail.replace("<ssc:Real/>", "<ssc:Boolean/>", 1)
+    target = plain.with_name("clutch.ssp")
+    with zipfile.ZipFile(target, "w") as archive:
+        for name, content in entries.items():
+            archive.writestr(name, text if name == "SystemStructure.ssd" else content)
+    with Runner(target) as runner:
+        result = runner.run(2.0, 0.1, inputs={"u": 1.0}, record=["a.y", "a.moves", "b.y", "b.on"])
+    assert np.array_equal(result["b.on"], result["a.moves"])
+    first = int(np.argmax(result["a.moves"] > 0.0))
+    assert 0 < first < 10
+    assert np.all(result["b.y"][: first + 1] == 0.0)  # handed over at the start of the next step
+    assert result["b.y"][first + 1] > 0.0
+    with (
+        pytest.raises(ModelError, match="joins the types Boolean and Real"),
+        Runner(toys.ssp(boxes, ["a.moves -> b.u"], kinds=kinds)),
+    ):
+        pass

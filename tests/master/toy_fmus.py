@@ -143,6 +143,19 @@ BODIES = {
         return True
 """,
     # ends as asked: a refused parameter, discarded steps, an exception
+    # a lag behind a gear box with a clutch; tells the gear and whether it moves
+    "gearbox": """
+        self.declare(u=(Real, C.input, V.continuous, 0.0), gear=(Integer, C.input, V.discrete, 1),
+                     on=(Boolean, C.input, V.discrete, True), y=(Real, C.output, V.continuous, 0.0),
+                     shown=(Integer, C.output, V.discrete, 0), moves=(Boolean, C.output, V.discrete, False))
+
+    def do_step(self, t, h):
+        import math
+        new = self.gear * self.u if self.on else 0.0
+        self.y += (1.0 - math.exp(-h / 0.2)) * (new - self.y)
+        self.shown, self.moves = self.gear, abs(self.y) > 0.5
+        return True
+""",
     "grumbler": """
         self.declare(limit=(Real, C.parameter, V.fixed, 1.0), refuse_at=(Real, C.parameter, V.fixed, 1e9),
                      raise_at=(Real, C.parameter, V.fixed, 1e9), u=(Real, C.input, V.continuous, 0.0),

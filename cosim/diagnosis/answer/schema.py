@@ -141,6 +141,15 @@ class LinearReference(Model):
     ci95_of_ratio: tuple[float, float]  # of the extended model's error over the linear one's
 
 
+class MissingFunction(Model):
+    """What a model of any FMUs lacks: a function that would explain it, and where it enters."""
+
+    enters_at: list[str]  # several where the log cannot tell
+    depends_on: str | None  # a connector; none where it takes several
+    share: float  # of the variance of what is left, that it explains on windows held out
+    points: list[tuple[float, float]]  # (value of that signal, of the function), in the units of the log
+
+
 class Unexplained(Model):
     """Something systematic that no effect of the library explains."""
 
@@ -149,6 +158,7 @@ class Unexplained(Model):
     residual_rms: float
     unit: str
     span: tuple[float, float] | None = None  # s, where only one stretch of the log is off
+    missing: MissingFunction | None = None
 
 
 class NextExperiment(Model):
