@@ -38,7 +38,6 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "continuity.leakage": (hydraulics.pressure_curve, _pressure_steps),
     "continuity.compressibility": (hydraulics.lag,),
     "continuity.supply_sag": (hydraulics.supply,),
-    "continuity.flow_pressure": (_pressure_steps,),
     "continuity.travel_flow": (_pressure_steps,),
     "continuity.cracking_pressure": (torque.over_pressure,),
     "mechanical.coulomb_friction": (torque.over_speed,),
