@@ -39,6 +39,7 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "continuity.compressibility": (hydraulics.lag,),
     "continuity.supply_sag": (hydraulics.supply,),
     "continuity.travel_flow": (_pressure_steps,),
+    "continuity.flow_pressure": (hydraulics.throttling,),
     "continuity.cracking_pressure": (torque.over_pressure,),
     "mechanical.coulomb_friction": (torque.over_speed,),
     "mechanical.stribeck_friction": (torque.over_speed,),

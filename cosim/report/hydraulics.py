@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 CUTOFF = 10.0  # Hz
 BAR, MM = 1e5, 1e-3
+OPEN = 0.3  # of the widest opening, less than which the ratio of flow to opening is mostly noise
 BINS = "mean in bins, ±2 standard errors"
 
 
@@ -75,6 +76,32 @@ def pressure_curve(material: Material, cause: NamedCause) -> Picture:
         axis("spool position", "mm"),
         [Panel(axis("steady load pressure", "bar"), top), Panel(axis("off nominal", "bar"), below)],
         CAPTIONS["pressure_curve"],
+    )
+
+
+def throttling(material: Material, cause: NamedCause) -> Picture:
+    """Flow for the opening, in parts of what it would be without load, against the load pressure against it: (4.22)."""
+    seen = Pressures(material)
+    gain, T = extended_pair(material, cause)
+    free = gain * opening(material, seen.spool, cause)
+    wide = np.abs(seen.spool) > OPEN * np.abs(seen.spool).max()
+    x = np.sign(seen.spool[wide]) * seen.pressure[wide]
+    y = (seen.pressure + T * seen.rate)[wide] / free[wide]
+    grid = np.linspace(x.min(), x.max(), 201)
+    law = np.sqrt(np.maximum(1.0 - material.value("continuity.c_q") * grid, 0.0))
+    at, mean, error = binned(x / BAR, y, seen.independent)
+    layers = [
+        Layer("points", "measured", "measured", x / BAR, y),
+        Layer("line", "nominal model", "nominal", grid[[0, -1]] / BAR, np.ones(2)),
+        Layer("line", "extended model", "extended", grid / BAR, law),
+        Layer("means", BINS, "plain", at, mean, error),
+    ]
+    return Picture(
+        f"evidence-{cause.effect.replace('.', '-')}",
+        "Flow for the opening against the load pressure",
+        axis("load pressure against the flow", "bar"),
+        [Panel("flow, in parts of that without load", layers)],
+        CAPTIONS["throttling"],
     )
 
 
