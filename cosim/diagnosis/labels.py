@@ -110,7 +110,7 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
     usual = USUAL_GAIN if trusted else (0.0, np.inf)
     # the command passes a dead zone and limits: a wrong unit of it spoils the shape, not the gain
     command = record.signals[machine.drive]
-    commanding = machine.drive not in SIGNALS or commands(command)
+    commanding = machine.drive != "u" or commands(command)
     spoiled = bool(as_labelled) and not (commanding and abs(as_labelled[0][1]) >= SHAPE)
     if plausible(as_labelled, usual) and not (trusted and spoiled):
         return exchanged_with_supply(record.signals)
