@@ -1,6 +1,7 @@
 """The documents as a site: it builds, every link leads somewhere, and one that does not is noticed."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 TOP = Path(__file__).resolve().parents[1]
-pytestmark = pytest.mark.slow
+SLOW = pytest.mark.slow
 
 
 def build(top: Path, target: Path) -> subprocess.CompletedProcess[str]:
@@ -35,6 +36,16 @@ def copy(tmp_path):
     return top
 
 
+def test_every_document_is_in_the_menu():
+    """Without mkdocs, which the fast suite does not have."""
+    menu = (TOP / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
+    missing = [
+        p.name for p in (TOP / "docs").glob("*.md") if not re.search(rf"[ \[]{re.escape(p.name)}\b", menu)
+    ]
+    assert missing == []
+
+
+@SLOW
 def test_the_site_builds_and_holds_every_document_command_and_function(tmp_path):
     done = build(TOP, tmp_path / "site")
     assert done.returncode == 0, done.stderr
@@ -48,6 +59,7 @@ def test_the_site_builds_and_holds_every_document_command_and_function(tmp_path)
         assert name in functions
 
 
+@SLOW
 @pytest.mark.parametrize(
     "link", ["[x](nowhere.md)", "[x](compare.md#nowhere)", "[x](../examples/nowhere.toml)"]
 )
