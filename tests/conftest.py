@@ -1,5 +1,6 @@
 """What tests of several parts share: our packages, built once."""
 
+import shutil
 import signal
 from collections.abc import Iterator
 
@@ -14,6 +15,10 @@ from cosim.ssp.write import write_ssp
 settings.register_profile("search", deadline=None)
 settings.register_profile("same", deadline=None, derandomize=True)
 settings.load_profile("same")
+
+
+CHROMIUM = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+            "--disable-component-update", "--disable-sync"]  # fmt: skip
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -57,3 +62,18 @@ def command(capsys):
         return stop.value.code, captured.out, captured.err
 
     return call
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    """Debian's Chromium, headless."""
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright (extra 'dev') is not installed"
+    )
+    found = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("chromium-browser")
+    if found is None:
+        pytest.skip("no Chromium: apt install chromium")
+    with playwright.sync_playwright() as running:
+        started = running.chromium.launch(executable_path=found, headless=True, args=CHROMIUM)
+        yield started
+        started.close()

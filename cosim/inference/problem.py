@@ -249,19 +249,22 @@ class Problem:
 
         best = begin, np.inf
 
+        def rows_at(x: Array) -> Array:
+            return np.concatenate([rows_of(x)[self.mask], beliefs(x)])
+
         def cost(x: Array) -> Array:
             nonlocal best
             if self.hurried():
                 raise _HurryError
-            found = np.concatenate([rows_of(x)[self.mask], beliefs(x)])
+            found = rows_at(x)
             if (size := float(found @ found)) < best[1]:
                 best = x.copy(), size
             return found
 
-        def slopes(x: Array) -> Array:
-            here = cost(x)
+        def slopes(x: Array, of: Callable[[Array], Array] = cost) -> Array:
+            here = of(x)
             return np.stack(
-                [(cost(moved) - here) / step for moved, step in self._moves(x, low, high, difference)], axis=1
+                [(of(moved) - here) / step for moved, step in self._moves(x, low, high, difference)], axis=1
             )
 
         try:
@@ -277,15 +280,7 @@ class Problem:
             )
             at, steep = found.x, slopes(found.x)
         except _HurryError:
-            at = best[0]
-            here = np.concatenate([rows_of(at)[self.mask], beliefs(at)])
-            steep = np.stack(
-                [
-                    (np.concatenate([rows_of(moved)[self.mask], beliefs(moved)]) - here) / step
-                    for moved, step in self._moves(at, low, high, difference)
-                ],
-                axis=1,
-            )
+            at, steep = best[0], slopes(best[0], rows_at)
         values = whole | self._named(unknowns, at)
         rows = rows_of(at)
         return Fit(

@@ -2,7 +2,6 @@
 
 import base64
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,9 +13,6 @@ from pathlib import Path
 import pytest
 
 pytestmark = pytest.mark.browser
-
-FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync"]  # fmt: skip
 
 # what a reader of the screen would say of each part that can be used
 NAMELESS = """() => [...document.querySelectorAll('input, select, button, a')].filter(part => part.checkVisibility() &&
@@ -45,20 +41,6 @@ class Opened:
         assert list(self.temporary.glob("cosim-open-*")) == []
         assert "Traceback" not in err
         return self.process.returncode, out
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[object]:
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="playwright (extra 'dev') is not installed"
-    )
-    found = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("chromium-browser")
-    if found is None:
-        pytest.skip("no Chromium: apt install chromium")
-    with playwright.sync_playwright() as running:
-        started = running.chromium.launch(executable_path=found, headless=True, args=FLAGS)
-        yield started
-        started.close()
 
 
 @pytest.fixture

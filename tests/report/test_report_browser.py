@@ -2,9 +2,7 @@
 
 import io
 import re
-import shutil
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,9 +14,6 @@ from cosim.report.language import reported_in
 from cosim.report.page import page as made_page
 
 pytestmark = pytest.mark.browser
-
-FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync"]  # fmt: skip
 
 # of each plot: traces wanted, and those of which something is on the screen
 DRAWN = """() => [...document.querySelectorAll('.plot')].map(plot => {
@@ -38,20 +33,6 @@ class Visit:
     page: object
     errors: list[str] = field(default_factory=list)
     requests: list[str] = field(default_factory=list)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[object]:
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="playwright (extra 'dev') is not installed"
-    )
-    found = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("chromium-browser")
-    if found is None:
-        pytest.skip("no Chromium: apt install chromium")
-    with playwright.sync_playwright() as running:
-        started = running.chromium.launch(executable_path=found, headless=True, args=FLAGS)
-        yield started
-        started.close()
 
 
 def visit(browser, file: Path) -> Visit:

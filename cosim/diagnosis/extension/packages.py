@@ -1,4 +1,4 @@
-"""The extended model: all blocks fitted together with the named causes, and written as packages other clients can run."""
+"""The extended model, written as packages that other clients can run."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -286,18 +286,16 @@ def errs_at_most(one: Array | None, other: Array | None, placed: bool) -> bool:
     return gain_of_errors(one, other, placed).gain >= 0.0
 
 
-def keep(
-    finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float, done: Steps | None = None
-) -> Finding:
+def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float, done: Steps) -> Finding:
     """The finding with those of its effects that held-out data bear out, fitted also from where these judged them."""
     begin = refound(finding, kept, trust, done) if kept else finding.null
     finding = replace(finding.accept(begin, record), confirmed=kept != ())
     return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), trust))
 
 
-def refound(finding: Finding, kept: tuple[Effect, ...], trust: float, done: Steps | None) -> Trial:
+def refound(finding: Finding, kept: tuple[Effect, ...], trust: float, done: Steps) -> Trial:
     """A set of effects fitted in windows, from the finding's fit and from the one with which held-out data judged it."""
-    judged = (done or {}).get(key_of(kept))
+    judged = done.get(key_of(kept))
     begins = [finding.chosen.fit, *([] if judged is None else [judged.fit])]
     return max((tried(finding.task, kept, trust, fit) for fit in begins), key=lambda t: t.score)
 
