@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.anysystem.actions import Action
+from cosim.anysystem.missing import FEWEST_RUNS
 from cosim.anysystem.model import GroupModel, Segment, place
 from cosim.anysystem.search import JITTER, NAMED, Finding
 from cosim.errors import SimulationError
@@ -29,9 +30,8 @@ Description = dict[str, float | str | list[float]]
 Series = dict[str, Array]
 LONGEST = 4000  # samples of an experiment
 PART = 0.3  # of the runs of FMUs that the diagnosis made: so many may be spent on the experiment
-FEWEST = 100  # runs that it may take in any case
 TRIED = 2  # twins of a cause for which one is looked for
-SHOWN = 8  # effects that were never exercised and that one is to show
+NEVER_SHOWN = 8  # effects that were never exercised and that one is to show
 SWEEPS = 12  # of a loop of groups, until what goes round stands
 SETTLED = 1e-3  # of a signal's reach
 HELD = 1e-3  # of an unknown's scale, for slopes
@@ -82,7 +82,7 @@ class Rehearsal:
         late = [{s for g in self.groups[k:] for s, _ in g.judged} for k in range(len(self.groups))]
         self.looped = any(d.signal in late[k] for k, g in enumerate(self.groups) for d in g.drives)
         self.outside = {n: first.signals[n] for n in driving if n not in judged}
-        self.allowed = max(FEWEST, round(PART * runs.count))
+        self.allowed = max(FEWEST_RUNS, round(PART * runs.count))
         self.most = runs.count
 
     def allow(self, share: float) -> None:
@@ -259,7 +259,7 @@ def _shifts(rehearsal: Rehearsal, readings: Series) -> list[Array]:
 
 def _shown(rehearsal: Rehearsal) -> Proposal | None:
     """The excitation that shows most of what the log never exercised, at a moderate size."""
-    never = [(f, a, v) for f in rehearsal.found.findings.values() for a, v in f.never.items()][:SHOWN]
+    never = [(f, a, v) for f in rehearsal.found.findings.values() for a, v in f.never.items()][:NEVER_SHOWN]
     if not never:
         return None
     best: Proposal | None = None

@@ -28,14 +28,14 @@ KNOTS = (
     0.85,
     0.98,
 )  # quantiles of a signal between which its function is straight
-SHOWN = (0.05, 0.25, 0.5, 0.75, 0.95)  # quantiles at which it is shown
-SIZE = 0.05  # of a port's reach: of a piece, for its response
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # quantiles at which it is shown
+PIECE_SIZE = 0.05  # of a port's reach: of a piece, for its response
 RIDGE = 1e-4  # of a piece's own power
 WORTH = 0.3  # of the variance on windows held out: a function that tells less tells nothing
 ALONE = 0.95  # of what functions of all signals tell, from which one signal alone will do
 NEAR = 1.5  # times what the best port leaves: another that leaves no more may be it as well
 SPENT = 0.5  # of the runs that a diagnosis made: so many may be made here, in all groups
-FEWEST = 100  # runs that may be made in any case
+FEWEST_RUNS = 100  # runs that may be made in any case
 
 
 @dataclass(frozen=True)
@@ -89,10 +89,11 @@ def missing(finding: Finding, runs: Runs, most: int) -> Missing | None:
         try:
             for signal, own in pieces.items():
                 for piece in own:
-                    model.added[f"{port}|{where}"] = [SIZE * reach * p for p in piece]
+                    model.added[f"{port}|{where}"] = [PIECE_SIZE * reach * p for p in piece]
                     moved = model(values)
                     columns.setdefault(signal, []).append(
-                        np.concatenate([weights[n] * (moved[n] - here[n]) for n in names]) / (SIZE * reach)
+                        np.concatenate([weights[n] * (moved[n] - here[n]) for n in names])
+                        / (PIECE_SIZE * reach)
                     )
         except SimulationError:
             continue
@@ -178,7 +179,7 @@ def _best(
         return _Entry(name, together[0], "", (), ())
     told, sizes = each[by]
     whole = np.concatenate(signals[by])
-    at = np.quantile(whole, SHOWN)
+    at = np.quantile(whole, QUANTILES)
     low, high = np.quantile(whole, [0.01, 0.99])
     knots = np.unique((np.quantile(whole, KNOTS) - low) / (high - low))
     x = (at - low) / (high - low)

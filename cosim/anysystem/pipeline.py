@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import Action
 from cosim.anysystem.experiment import Proposal, propose
-from cosim.anysystem.missing import FEWEST as FEWEST_RUNS
-from cosim.anysystem.missing import SPENT, Missing, missing
+from cosim.anysystem.missing import FEWEST_RUNS, SPENT, Missing, missing
 from cosim.anysystem.model import GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, ends, value_of
 from cosim.anysystem.search import CLOSE, Finding, Search, Trust, worth
 from cosim.anysystem.smooth import followed, still
 from cosim.diagnosis.budget import Budget
+from cosim.diagnosis.thresholds import FEWEST_SAMPLES
 from cosim.errors import DataError
 from cosim.inference.problem import Problem
 from cosim.ssp.system import Port, System
@@ -26,7 +26,6 @@ from cosim.system.structure import Structure, structure
 Array = NDArray[np.float64]
 Watch = Callable[[str], None]
 WINDOWS = 30  # a log is cut into, of which every third is held out
-FEWEST = 60  # samples of a log
 SHOWN = 10  # inputs that a sentence lists
 SEARCHED = 0.85  # of the time allowed, until which groups are judged
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
@@ -92,9 +91,10 @@ def segments_of(logs: Sequence[Recording], held: int) -> tuple[list[Segment], li
     found, notes, number = [], list[str](), 0
     for k, log in enumerate(logs):
         count = log.time.size
-        if count < FEWEST:
+        if count < FEWEST_SAMPLES:
             raise DataError(
-                f"{log.source}: the log has {count} samples; a diagnosis needs at least {FEWEST}: record longer, or faster"
+                f"{log.source}: the log has {count} samples; a diagnosis needs at least {FEWEST_SAMPLES}: "
+                "record longer, or faster"
             )
         intervals = np.diff(log.time)
         h = float(f"{np.median(intervals):.12g}")
