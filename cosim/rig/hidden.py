@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from cosim.errors import UsageError
-from cosim.rig.parameters import EFFECTS, NOMINAL, PARAMETERS, Plant, nominal_value
+from cosim.rig.parameters import EFFECTS, NOMINAL, PARAMETERS, PHYSICAL_B, Plant, nominal_value
 from cosim.units import parse_quantity
 
 
@@ -146,4 +146,5 @@ def changed(plant: Plant) -> dict[str, float]:
     values = {
         name: float(getattr(getattr(plant, name.split(".")[0]), name.split(".")[1])) for name in PARAMETERS
     }
-    return {name: value for name, value in values.items() if value != nominal_value(name)}
+    usual = {"mechanical.b": PHYSICAL_B} if plant.continuity.physical else {}
+    return {name: value for name, value in values.items() if value != usual.get(name, nominal_value(name))}
