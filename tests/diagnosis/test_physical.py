@@ -1,6 +1,7 @@
 """The physical hydraulics as the model that a log is held against: pressure and mechanics feed back, one group."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,14 @@ def test_effects_have_the_form_of_the_block_they_act_on() -> None:
             assert {here.key, *here.free, *here.ranges} <= set(known)
     assert registry.effect_on("continuity.flow_pressure", "continuity_physical") is None
     assert registry.effect_on("continuity.leakage", "continuity") is registry.effects()["continuity.leakage"]
+
+
+def test_ports_that_are_exchanged_are_seen_in_the_loop() -> None:
+    log = as_log(make_log("steps", 8.0, model="physical", seed=8))
+    signals = log.signals | {"p_a": log["p_b"], "p_b": log["p_a"]}
+    found = diagnose(replace(log, signals=signals), model="physical")
+    assert found.verdict == "implausible_data"
+    assert [told.finding for told in found.data] == ["p_a and p_b look exchanged"]
 
 
 @pytest.mark.slow

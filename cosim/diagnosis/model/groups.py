@@ -107,6 +107,17 @@ class Group:
         """The signal that a sensor of this group reads, if there is one."""
         return self.observed[0] if self.stages and self.stages[-1][1] == "sensor" else None
 
+    def output_of(self, signal: str) -> str:
+        """The output that a signal shows, ``p_load`` also where its ports are measured."""
+        (output, _), *more = dict(self.parts).get(signal, ((signal, 1.0),))
+        return "p_load" if more else output.rpartition(".")[2]
+
+    @property
+    def telling(self) -> tuple[str, ...]:
+        """The signal by which the group is known, and, of two that feed back, the one between them."""
+        first, *others = self.observed
+        return (first, *(s for s in others if self.loop is not None and self.output_of(s) == "p_load"))
+
     def is_speed(self, signal: str) -> bool:
         """True if a signal is the speed, not the angle: a gyroscope or a tachometer."""
         (output, _), *more = dict(self.parts).get(signal, ((signal, 1.0),))

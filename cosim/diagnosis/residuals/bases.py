@@ -136,7 +136,7 @@ def loop_bases(
 ) -> dict[str, list[Basis]]:
     """A missing torque and a missing opening, each through pressure and mechanics that feed back, and a missing reading."""
     h, drive, cuts = record.h, group.drive, record.cuts
-    shown = {s: output_of(group, s) for s in predicted}
+    shown = {s: group.output_of(s) for s in predicted}
     opened: dict[str, Array] = {drive: record.signals[drive] if group.held else record.smooth(drive, 20.0)}
     moved: dict[str, Array] = {}
     for signal, output in shown.items():
@@ -166,12 +166,6 @@ def loop_bases(
         if moved and not pressure:
             found[signal] += missing_reading(moved, "rad/s" if is_speed else "rad", h)
     return found
-
-
-def output_of(group: Group, signal: str) -> str:
-    """The output that a signal of two blocks that feed back shows: the load pressure, too, where its ports are measured."""
-    (output, _), *more = dict(group.parts).get(signal, ((signal, 1.0),))
-    return "p_load" if more else output.rpartition(".")[2]
 
 
 def around(
