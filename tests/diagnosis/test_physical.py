@@ -118,5 +118,5 @@ def test_causes_of_valve_loop_and_hydraulics_are_named_and_the_extension_runs(tm
     assert low <= 100.0 <= high
     gain = answer["gain"]["slew"]
     assert gain["rmse_after"] < 1.05 * gain["noise_floor"]
-    run = runner.invoke(make_app(), ["simulate", str(out / "extended.ssp"), "--stop", "2 s", "--json"])
+    run = runner.invoke(make_app(), ["simulate", str(out / "extended.ssp"), "--stop-time", "2 s", "--json"])
     assert run.exit_code == 0, run.output
