@@ -146,5 +146,5 @@ def changed(plant: Plant) -> dict[str, float]:
     values = {
         name: float(getattr(getattr(plant, name.split(".")[0]), name.split(".")[1])) for name in PARAMETERS
     }
-    usual = {"mechanical.b": PHYSICAL_B} if plant.continuity.physical else {}
+    usual = {"mechanical.b": PHYSICAL_B, "continuity.physical": 1.0} if plant.continuity.physical else {}
     return {name: value for name, value in values.items() if value != usual.get(name, nominal_value(name))}

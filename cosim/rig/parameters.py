@@ -210,6 +210,9 @@ PARAMETERS: dict[str, Parameter] = {
     "continuity.c_q": Parameter(
         "1/Pa", 0.0, 1e-5, "Inverse of the load pressure that ends the flow", "(4.22)"
     ),
+    "continuity.physical": Parameter(
+        "1", 0.0, 1.0, "1: orifices and two chambers (--model physical)", "(4.17)-(4.21)"
+    ),
     "continuity.C_d": Parameter("1", 1e-3, 1.0, "Discharge coefficient", "(4.17)"),
     "continuity.w": Parameter("m", 1e-7, 1e-1, "Area gradient of the orifices", "(4.17)"),
     "continuity.rho": Parameter("kg/m3", 100.0, 5000.0, "Density of the oil", "(4.17)"),

@@ -83,6 +83,8 @@ class Recipe:
             raise UsageError(f"{self.substeps} substeps a millisecond: at least 1 is needed")
         if self.start is not None and "mechanical.theta_0" in self.settings:
             raise UsageError("the start angle is given twice: as start and as mechanical.theta_0")
+        if "continuity.physical" in self.settings:
+            raise UsageError("continuity.physical is chosen by the model: --model physical")
         if isinstance(self.hidden, (str, Hidden)):
             raise UsageError("hidden is a list of effects: put the one effect into a list")
         # an iterator would be used up by its first reader

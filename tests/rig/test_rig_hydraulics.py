@@ -103,6 +103,8 @@ def test_the_two_hydraulics_have_parameters_of_their_own():
     for hidden in ("continuity.flow_gain", "continuity.supply_sag", "continuity.flow_pressure"):
         with pytest.raises(UsageError, match="has no place in the physical system: set"):
             make_log("steps", 1.0, [hidden], model="physical")
+    with pytest.raises(UsageError, match="is chosen by the model: --model physical"):
+        make_log("steps", 1.0, settings={"continuity.physical": 1.0})
     with pytest.raises(UsageError, match="no model 'phisical' of the rig: did you mean physical"):
         make_log("steps", 1.0, model="phisical")
     run = make_log("steps", 1.0, ["mechanical.inertia"], model="physical")
