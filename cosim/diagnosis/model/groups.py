@@ -142,7 +142,8 @@ class Group:
         """
         slot = self.upstream_slot
         lumped = sum(block in DYNAMIC for _, block in self.stages) > 1
-        found = []
+        lost = self.behind_lost_motion()
+        found: list[Effect] = []
         for effect in registry.effects().values():
             if effect.name in self.excluded or effect.name in _LEFT_OUT.get():
                 continue
@@ -152,11 +153,11 @@ class Group:
             handed_on = set(effect.fills) == {"driving_pressure"}
             inside = effect.component in self.components[:-1] or not handed_on
             handed = slot and handed_on and effect.component == slot[0] and slot[2] in effect.fills
-            lost = effect.name in self.behind_lost_motion()
-            if (handed or (effect.component in self.components and inside)) and not lost:
-                here = registry.effect_on(effect.name, self.block_of(effect.component))
+            if (handed or (effect.component in self.components and inside)) and effect.name not in lost:
+                block = self.block_of(effect.component)
+                here = registry.effect_on(effect.name, block)
                 if here is not None:
-                    found.append(scaled(here, self.scale) if self.scale else here)
+                    found.append(scaled(effect.name, block, self.scale) if self.scale else here)
         return tuple(found)
 
     def behind_lost_motion(self) -> tuple[str, ...]:
@@ -182,17 +183,17 @@ DYNAMIC: dict[str, tuple[str, ...]] = {
     "mechanical": ("J", "b"),
     "simplified": ("k", "a"),
 }
-
-
 # of two that feed back: the parameters of their linear part
 LOOP = (("C_d", "w", "rho", "beta", "V_L", "V_A", "V_B", "C_L", "p_s", "A", "r"), ("J", "b", "A", "r"))
 
 
-def scaled(effect: Effect, scale: tuple[tuple[str, float], ...]) -> Effect:
-    """The effect with starts, typical size and floor of each parameter times its own factor or that of its unit."""
-    factors = dict(scale)
+@cache
+def scaled(name: str, block: str, scale: tuple[tuple[str, float], ...]) -> Effect:
+    """The effect as it is in a block; starts, typical size and floor of each parameter by its own factor or its unit's."""
+    effect, factors = registry.effect_on(name, block), dict(scale)
+    assert effect is not None
 
-    def moved(listed: Mapping[str, Free]) -> dict[str, Free]:
+    def moved(effect: Effect, listed: Mapping[str, Free]) -> dict[str, Free]:
         found = {}
         for parameter, item in listed.items():
             variable = effect.parameters.get(parameter) or registry.parameter(effect.component, parameter)
@@ -203,7 +204,7 @@ def scaled(effect: Effect, scale: tuple[tuple[str, float], ...]) -> Effect:
             )
         return found
 
-    return replace(effect, free=moved(effect.free), forms=moved(effect.forms))
+    return replace(effect, free=moved(effect, effect.free), forms=moved(effect, effect.forms))
 
 
 class OurModels(Mapping[str, tuple[Group, ...]]):
