@@ -107,6 +107,8 @@ def test_the_two_hydraulics_have_parameters_of_their_own():
         make_log("steps", 1.0, settings={"continuity.physical": 1.0})
     with pytest.raises(UsageError, match="no model 'phisical' of the rig: did you mean physical"):
         make_log("steps", 1.0, model="phisical")
-    run = make_log("steps", 1.0, ["mechanical.inertia"], model="physical")
+    run = make_log("steps", 1.0, ["mechanical.inertia", "continuity.leakage:c_l=1"], model="physical")
     assert run.truth["model"] == "physical"
-    assert list(run.truth["not_nominal"]) == ["mechanical.J", "mechanical.theta_0"]
+    off = run.truth["not_nominal"]
+    assert set(off) == {"mechanical.J", "mechanical.theta_0", "continuity.c_l", "continuity.C_L"}
+    assert off["continuity.C_L"]["value"] == pytest.approx(2.0 * 2.1215307141765915e-12, rel=1e-12)
