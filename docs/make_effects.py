@@ -16,8 +16,7 @@ def declared(effect: Effect, name: str) -> Variable:
     """Declaration of a parameter that the effect frees: its own, or its block's."""
     if name in effect.parameters:
         return effect.parameters[name]
-    component = registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
-    return registry.block(component).parameters[name]
+    return registry.parameter(effect.component, name)
 
 
 def parameters(effect: Effect) -> str:
@@ -29,6 +28,12 @@ def parameters(effect: Effect) -> str:
         variable = declared(effect, name)
         form = "; another form: " if name in effect.forms else ""
         rows.append(f"{form}`{effect.component}.{name}` ({variable.start:g}) {variable.unit}")
+    for block in effect.on:
+        there = registry.effect_on(effect.name, block)
+        if there is not None and there.free != effect.free:
+            own = [(n, registry.block(block).parameters[n]) for n in there.free]
+            names = ", ".join(f"`{effect.component}.{n}` ({v.start:.3g}) {v.unit}" for n, v in own)
+            rows.append(f"; in {block}: {names}")
     return ", ".join(rows).replace(", ; ", "; ")
 
 

@@ -185,7 +185,7 @@ def repack(archive: Path, destination: Path, picture: Path) -> None:
 
 def composed_block(name: str, component: str | None = None) -> Composed:
     """Block `name` with every effect of the library that acts on it, switched off by its start values."""
-    return compose(registry.block(name), registry.effects_on(component or name))
+    return compose(registry.block(name), registry.effects_on(component or name, name))
 
 
 def build_blocks(destination: Path, stimulus: bytes) -> list[Path]:

@@ -107,7 +107,8 @@ class Block:
         module: the module that declares it.
         feedthrough: outputs that depend directly on an input, with those inputs.
         reads: what each input stands for over a step from t to t + h. "held": its value from t to t + h; "line": its value at
-            t + h, joined by a straight line to that of the step before; "instant": its value at t + h, read as it is.
+            t + h, joined by a straight line to that of the step before; "instant": its value at t + h, read as it is;
+            "start": its value at t, from which it goes on as in the step before (a wire that closes a loop).
         memory: arrays that the block itself remembers (a table it plays).
         helpers: equations of other modules that this block's equations call.
         step_size: default communication step, s.
@@ -117,7 +118,7 @@ class Block:
     title: str
     module: ModuleType
     feedthrough: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    reads: dict[str, Literal["held", "line", "instant"]] = field(default_factory=dict)
+    reads: dict[str, Literal["held", "line", "instant", "start"]] = field(default_factory=dict)
     memory: dict[str, Buffer] = field(default_factory=dict)
     helpers: tuple[Callable[..., Any], ...] = ()
     step_size: float = 1e-3
@@ -231,6 +232,8 @@ class Effect:
         sole_form: its law can have no other form (an offset, a factor, an inertia): what it leaves is none of its own.
         ranges: where those of its parameters can physically be whose declaration admits more.
         prior: log odds against the other effects before a log is seen.
+        on: another block that runs under the same component -> what of the above is otherwise there; the effect has no place
+            in one that is not named.
     """
 
     name: str
@@ -253,6 +256,7 @@ class Effect:
     sole_form: bool = False
     ranges: dict[str, Range] = field(default_factory=dict)
     prior: float = 0.0
+    on: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @property
     def block(self) -> str:

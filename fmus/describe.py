@@ -42,6 +42,9 @@ def unit_definitions(variables: Iterable[Variable]) -> etree._Element:
     return root
 
 
+TOOL, AT_START = "slew-cosim", "start"  # of a vendor annotation that says how an input is read
+
+
 def scalar_variable(
     name: str, reference: int, causality: str, variable: Variable, start: float
 ) -> etree._Element:
@@ -103,6 +106,7 @@ def model_description(composed: Composed, starts: Mapping[str, float], content: 
         starts,
         content,
         block.step_size,
+        begins=[n for n in composed.inputs if block.reads.get(n) == "start"],
     )
 
 
@@ -117,6 +121,7 @@ def described(
     step_size: float,
     tool: str = "slew-cosim with pythonfmu",
     sources: Sequence[str] = (),
+    begins: Sequence[str] = (),
 ) -> etree._Element:
     """The modelDescription of anything with these variables.
 
@@ -131,6 +136,7 @@ def described(
         step_size: default communication step, s.
         tool: what made the FMU.
         sources: C files to compile; an FMU of ours that has them uses derivatives of its inputs.
+        begins: inputs of which a step takes the value at its start: our master then hands over that one.
     """
     variables = E.ModelVariables()
     for reference, (own, causality, variable) in enumerate(rows):
@@ -157,6 +163,9 @@ def described(
     root.append(
         E.DefaultExperiment(startTime="0", stopTime="10", tolerance=TOLERANCE, stepSize=repr(step_size))
     )
+    if begins:
+        told = E.Tool(*(E.Input(name=own, taken=AT_START) for own in begins), name=TOOL)
+        root.append(E.VendorAnnotations(told))
     root.append(variables)
     root.append(structure(rows, feedthrough, initial))
     root.set("guid", f"{{{uuid.UUID(hashlib.sha256(etree.tostring(root) + content).hexdigest()[:32])}}}")
@@ -200,6 +209,8 @@ READS = {
     "held": "{names}: held. The value set before a step from t to t + h acts from t to t + h (zero-order hold).",
     "line": "{names}: a straight line. The value set before a step from t to t + h is taken as that at t + h, joined to that of "
     "the step before.",
+    "start": "{names}: the value set before a step from t to t + h is taken as that at t, from which it goes on in the straight "
+    "line of the step before. A wire that closes a loop brings just that.",
     "instant": "{names}: as it is. The value set before a step from t to t + h is taken as that at t + h.",
 }
 LATE = (
@@ -224,8 +235,9 @@ def over_a_step(composed: Composed) -> list[str]:
         names = ", ".join(name for name, v in composed.outputs.items() if v.discrete == discrete)
         if names:
             said.append(text.format(names=names))
-    if composed.inputs:
-        said.append(LATE.format(names=", ".join(composed.inputs)))
+    late = [name for name in composed.inputs if block.reads.get(name) != "start"]
+    if late:
+        said.append(LATE.format(names=", ".join(late)))
     return said
 
 

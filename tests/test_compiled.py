@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
-from cosim.compiled import CompiledBlock, compiled_block
+from cosim.compiled import CompiledBlock, CompiledPair, compiled_block
 from fmus import registry
 from fmus.contract import Buffer
 from fmus.syntax import collect
@@ -98,6 +99,66 @@ def test_the_block_alone_equals_the_block_with_effects_off(component: str, name:
     whole = CompiledBlock(block.composed)
     whole.__dict__["alone"] = whole  # no way around the effects
     assert np.array_equal(alone, whole.run(row[None, 1:], H, {}, row[:1]))
+
+
+@pytest.mark.parametrize("changed", [{}, {"tau_c": 60.0}], ids=["alone", "with effects"])
+def test_two_blocks_in_turns_equal_cpython(changed: dict[str, float]) -> None:
+    """Each is stepped once a step, the first with what the second made in the step before."""
+    first, second = compiled_block("continuity_physical", "continuity"), compiled_block("mechanical")
+    values, changed = {"a_q": 0.1, "p_c": 3e4}, changed | {"b": 33102.0, "omega_0": 0.01}
+    row = 2.4e-3 * COMMAND[:1001]
+    found = CompiledPair(first, second).run(row[1:], H, values, changed, row[0])
+    one, other = first.composed.module, second.composed.module
+    p0 = one.Parameters(*(values.get(n, v) for n, v in first.nominal.items()))
+    p1 = other.Parameters(*(changed.get(n, v) for n, v in second.nominal.items()))
+    u0 = one.Input(row[0], 0.01)
+    x0, c0 = one.start(u0, p0), one.coefficients(p0, H)
+    m0 = one.begin(x0, u0, p0, first.buffers())
+    y0 = one.output(x0, u0, m0, p0)
+    u1 = other.Input(y0.p_load)
+    x1, c1 = other.start(u1, p1), other.coefficients(p1, H)
+    m1 = other.begin(x1, u1, p1, second.buffers())
+    rows = [(*y0, *other.output(x1, u1, m1, p1))]
+    for spool in row[1:]:
+        u0 = one.Input(spool, rows[-1][-1])
+        x0, m0 = one.advance(x0, m0, u0, p0, c0)
+        u1 = other.Input(one.output(x0, u0, m0, p0).p_load)
+        x1, m1 = other.advance(x1, m1, u1, p1, c1)
+        rows.append((*one.output(x0, u0, m0, p0), *other.output(x1, u1, m1, p1)))
+    expected = np.array(rows).T
+    size = np.ptp(expected, axis=1, keepdims=True) + np.abs(expected).max(axis=1, keepdims=True)
+    assert np.all(np.abs(np.concatenate(found) - expected) <= 1e-12 * size)
+    assert np.ptp(expected[-1]) > 0.01
+
+
+def test_the_loop_of_pressure_and_motion_is_of_second_order() -> None:
+    """Against LSODA over steps of the demand: below 1e-5 deg at 1 ms, and four times less at half the step."""
+    blocks = [compiled_block(n, c) for n, c in (("dcv", "dcv"), ("continuity_physical", "continuity"))]
+    valve, pair = blocks[0], CompiledPair(blocks[1], compiled_block("mechanical"))
+    b, end, demands = 33102.35190191385, 1.0, (0.9, -0.7, 0.2)
+    v, c, m = (block.module.Parameters(*block.nominal.values()) for block in (valve, pair.first, pair.second))
+    equations = pair.first.composed.module
+
+    def rates(t: float, y: np.ndarray, demand: float) -> list[float]:
+        x, speed, p_a, p_b, theta, omega = y
+        a, b_, _ = equations.rates(p_a, p_b, c.p_s, m.r * theta, x, omega, c)
+        pull = v.w0**2 * (v.K * demand - x) - 2.0 * v.zeta * v.w0 * speed
+        return [speed, pull, a, b_, omega, (m.A * m.r * (p_a - p_b) - b * omega) / m.J]
+
+    exact, y = [0.0], [0.0, 0.0, 0.5 * c.p_s, 0.5 * c.p_s, 0.0, 0.0]
+    for demand in demands:
+        at = np.linspace(0.0, end, 101)[1:]
+        atol = [1e-15, 1e-13, 1e-3, 1e-3, 1e-14, 1e-14]
+        solved = solve_ivp(rates, (0.0, end), y, "LSODA", at, args=(demand,), rtol=1e-11, atol=atol)
+        exact, y = [*exact, *solved.y[4]], solved.y[:, -1]
+    errors = []
+    for h in (1e-3, 5e-4):
+        steps = np.repeat(demands, round(end / h))
+        spool = valve.run(steps[None], h, {}, np.zeros(1))[0]
+        _, motion = pair.run(spool[1:], h, {}, {"b": b}, 0.0)
+        errors.append(math.degrees(np.abs(motion[0, :: round(0.01 / h)] - exact).max()))
+    assert errors[0] < 1e-5
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
 
 def test_effects_on_are_not_skipped() -> None:

@@ -295,7 +295,8 @@ def diagnose(
 
     Args:
         log: a file or a log already read, or several of one machine.
-        model: full_order, simplified, a package or wiring of our blocks, or any .ssp or .fmu; by default the mapping's.
+        model: full_order, simplified, physical, a package or wiring of our blocks, or any .ssp or .fmu; by default the
+            mapping's.
         mapping: mapping file of the logs.
         external: record of the external tracker.
         held_out: other logs of the machine, on which gains are measured; by default a part of the log.

@@ -45,7 +45,11 @@ LARGEST = {
 WAIT = 0.2  # s between two looks at whether the page was closed
 OWN = "own"  # choice of the model that was dropped, or that a dropped mapping names
 KEPT = "mapping.toml"
-WORDS = {"full_order": "crane: valve, oil, mechanics", "simplified": "crane: gain and lag"}
+WORDS = {
+    "full_order": "crane: valve, oil, mechanics",
+    "simplified": "crane: gain and lag",
+    "physical": "crane: valve, orifices and chambers, mechanics",
+}
 EXAMPLE = "synthetic_demo.csv"
 
 

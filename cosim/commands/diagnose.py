@@ -26,7 +26,7 @@ def diagnose(
     model: Annotated[
         str | None,
         typer.Option(
-            help="full_order, simplified, a package (.ssp) or a wiring (.ssd) of our blocks, or any .ssp or .fmu "
+            help="full_order, simplified, physical, a package (.ssp) or a wiring (.ssd) of our blocks, or any .ssp or .fmu "
             "[default: the mapping's or full_order]."
         ),
     ] = None,

@@ -33,6 +33,10 @@ Settings = Annotated[
     Texts,
     typer.Option("--set", help="Nominal number that is off, such as 'mechanical.J=800 kg.m2'; repeatable."),
 ]
+Model = Annotated[
+    str,
+    typer.Option(help="full_order, or physical: orifices and two chambers, where the motion takes up flow."),
+]
 Friction = Annotated[
     str, typer.Option(help="sharp, lugre (bristles with the same curve) or smooth (no sticking).")
 ]
@@ -61,6 +65,7 @@ def rig(
     start: Start = None,
     hide: Hide = None,
     settings: Settings = None,
+    model: Model = "full_order",
     friction: Friction = "sharp",
     noise: NoiseScale = 1.0,
     noise_kind: NoiseKind = "white",
@@ -89,6 +94,7 @@ def rig(
         amplitude=amplitude,
         start=None if start is None else parse_quantity(start, "rad"),
         friction=friction,
+        model=model,
         observer=observer,
         tracker=tracker is not None,
         command_file=played,

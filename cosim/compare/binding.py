@@ -39,6 +39,8 @@ TRUSTED = (
     "dcv.zeta",
     "continuity.K_c",
     "continuity.T",
+    "continuity.w",
+    "continuity.beta",
     "mechanical.J",
     "mechanical.b",
     "simplified.k",

@@ -190,7 +190,7 @@ def of_machine(record: Record, signals: Signals, group: Group, base: Mapping[str
 
 
 def shapes(record: Record, signals: Signals, groups: tuple[Group, ...], base: Mapping[str, float]) -> Shapes:
-    """Gain and correlation of each group's first signal against the nominal prediction, as far as both were measured.
+    """Gain and correlation of what tells a group against the nominal prediction, as far as it was measured.
 
     Args:
         record: the log.
@@ -202,17 +202,17 @@ def shapes(record: Record, signals: Signals, groups: tuple[Group, ...], base: Ma
     for group in groups:
         if group.drive not in signals or group.observed[0] not in signals:
             continue
-        y = signals[group.observed[0]]
-        predicted = of_machine(record, signals, group, base)[group.observed[0]]
-        rows = [centred(values, record.h, group.integrates) for values in (y, predicted)]
-        sizes = [float(np.sqrt(row @ row)) for row in rows]
-        if sizes[0] <= 0.0 or not np.all(np.isfinite(sizes)):
-            continue
-        if sizes[1] <= 0.0:  # the model would stand still
-            found.append((np.inf, 0.0))
-            continue
-        product = float(rows[0] @ rows[1])
-        found.append((product / sizes[1] ** 2, product / (sizes[0] * sizes[1])))
+        simulated = of_machine(record, signals, group, base)
+        for name in (n for n in group.telling if n in signals):
+            rows = [centred(v, record.h, group.integrates) for v in (signals[name], simulated[name])]
+            sizes = [float(np.sqrt(row @ row)) for row in rows]
+            if sizes[0] <= 0.0 or not np.all(np.isfinite(sizes)):
+                continue
+            if sizes[1] <= 0.0:  # the model would stand still
+                found.append((np.inf, 0.0))
+                continue
+            product = float(rows[0] @ rows[1])
+            found.append((product / sizes[1] ** 2, product / (sizes[0] * sizes[1])))
     return found
 
 
@@ -257,7 +257,7 @@ def scaled(names: tuple[str, ...], by: float) -> Callable[[Signals], dict[str, A
 
 def signs(record: Record, groups: tuple[Group, ...]) -> Iterator[Mistake]:
     """Each signal with its sign reversed, and the ports of the load pressure exchanged."""
-    used = dict.fromkeys(n for g in groups for n in (g.drive, g.observed[0]) if n in record.signals)
+    used = dict.fromkeys(n for g in groups for n in (g.drive, *g.telling) if n in record.signals)
     for name in used:
         if name == "p_load" and "p_a" in record.signals:
             told = Contradiction(

@@ -64,7 +64,10 @@ class MachineTable(BaseModel):
     @classmethod
     def _blocks(cls, chain: tuple[str, ...]) -> tuple[str, ...]:
         known = [
-            b for b in (*registry.BLOCKS, *registry.FMU_OF_COMPONENT) if b not in ("stimulus", "observer")
+            b
+            for b in (*registry.BLOCKS, *registry.FMU_OF_COMPONENT)
+            if b not in ("stimulus", "observer")
+            if registry.COMPONENT_OF.get(b) is None  # fed back to: a wiring of its own says by what
         ]
         for name in chain:
             if name not in known:

@@ -109,6 +109,11 @@ def _real_ends(start: Index, kind: Index) -> Index:
     return np.array([a + int(np.sum(kind[a:b] == 0)) for a, b in pairwise(start)], dtype=np.int64)
 
 
+def begins(system: System, port: Port) -> bool:
+    """True if a step takes the value at its start of this input."""
+    return port.variable in system.components[port.component].fmu.begins
+
+
 class _Planner:
     def __init__(self, system: System, inputs: Sequence[str], hold: Sequence[str]) -> None:
         self.system, self.series, self.notes = system, tuple(inputs), list[str]()
@@ -130,6 +135,9 @@ class _Planner:
         fmus = {c.name: c.fmu for c in system.components.values()}
         self.late = {w for w in self.wires if system.variable(w.source).variability == "discrete"}
         self.order = step_order(fmus, [w for w in self.wires if w not in self.late])
+        # what an input takes at the start of a step comes from the step before, loop or not
+        delayed = self.order.delayed
+        self.late |= {w for w in self.wires if begins(system, w.target) and w not in delayed}
         self.initial = step_order(fmus, self.wires)
         self.notes += [
             f"connection {w} closes a loop and carries last step's value" for w in self.order.delayed

@@ -22,7 +22,7 @@ from cosim import trust
 from cosim.errors import CosimError, ModelError
 from cosim.files import whole, write_bytes
 from cosim.native.exchange import extended
-from cosim.native.header import header
+from cosim.native.header import header, read_as
 from cosim.native.model import Model, single
 from cosim.native.page import page
 from cosim.paths import cache_folder
@@ -134,7 +134,7 @@ def entries(model: Model, resources: Mapping[str, bytes], optimise: str | None =
     digested = b"".join(name.encode() + plain[name] for name in sorted(plain)) + played
     description = described(
         model.name, model.title, model.rows, model.feedthrough, model.initial, model.starts, digested, model.step_size,
-        TOOL, ["fmu.c"],
+        TOOL, ["fmu.c"], [n for n, _ in model.of("input") if read_as(model, n) == "AT_START"],
     )  # fmt: skip
     description = extended(description, model, digested)
     content = sources(model, description.get("guid"))

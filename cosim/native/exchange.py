@@ -44,9 +44,10 @@ EXCHANGE = {
     "continuity": Exchange({"p_load": ("p_load", "spool")}),
     "continuity_physical": Exchange(
         {
-            "p_a": ("p_a", "p_b", "p_supply", "spool", "omega"),
-            "p_b": ("p_a", "p_b", "p_supply", "spool", "omega"),
+            "p_a": ("p_a", "p_b", "p_supply", "rack", "spool", "omega"),
+            "p_b": ("p_a", "p_b", "p_supply", "rack", "spool", "omega"),
             "p_supply": ("p_a", "p_b", "p_supply", "spool"),
+            "rack": ("omega",),
         }
     ),
     "mechanical": Exchange(

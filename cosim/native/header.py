@@ -51,7 +51,8 @@ def definitions(model: Model, guid: str) -> list[str]:
         array("double", "model_highs", [real_text(float(v.high)) for _, _, v in model.rows]),
         array("char", "model_integers", [str(int(v.kind == "integer")) for _, _, v in model.rows]),
         array("char", "model_kinds", [kinds[c] for _, c, _ in model.rows]),
-        array("char", "model_held", [str(int(is_held(model, n))) for n, _ in model.of("input")]),
+        "enum { AT_END, AS_HELD, AT_START };",
+        array("char", "model_reads", [read_as(model, n) for n, _ in model.of("input")]),
         array("char *const", "model_inner_names", [f'"{n}"' for n in inner]),
         array("double", "model_inner_lows", [real_text(float(v.low)) for v in bounds]),
         array("double", "model_inner_highs", [real_text(float(v.high)) for v in bounds]),
@@ -61,13 +62,17 @@ def definitions(model: Model, guid: str) -> list[str]:
     ]
 
 
-def is_held(model: Model, name: str) -> bool:
-    """True if the equations hold an input over a step: then the mean of a moving one counts, not its end.
+def read_as(model: Model, name: str) -> str:
+    """What of an input that moves over a step the equations take: its end, the mean where they hold it, or its start.
 
     What feeds several components moves to its end for all of them, as under a master.
     """
-    fed = [w.target for w in model.wires if w.source == ("", name)]
-    return all(own in HELD.get(model.part(part).composed.block.name, ()) for part, own in fed)
+    fed = [
+        (model.part(w.target[0]).composed.block, w.target[1]) for w in model.wires if w.source == ("", name)
+    ]
+    if all(own in HELD.get(block.name, ()) for block, own in fed):
+        return "AS_HELD"
+    return "AT_START" if all(block.reads.get(own) == "start" for block, own in fed) else "AT_END"
 
 
 def structs(model: Model) -> list[str]:

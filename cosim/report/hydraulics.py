@@ -37,7 +37,17 @@ class Pressures:
 
 
 def extended_pair(material: Material, but: NamedCause | None) -> tuple[float, float]:
-    """Gain (Pa/m) and time constant (s) with leakage and compressibility, without cause `but`."""
+    """Gain (Pa/m) and time constant (s) with leakage and compressibility, without cause `but`.
+
+    Raises:
+        LookupError: the model's hydraulics are the physical ones, which have neither.
+    """
+    told = {
+        *material.answer.nominal,
+        *(f"{c.block}.{p}" for c in material.answer.causes for p in c.parameters),
+    }
+    if told & {"continuity.w", "continuity.beta"}:
+        raise LookupError("gain and time constant are of the identified hydraulics")
     leak = 1.0 + material.value("continuity.c_l", but)
     soft = 1.0 + material.value("continuity.c_beta", but)
     return material.value("continuity.K_c", but) / leak, material.value("continuity.T", but) / leak * soft
@@ -138,6 +148,8 @@ def supply(material: Material, cause: NamedCause) -> Picture:
 
     if "p_supply" not in material.measured or "spool" not in material.measured:
         raise LookupError("the supply needs p_supply and spool")
+    if "k_s" not in cause.parameters:
+        raise LookupError("the supply of the physical hydraulics falls with the flow, not with the opening")
     h = material.h
     p_s = material.value("continuity.p_s")
     decay = np.exp(-h / material.size(cause, "tau_s"))

@@ -158,7 +158,7 @@ class Material:
         for effect in registry.effects().values():
             if effect.component == component and parameter in effect.parameters:
                 return effect.parameters[parameter].start
-        return registry.block(registry.FMU_OF_COMPONENT.get(component, component)).parameters[parameter].start
+        return registry.parameter(component, parameter).start
 
     def value(self, name: str, but: NamedCause | None = None) -> float:
         """Value of ``component.parameter`` in the extended model, SI.
@@ -175,9 +175,7 @@ class Material:
             item = self.answer.nominal[name]
             return item.value * current().to_si(
                 item.unit,
-                registry.block(registry.FMU_OF_COMPONENT.get(component, component))
-                .parameters[parameter]
-                .unit,
+                registry.parameter(component, parameter).unit,
             )
         return self.nominal(name)
 
@@ -185,12 +183,7 @@ class Material:
         """Estimate of one of a cause's parameters, SI."""
         item = cause.parameters[parameter]
         effect = registry.effects()[cause.effect]
-        variable = (
-            effect.parameters.get(parameter)
-            or registry.block(registry.FMU_OF_COMPONENT.get(effect.component, effect.component)).parameters[
-                parameter
-            ]
-        )
+        variable = effect.parameters.get(parameter) or registry.parameter(effect.component, parameter)
         return item.value * current().to_si(item.unit, variable.unit)
 
     def named(self, effect: str) -> NamedCause | None:

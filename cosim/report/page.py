@@ -265,8 +265,7 @@ def described(effect: Any, cause: NamedCause, name: str) -> str:
     from fmus import registry
 
     own = effect.parameters.get(name)
-    block = registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
-    return str((own or registry.block(block).parameters[name]).text)
+    return str((own or registry.parameter(effect.component, name)).text)
 
 
 def interval(parameter: Parameter) -> tuple[str, str]:

@@ -10,7 +10,6 @@ from cosim.report.material import Material
 from cosim.report.words import (
     NAMES,
     NOISY,
-    PHRASES,
     block_name,
     limits_met,
     listed,
@@ -20,6 +19,7 @@ from cosim.report.words import (
     span_of,
     telling,
     unit_text,
+    words_of,
 )
 
 REPORT = "report.html"
@@ -119,7 +119,7 @@ def sizes(cause: NamedCause, result: Answer) -> str:
 
 def _nominal(material: Material, cause: NamedCause, name: str) -> str:
     """``instead of 764 kg m²`` for a parameter whose nominal value says something: where the report names it."""
-    if f"{{{name}.nominal}}" not in PHRASES.get(cause.effect, ["", ""])[1]:
+    if f"{{{name}.nominal}}" not in words_of(cause)[1]:
         return ""
     value = nominal_of(cause, name, material)
     return (

@@ -15,6 +15,9 @@ NOISY = 1.1  # times the sensor's noise within which an error is called the nois
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
 PHRASES: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what the simulation gets wrong, and how
+PHYSICAL: dict[str, list[str]] = _TEXTS[
+    "physical"
+]  # the same, of parameters that only the physical hydraulics have
 NAMES: dict[str, str] = _TEXTS["names"]  # effect -> what people call it
 FORMS: dict[str, str] = _TEXTS["forms"]  # parameter of another form of a law -> what it adds to that
 CAPTIONS: dict[str, str] = _TEXTS["captions"]
@@ -148,12 +151,20 @@ def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
     """(what is wrong, how) of a cause; for an effect without words of its own, its parameters."""
     met = limits_met(cause, material)
     quantities = {n: Quantity(cause.parameters[n], nominal_of(cause, n, material)) for n in met}
-    noun, how = PHRASES.get(cause.effect, ("", ""))
+    noun, how = words_of(cause)
     if noun and len(met) == len(cause.parameters) and named_in(how) <= quantities.keys():
         how += "".join(text for name, text in FORMS.items() if name in quantities)
         return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
     sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
     return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"
+
+
+def words_of(cause: NamedCause) -> tuple[str, str]:
+    """(what is wrong, how) with the parameters in braces, by the parameters that a cause has; empty texts for none."""
+    noun, how = PHRASES.get(cause.effect, ("", ""))
+    if not named_in(how) <= set(cause.parameters) and cause.effect in PHYSICAL:
+        noun, how = PHYSICAL[cause.effect]
+    return noun, how
 
 
 def named_in(text: str) -> set[str]:
@@ -187,8 +198,7 @@ def _scale(cause: NamedCause, name: str, parameter: Parameter) -> float:
     """Factor from the parameter's display unit to SI."""
     effect = registry.effects()[cause.effect]
     own = effect.parameters.get(name)
-    block = registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
-    return current().to_si(parameter.unit, (own or registry.block(block).parameters[name]).unit)
+    return current().to_si(parameter.unit, (own or registry.parameter(effect.component, name)).unit)
 
 
 def telling(answer: Answer) -> str | None:

@@ -2,6 +2,9 @@
 
     x'     = v,   v' = w0^2 (K d + x_0 - x) - 2 zeta w0 v                      (4.16, 5.3)
     T PL'  = K_c x - PL                                                        (4.33, 5.4)
+    or, in the physical system, with PL = PA - PB, V the volume of line and chamber:
+    V PA'  = beta (Q_A - A r w - C_L PL - C_A (PA - PT))                       (4.17), (4.19)
+    V PB'  = beta (Q_B + A r w + C_L PL - C_B (PB - PT))                       (4.18), (4.20), signs: SYSTEM 9.5
     J w'   = PL A r - b w - tau_f - tau_load,   theta' = w                     (4.27)
 
 with every flaw of docs/design.md in its place. All numbers are SI. The functions are compiled by numba; `slide` tells
@@ -21,7 +24,7 @@ SMOOTH_SPEED = 5e-4  # rad/s, speed over which smooth friction builds up: a fift
 
 
 class State(NamedTuple):
-    """Continuous state (SI): spool and its speed, load and supply pressure, column, boom, bristle, lagged sensor."""
+    """Continuous state (SI): spool and its speed, load and supply pressure, column, boom, bristle, sensor, PA + PB."""
 
     x: float
     v: float
@@ -33,6 +36,7 @@ class State(NamedTuple):
     boom_omega: float
     bristle: float
     sensed: float
+    p_sum: float
 
 
 class Moment(NamedTuple):
@@ -72,9 +76,39 @@ def valve_rates(s: State, t: float, demand: float, p: Plant) -> tuple[float, flo
 
 
 @compiled
-def pressure_rates(s: State, p: Plant) -> tuple[float, float]:
-    """Rates [Pa/s] of load and supply pressure."""
+def through(opening: float, dp: float, p: Plant) -> float:
+    """Flow [m3/s] through an orifice `opening` [m] wide, of the sign of its pressure drop dp [Pa]."""
     q = p.continuity
+    return math.copysign(q.C_d * q.w * opening * math.sqrt(2.0 / q.rho * abs(dp)), dp)
+
+
+@compiled
+def chamber_rates(s: State, p: Plant) -> tuple[float, float, float]:
+    """Rates [Pa/s] of load and supply pressure, and of the sum of both chambers': (4.17)-(4.20)."""
+    q, m = p.continuity, p.mechanical
+    x = clip(s.x, p.dcv.x_min, p.dcv.x_max)
+    width = abs(x) * (1.0 + q.a_q if x > 0.0 else 1.0 - q.a_q)
+    pa, pb = 0.5 * (s.p_sum + s.p_load), 0.5 * (s.p_sum - s.p_load)
+    if x > 0.0:
+        into_a, into_b = through(width, s.p_supply - pa, p), through(width, q.p_t - pb, p)
+        drawn = into_a
+    else:
+        into_a, into_b = through(width, q.p_t - pa, p), through(width, s.p_supply - pb, p)
+        drawn = into_b
+    moved = m.A * m.r * (s.theta - m.theta_0)
+    swept = m.A * m.r * s.omega + q.C_L * (1.0 + q.c_l) * s.p_load
+    stiff = q.beta / (1.0 + q.c_beta)
+    rate_a = stiff / (q.V_L + max(q.V_A + moved, 0.0)) * (into_a - swept - q.C_A * (pa - q.p_t))
+    rate_b = stiff / (q.V_L + max(q.V_B - moved, 0.0)) * (into_b + swept - q.C_B * (pb - q.p_t))
+    return rate_a - rate_b, (q.p_s - q.R_s * drawn - s.p_supply) / q.tau_p, rate_a + rate_b
+
+
+@compiled
+def pressure_rates(s: State, p: Plant) -> tuple[float, float, float]:
+    """Rates [Pa/s] of load and supply pressure, and of the sum of both chambers'."""
+    q = p.continuity
+    if q.physical != 0.0:
+        return chamber_rates(s, p)
     x = clip(s.x, p.dcv.x_min, p.dcv.x_max)
     root = math.sqrt(max(s.p_supply, 0.0) / q.p_s)
     opening = x * root * (1.0 + q.a_q if x > 0.0 else 1.0 - q.a_q)
@@ -83,7 +117,7 @@ def pressure_rates(s: State, p: Plant) -> tuple[float, float]:
     leak = 1.0 + q.c_l
     load = (q.K_c / leak * opening - s.p_load) * leak / (q.T * (1.0 + q.c_beta))
     supply = (q.p_s - q.k_s * abs(x) * root - s.p_supply) / q.tau_s
-    return load, supply
+    return load, supply, supply
 
 
 @compiled
@@ -155,7 +189,7 @@ def friction_torque(s: State, held: Moment, p: Plant) -> tuple[float, float]:
 def rates(s: State, t: float, held: Moment, p: Plant) -> State:
     """Time derivative of the whole state at time `t` [s]."""
     v, a = valve_rates(s, t, held.demand, p)
-    load, supply = pressure_rates(s, p)
+    load, supply, total = pressure_rates(s, p)
     omega, alpha, bristle = 0.0, 0.0, 0.0
     if held.slide != STUCK:
         friction, bristle = friction_torque(s, held, p)
@@ -167,7 +201,7 @@ def rates(s: State, t: float, held: Moment, p: Plant) -> State:
     if p.sensor.tau_l != 0.0:
         seen = play(s.theta, held.seen, 0.5 * p.mechanical.gap)
         sensed = (seen - s.sensed) / p.sensor.tau_l
-    return State(v, a, load, supply, omega, alpha, boom_omega, boom_alpha, bristle, sensed)
+    return State(v, a, load, supply, omega, alpha, boom_omega, boom_alpha, bristle, sensed, total)
 
 
 @compiled
@@ -184,6 +218,7 @@ def moved(s: State, h: float, d: State) -> State:
         s.boom_omega + h * d.boom_omega,
         s.bristle + h * d.bristle,
         s.sensed + h * d.sensed,
+        s.p_sum + h * d.p_sum,
     )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from cosim.errors import UsageError
-from cosim.rig.parameters import EFFECTS, NOMINAL, PARAMETERS, Plant, nominal_value
+from cosim.rig.parameters import EFFECTS, NOMINAL, PARAMETERS, PHYSICAL_B, Plant, nominal_value
 from cosim.units import parse_quantity
 
 
@@ -146,4 +146,8 @@ def changed(plant: Plant) -> dict[str, float]:
     values = {
         name: float(getattr(getattr(plant, name.split(".")[0]), name.split(".")[1])) for name in PARAMETERS
     }
-    return {name: value for name, value in values.items() if value != nominal_value(name)}
+    c, usual = plant.continuity, dict[str, float]()
+    if c.physical:  # what a share added makes of the block's own numbers, by which a model finds it
+        usual = {"mechanical.b": PHYSICAL_B, "continuity.physical": 1.0}
+        values |= {"continuity.C_L": c.C_L * (1.0 + c.c_l), "continuity.beta": c.beta / (1.0 + c.c_beta)}
+    return {name: value for name, value in values.items() if value != usual.get(name, nominal_value(name))}

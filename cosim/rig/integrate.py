@@ -29,7 +29,7 @@ from cosim.rig.parameters import STEP, Plant
 
 SUBSTEPS = 20  # a millisecond; tests/rig/test_rig_convergence.py measures what is left
 BRISTLE_TRAVEL = 2e-5  # rad, bristle deflection at breakaway: a fifth of the sensor's noise
-COLUMNS = ("spool", "p_load", "p_supply", "theta", "omega", "seen", "sensed", "boom")
+COLUMNS = ("spool", "p_load", "p_supply", "theta", "omega", "seen", "sensed", "boom", "p_sum")
 
 
 @compiled
@@ -45,13 +45,15 @@ def _stopped(s: State, p: Plant) -> State:
         theta, omega = p.mechanical.theta_max, min(omega, 0.0)
     elif theta < p.mechanical.theta_min:
         theta, omega = p.mechanical.theta_min, max(omega, 0.0)
-    return State(x, v, s.p_load, s.p_supply, theta, omega, s.boom, s.boom_omega, s.bristle, s.sensed)
+    return State(x, v, s.p_load, s.p_supply, theta, omega, s.boom, s.boom_omega, s.bristle, s.sensed, s.p_sum)
 
 
 @compiled
 def _halted(s: State) -> State:
     """The state with the column at rest."""
-    return State(s.x, s.v, s.p_load, s.p_supply, s.theta, 0.0, s.boom, s.boom_omega, s.bristle, s.sensed)
+    return State(
+        s.x, s.v, s.p_load, s.p_supply, s.theta, 0.0, s.boom, s.boom_omega, s.bristle, s.sensed, s.p_sum
+    )
 
 
 @compiled
@@ -200,7 +202,9 @@ def _millisecond(s: State, start: float, older: float, newer: float, part: float
 def _at_rest(p: Plant) -> State:
     """The state at the start of the log: everything at rest, the boom above the column, the lag settled."""
     theta = clip(p.mechanical.theta_0, p.mechanical.theta_min, p.mechanical.theta_max)
-    return State(0.0, 0.0, 0.0, p.continuity.p_s, theta, 0.0, theta, 0.0, 0.0, theta)
+    # both chambers stand at half the supply
+    total = p.continuity.p_s + p.continuity.p_t
+    return State(0.0, 0.0, 0.0, p.continuity.p_s, theta, 0.0, theta, 0.0, 0.0, theta, total)
 
 
 def _source_digest() -> int:
@@ -218,13 +222,13 @@ def _compile_march(digest: int) -> Callable[..., NDArray[np.float64]]:
     def march(u: NDArray[np.float64], substeps: int, slide: int, sigma0: float, sigma1: float,
               p: Plant) -> NDArray[np.float64]:  # fmt: skip
         demand = valve_demand(u, p)
-        rows = np.empty((u.size, 8))
+        rows = np.empty((u.size, 9))
         whole, part = _lag(p) if digest >= 0 else (0, 0.0)
         s = _at_rest(p)
         seen = s.theta
         for k in range(u.size):
             rows[k, :5] = s.x, s.p_load, s.p_supply, s.theta, s.omega
-            rows[k, 5:] = seen, s.sensed, s.boom
+            rows[k, 5:] = seen, s.sensed, s.boom, s.p_sum
             older = demand[k - whole - 1] if k - whole - 1 >= 0 else 0.0
             newer = demand[k - whole] if k - whole >= 0 else 0.0
             held = Moment(0.0, seen, slide, sigma0, sigma1)
@@ -237,6 +241,18 @@ def _compile_march(digest: int) -> Callable[..., NDArray[np.float64]]:
 _march = _compile_march(_source_digest())
 
 
+def _of_chambers(p: Plant) -> float:
+    """An upper bound [1/s] of the rates of two chambers and the column between them; 0 in the identified form."""
+    m, c = p.mechanical, p.continuity
+    if c.physical == 0.0:
+        return 0.0
+    stiff = 2.0 * c.beta / (1.0 + c.c_beta) / (c.V_L + 0.5 * min(c.V_A, c.V_B))
+    # the orifices at a hundredth of the supply: nearer to it a chamber is not driven
+    widest = c.C_d * c.w * max(p.dcv.x_max, -p.dcv.x_min) * math.sqrt(50.0 / (c.rho * c.p_s))
+    leak = stiff * (c.C_L * (1.0 + c.c_l) + max(c.C_A, c.C_B) + widest)
+    return max(leak, math.sqrt(stiff / (1.0 - m.mu) / m.J) * m.A * m.r)
+
+
 def _fastest_rate(p: Plant, friction: str) -> float:
     """An upper bound [1/s] of the drive's rates, to refuse what explicit steps cannot follow."""
     m, c = p.mechanical, p.continuity
@@ -245,6 +261,7 @@ def _fastest_rate(p: Plant, friction: str) -> float:
         p.dcv.w0 * (1.0 + 2.0 * p.dcv.zeta * (1.0 + p.dcv.c_a)),
         (1.0 + c.c_l) / (c.T * (1.0 + c.c_beta)),
         1.0 / c.tau_s,
+        _of_chambers(p),
         (m.b + 2.0 * m.mu * m.J * m.zeta_f * m.w_f) / column + 2.0 * m.zeta_f * m.w_f,
         m.w_f * math.sqrt(1.0 + m.mu * m.J / column) if m.mu else 0.0,
         1.0 / p.sensor.tau_l if p.sensor.tau_l else 0.0,

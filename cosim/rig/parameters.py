@@ -48,7 +48,7 @@ class Dcv(NamedTuple):
 
 
 class Continuity(NamedTuple):
-    """Spool to load pressure (4.33, 5.4), with its flaws."""
+    """Spool to load pressure (4.33, 5.4) with its flaws; or, where `physical`, orifices and two chambers (4.17)-(4.21)."""
 
     K_c: float = 5.28e8
     T: float = 0.11
@@ -60,6 +60,20 @@ class Continuity(NamedTuple):
     tau_s: float = 0.1
     p_c: float = 0.0
     c_q: float = 0.0
+    physical: float = 0.0
+    C_d: float = 0.65
+    w: float = 1.6980384670641e-4
+    rho: float = 870.0
+    beta: float = 7e8
+    V_L: float = 2.4e-3
+    V_A: float = 2.1e-3
+    V_B: float = 2.1e-3
+    C_L: float = 2.1215307141765915e-12
+    C_A: float = 0.0
+    C_B: float = 0.0
+    p_t: float = 0.0
+    R_s: float = 0.0
+    tau_p: float = 0.1
 
 
 class Mechanical(NamedTuple):
@@ -137,6 +151,12 @@ class Plant(NamedTuple):
 
 
 NOMINAL = Plant()
+IDENTIFIED_ONLY = ("continuity.K_c", "continuity.T", "continuity.k_s", "continuity.c_q")
+PHYSICAL_ONLY = tuple(
+    f"continuity.{name}"
+    for name in ("C_d", "w", "rho", "beta", "V_L", "V_A", "V_B", "C_L", "C_A", "C_B", "p_t", "R_s", "tau_p")
+)
+PHYSICAL_B = 33102.35190191385  # N m s/rad, keeps the poles of (5.12) where the piston's flow feeds back
 
 
 @dataclass(frozen=True)
@@ -182,7 +202,7 @@ PARAMETERS: dict[str, Parameter] = {
     "continuity.T": Parameter("s", 5e-3, 10.0, "Time constant of the load pressure", "(5.4)"),
     "continuity.p_s": Parameter("Pa", 1e5, 1e8, "Supply pressure", "CONTRACT 6"),
     "continuity.a_q": Parameter("1", -0.95, 0.95, "Flow asymmetry", _D),
-    "continuity.c_l": Parameter("1", -0.9, 10.0, "Leakage added, of the nominal", _D),
+    "continuity.c_l": Parameter("1", -0.9, 50.0, "Leakage added, of the nominal", _D),
     "continuity.c_beta": Parameter("1", -0.9, 20.0, "Compressibility added, of the nominal", _D),
     "continuity.k_s": Parameter("Pa/m", 0.0, 1e11, "Fall of the supply per spool opening", _D),
     "continuity.tau_s": Parameter("s", 2 * MS, 100.0, "Time constant of the supply", _D),
@@ -190,6 +210,22 @@ PARAMETERS: dict[str, Parameter] = {
     "continuity.c_q": Parameter(
         "1/Pa", 0.0, 1e-5, "Inverse of the load pressure that ends the flow", "(4.22)"
     ),
+    "continuity.physical": Parameter(
+        "1", 0.0, 1.0, "1: orifices and two chambers (--model physical)", "(4.17)-(4.21)"
+    ),
+    "continuity.C_d": Parameter("1", 1e-3, 1.0, "Discharge coefficient", "(4.17)"),
+    "continuity.w": Parameter("m", 1e-7, 1e-1, "Area gradient of the orifices", "(4.17)"),
+    "continuity.rho": Parameter("kg/m3", 100.0, 5000.0, "Density of the oil", "(4.17)"),
+    "continuity.beta": Parameter("Pa", 1e6, 1e10, "Effective bulk modulus", "(4.19)"),
+    "continuity.V_L": Parameter("m3", 1e-5, 1.0, "Volume of each line", "(4.19)"),
+    "continuity.V_A": Parameter("m3", 1e-5, 1.0, "Volume of chamber A at the start", "(4.19)"),
+    "continuity.V_B": Parameter("m3", 1e-5, 1.0, "Volume of chamber B at the start", "(4.20)"),
+    "continuity.C_L": Parameter("m3/(s.Pa)", 0.0, 1e-8, "Cross-port leakage coefficient", "(4.25)"),
+    "continuity.C_A": Parameter("m3/(s.Pa)", 0.0, 1e-8, "Leakage coefficient of chamber A", "(4.19)"),
+    "continuity.C_B": Parameter("m3/(s.Pa)", 0.0, 1e-8, "Leakage coefficient of chamber B", "(4.20)"),
+    "continuity.p_t": Parameter("Pa", 0.0, 1e7, "Tank pressure", "(4.17)"),
+    "continuity.R_s": Parameter("Pa.s/m3", 0.0, 1e14, "Fall of the supply per flow drawn", _D),
+    "continuity.tau_p": Parameter("s", 2 * MS, 100.0, "Time constant of that supply", _D),
     "mechanical.J": Parameter(
         "kg.m2", 1.0, 1e6, "Inertia at the slew axis", "(4.34) with the pole of (5.12)"
     ),

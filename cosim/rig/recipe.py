@@ -9,10 +9,18 @@ from numpy.typing import NDArray
 
 from cosim.errors import UsageError
 from cosim.rig import excitation as excitations
-from cosim.rig.hidden import Hidden, assemble
+from cosim.rig.hidden import Hidden, assemble, changed, closest
 from cosim.rig.integrate import SUBSTEPS
 from cosim.rig.noise import Noise
-from cosim.rig.parameters import DEG, PARAMETERS, STEP, Plant
+from cosim.rig.parameters import (
+    DEG,
+    IDENTIFIED_ONLY,
+    PARAMETERS,
+    PHYSICAL_B,
+    PHYSICAL_ONLY,
+    STEP,
+    Plant,
+)
 from cosim.rig.sensing import SEAM_ANGLE
 
 Array = NDArray[np.float64]
@@ -20,6 +28,7 @@ Array = NDArray[np.float64]
 SLEW_RANGE = (-20.0 * DEG, 270.0 * DEG)  # Table 3.8
 SLEW_SPEED = 2.27 * DEG  # rad/s per unit command at low frequency (SYSTEM section 7)
 FRICTIONS = ("sharp", "lugre", "smooth")
+MODELS = ("full_order", "physical")
 
 
 @dataclass(frozen=True)
@@ -43,6 +52,7 @@ class Recipe:
         tracker: add the optical tracker's record.
         command_file: CSV for the excitation ``file``.
         substeps: integration steps in a millisecond.
+        model: ``full_order``, or ``physical`` for orifices and two chambers (4.17)-(4.21), where the motion takes up flow.
 
     Raises:
         UsageError: a name, number or combination that makes no sense.
@@ -61,15 +71,20 @@ class Recipe:
     tracker: bool = False
     command_file: Path | None = None
     substeps: int = SUBSTEPS
+    model: str = "full_order"
 
     def __post_init__(self) -> None:
         """Check what no later step checks."""
         if self.friction not in FRICTIONS:
             raise UsageError(f"unknown friction '{self.friction}': known are {', '.join(FRICTIONS)}")
+        if self.model not in MODELS:
+            raise UsageError(f"no model '{self.model}' of the rig: {closest(self.model, MODELS)}")
         if self.substeps < 1:
             raise UsageError(f"{self.substeps} substeps a millisecond: at least 1 is needed")
         if self.start is not None and "mechanical.theta_0" in self.settings:
             raise UsageError("the start angle is given twice: as start and as mechanical.theta_0")
+        if "continuity.physical" in self.settings:
+            raise UsageError("continuity.physical is chosen by the model: --model physical")
         if isinstance(self.hidden, (str, Hidden)):
             raise UsageError("hidden is a list of effects: put the one effect into a list")
         # an iterator would be used up by its first reader
@@ -124,7 +139,22 @@ class Recipe:
         """
         numbers = dict(self.settings)
         numbers.setdefault("mechanical.theta_0", _centred(u) if self.start is None else self.start)
-        return assemble(self.effects(), numbers)
+        if self.model == "full_order":
+            plant = assemble(self.effects(), numbers)
+            self._refuse(plant, PHYSICAL_ONLY, "acts in the physical system only: add --model physical")
+            return plant
+        if not any("mechanical.b" in effect.numbers() for effect in self.effects()):
+            numbers.setdefault("mechanical.b", PHYSICAL_B)
+        plant = assemble(self.effects(), numbers)
+        instead = "has no place in the physical system: set continuity.w, p_s, R_s or tau_p there (--set)"
+        self._refuse(plant, IDENTIFIED_ONLY, instead)
+        return plant._replace(continuity=plant.continuity._replace(physical=1.0))
+
+    @staticmethod
+    def _refuse(plant: Plant, names: tuple[str, ...], why: str) -> None:
+        for name in names:
+            if name in changed(plant):
+                raise UsageError(f"{name} {why}")
 
     def truth(self) -> dict[str, object]:
         """The choices as plain data; a command file by its name alone."""
@@ -143,6 +173,7 @@ class Recipe:
             "excitation": played,
             "seed": self.seed,
             "friction": self.friction,
+            "model": self.model,
             "noise": self.sensor_noise().truth(),
             "substeps": self.substeps,
         }

@@ -28,7 +28,7 @@ class RigRun:
         u: command [1] held over the millisecond that starts at each time.
         spool, p_supply, p_a, p_b, slew: as the sensors log them [m, Pa, Pa, Pa, rad].
         slew_estimate, slew_rate_estimate: the observer's [rad, rad/s], or None when not asked for.
-        true: the noise-free signals ``spool, p_load, p_supply, theta, omega, seen, sensed, boom``.
+        true: the noise-free signals ``spool, p_load, p_supply, theta, omega, seen, sensed, boom, p_sum``.
         tracker: stamps on the tracker's own clock [s] and angles [rad] (m,), or None when not asked for.
         truth: everything that was hidden and chosen, as plain data; ``truth["synthetic"]`` is True.
         notes: what the user should know about this log.
@@ -100,8 +100,8 @@ def make(recipe: Recipe) -> RigRun:
         u=u,
         spool=true["spool"] + noise.draw("spool", time.size, seed),
         p_supply=true["p_supply"] + noise.draw("p_supply", time.size, seed),
-        p_a=0.5 * (true["p_supply"] + true["p_load"]) + noise.draw("p_a", time.size, seed),
-        p_b=0.5 * (true["p_supply"] - true["p_load"]) + noise.draw("p_b", time.size, seed),
+        p_a=0.5 * (true["p_sum"] + true["p_load"]) + noise.draw("p_a", time.size, seed),
+        p_b=0.5 * (true["p_sum"] - true["p_load"]) + noise.draw("p_b", time.size, seed),
         slew=slew,
         slew_estimate=estimates[0],
         slew_rate_estimate=estimates[1],

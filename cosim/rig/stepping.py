@@ -107,8 +107,8 @@ class SteppedCrane:
         true = {
             "spool": s.x,
             "p_supply": s.p_supply,
-            "p_a": 0.5 * (s.p_supply + s.p_load),
-            "p_b": 0.5 * (s.p_supply - s.p_load),
+            "p_a": 0.5 * (s.p_sum + s.p_load),
+            "p_b": 0.5 * (s.p_sum - s.p_load),
         }
         shown = {name: value + float(self._blocks[name][k]) for name, value in true.items()}
         shown["slew"] = self._sensed(float(self._blocks["slew"][k]), plant)

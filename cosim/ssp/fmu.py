@@ -19,6 +19,7 @@ from cosim.ssp.archive import read_entry, unpack
 from cosim.ssp.quantities import UnitDefinition, from_xml
 from cosim.ssp.system import Fmu, Value, Variable
 from cosim.ssp.xml import number, parse, safe_parser
+from fmus.describe import AT_START, TOOL
 
 MENDED = "modelDescription.mended.xml"  # in an unpacked FMU: what was read where the original breaks a rule
 
@@ -69,7 +70,14 @@ def load_fmu(
         tolerance=experiment["tolerance"] if experiment.get("tolerance", 0.0) > 0.0 else None,
         oddities=_oddities(description.coSimulation, source, _python_module(folder) is not None),
         ours=ours,
+        begins=_begins(root),
     )
+
+
+def _begins(root: Any) -> frozenset[str]:
+    """Inputs of which a step takes the value at its start: FMUs of ours say so in an annotation."""
+    told = root.iterfind(f"VendorAnnotations/Tool[@name='{TOOL}']/Input[@taken='{AT_START}']")
+    return frozenset(node.get("name", "") for node in told)
 
 
 def description_of(archive: zipfile.ZipFile, source: str) -> Any:

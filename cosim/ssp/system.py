@@ -84,6 +84,7 @@ class Fmu:
         keeps_state: it says that its state can be read and set.
         restarts: its runs begin by setting the state that it had when it was instantiated; for callers who have made sure
             that this gives what a new instance gives.
+        begins: inputs of which a step takes the value at its start.
         oddities: rules of FMI that it breaks and that stop nobody from running it, with words.
     """
 
@@ -102,6 +103,7 @@ class Fmu:
     oddities: tuple[str, ...] = ()
     keeps_state: bool = False
     restarts: bool = False
+    begins: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -35,4 +35,21 @@ EFFECT = Effect(
             "without air and hoses oil is about twice as stiff; with a tenth of air by volume some twenty times softer: Merritt, Hydraulic Control Systems, 1967, section 2-5",
         )
     },
+    on={
+        "continuity_physical": {  # its equations hold the oil's stiffness itself
+            "source": "(4.19), (4.20): beta",
+            "key": "beta",
+            "parameters": {},
+            "free": {"beta": Free(starts=(3.5e8, 6e8), scale=1.5e8)},
+            "fills": {},
+            "ranges": {
+                "beta": Range(
+                    0.05,
+                    2.0,
+                    "without air and hoses oil is about twice as stiff; with a tenth of air by volume some twenty times softer: Merritt, Hydraulic Control Systems, 1967, section 2-5",
+                    of="nominal",
+                )
+            },
+        }
+    },
 )

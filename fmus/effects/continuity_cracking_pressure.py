@@ -54,4 +54,5 @@ EFFECT = Effect(
     free={"p_c": Free(starts=(5e4, 2e5), scale=1e5, floor=3e3)},
     forms={"s_c": Free(starts=(0.2, 0.5), scale=0.2, floor=0.03)},
     fills={"driving_pressure": cracking_pressure},
+    on={"continuity_physical": {}},
 )

@@ -31,4 +31,5 @@ EFFECT = Effect(
     fills={"opening": asymmetry_opening},
     sole_form=True,
     ranges={"a_q": Range(-0.6, 0.6, "areas and edges of a pair of ports differ by a factor of four at most")},
+    on={"continuity_physical": {}},
 )

@@ -11,4 +11,14 @@ EFFECT = Effect(
     free={"K_c": Free(starts=(4.5e8, 6.2e8), scale=0.6e8)},
     sole_form=True,
     ranges={"K_c": Range(0.2, 5.0, "beyond it is another valve or another unit", of="nominal")},
+    on={
+        "continuity_physical": {
+            "text": "The orifices are wider or narrower than nominal: flow per spool opening.",
+            "residual": "speed and load pressure in proportion to nominal, both directions alike",
+            "source": "(4.17), (4.18)",
+            "key": "w",
+            "free": {"w": Free(starts=(1.45e-4, 2.0e-4), scale=0.2e-4)},
+            "ranges": {"w": Range(0.2, 5.0, "beyond it is another valve or another unit", of="nominal")},
+        }
+    },
 )

@@ -60,4 +60,24 @@ EFFECT = Effect(
             "a gap adds to the leakage there is; with eleven times that no pressure is left to drive with",
         )
     },
+    on={
+        "continuity_physical": {  # its equations hold the leakage itself
+            "text": "More oil passes between the ports.",
+            "residual": "less speed for the opening under load; what moves the drive dies out faster",
+            "source": "(4.19), (4.20), (4.25): L_C PL",
+            "key": "C_L",
+            "parameters": {},
+            "free": {"C_L": Free(starts=(3e-12, 1e-11), scale=2e-12, floor=1e-13)},
+            "forms": {},
+            "fills": {},
+            "ranges": {
+                "C_L": Range(
+                    1.0,
+                    50.0,
+                    "a gap adds to the leakage there is; fifty times that swallows what the valve passes",
+                    of="nominal",
+                )
+            },
+        }
+    },
 )

@@ -79,4 +79,19 @@ EFFECT = Effect(
     begin=sag_begin,
     remember=sag_remember,
     helpers=(sag_root,),
+    on={
+        "continuity_physical": {  # its equations hold the supply's own
+            "key": "R_s",
+            "parameters": {},
+            "free": {
+                "R_s": Free(starts=(3e9, 2e10), scale=1e10, floor=1e8),
+                "tau_p": Free(starts=(0.1, 0.4), scale=0.1),
+            },
+            "fills": {},
+            "memory": {},
+            "begin": None,
+            "remember": None,
+            "helpers": (),
+        }
+    },
 )

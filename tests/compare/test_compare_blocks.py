@@ -8,6 +8,7 @@ import pytest
 from cosim.compare import Comparator
 from cosim.errors import DataError, UsageError
 from cosim.paths import ssp_folder
+from cosim.rig import as_log, make_log
 from cosim.rig.noise import SIZES
 from cosim.ssp.write import write_ssp
 
@@ -162,6 +163,15 @@ def test_feedback_within_the_model_is_followed(clean, packages):
     parts = {b.components: b.driven_by for b in found.blocks}
     assert parts[MECHANICS] == ("p_load",)
     assert parts[("continuity", "mechanical")] == ("spool", "p_load")
+
+
+def test_what_is_fed_back_comes_from_the_step_before_though_no_loop_is_left(packages):
+    """Measured pressure drives the mechanics, and their speed the pressure: a step early, it would be off by 5000 Pa."""
+    log = as_log(make_log("steps", 4.0, model="physical", noise=0.0, seed=2))
+    found = compared(log, packages["physical"])
+    parts = {b.components: b.signals for b in found.blocks}
+    assert parts[("continuity", "mechanical")]["p_load"].score.rmse < 100.0
+    assert found.signals["slew"].score.rmse < 1e-7
 
 
 def test_irregular_log_is_resampled_and_says_so(clean, packages):

@@ -117,14 +117,45 @@ def test_what_cannot_be_cut_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(ModelError, match="name it 'mechanical'"):
         wiring_of_file(other)
-    pressure, mass = "continuity_physical", "mechanical"
+    pressure, mass, seen = "continuity", "mechanical", "sensor"
     wires = {
         Port(mass, "p_load"): Port(pressure, "p_load"),
-        Port(pressure, "omega"): Port(mass, "omega"),
+        Port(seen, "theta"): Port(mass, "theta"),
+        Port(pressure, "omega"): Port(seen, "slew"),
     }
-    loop = Wiring("loop", {pressure: pressure, mass: mass}, wires, {"spool": (Port(pressure, "spool"),)}, {})
+    blocks = {pressure: "continuity_physical", mass: mass, seen: seen}
+    loop = Wiring("loop", blocks, wires, {"spool": (Port(pressure, "spool"),)}, {})
     with pytest.raises(ModelError, match="only a chain can be cut"):
         cut(loop, bound(loop))
+    alone = Wiring("alone", {pressure: "continuity_physical"}, {}, {"spool": (Port(pressure, "spool"),)}, {})
+    with pytest.raises(ModelError, match=r"'continuity\.omega' is not fed by what 'continuity' drives: wire"):
+        cut(alone, bound(alone))
+    other.write_text(text.replace("resources/mechanical.fmu", "resources/continuity_physical.fmu"))
+    with pytest.raises(ModelError, match="name it 'continuity'"):
+        wiring_of_file(other)
+
+
+def test_two_that_feed_back_are_one_group_whatever_is_measured_between() -> None:
+    valve, loop = MODELS["physical"]
+    assert (valve.name, valve.loop) == ("dcv", None)
+    assert (loop.name, loop.drive, loop.loop) == (
+        "continuity+mechanical",
+        "spool",
+        ("continuity", "mechanical"),
+    )
+    assert loop.observed == ("slew", "p_load", "p_supply")
+    assert loop.trusted == ("continuity.w", "continuity.beta", "mechanical.J", "mechanical.b")
+    effects = {e.name: e for e in loop.effects()}
+    assert effects["continuity.leakage"].key == "C_L"
+    assert effects["continuity.supply_sag"].key == "R_s"
+    # the sensor sees another speed behind lost motion; orifices and the travel's flow are in the equations
+    assert not {"mechanical.backlash", "continuity.flow_pressure", "continuity.travel_flow"} & effects.keys()
+    assert loop.behind_lost_motion() == ("mechanical.backlash",)
+    (whole,) = merged(MODELS["physical"], {"u", "slew"})
+    assert (whole.name, whole.drive, whole.loop) == ("dcv+continuity+mechanical", "u", loop.loop)
+    *_, pressure = merged(MODELS["physical"], {"u", "spool", "p_load"})
+    assert pressure.observed == ("p_load",)
+    assert pressure.components == ("continuity", "mechanical")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from cosim.diagnosis.extension.packages import write_open
 from cosim.diagnosis.model.choice import chosen
+from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.errors import ModelError, UsageError
 from cosim.paths import ssp_folder
@@ -30,8 +32,17 @@ def test_names_and_defaults() -> None:
         chosen("simplifed", None)
 
 
+def test_the_physical_structure_is_known(tmp_path: Path) -> None:
+    values = {"continuity": {"C_L": 5e-12}}
+    package = write_ssp(ssp_folder() / "physical.ssd", tmp_path / "p.ssp", values=values, open=True)
+    name, base = chosen(str(package), None)
+    assert name == "physical"
+    assert base == {"continuity.C_L": 5e-12, "mechanical.b": our_machine("physical").base["mechanical.b"]}
+
+
 def test_a_package_of_another_structure_is_refused(tmp_path: Path) -> None:
-    other = write_ssp(ssp_folder() / "physical.ssd", tmp_path / "p.ssp", open=True)
+    axis = Path(__file__).parents[2] / "examples" / "models" / "emps.ssd"
+    other = write_open(axis, tmp_path / "p.ssp", {})
     with pytest.raises(ModelError, match="not those of a model"):
         chosen(str(other), None)
     with pytest.raises(ModelError):

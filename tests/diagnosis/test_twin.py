@@ -18,30 +18,51 @@ START = {"mechanical.theta_0": 0.3}
 
 
 @pytest.mark.parametrize(
-    "values",
+    ("model", "values"),
     [
-        {},
-        {"dcv.tau_d": 0.0123, "dcv.x_0": 5e-5, "continuity.c_l": 0.2, "mechanical.tau_c": 80.0},
-        {
-            "dead_zone.play": 0.02,
-            "dcv.v_max": 0.02,
-            "continuity.k_s": 1e9,
-            "mechanical.gap": 0.003,
-            "sensor.tau_l": 0.05,
-        },
-        {
-            "mechanical.mu": 0.3,
-            "mechanical.w_f": 9.0,
-            "mechanical.tau_r": 40.0,
-            "continuity.p_c": 8e4,
-            "sensor.drift": 1e-4,
-        },
+        ("full_order", {}),
+        (
+            "full_order",
+            {"dcv.tau_d": 0.0123, "dcv.x_0": 5e-5, "continuity.c_l": 0.2, "mechanical.tau_c": 80.0},
+        ),
+        (
+            "full_order",
+            {
+                "dead_zone.play": 0.02,
+                "dcv.v_max": 0.02,
+                "continuity.k_s": 1e9,
+                "mechanical.gap": 0.003,
+                "sensor.tau_l": 0.05,
+            },
+        ),
+        (
+            "full_order",
+            {
+                "mechanical.mu": 0.3,
+                "mechanical.w_f": 9.0,
+                "mechanical.tau_r": 40.0,
+                "continuity.p_c": 8e4,
+                "sensor.drift": 1e-4,
+            },
+        ),
+        ("physical", {}),
+        (
+            "physical",
+            {
+                "mechanical.tau_c": 80.0,
+                "mechanical.mu": 0.3,
+                "continuity.a_q": 0.1,
+                "continuity.p_c": 8e4,
+                "continuity.C_L": 6e-12,
+                "continuity.R_s": 2e10,
+            },
+        ),
     ],
-    ids=["nominal", "first", "second", "third"],
+    ids=["nominal", "first", "second", "third", "physical", "physical, changed"],
 )
-def test_the_twin_equals_the_fmus(values: dict[str, float], tmp_path: Path) -> None:
-    machine = our_machine("full_order")
-    twin = ChainModel(machine.groups, Record(H, {"u": COMMAND}), dict(START)).simulate(values)
+def test_the_twin_equals_the_fmus(model: str, values: dict[str, float], tmp_path: Path) -> None:
+    machine = our_machine(model)
+    twin = ChainModel(machine.groups, Record(H, {"u": COMMAND}), START | machine.base).simulate(values)
     packages = write_extended(machine.source, values | START, tmp_path, None)
     # what a log holds is what is recorded of the FMUs
     fmus = run_package(packages["open"], Record(H, {"u": COMMAND} | twin), machine, {})

@@ -46,25 +46,37 @@ def test_flows_are_4_17_and_4_18_with_the_signs_of_section_9_5(
 def test_mass_balance(p_a: float, p_b: float, x: float, omega: float) -> None:
     """Piston and leakage only move oil from one chamber to the other: what is compressed is what the ports let in."""
     q_a, q_b = EQ.port_flows(p_a, p_b, P_S, x, P)
-    rate_a, rate_b, _ = EQ.rates(p_a, p_b, P_S, x, omega, P)
+    rate_a, rate_b, _ = EQ.rates(p_a, p_b, P_S, 0.0, x, omega, P)
     stored = (P.V_L + P.V_A) / P.beta * rate_a + (P.V_L + P.V_B) / P.beta * rate_b
     assert stored == pytest.approx(q_a + q_b, abs=1e-12 * (abs(q_a) + abs(q_b) + 1e-3))
 
 
-@given(pressure, pressure, st.floats(1e5, P_S), spool, velocity, st.floats(0.0, 1e11), st.floats(0.01, 1.0))
+@given(
+    pressure, pressure, st.floats(1e5, P_S), st.floats(-0.2, 0.2), spool, velocity, st.floats(0.0, 1e11),
+    st.floats(0.01, 1.0), st.floats(0.0, 1e-11),
+)  # fmt: skip
 def test_rates_are_4_19_and_4_20(
-    p_a: float, p_b: float, p_s: float, x: float, omega: float, R_s: float, tau_p: float
+    p_a: float,
+    p_b: float,
+    p_s: float,
+    rack: float,
+    x: float,
+    omega: float,
+    R_s: float,
+    tau_p: float,
+    C_B: float,
 ) -> None:
-    p = P._replace(R_s=R_s, tau_p=tau_p)
+    """The chambers' volumes follow the rack; what leaks from a chamber to the tank goes with its pressure."""
+    p = P._replace(R_s=R_s, tau_p=tau_p, C_A=2e-12, C_B=C_B, p_t=1e5)
     q_a, q_b = EQ.port_flows(p_a, p_b, p_s, x, p)
     piston, leak = p.A * p.r * omega, p.C_L * (p_a - p_b)
     drawn = q_a if x >= 0 else q_b
     expected = (
-        7e8 / 4.5e-3 * (q_a - piston - leak),
-        7e8 / 4.5e-3 * (q_b + piston + leak),
+        7e8 / (4.5e-3 + 8.4193e-3 * rack) * (q_a - piston - leak - 2e-12 * (p_a - 1e5)),
+        7e8 / (4.5e-3 - 8.4193e-3 * rack) * (q_b + piston + leak - C_B * (p_b - 1e5)),
         (P_S - R_s * drawn - p_s) / tau_p,
     )
-    assert EQ.rates(p_a, p_b, p_s, x, omega, p) == pytest.approx(expected, rel=1e-11, abs=1e-2)
+    assert EQ.rates(p_a, p_b, p_s, rack, x, omega, p) == pytest.approx(expected, rel=1e-11, abs=1e-2)
 
 
 @given(st.lists(st.tuples(spool, velocity), min_size=1, max_size=15))
@@ -81,12 +93,27 @@ def test_closed_and_still_it_stays_where_it_is() -> None:
 
 
 def test_trapped_oil_is_a_spring() -> None:
-    """Valve shut, no leakage: a turn by dtheta raises PA by beta A r dtheta/V, (4.19)."""
+    """Valve shut, no leakage: a turn presses V + A dx into V, (4.19); its stiffness grows as the chamber gets smaller."""
     omega, t = 1e-3, 0.2
     r = run(BLOCK, 1e-3, [0.0, -omega], {"C_L": 0.0})
     p_load, p_a, p_b, _ = r.play([(0.0, -omega)] * round(t / 1e-3))[-1]
-    rise = P.beta * P.A * P.r * omega * t / (P.V_L + P.V_A)
-    assert (p_a - MIDDLE, MIDDLE - p_b, p_load) == pytest.approx((rise, rise, 2 * rise), rel=1e-9)
+    share = P.A * P.r * omega * t / (P.V_L + P.V_A)
+    rises = -P.beta * math.log(1.0 - share), P.beta * math.log(1.0 + share)
+    assert (p_a - MIDDLE, MIDDLE - p_b, p_load) == pytest.approx((*rises, sum(rises)), rel=1e-9)
+    assert rises[0] > rises[1]
+
+
+def test_what_leaks_to_the_tank_empties_a_chamber_that_is_shut() -> None:
+    values = {"C_L": 0.0, "C_A": 5e-11}
+    _, p_a, p_b, _ = run(BLOCK, 1e-3, [0.0, 0.0], values).play([(0.0, 0.0)] * 100)[-1]
+    assert p_a == pytest.approx(MIDDLE * math.exp(-0.1 * P.beta * 5e-11 / (P.V_L + P.V_A)), rel=1e-9)
+    assert p_b == MIDDLE
+
+
+def test_an_empty_chamber_leaves_the_line() -> None:
+    """Beyond the end of its stroke a chamber has no volume, and the pressure stays finite."""
+    full, empty = (EQ.rates(MIDDLE, MIDDLE, P_S, rack, 0.0, 0.01, P)[0] for rack in (0.0, -1.0))
+    assert empty / full == pytest.approx((P.V_L + P.V_A) / P.V_L)
 
 
 @pytest.mark.parametrize("supply", [{}, {"R_s": 5e10, "tau_p": 0.02}], ids=["stiff", "sagging"])
@@ -97,31 +124,33 @@ def test_fourth_order(supply: dict[str, float]) -> None:
     end, x_end, w_end = 0.016, 2.4e-3, 0.02
 
     def rates(t: float, y: np.ndarray) -> tuple[float, ...]:
-        return EQ.rates(*y, x_end * t / end, w_end * t / end, p)
+        return EQ.rates(*y, 0.5 * P.r * w_end * t * t / end, x_end * t / end, w_end * t / end, p)
 
     start = [MIDDLE, MIDDLE, P_S]
     exact = solve_ivp(rates, (0, end), start, "DOP853", rtol=1e-13, atol=1e-6).y[:, -1]
     errors = []
     for n in (16, 32, 64, 128):  # at most 1 ms each, or the block divides the step itself
-        line = np.linspace(0, 1, n + 1)[1:, None] * [x_end, w_end]
-        found = run(BLOCK, end / n, [0.0, 0.0], values).play(line)[-1]
+        line = np.linspace(0, 1, n + 1)
+        rows = np.column_stack([x_end * line[1:], w_end * line[:-1]])
+        found = run(BLOCK, end / n, [0.0, -w_end / n], values).play(rows)[-1]
         errors.append(np.abs(found[1:] - exact).max())
     assert errors[-1] > 1e-6, "above rounding"
     assert orders(errors)[-1] == pytest.approx(4.0, abs=0.3)
 
 
 def test_long_steps_are_divided() -> None:
-    """A step of 20 ms is twenty of 1 ms along the same straight line."""
+    """A step of 20 ms is twenty of 1 ms along the same lines: the velocity, told at its start, goes on as before."""
     whole = run(BLOCK, 0.02, [0.0, 0.0]).step(2e-3, 0.03)
-    line = np.linspace(0, 1, 21)[1:, None] * [2e-3, 0.03]
-    assert whole == pytest.approx(tuple(run(BLOCK, 1e-3, [0.0, 0.0]).play(line)[-1]), rel=1e-13)
+    share = np.linspace(0, 1, 21)
+    rows = np.column_stack([2e-3 * share[1:], 0.03 + 0.03 * share[:-1]])
+    assert whole == pytest.approx(tuple(run(BLOCK, 1e-3, [0.0, 0.03 - 0.0015]).play(rows)[-1]), rel=1e-12)
 
 
 def linearised(b: float) -> tuple[np.ndarray, np.ndarray]:
     """State matrix and input column (per m of spool) of (PA, PB, omega) about the centre, by central differences."""
 
     def rates(y: np.ndarray, x: float) -> np.ndarray:
-        rate_a, rate_b, _ = EQ.rates(y[0], y[1], P_S, x, y[2], P)
+        rate_a, rate_b, _ = EQ.rates(y[0], y[1], P_S, 0.0, x, y[2], P)
         return np.array([rate_a, rate_b, (P.A * P.r * (y[0] - y[1]) - b * y[2]) / J])
 
     y0, columns = np.array([MIDDLE, MIDDLE, 0.0]), []

@@ -87,12 +87,17 @@ def simplified(p, x, u):
 def continuity_physical(p, x, u):
     """(4.19), (4.20): the block's own right-hand side."""
     module = composed_block("continuity_physical").module
-    return list(module.rates(*x, *u, module.Parameters(**p)))
+    return [*module.rates(*x, *u, module.Parameters(**p)), p["r"] * u[1]]
 
 
 RIGHT_HAND_SIDES = {
     "continuity": (continuity, [3e5], [1e-3], {"a_q": 0.2, "c_l": 0.1, "c_beta": 0.3, "p_c": 1e5}),
-    "continuity_physical": (continuity_physical, [9e6, 8e6, 1.65e7], [1e-3, 0.01], {"R_s": 1e10, "p_t": 1e5}),
+    "continuity_physical": (
+        continuity_physical,
+        [9e6, 8e6, 1.65e7, 0.02],
+        [1e-3, 0.01],
+        {"R_s": 1e10, "p_t": 1e5, "C_A": 1e-12},
+    ),
     "mechanical": (
         mechanical,
         [0.3, 0.02],

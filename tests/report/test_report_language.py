@@ -14,7 +14,7 @@ from cosim.report.folder import load
 from cosim.report.language import PLACE, Catalogue, catalogue, reported_in, said
 from cosim.report.page import page
 from cosim.report.plain import ADVICE
-from cosim.report.words import CAPTIONS, FORMS, NAMES, PHRASES, effect_name
+from cosim.report.words import CAPTIONS, FORMS, NAMES, PHRASES, PHYSICAL, effect_name
 from cosim.rig import EFFECTS
 from fmus import registry
 
@@ -72,7 +72,7 @@ def test_every_word_about_effects_is_known(german):
     sentences += [*NAMES.values(), *(noun for noun, _ in PHRASES.values())]
     sentences += [*names.SIGNAL_NAMES.values(), *names.BLOCK_NAMES.values()]
     sentences += [text for text, _, _ in names.QUANTITIES.values()]
-    hows = [sample(how) for _, how in PHRASES.values()]
+    hows = [sample(how) for _, how in (*PHRASES.values(), *PHYSICAL.values())]
     for text in (*sentences, *hows, *(hows[0] + sample(form) for form in FORMS.values())):
         said(text)
     captions = {k: re.sub(r"\{\w+(:[^}]*)?\}", "5", v) for k, v in CAPTIONS.items()}

@@ -9,6 +9,7 @@ from cosim.report.material import Material, Noise, Part
 from cosim.report.words import (
     CAPTIONS,
     PHRASES,
+    PHYSICAL,
     doubts,
     effect_in_block,
     fit_text,
@@ -119,6 +120,16 @@ def test_doubt_is_said():
         "This log cannot tell Coulomb friction (mechanics) from cracking pressure (hydraulics)."
     ]
     assert doubts(empty_answer(causes=[friction()])) == []
+
+
+@pytest.mark.parametrize("effect", sorted(PHYSICAL))
+def test_the_physical_hydraulics_have_words_of_their_own(effect):
+    here = registry.effect_on(effect, "continuity_physical")
+    values = {n: item.starts[-1] for n, item in here.free.items()}
+    _, how = phrase(named(effect, values), material())
+    assert " to " in how
+    assert "its nominal value" not in how
+    assert "is missing" not in how, "the general words"
 
 
 @pytest.mark.parametrize("effect", sorted(PHRASES))

@@ -51,6 +51,19 @@ def test_same_seed_same_bytes(tmp_path):
     assert truths[0] == truths[1]
 
 
+def test_the_physical_system_by_option(tmp_path):
+    result = call("--out", tmp_path / "log.csv", "--model", "physical", "--json", *SHORT)
+    assert json.loads(result.stdout)["truth"]["model"] == "physical"
+    table = pd.read_csv(tmp_path / "log.csv")
+    load = table["p_a [bar]"] - table["p_b [bar]"]
+    physical, identified = (
+        (run.p_a - run.p_b) / 1e5
+        for run in (make_log("steps", 5.0, model=m) for m in ("physical", "full_order"))
+    )
+    assert np.allclose(load, physical, atol=2e-5)
+    assert np.abs(load - identified).max() > 1.0
+
+
 def test_json_is_one_object_with_paths_and_truth(tmp_path):
     log, tracker = tmp_path / "log.parquet", tmp_path / "tracker.csv"
     hide = ["--hide", "mechanical.coulomb_friction:tau_c=300 N.m", "--hide", "dcv.delay"]

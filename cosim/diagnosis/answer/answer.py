@@ -320,7 +320,7 @@ def nominal(diagnosis: Diagnosis) -> dict[str, Parameter]:
         component, _, parameter = name.partition(".")
         if name in freed or name not in diagnosis.deviations:
             continue
-        variable = registry.block(registry.FMU_OF_COMPONENT.get(component, component)).parameters[parameter]
+        variable = registry.parameter(component, parameter)
         found[name] = parameter_of(diagnosis, name, variable, value, diagnosis.deviations.get(name, 0.0))
     return found
 

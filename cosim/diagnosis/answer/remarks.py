@@ -38,6 +38,12 @@ def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
             f"the slew sensor's steps are rounded {diagnosis.tracker.rounds}: against the tracker its readings are off by "
             "half a step on average, which is no fault of its own"
         )
+    for group in diagnosis.groups:
+        if lost := group.behind_lost_motion():
+            found.append(
+                f"{' and '.join(lost)} cannot be told in a model that feeds the speed back to the pressure, since then "
+                "the sensor sees another speed than the piston has; hold the log against full_order for that"
+            )
     grids = [own for piece in diagnosis.record.pieces if isinstance(own := piece.grid, Grid)]
     if grid is not None and grids:
         spread = np.concatenate([np.diff(own.stamps) for own in grids])

@@ -1,7 +1,7 @@
 """The extended model, written as packages that other clients can run."""
 
 from collections.abc import Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +34,13 @@ def by_component(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     return found
 
 
-def write_values(grouped: Mapping[str, Mapping[str, float]], file: Path) -> Path:
-    """Write all values as one .ssv with names ``component.parameter``."""
+def write_values(grouped: Mapping[str, Mapping[str, float]], stems: Mapping[str, str], file: Path) -> Path:
+    """Write all values as one .ssv with names ``component.parameter``; `stems` says which FMU each component runs."""
     declared: dict[str, Variable] = {}
     values: dict[str, float] = {}
     for component, own in grouped.items():
-        block = registry.FMU_OF_COMPONENT.get(component, component)
-        known = composed_block(block, component).parameters
+        stem = stems.get(component, component)
+        known = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem).parameters
         declared |= {f"{component}.{name}": known[name] for name in own}
         values |= {f"{component}.{name}": value for name, value in own.items()}
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -66,8 +66,14 @@ def write_extended(
         if stimulus is not None:
             paths["closed"] = write_ssp(wiring, folder / "extended.ssp", values=grouped, stimulus=stimulus)
     if grouped:
-        paths["ssv"] = write_values(grouped, folder / "extended.ssv")
+        paths["ssv"] = write_values(grouped, stems(wiring), folder / "extended.ssv")
     return paths
+
+
+def stems(wiring: Path) -> dict[str, str]:
+    """Component -> name of the FMU that it runs, without its ending."""
+    components = read_xml(wiring).findall(".//ssd:Component", NAMESPACES)
+    return {c.get("name", ""): PurePosixPath(c.get("source", "")).stem for c in components}
 
 
 def closed(wiring: Path) -> bool:

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import CompiledBlock, compiled_block
+from cosim.compiled import CompiledBlock, CompiledPair, compiled_block
 from cosim.diagnosis.model.groups import COMPONENT_VALUES, Group
 from cosim.diagnosis.record.grid import Grid, Pieces, cuts_of, of_piece, plain_name
 from fmus.contract import Variable
@@ -73,6 +73,10 @@ class GroupModel:
         self.h = h
         self.fixed = COMPONENT_VALUES | (fixed or {})
         self.stages = [(c, compiled_stage(c, b)) for c, b in group.stages]
+        self.pair: tuple[int, CompiledPair] | None = None  # place of the first of two that feed back
+        if group.loop is not None:
+            at = group.components.index(group.loop[0])
+            self.pair = at, CompiledPair(self.stages[at][1], self.stages[at + 1][1])
         self.kept: dict[int, tuple[tuple[float, ...], Array]] = {}
         self.driving: Array | None = None  # the drive at the steps
         self.parts: list[GroupModel] = []
@@ -153,14 +157,25 @@ class GroupModel:
             if i == 0 and self.group.upstream_slot:
                 prefix = self.group.upstream_slot[0] + "."
                 key += tuple(sorted(v for n, v in settings.items() if n.startswith(prefix)))
+            if self.pair is not None and i == self.pair[0]:
+                key += tuple(
+                    owned[self.stages[i + 1][0]].get(n, v) for n, v in self.stages[i + 1][1].nominal.items()
+                )
             kept = self.kept.get(i)
-            if kept is not None and kept[0] == key and not changed:
+            if self.pair is not None and i == self.pair[0] + 1:
+                outputs = self.kept[i][1]  # it ran with the one before
+            elif kept is not None and kept[0] == key and not changed:
                 outputs = kept[1]
             else:
                 # a held drive acts from the start of a step, a continuous one is known at its end
                 steps = signal[:-1] if i == 0 and self.group.held else signal[1:]
-                outputs = block.run(steps[None, :], h, own, signal[:1])
                 changed = True
+                if self.pair is not None and i == self.pair[0]:
+                    others = owned[self.stages[i + 1][0]]
+                    outputs, behind = self.pair[1].run(steps, h, own, others, float(signal[0]))
+                    self.kept[i + 1] = (key, behind)
+                else:
+                    outputs = block.run(steps[None, :], h, own, signal[:1])
                 if i + 1 < len(self.stages):
                     self.kept[i] = (key, outputs)
             signal = outputs[0]

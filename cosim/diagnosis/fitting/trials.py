@@ -79,9 +79,7 @@ def declared(effect: Effect, parameter: str) -> Variable:
     """Declaration of a parameter that an effect frees: its own, or its block's."""
     if parameter in effect.parameters:
         return effect.parameters[parameter]
-    return registry.block(registry.FMU_OF_COMPONENT.get(effect.component, effect.component)).parameters[
-        parameter
-    ]
+    return registry.parameter(effect.component, parameter)
 
 
 def trusted(model: GroupModel, tolerance: float) -> list[Unknown]:

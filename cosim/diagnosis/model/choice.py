@@ -45,7 +45,7 @@ def chosen(asked: str | None, of_log: str | None) -> tuple[str, dict[str, float]
                 n: c for n, c in system.components.items() if n in stages and c.fmu.identifier == stages[n]
             }
             if found.keys() == stages.keys():
-                return model, differing({name: own_values(component) for name, component in found.items()})
+                return model, differing(stages, {name: own_values(c) for name, c in found.items()})
         known = "; ".join(
             f"{m}: {', '.join(c for g in groups for c in g.components)}" for m, groups in MODELS.items()
         )
@@ -87,11 +87,16 @@ def own_values(component: Component) -> dict[str, float]:
     return {n: float(v) for n, v in starts.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
 
 
-def differing(values: dict[str, dict[str, float]]) -> dict[str, float]:
-    """``component.parameter`` -> SI of what is not as our nominal model has it; the start angle comes from the log."""
+def differing(blocks: dict[str, str], values: dict[str, dict[str, float]]) -> dict[str, float]:
+    """``component.parameter`` -> SI of what is not as its block declares it; the start angle comes from the log.
+
+    Args:
+        blocks: component -> block.
+        values: component -> parameter -> SI.
+    """
     found = {}
     for component, own in values.items():
-        block = registry.block(registry.FMU_OF_COMPONENT.get(component, component))
+        block = registry.block(blocks[component])
         for name, variable in block.parameters.items():
             nominal = COMPONENT_VALUES.get(f"{component}.{name}", variable.start)
             if name in own and name != "theta_0" and own[name] != nominal:

@@ -158,20 +158,24 @@ def cut(
         ModelError: it is no chain, or nothing drives it.
     """
     chains = {}
+    within = {port for pair in wiring.loops().values() for port in pair.ports}
     for name, item in signals.items():
         for target in item.targets:
-            chains[name, target] = chain(wiring, signals, target)
+            if target not in within:
+                chains[name, target] = chain(wiring, signals, target)
     found: list[Group] = []
     drives = [name for name, item in signals.items() if item.source is None]
     while drives:
         drive = drives.pop(0)
         for target in signals[drive].targets:
+            if target in within:
+                continue
             stages, observed = chains[drive, target]
             if not observed or not any(block in DYNAMIC for _, block in stages):
                 continue  # such as the observer: nothing of the drive itself shows in it
             before = next((g for g in found if drive in g.observed), None)
             found.append(group_of(wiring, signals, stages, drive, observed, before, starts or {}, trusted))
-            drives += [s for s in observed if signals[s].targets]
+            drives += [s for s in observed if set(signals[s].targets) - within]
     if not found:
         raise ModelError(
             f"{wiring.name}: no signal drives a block whose output is a signal; a mapping's table [compare.signals] says "
@@ -186,20 +190,31 @@ def chain(
     """The components from an input to the next signals, and these.
 
     A signal that feeds nothing, such as a speed beside the angle, does not end the chain: what is behind is judged, too.
+    Nor does one between two components that feed back.
     """
+    loops = wiring.loops()
+    within = {port for pair in loops.values() for port in pair.ports}
     stages: list[tuple[str, str]] = []
     seen: list[str] = []
     while True:
         component = target.component
         block = wiring.blocks[component]
-        fed = [p for p in wiring.wires if p.component == component]
+        closing = loops[component].back if component in loops else None
+        outside = [t for targets in wiring.inputs.values() for t in targets]
+        fed = [p for p in (*wiring.wires, *outside) if p.component == component and p != closing]
         if len(fed) > 1 or (component, block) in stages:
-            if block in DYNAMIC or block == "continuity_physical":
+            if block in DYNAMIC:
                 raise ModelError(
                     f"{wiring.name}: its components {', '.join(wiring.blocks)} are not those of a model that can be "
                     f"diagnosed: '{component}' is fed by {' and '.join(map(str, fed))}, and only a chain can be cut"
                 )
             return stages, seen
+        waiting = [n for n, way in registry.block(block).reads.items() if way == "start"]
+        if waiting and component not in loops:
+            raise ModelError(
+                f"{wiring.name}: '{component}.{waiting[0]}' is not fed by what '{component}' drives: wire the speed "
+                "of the mechanics to it, or take the block 'continuity'"
+            )
         stages.append((component, block))
         shown = [s for s, item in signals.items() if item.source and item.source.component == component]
         if shown:
@@ -207,7 +222,11 @@ def chain(
             parts = {p for s in shown for p, _ in signals[s].parts if len(signals[s].parts) > 1}
             seen += [s for s in shown if signals[s].source not in parts]
         behind = [t for t, s in wiring.wires.items() if s.component == component]
-        if not behind or any(signals[s].targets for s in seen):
+        if component in loops:
+            target = loops[component].forth
+            continue
+        behind = [t for t in behind if t not in within]
+        if not behind or any(set(signals[s].targets) - within for s in seen):
             return stages, seen
         if len({t.component for t in behind}) > 1:
             if seen:
@@ -231,12 +250,20 @@ def group_of(
 ) -> Group:
     """One group of a cut."""
     inside = {component for component, _ in stages}
-    own = tuple(n for n in trusted if n.partition(".")[0] in inside)
+    own = tuple(n for n in trusted if has_parameter(dict(stages), n))
     named = [c for c, b in stages if b in DYNAMIC]
+    loop = next(((c, p.forth.component) for c, p in wiring.loops().items() if c in inside), None)
     integrates = any(block in ("mechanical", "simplified") for _, block in stages)
+    if loop is not None and loop[1] != named[-1]:
+        raise ModelError(
+            f"{wiring.name}: behind the loop of {' and '.join(loop)} '{named[-1]}' follows with nothing measured between"
+        )
     # what drives the next group first, then what is furthest down the flow, a speed behind its angle
     order = {component: -i for i, (component, _) in enumerate(stages)}
-    observed = sorted(observed, key=lambda s: (not signals[s].targets, *place(signals[s].source, order)))
+    within = {port for pair in wiring.loops().values() for port in pair.ports}
+    observed = sorted(
+        observed, key=lambda s: (not set(signals[s].targets) - within, *place(signals[s].source, order))
+    )
     slot = None
     if before is not None:
         component, block = before.stages[-1]
@@ -251,7 +278,7 @@ def group_of(
         if made != ((signal, 1.0),):
             parts[signal] = made
     return Group(
-        named[-1],
+        named[-1] if loop is None else "+".join(loop),
         tuple(stages),
         drive,
         tuple(observed),
@@ -263,6 +290,18 @@ def group_of(
         starts=tuple((n, s) for n, s in starts.items() if n.partition(".")[0] in inside and s in observed),
         # only a shift of the valve's neutral shows as a constant, but not where what follows integrates it
         absolute="dcv" in named and not integrates,
+        loop=loop,
+    )
+
+
+def has_parameter(stages: Mapping[str, str], name: str) -> bool:
+    """True if ``component.parameter`` is one of a block among these, component -> block, or of an effect on it."""
+    component, _, parameter = name.partition(".")
+    if component not in stages:
+        return False
+    block = registry.block(stages[component])
+    return parameter in block.parameters or any(
+        parameter in e.parameters for e in registry.effects_on(component, block.name)
     )
 
 

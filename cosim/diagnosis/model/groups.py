@@ -1,8 +1,8 @@
 """Groups of blocks between measured signals, each driven by a measurement and judged by one; and their simulation.
 
 Between two measured signals the blocks act as one: the compensator, the dead zone and the valve between command and spool;
-the continuity between spool and pressure; mechanics and slew sensor between pressure and angle. `cosim.diagnosis.model.cut`
-finds them in a model's wiring.
+the continuity between spool and pressure; mechanics and slew sensor between pressure and angle. Two blocks that feed back
+are one group, whatever is measured between them. `cosim.diagnosis.model.cut` finds them in a model's wiring.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -59,6 +59,7 @@ class Group:
         asked: effects that are candidates on request only and were requested.
         scale: SI unit, or ``component.parameter`` -> how much smaller or larger than on the crane a typical change is, for
             the searches.
+        loop: two components that feed back: they run in turns, and the second's effects show in what the first makes.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Group:
     absolute: bool = False
     asked: tuple[str, ...] = ()
     scale: tuple[tuple[str, float], ...] = ()
+    loop: tuple[str, str] | None = None
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -90,6 +92,8 @@ class Group:
     @property
     def linear(self) -> tuple[str, ...]:
         """``component.parameter`` of the linear part that carries what is missing to the signal."""
+        if self.loop is not None:
+            return tuple(f"{c}.{p}" for c, own in zip(self.loop, LOOP, strict=True) for p in own)
         component = next(c for c, b in reversed(self.stages) if b == self.kind)
         return tuple(f"{component}.{parameter}" for parameter in DYNAMIC.get(self.kind, ()))
 
@@ -102,6 +106,17 @@ class Group:
     def reading(self) -> str | None:
         """The signal that a sensor of this group reads, if there is one."""
         return self.observed[0] if self.stages and self.stages[-1][1] == "sensor" else None
+
+    def output_of(self, signal: str) -> str:
+        """The output that a signal shows, ``p_load`` also where its ports are measured."""
+        (output, _), *more = dict(self.parts).get(signal, ((signal, 1.0),))
+        return "p_load" if more else output.rpartition(".")[2]
+
+    @property
+    def telling(self) -> tuple[str, ...]:
+        """The signal by which the group is known, and, of two that feed back, the one between them."""
+        first, *others = self.observed
+        return (first, *(s for s in others if self.loop is not None and self.output_of(s) == "p_load"))
 
     def is_speed(self, signal: str) -> bool:
         """True if a signal is the speed, not the angle: a gyroscope or a tachometer."""
@@ -127,7 +142,8 @@ class Group:
         """
         slot = self.upstream_slot
         lumped = sum(block in DYNAMIC for _, block in self.stages) > 1
-        found = []
+        lost = self.behind_lost_motion()
+        found: list[Effect] = []
         for effect in registry.effects().values():
             if effect.name in self.excluded or effect.name in _LEFT_OUT.get():
                 continue
@@ -137,31 +153,50 @@ class Group:
             handed_on = set(effect.fills) == {"driving_pressure"}
             inside = effect.component in self.components[:-1] or not handed_on
             handed = slot and handed_on and effect.component == slot[0] and slot[2] in effect.fills
-            if handed or (effect.component in self.components and inside):
-                found.append(scaled(effect.name, self.scale) if self.scale else effect)
+            if (handed or (effect.component in self.components and inside)) and effect.name not in lost:
+                block = self.block_of(effect.component)
+                here = registry.effect_on(effect.name, block)
+                if here is not None:
+                    found.append(scaled(effect.name, block, self.scale) if self.scale else here)
         return tuple(found)
+
+    def behind_lost_motion(self) -> tuple[str, ...]:
+        """Effects that are no candidates because with them the sensor sees another speed than the one that is fed back."""
+        if self.loop is None:
+            return ()
+        own = (e for e in registry.effects().values() if e.component == self.loop[1])
+        return tuple(
+            e.name for e in own if "seen_velocity" in e.fills and (not e.asked or e.name in self.asked)
+        )
+
+    def block_of(self, component: str) -> str:
+        """Block that a component of this group, or the one before, runs."""
+        slot = self.upstream_slot
+        return slot[1] if slot and slot[0] == component else dict(self.stages)[component]
 
 
 # blocks with dynamics, and the parameters of their linear part
 DYNAMIC: dict[str, tuple[str, ...]] = {
     "dcv": ("K", "w0", "zeta"),
     "continuity": ("K_c", "T"),
+    "continuity_physical": ("w", "beta"),
     "mechanical": ("J", "b"),
     "simplified": ("k", "a"),
 }
+# of two that feed back: the parameters of their linear part
+LOOP = (("C_d", "w", "rho", "beta", "V_L", "V_A", "V_B", "C_L", "p_s", "A", "r"), ("J", "b", "A", "r"))
 
 
 @cache
-def scaled(name: str, scale: tuple[tuple[str, float], ...]) -> Effect:
-    """The effect with starts, typical size and floor of each parameter times its own factor or that of its unit."""
-    effect, factors = registry.effects()[name], dict(scale)
+def scaled(name: str, block: str, scale: tuple[tuple[str, float], ...]) -> Effect:
+    """The effect as it is in a block; starts, typical size and floor of each parameter by its own factor or its unit's."""
+    effect, factors = registry.effect_on(name, block), dict(scale)
+    assert effect is not None
 
-    def moved(listed: Mapping[str, Free]) -> dict[str, Free]:
+    def moved(effect: Effect, listed: Mapping[str, Free]) -> dict[str, Free]:
         found = {}
         for parameter, item in listed.items():
-            variable = (
-                effect.parameters.get(parameter) or registry.block(block_of(effect)).parameters[parameter]
-            )
+            variable = effect.parameters.get(parameter) or registry.parameter(effect.component, parameter)
             factor = factors.get(f"{effect.component}.{parameter}", factors.get(variable.unit, 1.0))
             starts = tuple(v * factor for v in item.starts)
             found[parameter] = replace(
@@ -169,12 +204,7 @@ def scaled(name: str, scale: tuple[tuple[str, float], ...]) -> Effect:
             )
         return found
 
-    return replace(effect, free=moved(effect.free), forms=moved(effect.forms))
-
-
-def block_of(effect: Effect) -> str:
-    """Name of the block whose equations an effect changes."""
-    return registry.FMU_OF_COMPONENT.get(effect.component, effect.component)
+    return replace(effect, free=moved(effect, effect.free), forms=moved(effect, effect.forms))
 
 
 class OurModels(Mapping[str, tuple[Group, ...]]):
@@ -210,7 +240,7 @@ def our_groups(name: str) -> tuple[Group, ...]:
     return cut(wiring, signals, start_values(wiring, None, signals))
 
 
-NAMES = ("full_order", "simplified")
+NAMES = ("full_order", "simplified", "physical")
 MODELS: Mapping[str, tuple[Group, ...]] = OurModels()
 
 # what a component is set to where its block's declaration does not say it (ssp/nominal/*.ssv)
@@ -237,6 +267,7 @@ def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, 
                 trusted=before.trusted + group.trusted,
                 starts=before.starts + group.starts,
                 absolute=group.absolute or (before.absolute and not group.integrates),
+                loop=group.loop or before.loop,
             )
             found[-1] = joined
         else:
@@ -251,7 +282,9 @@ def narrowed(group: Group, signals: Collection[str]) -> Group:
         return group
     parts = dict(group.parts)
     shown = [output.rpartition(".")[0] for s in seen for output, _ in parts.get(s, ((s, 1.0),))]
-    last = max(group.components.index(c) if c else len(group.stages) - 1 for c in shown)
+    last = max(
+        group.components.index(c) if c else len(group.stages) - 1 for c in (*shown, *(group.loop or ()))
+    )
     end = group.components[last]
     made = {
         s: tuple((output.removeprefix(f"{end}."), factor) for output, factor in parts[s])

@@ -11,6 +11,24 @@ from fmus import registry
 
 
 @dataclass(frozen=True)
+class Loop:
+    """The wires of two components that feed back.
+
+    Attributes:
+        forth: input of the second that the first one's first output feeds.
+        back: input of the first that the second feeds, which the first reads as that of the step before.
+    """
+
+    forth: Port
+    back: Port
+
+    @property
+    def ports(self) -> tuple[Port, Port]:
+        """Both inputs."""
+        return self.forth, self.back
+
+
+@dataclass(frozen=True)
 class Wiring:
     """A system of our blocks.
 
@@ -34,6 +52,24 @@ class Wiring:
         """Unit of a component's variable."""
         block = registry.block(self.blocks[port.component])
         return (block.inputs | block.outputs)[port.variable].unit
+
+    def loops(self) -> dict[str, Loop]:
+        """Components whose last input the one behind them feeds back, each with the two wires."""
+        found = {}
+        for component, name in self.blocks.items():
+            block = registry.block(name)
+            for variable in (n for n, way in block.reads.items() if way == "start"):
+                back = Port(component, variable)
+                source = self.wires.get(back)
+                ahead = Port(component, next(iter(block.outputs)))
+                fed = [
+                    t
+                    for t, s in self.wires.items()
+                    if source and s == ahead and t.component == source.component
+                ]
+                if fed:
+                    found[component] = Loop(fed[0], back)
+        return found
 
     def has(self, port: Port) -> bool:
         """True if there is such a variable."""
@@ -118,8 +154,9 @@ def known_block(path: Path, component: str, block: str) -> str:
             f"{path}: component '{component}' runs '{block}', which is none of our blocks ({', '.join(registry.BLOCKS)}); "
             "only systems of these can be diagnosed"
         )
-    if registry.FMU_OF_COMPONENT.get(component, component) != block:
+    if block not in registry.blocks_of(component) or component in registry.COMPONENT_OF:
+        name = registry.COMPONENT_OF.get(block, block)
         raise ModelError(
-            f"{path}: component '{component}' runs the block '{block}': name it '{block}', the name its effects go by"
+            f"{path}: component '{component}' runs the block '{block}': name it '{name}', the name its effects go by"
         )
     return block

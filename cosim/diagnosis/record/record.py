@@ -163,7 +163,7 @@ def begun_values(record: Record, group: Group) -> dict[str, float]:
 
 def shown_by(group: Group, component: str, output: str) -> str:
     """The signal of a log that shows an output, also where several sensors together show it; empty for none."""
-    together = output in group.observed and component == group.components[-1]
+    together = output in group.observed and component in (group.components[-1], *(group.loop or ()))
     return output if together else group.shows(component, output)
 
 
@@ -172,7 +172,7 @@ def settled(group: Group, drive: float) -> dict[str, float]:
     found: dict[str, float] = {}
     signal = np.array([drive])
     for component, block in group.stages:
-        if block in ("mechanical", "simplified"):  # an angle does not settle
+        if block in ("mechanical", "simplified", "continuity_physical"):  # an angle does not settle
             break
         compiled = compiled_block(block, component)
         own = {n.partition(".")[2]: v for n, v in COMPONENT_VALUES.items() if n.startswith(component + ".")}

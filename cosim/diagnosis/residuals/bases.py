@@ -29,7 +29,9 @@ def free_bases(
         values: ``component.parameter`` -> SI, for its linear part.
         predicted: observed signal -> (n,) what the fitted model predicts, SI.
     """
-    if group.kind == "dcv":
+    if group.loop is not None:
+        found = loop_bases(record, group, values, predicted)
+    elif group.kind == "dcv":
         found = valve_bases(record, group, values, predicted[group.observed[0]])
     elif group.kind == "continuity":
         found = pressure_bases(record, group, values, predicted)
@@ -96,7 +98,20 @@ def motion_bases(
         drivers[name] = record.smooth(name) if name == drive and not group.held else record.signals[name]
     transfer = to_motion(group, values, is_speed)
     what, unit = ("demand", "1") if group.kind == "simplified" else ("torque", "N.m")
-    found = families(drivers, transfer, h, what, unit)
+    found = missing_torque(record, drivers, transfer, what, unit)
+    return found + missing_reading(drivers, "rad/s" if is_speed else "rad", h)
+
+
+def missing_torque(
+    record: Record,
+    drivers: Mapping[str, Array],
+    transfer: tuple[list[float], list[float]],
+    what: str,
+    unit: str,
+) -> list[Basis]:
+    """A missing torque that depends on these signals, speed and angle among them, behind a transfer function."""
+    h, rate, angle = record.h, drivers["omega"], drivers["theta"]
+    found = families(dict(drivers), transfer, h, what, unit)
     factors = [
         ("omega", rate, "time", record.time),
         ("omega", rate, "theta", angle),
@@ -107,9 +122,80 @@ def motion_bases(
         factors.append(("direction", direction, "p_load", np.abs(drivers["p_load"])))
     for of, factor, by, driver in factors:
         found += changing(of, factor, by, driver, transfer, h, what, unit)
-    reading = "rad/s" if is_speed else "rad"
-    found += families({"omega": rate}, None, h, "reading", reading)
-    return found + reversals("theta", angle, "reading", reading, h)
+    return found
+
+
+def missing_reading(drivers: Mapping[str, Array], unit: str, h: float) -> list[Basis]:
+    """A sensor that reads by speed, or by the way since the motion last turned, what is not there."""
+    found = families({"omega": drivers["omega"]}, None, h, "reading", unit)
+    return found + reversals("theta", drivers["theta"], "reading", unit, h)
+
+
+def loop_bases(
+    record: Record, group: Group, values: Mapping[str, float], predicted: dict[str, Array]
+) -> dict[str, list[Basis]]:
+    """A missing torque and a missing opening, each through pressure and mechanics that feed back, and a missing reading."""
+    h, drive, cuts = record.h, group.drive, record.cuts
+    shown = {s: group.output_of(s) for s in predicted}
+    opened: dict[str, Array] = {drive: record.signals[drive] if group.held else record.smooth(drive, 20.0)}
+    moved: dict[str, Array] = {}
+    for signal, output in shown.items():
+        if output == "p_load":
+            opened["p_load"] = predicted[signal]
+        elif output != "p_supply" and not moved:
+            is_speed = group.is_speed(signal)
+            seen = predicted[signal]
+            angle = by_piece(lambda row: h * np.cumsum(row), cuts, seen) if is_speed else seen
+            moved = {"omega": seen if is_speed else slope(angle, h, cuts), "theta": angle}
+    if moved and "p_load" in opened:
+        moved["p_load"] = opened["p_load"]
+    # where the spool was not measured, at its neutral
+    loop = around(group, values, 0.0 if group.held else float(np.mean(np.abs(opened[drive]))))
+    found: dict[str, list[Basis]] = {}
+    for signal, output in shown.items():
+        if output == "p_supply":
+            flow = {"abs(spool)": np.abs(opened[drive])}
+            lagged = families(flow, ([1.0], [0.3, 1.0]), h, "lagged supply", "Pa")
+            found[signal] = families(flow, None, h, "supply", "Pa") + lagged
+            continue
+        pressure, is_speed = output == "p_load", group.is_speed(signal)
+        to = "pressure" if pressure else "speed" if is_speed else "angle"
+        found[signal] = families(opened, loop["opening", to], h, "opening", "m")
+        if moved:
+            found[signal] += missing_torque(record, moved, loop["torque", to], "torque", "N.m")
+        if moved and not pressure:
+            found[signal] += missing_reading(moved, "rad/s" if is_speed else "rad", h)
+    return found
+
+
+def around(
+    group: Group, values: Mapping[str, float], spool: float
+) -> dict[tuple[str, str], tuple[list[float], list[float]]]:
+    """Transfer functions of (4.19)-(4.21) with (4.27), linearised at a mean opening (m) and no load pressure.
+
+    c = 2 beta/V;   dPL/dt = c (k_q x_v - A r w) - k_p PL;   J dw/dt = A r PL - b w + torque
+
+    Returns:
+        (torque or opening, pressure or speed or angle) -> numerator and denominator.
+    """
+    names = [n.rpartition(".")[2] for n in group.linear]
+    sizes = [values[n] for n in group.linear]
+    split = names.index("J")
+    p = dict(zip(names[:split], sizes[:split], strict=True))
+    m = dict(zip(names[split:], sizes[split:], strict=True))
+    c = 2.0 * p["beta"] / (p["V_L"] + 0.5 * (p["V_A"] + p["V_B"]))
+    k_q = p["C_d"] * p["w"] * float(np.sqrt(p["p_s"] / p["rho"]))
+    k_p = c * (p["C_L"] + 0.5 * k_q * spool / p["p_s"])
+    swept, lever = p["A"] * p["r"], m["A"] * m["r"]
+    bottom = [m["J"], m["b"] + k_p * m["J"], k_p * m["b"] + c * swept * lever]
+    return {
+        ("torque", "pressure"): ([-c * swept], bottom),
+        ("torque", "speed"): ([1.0, k_p], bottom),
+        ("torque", "angle"): ([1.0, k_p], [*bottom, 0.0]),
+        ("opening", "pressure"): ([c * k_q * m["J"], c * k_q * m["b"]], bottom),
+        ("opening", "speed"): ([c * k_q * lever], bottom),
+        ("opening", "angle"): ([c * k_q * lever], [*bottom, 0.0]),
+    }
 
 
 def to_motion(

@@ -37,10 +37,13 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
     return !c ? fmi2Error : n ? refuse((Instance *)c, "derivatives of outputs are not provided") : fmi2OK;
 }
 
-/* An input over the step by its derivatives: at the end, or on average where the equations hold it. */
+/* An input over the step by its derivatives: at the end, on average where the equations hold it, or as it begins. */
 static double moved_input(const Instance *I, int k, double h) {
     const double *d = I->derivatives[k];
-    if (model_held[k]) {
+    if (model_reads[k] == AT_START) {
+        return I->values[k];
+    }
+    if (model_reads[k] == AS_HELD) {
         return I->values[k] + h * (d[0] / 2.0 + h * (d[1] / 6.0 + h * d[2] / 24.0));
     }
     return I->values[k] + h * (d[0] + h * (d[1] / 2.0 + h * d[2] / 6.0));
