@@ -31,7 +31,19 @@ from fmus.compose import Composed
 from fmus.describe import described
 
 TOOL = "slew-cosim, native"
-OWN = ("fmu.c", "exchange.h", "instance.h", "rates.h", "saved.h", "semantics.h", "stepping.h", "tables.h")
+OWN = (
+    "fmu.c",
+    "exchange.h",
+    "fmi2.h",
+    "instance.h",
+    "life.h",
+    "rates.h",
+    "saved.h",
+    "semantics.h",
+    "stepping.h",
+    "tables.h",
+    "values.h",
+)
 STANDARD = (
     "fmi2FunctionTypes.h",
     "fmi2Functions.h",

@@ -35,6 +35,7 @@ def definitions(model: Model, guid: str) -> list[str]:
     bounds = [v for _, _, v in inner_inputs(model)]
     kinds = {"input": "INPUT", "output": "OUTPUT", "parameter": "PARAMETER"}
     return [
+        "#define FMI_VERSION 2",
         f'#define MODEL_NAME "{model.name}"',
         f'#define MODEL_GUID "{guid}"',
         f"#define N_INPUTS {len(model.of('input'))}",
