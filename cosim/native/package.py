@@ -4,7 +4,7 @@ import io
 import tempfile
 import zipfile
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path, PurePosixPath
 
 from lxml import etree
@@ -33,7 +33,10 @@ PYTHON_TOOL = "slew-cosim with pythonfmu"
 
 @lru_cache(maxsize=64)
 def native_bytes(
-    stem: str, starts: tuple[tuple[str, float], ...] = (), stimulus: bytes | None = None
+    stem: str,
+    starts: tuple[tuple[str, float], ...] = (),
+    stimulus: bytes | None = None,
+    fmi: str = "2.0",
 ) -> bytes:
     """The native FMU of a component, as `cosim.ssp.write.fmu_bytes` makes that of pythonfmu.
 
@@ -41,11 +44,13 @@ def native_bytes(
         stem: file name without suffix: a block's name, or a component's that runs another block's FMU.
         starts: start values that differ from the declarations, SI.
         stimulus: CSV that a stimulus plays.
+        fmi: version of the standard, 2.0 or 3.0.
     """
     resources = {"stimulus.csv": stimulus} if stimulus is not None else None
     composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
     with tempfile.TemporaryDirectory(prefix="native_") as scratch:
-        return build_native(composed, Path(scratch, f"{stem}.fmu"), dict(starts), resources).read_bytes()
+        file = Path(scratch, f"{stem}.fmu")
+        return build_native(composed, file, dict(starts), resources, fmi=fmi).read_bytes()
 
 
 def write_native_ssp(
@@ -55,13 +60,17 @@ def write_native_ssp(
     stimulus: bytes | None = None,
     values: Values | None = None,
     open: bool = False,
+    fmi: str = "2.0",
 ) -> Path:
     """Write a package of native FMUs; arguments, result and errors are those of `cosim.ssp.write.write_ssp`.
+
+    With `fmi` the FMUs are of another version, in a package of SSP 1.0 all the same: few of its clients take FMI 3.0.
 
     Raises:
         MissingCompilerError: there is no C compiler.
     """
-    return write_ssp(ssd_path, destination, stimulus=stimulus, values=values, open=open, make=native_bytes)
+    make = partial(native_bytes, fmi=fmi)
+    return write_ssp(ssd_path, destination, stimulus=stimulus, values=values, open=open, make=make)
 
 
 def swapped(source: Path, destination: Path, values: Values | None = None) -> Path:

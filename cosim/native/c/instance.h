@@ -10,6 +10,7 @@
 
 #define NUMBER_SIZE 40
 #define ORDERS 3 /* highest order of an input's derivative */
+#define TIME (N_VARIABLES + 2 * N_STATES) /* value reference of the time, behind states and derivatives; FMI 3.0 has it */
 
 enum { INSTANTIATED, INITIALISING, RUNNING, TERMINATED };
 
@@ -126,7 +127,9 @@ static Status refuse_unknown(Instance *I, Reference r) {
 static Status refuse_value(Instance *I, Reference r, double value) {
     char a[NUMBER_SIZE], b[NUMBER_SIZE], c[NUMBER_SIZE], d[NUMBER_SIZE];
     if (r >= N_VARIABLES) {
-        return refuse_unknown(I, r);
+        return r < TIME + (FMI_VERSION == 3)
+                   ? refuse(I, "the variable with value reference %u is calculated and cannot be set", r)
+                   : refuse_unknown(I, r);
     }
     if (model_kinds[r] == OUTPUT) {
         return refuse(I, "%s is an output and cannot be set", model_names[r]);

@@ -58,6 +58,17 @@ static Status get_reals(Instance *I, const Reference r[], size_t n, double value
     }
     shown = outputs_now(I, outputs);
     for (k = 0; k < n; k++) {
+#if FMI_VERSION == 3 /* which has the time among its variables, and is strict about their types */
+        if (r[k] == TIME) {
+            values[k] = I->time;
+            continue;
+        }
+        if (r[k] < N_VARIABLES && is_whole(r[k])) {
+            values[k] = NAN;
+            status = refuse(I, "%s is an " WHOLE " and cannot be got with " FMI "Get" REAL, model_names[r[k]]);
+            continue;
+        }
+#endif
         if (r[k] < N_VARIABLES) {
             values[k] = model_kinds[r[k]] == OUTPUT ? shown[r[k] - N_INPUTS] : I->values[r[k]];
         } else if (get_local(I, r[k], values + k) != STATUS_OK) {
