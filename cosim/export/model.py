@@ -177,6 +177,11 @@ def _read_fmus(system: System) -> dict[str, ExportedFmu]:
         fmu = component.fmu
         if fmu.source in found:
             continue
+        if fmu.version != "2.0":
+            raise ModelError(
+                f"{system.path}: {fmu.source} is of FMI {fmu.version}, and what is exported calls FMI 2.0: "
+                "take the same FMU of FMI 2.0"
+            )
         stem = PurePosixPath(fmu.source).stem
         other = stems.setdefault(stem.lower(), fmu.source)
         if other != fmu.source:

@@ -153,6 +153,10 @@ def twin(fmu: bytes, stem: str, where: str, values: Mapping[str, float]) -> byte
         )
     if root.get("generationTool") == TOOL and not values:
         return fmu
+    if root.get("fmiVersion") != "2.0":
+        raise ModelError(
+            f"{where} is of FMI {root.get('fmiVersion')}: values are put into FMUs of FMI 2.0 alone"
+        )
     stem, composed = block_of(root, stem, where)
     starts = described_starts(root, composed, where) | dict(values)
     return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played)

@@ -1,6 +1,7 @@
 """FMUs of FMI 3.0: the numbers, dependencies and refusals of their twins of FMI 2.0, and what only 3.0 has."""
 
 import ctypes
+import json
 import math
 import shutil
 import zipfile
@@ -17,11 +18,20 @@ from fmu_raw import ERROR, OK, STIMULUS, Instance
 from lxml import etree
 from test_native_compilers import COMPILERS, compiled
 from test_native_exchange import ACTING, RIGHT_HAND_SIDES, Exchanged
+from typer.testing import CliRunner
 
+from cosim.anysystem.command import unlisted
+from cosim.cli import make_app
+from cosim.errors import ModelError, SimulationError, UsageError
+from cosim.export.model import prepare
+from cosim.master import Runner
 from cosim.native.build import build_native, write_fmu
 from cosim.native.container import container
 from cosim.native.exchange import EXCHANGE
+from cosim.native.package import swapped, write_native_ssp
 from cosim.paths import ssp_folder
+from cosim.ssp.read import read_system
+from cosim.ssp.stimulus import default_command, stimulus_csv
 from fmus import registry
 from fmus.build import composed_block
 
@@ -346,3 +356,107 @@ def test_states_and_derivatives_are_there_during_initialisation(folders) -> None
     slave.fmu.getContinuousStateDerivatives(found, 2)
     assert found[0] == 0.02
     assert found[1] == slave.get("der(x.omega)")[0] != 0.0
+
+
+# In this project
+
+
+def test_a_package_of_them_runs_as_one_of_fmi_2(tmp_path) -> None:
+    """The position loop has all blocks but two, and a wire that closes it."""
+    wiring, played = ssp_folder() / "position_loop.ssd", stimulus_csv(*default_command(3.0))
+    values = {"mechanical.tau_c": 30.0, "sensor.p_drop": 0.2, "sensor.tau_l": 0.02}
+    found = []
+    for version in ("2.0", "3.0"):
+        package = write_native_ssp(wiring, tmp_path / f"{version}.ssp", stimulus=played, fmi=version)
+        with Runner(package) as runner:
+            assert {c.fmu.version for c in runner.system.components.values()} == {version}
+            assert not runner.system.notes
+            assert not unlisted(runner.system)
+            found += [
+                runner.run(1.0, 1e-3, parameters=values, engine=engine) for engine in ("compiled", "python")
+            ]
+    for other in found[1:]:
+        assert list(other.signals) == list(found[0].signals)
+        for name, numbers in other.signals.items():
+            np.testing.assert_array_equal(numbers, found[0].signals[name])
+    assert all(
+        np.ptp(numbers) > 0.0 for name, numbers in found[0].signals.items() if name.endswith((".theta", ".u"))
+    )
+
+
+def test_a_refusal_within_a_package_names_the_call_of_its_version(files) -> None:
+    with Runner(files["dcv"]) as runner, pytest.raises(SimulationError) as caught:
+        runner.run(
+            0.1,
+            1e-3,
+            inputs={"demand": (np.array([0.0, 0.05, 1.0]), np.array([0.0, 5e9, 0.0]))},
+            hold=["demand"],
+        )
+    assert (
+        "failed in fmi3SetFloat64 at t = 0.05 s (status Error): dcv: demand = 5000000000.0 is refused"
+        in str(caught.value)
+    )
+
+
+def test_commands_take_them(files, chains, tmp_path) -> None:
+    app, run = make_app(), CliRunner()
+    log = tmp_path / "log.csv"
+    assert (
+        run.invoke(app, ["rig", "--excitation", "sweep", "--duration", "5 s", "--out", str(log)]).exit_code
+        == 0
+    )
+    tables, reports = [], []
+    for fmu in (files["full_order"], chains["full_order"]):
+        model = tmp_path / fmu.parent.name / "crane.fmu"
+        model.parent.mkdir()
+        shutil.copy(fmu, model)
+        out = model.parent / "out.csv"
+        command = [
+            "simulate",
+            str(model),
+            "--input",
+            str(log),
+            "--set",
+            "crane.mechanical.J=900 kg.m2",
+            "--out",
+            str(out),
+        ]
+        done = run.invoke(app, command)
+        assert done.exit_code == 0, done.output
+        tables.append(out.read_text())
+        done = run.invoke(app, ["compare", str(log), "--model", str(model), "--json"])
+        assert done.exit_code == 0, done.output
+        reports.append(json.loads(done.stdout)["signals"])
+        assert run.invoke(app, ["validate", str(model)]).exit_code == 0
+    assert tables[0] == tables[1]
+    assert reports[0] == reports[1] != {}
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--fmi", "3.0"], "--fmi 3.0 needs --native: the FMUs that run in Python are of FMI 2.0"),
+        (["--native", "--fmi", "1.0"], "--fmi 1.0: FMUs of FMI 2.0 and 3.0 can be built"),
+    ],
+)
+def test_versions_that_cannot_be_built(tmp_path, options, text) -> None:
+    with pytest.raises(UsageError, match=text):
+        CliRunner().invoke(
+            make_app(),
+            ["build", "--out", str(tmp_path), *options],
+            catch_exceptions=False,
+            standalone_mode=False,
+        )
+
+
+def test_what_takes_fmi_2_alone_says_so(files, tmp_path) -> None:
+    with (
+        read_system(files["full_order"]) as system,
+        pytest.raises(ModelError, match=r"full_order\.fmu is of FMI 3\.0"),
+    ):
+        prepare(system)
+    package = write_native_ssp(ssp_folder() / "simplified.ssd", tmp_path / "s.ssp", open=True, fmi="3.0")
+    with pytest.raises(
+        ModelError, match=r"simplified\.fmu is of FMI 3\.0: values are put into FMUs of FMI 2\.0 alone"
+    ):
+        swapped(package, tmp_path / "t.ssp", {"simplified": {"a": 4.0}})
