@@ -34,7 +34,7 @@ def build(
     fmi: Annotated[
         str,
         typer.Option(
-            help="Version of FMI, 2.0 or 3.0; 3.0 needs --native and builds FMUs into the folder native_fmi3."
+            help="Version of FMI, 2.0 or 3.0; 3.0 needs --native and goes into the folder native_fmi3."
         ),
     ] = "2.0",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,

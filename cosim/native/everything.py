@@ -25,7 +25,7 @@ def build_everything_native(
 ) -> dict[str, list[Path]]:
     """Build into the folder ``native`` of `out`: ``fmus`` with every block and every chain, ``ssp`` with every package.
 
-    Of FMI 3.0 there are FMUs alone, in ``native_fmi3``: packages of SSP 1.0 go to clients that know FMI 2.0.
+    Those of FMI 3.0 go into ``native_fmi3``; the packages are of SSP 1.0 too, and few clients take both.
 
     Args:
         out: the folder that the Python FMUs are built into; files of the same names are replaced.
@@ -44,7 +44,7 @@ def build_everything_native(
     """
     compiler()
     top = out / FOLDERS[fmi]
-    found: dict[str, list[Path]] = {"fmus": [], "ssp": []} if fmi == "2.0" else {"fmus": []}
+    found: dict[str, list[Path]] = {"fmus": [], "ssp": []}
     try:
         for name in found:
             (top / name).mkdir(parents=True, exist_ok=True)
@@ -69,15 +69,15 @@ def build_everything_native(
             done("fmus", write_file(top / "fmus" / f"{name}.fmu", fmu))
         for chain in made:
             done("fmus", chain.result())
-    if "ssp" not in found:
-        return found
     for name in SYSTEMS:
         wiring = ssp_folder() / f"{name}.ssd"
-        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}.ssp", stimulus=stimulus))
-        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}_open.ssp", open=True))
+        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}.ssp", stimulus=stimulus, fmi=fmi))
+        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}_open.ssp", open=True, fmi=fmi))
     for name in LOOPS:
         done(
             "ssp",
-            write_native_ssp(ssp_folder() / f"{name}.ssd", top / "ssp" / f"{name}.ssp", stimulus=stimulus),
+            write_native_ssp(
+                ssp_folder() / f"{name}.ssd", top / "ssp" / f"{name}.ssp", stimulus=stimulus, fmi=fmi
+            ),
         )
     return found

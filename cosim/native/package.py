@@ -4,7 +4,7 @@ import io
 import tempfile
 import zipfile
 from collections.abc import Mapping
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 from lxml import etree
@@ -69,7 +69,10 @@ def write_native_ssp(
     Raises:
         MissingCompilerError: there is no C compiler.
     """
-    make = partial(native_bytes, fmi=fmi)
+
+    def make(stem: str, starts: tuple[tuple[str, float], ...] = (), played: bytes | None = None) -> bytes:
+        return native_bytes(stem, starts, played, fmi)
+
     return write_ssp(ssd_path, destination, stimulus=stimulus, values=values, open=open, make=make)
 
 

@@ -20,10 +20,11 @@ from test_native_compilers import COMPILERS, compiled
 from test_native_exchange import ACTING, RIGHT_HAND_SIDES, Exchanged
 from typer.testing import CliRunner
 
+from benchmarks.interoperability import Trials
 from cosim.anysystem.command import unlisted
 from cosim.cli import make_app
 from cosim.errors import ModelError, SimulationError, UsageError
-from cosim.export.model import prepare
+from cosim.export import prepare, write_modelica, write_simulink
 from cosim.master import Runner
 from cosim.native.build import build_native, write_fmu
 from cosim.native.container import container
@@ -450,13 +451,32 @@ def test_versions_that_cannot_be_built(tmp_path, options, text) -> None:
 
 
 def test_what_takes_fmi_2_alone_says_so(files, tmp_path) -> None:
-    with (
-        read_system(files["full_order"]) as system,
-        pytest.raises(ModelError, match=r"full_order\.fmu is of FMI 3\.0"),
-    ):
-        prepare(system)
+    with read_system(files["full_order"]) as system:
+        for write in (write_modelica, write_simulink):
+            with pytest.raises(
+                ModelError, match=r"full_order\.fmu is of FMI 3\.0, and what is exported calls FMI 2\.0"
+            ):
+                write(prepare(system), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
     package = write_native_ssp(ssp_folder() / "simplified.ssd", tmp_path / "s.ssp", open=True, fmi="3.0")
     with pytest.raises(
         ModelError, match=r"simplified\.fmu is of FMI 3\.0: values are put into FMUs of FMI 2\.0 alone"
     ):
         swapped(package, tmp_path / "t.ssp", {"simplified": {"a": 4.0}})
+
+
+# In other hosts
+
+
+@pytest.mark.clients
+@pytest.mark.parametrize("client", ["ecos", "host"])
+def test_other_hosts_run_a_package_of_them(client, tmp_path) -> None:
+    """Ecos, which reads FMI 3.0 by fmi4c, and a host in C that knows nothing of us: each agrees with the equations."""
+    wiring, played = ssp_folder() / "full_order.ssd", stimulus_csv(*default_command(3.0))
+    package = write_native_ssp(wiring, tmp_path / "full_order.ssp", stimulus=played, fmi="3.0")
+    trials = Trials({"native, FMI 3.0": {"full_order": package}}, tmp_path, 300)
+    why = trials.unavailable(client)
+    if why:
+        pytest.skip(why)
+    row = trials.row("native, FMI 3.0", client)
+    assert (row.loads, row.runs, row.agrees, row.ends) == (True, True, True, True), row.reasons

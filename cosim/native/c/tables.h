@@ -82,6 +82,7 @@ static int read_column(char *text, int column, py_array *into, char reason[120])
 
 /* Reads the tables that the model needs, once for each instance. */
 static Status load_tables(Instance *I) {
+    const char *const folder = I->resources ? I->resources : ".";
     int k;
     for (k = 0; k < N_TABLES; k++) {
         char reason[120] = "there is no such file", *path, *text;
@@ -90,9 +91,9 @@ static Status load_tables(Instance *I) {
         if (table->at) {
             continue;
         }
-        path = (char *)malloc(strlen(I->resources ? I->resources : "") + strlen(file) + 2);
+        path = (char *)malloc(strlen(folder) + strlen(file) + 2);
         if (path) {
-            sprintf(path, "%s/%s", I->resources ? I->resources : ".", file);
+            sprintf(path, "%s/%s", folder, file);
         }
         text = path ? file_text(path) : NULL;
         free(path);
