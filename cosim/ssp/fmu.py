@@ -4,7 +4,7 @@ import hashlib
 import math
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -78,7 +78,7 @@ def load_fmu(
     unpack(archive, folder, source)
     description = described(folder, source)
     return replace(
-        _fmu(description, source, folder, units, version),
+        _fmu(description, source, folder, units, version, _inverse(root)),
         step_size=experiment.get("stepSize"),
         tolerance=experiment["tolerance"] if experiment.get("tolerance", 0.0) > 0.0 else None,
         oddities=_oddities(description.coSimulation, source, _python_module(folder) is not None),
@@ -139,6 +139,16 @@ def _units(root: Any, source: str) -> dict[str, UnitDefinition]:
     return {} if node is None else from_xml(node, source)
 
 
+def _inverse(root: Any) -> set[tuple[str, str]]:
+    """Display units of FMI 3.0 that show the inverse (s for Hz), which are not shown: (unit, display unit)."""
+    return {
+        (unit.get("name", ""), display.get("name", ""))
+        for unit in root.iterfind("UnitDefinitions/Unit")
+        for display in unit.iterfind("DisplayUnit")
+        if display.get("inverse") in ("true", "1")
+    }
+
+
 def _experiment(root: Any, source: str) -> dict[str, float]:
     """What the default experiment says: startTime, stopTime, tolerance, stepSize."""
     node, what = root.find("DefaultExperiment"), f"{source}: DefaultExperiment"
@@ -197,11 +207,13 @@ def _fmu(
     folder: Path,
     units: Mapping[str, UnitDefinition],
     version: str,
+    inverse: Collection[tuple[str, str]],
 ) -> Fmu:
     shown = {
         (unit.name, display.name): (float(display.factor), float(display.offset))
         for unit in description.unitDefinitions
         for display in unit.displayUnits
+        if (unit.name, display.name) not in inverse
     }
     variables: dict[str, Variable] = {}
     left_out = []

@@ -64,8 +64,8 @@ def variables() -> str:
         ]
     parameter = 'causality="parameter" variability="tunable"'
     lines += [
-        f'<Float64 name="ends" valueReference="200" {parameter} start="1e9"/>',
-        f'<Float64 name="early" valueReference="201" {parameter} start="1e9"/>',
+        f'<Float64 name="ends" valueReference="200" {parameter} start="1e9" unit="Hz" displayUnit="kHz"/>',
+        f'<Float64 name="early" valueReference="201" {parameter} start="1e9" unit="Hz" displayUnit="ms"/>',
         f'<Float64 name="table" valueReference="202" {parameter} start="1 2 3"><Dimension start="3"/></Float64>',
         '<Clock name="tick" valueReference="203" causality="input" intervalVariability="triggered"/>',
         f'<String name="text" valueReference="204" {parameter}><Start value="none"/></String>',
@@ -82,6 +82,9 @@ def structure() -> str:
 DESCRIPTION = f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0.1" modelName="types" instantiationToken="{{types}}">
 <CoSimulation modelIdentifier="types" canHandleVariableCommunicationStepSize="true" hasEventMode="true"/>
+<UnitDefinitions><Unit name="Hz"><BaseUnit s="-1"/>
+<DisplayUnit name="ms" factor="1000.0" inverse="true"/><DisplayUnit name="kHz" factor="0.001"/>
+</Unit></UnitDefinitions>
 <TypeDefinitions><EnumerationType name="Choice">
 <Item name="a" value="1"/><Item name="b" value="2"/>
 </EnumerationType></TypeDefinitions>
@@ -186,6 +189,8 @@ def test_arrays_and_clocks_are_left_out_and_said(fmu) -> None:
         with pytest.raises(UsageError, match="table"):
             runner.run(0.2, 0.1, parameters={"types.table": 1.0})
         fmu_read = runner.system.components["types"].fmu
+    shown = [(v.display_unit, v.display_factor) for v in map(fmu_read.variables.get, ("ends", "early")) if v]
+    assert shown == [("kHz", 0.001), ("", 1.0)], "the inverse of a unit is not shown as a multiple of it"
     assert (fmu_read.version, fmu_read.guid) == ("3.0", "{types}")
     assert {fmu_read.variables[f"in_{n}"].kind for n in SENT} == set(KIND_OF.values()) - {"String"}
 
