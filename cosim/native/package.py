@@ -33,10 +33,7 @@ PYTHON_TOOL = "slew-cosim with pythonfmu"
 
 @lru_cache(maxsize=64)
 def native_bytes(
-    stem: str,
-    starts: tuple[tuple[str, float], ...] = (),
-    stimulus: bytes | None = None,
-    fmi: str = "2.0",
+    stem: str, starts: tuple[tuple[str, float], ...], stimulus: bytes | None, fmi: str, /
 ) -> bytes:
     """The native FMU of a component, as `cosim.ssp.write.fmu_bytes` makes that of pythonfmu.
 
@@ -70,7 +67,7 @@ def write_native_ssp(
         MissingCompilerError: there is no C compiler.
     """
 
-    def make(stem: str, starts: tuple[tuple[str, float], ...] = (), played: bytes | None = None) -> bytes:
+    def make(stem: str, starts: tuple[tuple[str, float], ...], played: bytes | None) -> bytes:
         return native_bytes(stem, starts, played, fmi)
 
     return write_ssp(ssd_path, destination, stimulus=stimulus, values=values, open=open, make=make)
@@ -162,7 +159,7 @@ def twin(fmu: bytes, stem: str, where: str, values: Mapping[str, float]) -> byte
         )
     stem, composed = block_of(root, stem, where)
     starts = described_starts(root, composed, where) | dict(values)
-    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played)
+    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played, "2.0")
 
 
 def block_of(root: etree._Element, stem: str, where: str) -> tuple[str, Composed]:
