@@ -5,34 +5,40 @@
      real REFERENCE VALUE | integer REFERENCE VALUE     start values of the component before
      wire SOURCE REFERENCE TARGET REFERENCE LATE        components by number; LATE: the value at the start of the step
      output COMPONENT REFERENCE
-   Writes one row of outputs for the start and one for each step, with all digits. */
+   Writes one row of outputs for the start and one for each step, with all digits.
+   With -DFMI=3 its FMUs are of FMI 3.0 (RESOURCES a path with its last slash, GUID the instantiation token), else of 2.0. */
 #include <dlfcn.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #define MOST 64
 
-typedef struct {
-    void (*logger)(void *, const char *, int, const char *, const char *, ...);
-    void *(*allocate)(size_t, size_t);
-    void (*release)(void *);
-    void (*finished)(void *, int);
-    void *environment;
-} Callbacks;
+#ifndef FMI
+#define FMI 2
+#endif
 
 typedef struct {
     void *slave;
-    int (*setup)(void *, int, double, double, int, double);
-    int (*enter)(void *);
     int (*leave)(void *);
-    int (*step)(void *, double, double, int);
     int (*terminate)(void *);
     void (*release)(void *);
+#if FMI == 3
+    int (*enter)(void *, bool, double, double, bool, double);
+    int (*step)(void *, double, double, bool, bool *, bool *, bool *, double *);
+    int (*set_real)(void *, const unsigned *, size_t, const double *, size_t);
+    int (*get_real)(void *, const unsigned *, size_t, double *, size_t);
+    int (*set_integer)(void *, const unsigned *, size_t, const int *, size_t);
+#else
+    int (*setup)(void *, int, double, double, int, double);
+    int (*enter)(void *);
+    int (*step)(void *, double, double, int);
     int (*set_real)(void *, const unsigned *, size_t, const double *);
     int (*get_real)(void *, const unsigned *, size_t, double *);
     int (*set_integer)(void *, const unsigned *, size_t, const int *);
+#endif
 } Fmu;
 
 typedef struct {
@@ -44,6 +50,77 @@ typedef struct {
 static Fmu fmus[MOST];
 static Wire wires[MOST], outputs[MOST];
 static int n_fmus, n_wires, n_outputs;
+
+static void check(int status, const char *what)
+{
+    if (status > 1) { fprintf(stderr, "%s answered %d\n", what, status); exit(4); }
+}
+
+static void *opened(const char *path)
+{
+    void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    if (!library) { fprintf(stderr, "%s\n", dlerror()); exit(2); }
+    return library;
+}
+
+#if FMI == 3
+static void logger(void *environment, int status, const char *category, const char *message)
+{
+    (void)environment; (void)category;
+    if (status != 0) fprintf(stderr, "%s\n", message);
+}
+
+static void load(Fmu *fmu, const char *name, const char *path, const char *resources, const char *token)
+{
+    void *library = opened(path);
+    void *(*instantiate)(const char *, const char *, const char *, bool, bool, bool, bool, const unsigned *, size_t, void *,
+                         void (*)(void *, int, const char *, const char *), void *) = dlsym(library, "fmi3InstantiateCoSimulation");
+    fmu->enter = dlsym(library, "fmi3EnterInitializationMode");
+    fmu->leave = dlsym(library, "fmi3ExitInitializationMode");
+    fmu->step = dlsym(library, "fmi3DoStep");
+    fmu->terminate = dlsym(library, "fmi3Terminate");
+    fmu->release = dlsym(library, "fmi3FreeInstance");
+    fmu->set_real = dlsym(library, "fmi3SetFloat64");
+    fmu->get_real = dlsym(library, "fmi3GetFloat64");
+    fmu->set_integer = dlsym(library, "fmi3SetInt32");
+    fmu->slave = instantiate(name, token, resources, false, true, false, false, NULL, 0, NULL, logger, NULL);
+    if (!fmu->slave) { fprintf(stderr, "%s cannot be instantiated\n", name); exit(3); }
+}
+
+static void enter(const Fmu *fmu) { check(fmu->enter(fmu->slave, false, 0.0, 0.0, false, 0.0), "fmi3EnterInitializationMode"); }
+
+static void set_real(const Fmu *fmu, unsigned reference, double value)
+{
+    check(fmu->set_real(fmu->slave, &reference, 1, &value, 1), "fmi3SetFloat64");
+}
+
+static void set_integer(const Fmu *fmu, unsigned reference, int value)
+{
+    check(fmu->set_integer(fmu->slave, &reference, 1, &value, 1), "fmi3SetInt32");
+}
+
+static double get_real(const Fmu *fmu, unsigned reference)
+{
+    double value;
+    check(fmu->get_real(fmu->slave, &reference, 1, &value, 1), "fmi3GetFloat64");
+    return value;
+}
+
+static void step(const Fmu *fmu, double time, double h)
+{
+    bool event, end, early;
+    double last;
+    check(fmu->step(fmu->slave, time, h, true, &event, &end, &early, &last), "fmi3DoStep");
+    if (event || end || early) { fputs("fmi3DoStep wants more than a step\n", stderr); exit(4); }
+}
+#else
+typedef struct {
+    void (*logger)(void *, const char *, int, const char *, const char *, ...);
+    void *(*allocate)(size_t, size_t);
+    void (*release)(void *);
+    void (*finished)(void *, int);
+    void *environment;
+} Callbacks;
 
 static void logger(void *environment, const char *name, int status, const char *category, const char *message, ...)
 {
@@ -58,15 +135,9 @@ static void logger(void *environment, const char *name, int status, const char *
 
 static const Callbacks callbacks = {logger, calloc, free, NULL, NULL};
 
-static void check(int status, const char *what)
-{
-    if (status > 1) { fprintf(stderr, "%s answered %d\n", what, status); exit(4); }
-}
-
 static void load(Fmu *fmu, const char *name, const char *path, const char *resources, const char *guid)
 {
-    void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
-    if (!library) { fprintf(stderr, "%s\n", dlerror()); exit(2); }
+    void *library = opened(path);
     void *(*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int) = dlsym(library, "fmi2Instantiate");
     fmu->setup = dlsym(library, "fmi2SetupExperiment");
     fmu->enter = dlsym(library, "fmi2EnterInitializationMode");
@@ -81,6 +152,32 @@ static void load(Fmu *fmu, const char *name, const char *path, const char *resou
     if (!fmu->slave) { fprintf(stderr, "%s cannot be instantiated\n", name); exit(3); }
 }
 
+static void enter(const Fmu *fmu)
+{
+    check(fmu->setup(fmu->slave, 0, 0.0, 0.0, 0, 0.0), "fmi2SetupExperiment");
+    check(fmu->enter(fmu->slave), "fmi2EnterInitializationMode");
+}
+
+static void set_real(const Fmu *fmu, unsigned reference, double value)
+{
+    check(fmu->set_real(fmu->slave, &reference, 1, &value), "fmi2SetReal");
+}
+
+static void set_integer(const Fmu *fmu, unsigned reference, int value)
+{
+    check(fmu->set_integer(fmu->slave, &reference, 1, &value), "fmi2SetInteger");
+}
+
+static double get_real(const Fmu *fmu, unsigned reference)
+{
+    double value;
+    check(fmu->get_real(fmu->slave, &reference, 1, &value), "fmi2GetReal");
+    return value;
+}
+
+static void step(const Fmu *fmu, double time, double h) { check(fmu->step(fmu->slave, time, h, 1), "fmi2DoStep"); }
+#endif
+
 static void read_plan(const char *file)
 {
     char word[32], name[256], path[2048], resources[2048], guid[256];
@@ -94,9 +191,9 @@ static void read_plan(const char *file)
         if (!strcmp(word, "component") && n_fmus < MOST && fscanf(plan, "%255s %2047s %2047s %255s", name, path, resources, guid) == 4)
             load(&fmus[n_fmus++], name, path, resources, guid);
         else if (!strcmp(word, "real") && fscanf(plan, "%u %lf", &reference, &real) == 2)
-            check(last->set_real(last->slave, &reference, 1, &real), "fmi2SetReal");
+            set_real(last, reference, real);
         else if (!strcmp(word, "integer") && fscanf(plan, "%u %d", &reference, &integer) == 2)
-            check(last->set_integer(last->slave, &reference, 1, &integer), "fmi2SetInteger");
+            set_integer(last, reference, integer);
         else if (!strcmp(word, "wire") && n_wires < MOST
                  && fscanf(plan, "%d %u %d %u %d", &wires[n_wires].source, &wires[n_wires].from, &wires[n_wires].target, &wires[n_wires].to, &wires[n_wires].late) == 5)
             n_wires++;
@@ -107,12 +204,7 @@ static void read_plan(const char *file)
     fclose(plan);
 }
 
-static double get(const Wire *wire)
-{
-    double value;
-    check(fmus[wire->source].get_real(fmus[wire->source].slave, &wire->from, 1, &value), "fmi2GetReal");
-    return value;
-}
+static double get(const Wire *wire) { return get_real(&fmus[wire->source], wire->from); }
 
 /* Hand over the inputs of a component; a late wire keeps the value that was taken at the start of the step. */
 static void feed(int target, int starting)
@@ -120,7 +212,7 @@ static void feed(int target, int starting)
     for (int w = 0; w < n_wires; w++) {
         if (wires[w].target != target) continue;
         if (starting || !wires[w].late) wires[w].value = get(&wires[w]);
-        check(fmus[target].set_real(fmus[target].slave, &wires[w].to, 1, &wires[w].value), "fmi2SetReal");
+        set_real(&fmus[target], wires[w].to, wires[w].value);
     }
 }
 
@@ -137,15 +229,12 @@ int main(int count, char **words)
     int steps = atoi(words[2]);
     double h = atof(words[3]);
     read_plan(words[1]);
-    for (int c = 0; c < n_fmus; c++) {
-        check(fmus[c].setup(fmus[c].slave, 0, 0.0, 0.0, 0, 0.0), "fmi2SetupExperiment");
-        check(fmus[c].enter(fmus[c].slave), "fmi2EnterInitializationMode");
-    }
+    for (int c = 0; c < n_fmus; c++) enter(&fmus[c]);
     for (int sweep = 0; sweep < 2; sweep++)
         for (int c = 0; c < n_fmus; c++) feed(c, 1);
     for (int c = 0; c < n_fmus; c++) {
         feed(c, 1);
-        check(fmus[c].leave(fmus[c].slave), "fmi2ExitInitializationMode");
+        check(fmus[c].leave(fmus[c].slave), "ExitInitializationMode");
     }
     write_row(0.0);
     for (int k = 0; k < steps; k++) {
@@ -153,13 +242,13 @@ int main(int count, char **words)
             if (wires[w].late) wires[w].value = get(&wires[w]);
         for (int c = 0; c < n_fmus; c++) {
             feed(c, 0);
-            check(fmus[c].step(fmus[c].slave, k * h, h, 1), "fmi2DoStep");
+            step(&fmus[c], k * h, h);
         }
         write_row((k + 1) * h);
     }
     fflush(stdout);
     for (int c = 0; c < n_fmus; c++) {
-        check(fmus[c].terminate(fmus[c].slave), "fmi2Terminate");
+        check(fmus[c].terminate(fmus[c].slave), "Terminate");
         fmus[c].release(fmus[c].slave);
     }
     return 0;

@@ -96,7 +96,7 @@ class Trials:
 
     def __init__(self, packages: Mapping[str, Mapping[str, Path]], scratch: Path, steps: int = STEPS) -> None:
         self.packages, self.steps = packages, steps
-        self.host = compiled_host(scratch)
+        self.host, self.host3 = compiled_host(scratch), compiled_host(scratch, 3)
         self.expected: dict[tuple[str, str, str | None], dict[str, Array]] = {}
 
     def row(self, kind: str, client: str) -> Row:
@@ -153,10 +153,12 @@ class Trials:
         """Run a package in a process of its own."""
         if not client.startswith("host"):
             return run_engine(client, package, steps=steps, h=H, signals=signals, timeout=TIMEOUT)[0]
-        assert self.host is not None
         with read_system(package) as system:
+            third = {c.fmu.version for c in system.components.values()} == {"3.0"}
+            host = self.host3 if third else self.host
+            assert host is not None
             preload = libpython() if client == "host+python" else None
-            return run_host(self.host, prepare(system), steps, H, signals, preload)
+            return run_host(host, prepare(system), steps, H, signals, preload)
 
     def reference(self, kind: str, client: str, system: str) -> dict[str, Array]:
         """What the equations give under the client's scheme."""
@@ -175,7 +177,8 @@ class Trials:
 def short(error: Exception) -> str:
     """The telling line of what a process wrote, without folders of this machine."""
     lines = [line.strip() for line in str(error).replace("\x00", "").splitlines() if line.strip()]
-    telling = [line for line in lines if "rror" in line or "undefined" in line or "ended with" in line]
+    marks = ("rror", "xception: ", "undefined", "ended with")
+    telling = [line for line in lines if any(mark in line for mark in marks)]
     text = (telling or lines or [type(error).__name__])[-1]
     words = [word.rsplit("/", 1)[-1] if word.count("/") > 1 else word for word in text.split()]
     return " ".join(words)[:200]

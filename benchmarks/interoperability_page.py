@@ -11,8 +11,12 @@ from cosim.ssp.build import SYSTEMS
 H = 1e-3
 TOLERANCE = 1e-9
 """Of a signal's range: the operations are the same but for the clock and C's own exp and tanh."""
-KINDS = {"pythonfmu": "ssp", "native": "native/ssp"}
-BUILD = {"pythonfmu": "python build_fmus.py", "native": "python build_fmus.py --native"}
+KINDS = {"pythonfmu": "ssp", "native": "native/ssp", "native, FMI 3.0": "native_fmi3/ssp"}
+BUILD = {
+    "pythonfmu": "python build_fmus.py",
+    "native": "python build_fmus.py --native",
+    "native, FMI 3.0": "python build_fmus.py --native --fmi 3.0",
+}
 CLIENTS = {
     "cosim": "cosim.master.Runner",
     "fmpy": "fmpy, simulate_ssp",
@@ -50,7 +54,8 @@ INTRODUCTION = """# Which tools run our components
 Made by `python benchmarks/interoperability.py`; do not edit by hand. Every cell is a run on the machine named below.
 
 - Kinds: `pythonfmu` are the FMUs of `python build_fmus.py`, which need a Python on the host; `native` those of
-  `python build_fmus.py --native`, the same equations in C, which need none.
+  `python build_fmus.py --native`, the same equations in C, which need none; `native, FMI 3.0` those with `--fmi 3.0`. The
+  packages are of SSP 1.0 in each case.
 - Packages: the closed systems {systems}, unchanged, each run for {seconds:g} s at 1 ms.
 - loads: the package is read, its FMUs are instantiated and make one step. runs: all {steps} steps.
 - agrees: every compared signal is within {tolerance:g} of its range of the same blocks computed in plain Python under
@@ -70,6 +75,10 @@ stead.
   and the Modelica compiler Rumoca checks its types, sizes and balance in the tests.
 - OMSimulator (built from source once) and PyFMI (its source was read): what they met is mended ([native FMUs](native.md)),
   and was not run again.
+- fmusim (Reference-FMUs) and VDMCheck3 are in no package of PyPI or Debian, so none of our FMUs of FMI 3.0 has met them.
+  What read and ran these are fmpy (`simulate_fmu`, in the tests; `simulate_ssp` takes every FMU for one of FMI 2.0), ecos
+  (by fmi4c, which says that fmi3GetVersion is missing and goes on; one process of 115 ended by a segmentation fault, which
+  could not be repeated and shows nothing under valgrind), our runner and the C host.
 - Windows: the FMUs of the kind `pythonfmu` hold win64 binaries.
 """
 

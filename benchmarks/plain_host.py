@@ -66,8 +66,11 @@ def _plan(model: ExportedModel, signals: Sequence[str]) -> str:
     for name in model.order:
         component = system.components[name]
         fmu = component.fmu
-        library = fmu.folder / "binaries" / "linux64" / f"{fmu.identifier}.so"
-        lines.append(f"component {name} {library} file://{fmu.folder}/resources {fmu.guid}")
+        third = fmu.version != "2.0"
+        platform = "x86_64-linux" if third else "linux64"
+        library = fmu.folder / "binaries" / platform / f"{fmu.identifier}.so"
+        resources = f"{fmu.folder}/resources/" if third else f"file://{fmu.folder}/resources"
+        lines.append(f"component {name} {library} {resources} {fmu.guid}")
         for key, value in component.starts.items():
             declared = fmu.variables[key]
             lines.append(f"{declared.kind.lower()} {declared.reference} {value!r}")
@@ -88,12 +91,14 @@ def libpython() -> Path | None:
     return library if library.is_file() and ".so" in library.name else None
 
 
-def compiled_host(folder: Path) -> Path | None:
-    """The plain C host, compiled, or None where that is not possible."""
+def compiled_host(folder: Path, fmi: int = 2) -> Path | None:
+    """The plain C host for FMI 2.0 or 3.0, compiled, or None where that is not possible."""
     compiler = shutil.which("cc")
     if compiler is None or not sys.platform.startswith("linux"):
         return None
-    host = folder / "host"
+    host = folder / f"host{fmi}"
     source = Path(__file__).with_name("host.c")
-    subprocess.run([compiler, "-std=gnu99", "-O1", "-o", str(host), str(source), "-ldl"], check=True)
+    subprocess.run(
+        [compiler, "-std=gnu99", "-O1", f"-DFMI={fmi}", "-o", str(host), str(source), "-ldl"], check=True
+    )
     return host

@@ -36,15 +36,20 @@ Value = Names | Row | Fields
 LAYOUTS = ("Input", "Output", "State", "Memory", "Parameters", "Coefficients")
 
 
-def at_start(composed: Composed) -> dict[str, Names]:
-    """Inputs and parameters on which each output, and each state as ``x.name``, depends at initialisation."""
+def at_start(composed: Composed, time: bool = False) -> dict[str, Names]:
+    """Inputs and parameters on which each output, and each state as ``x.name``, depends at initialisation.
+
+    Args:
+        composed: the block with its effects.
+        time: the communication time counts too, by the name that the block gives it; to FMI 2.0 it is no variable.
+    """
     text = _Text(composed)
     p, u = text.layout("Parameters"), text.layout("Input")
     x = text.call("start", [u, p])
     lists = [b for b in composed.memory.values() if isinstance(b, Buffer)]
     m = text.call("begin", [x, u, p, Fields((), tuple(Row(NONE) for _ in lists))])
     found = named(text.call("output", [x, u, m, p]))
-    known = frozenset(composed.inputs) | frozenset(composed.parameters)  # the time is no variable
+    known = frozenset(composed.block.inputs if time else composed.inputs) | frozenset(composed.parameters)
     found |= {f"x.{name}": names for name, names in named(x).items()}
     return {name: names & known for name, names in found.items()}
 

@@ -173,9 +173,9 @@ def unlisted(system: System) -> list[str]:
         file = component.fmu.folder / "modelDescription.xml"
         text = file.read_text(encoding="utf-8", errors="replace")
         outputs = any(v.causality == "output" for v in component.fmu.variables.values())
-        if outputs and "<InitialUnknowns" not in text:
+        if outputs and "<InitialUnknown" not in text:
             found[component.fmu.source] = (
-                f"{component.fmu.source}: no InitialUnknowns, which FMI 2.0 demands for its outputs; it is run all the same"
+                f"{component.fmu.source}: no InitialUnknowns, which FMI demands for its outputs; it is run all the same"
             )
         if (component.fmu.folder / MENDED).is_file():
             found[component.fmu.source + MENDED] = (

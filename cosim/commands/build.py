@@ -31,6 +31,12 @@ def build(
             "--native", help="Build FMUs that need no Python, into the folder native; needs a C compiler."
         ),
     ] = False,
+    fmi: Annotated[
+        str,
+        typer.Option(
+            help="Version of FMI, 2.0 or 3.0; 3.0 needs --native and goes into the folder native_fmi3."
+        ),
+    ] = "2.0",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Build the FMU of each block and the packages of the systems, closed and open.
@@ -38,9 +44,14 @@ def build(
     A closed package plays a command of 20 s (two periods of a sine, then steps) unless --with-stimulus names a log. With
     --native the same equations are translated to C, and each system is built as one FMU too.
     """
+    from cosim.errors import UsageError
     from cosim.paths import build_folder
     from cosim.ssp.build import build_everything
 
+    if fmi not in ("2.0", "3.0"):
+        raise UsageError(f"--fmi {fmi}: FMUs of FMI 2.0 and 3.0 can be built")
+    if fmi == "3.0" and not native:
+        raise UsageError("--fmi 3.0 needs --native: the FMUs that run in Python are of FMI 2.0")
     began = time.perf_counter()
     folder = (out or build_folder()).absolute()
     stimulus = stimulus_of(with_stimulus, mapping)
@@ -51,8 +62,11 @@ def build(
         messages.print(f"  {file.relative_to(folder)}  {size:.0f} KiB", markup=False, soft_wrap=True)
 
     if native:
-        from cosim.native.everything import build_everything_native as build_everything
-    files = build_everything(folder, stimulus, report)
+        from cosim.native.everything import build_everything_native
+
+        files = build_everything_native(folder, stimulus, report, fmi)
+    else:
+        files = build_everything(folder, stimulus, report)
     seconds = time.perf_counter() - began
     number = sum(map(len, files.values()))
     messages.print(f"built {number} files in {seconds:.1f} s: {folder}", markup=False, soft_wrap=True)

@@ -22,7 +22,7 @@ def validate(
     files: Annotated[list[Path], typer.Argument(help="FMUs (.fmu), systems (.ssp), parameter sets (.ssv).")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Check files against FMI 2.0 and SSP 1.0, and for what makes clients stumble.
+    """Check files against FMI 2.0 or 3.0 and SSP 1.0, and for what makes clients stumble.
 
     Exit code 0: no errors (there may be warnings); 3: a file breaks its standard or cannot be run here.
     """

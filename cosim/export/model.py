@@ -170,6 +170,20 @@ def _with(component: Component, name: str, value: Value) -> Component:
     return Component(component.name, component.fmu, {**component.starts, name: value})
 
 
+def refuse_other_versions(model: ExportedModel) -> None:
+    """Refuse FMUs that what is exported could not call.
+
+    Raises:
+        ModelError: one is not of FMI 2.0.
+    """
+    for item in model.fmus.values():
+        if item.fmu.version != "2.0":
+            raise ModelError(
+                f"{model.system.path}: {item.fmu.source} is of FMI {item.fmu.version}, and what is exported calls FMI 2.0: "
+                "take the same FMU of FMI 2.0"
+            )
+
+
 def _read_fmus(system: System) -> dict[str, ExportedFmu]:
     found: dict[str, ExportedFmu] = {}
     stems: dict[str, str] = {}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import ModelError
-from cosim.export.model import ExportedFmu, ExportedModel, write_files
+from cosim.export.model import ExportedFmu, ExportedModel, refuse_other_versions, write_files
 from cosim.export.names import MODELICA_KEYWORDS, Names, identifier
 from cosim.export.render import modelica_text, number, render, template_bytes
 from cosim.packages import project_version
@@ -36,6 +36,7 @@ def write_modelica(model: ExportedModel, folder: Path, overwrite: bool = False) 
         ModelError: a name, type or value cannot be expressed in Modelica.
         UsageError: the folder holds other files, or cannot be written to.
     """
+    refuse_other_versions(model)
     name = identifier(model.system.name or model.system.path.stem, MODELICA_KEYWORDS)
     context = _context(model, name)
     files = {

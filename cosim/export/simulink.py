@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import ModelError
-from cosim.export.model import ExportedFmu, ExportedModel, write_files
+from cosim.export.model import ExportedFmu, ExportedModel, refuse_other_versions, write_files
 from cosim.export.names import (
     MATLAB_KEYWORDS,
     MATLAB_LENGTH,
@@ -36,6 +36,7 @@ def write_simulink(model: ExportedModel, folder: Path, overwrite: bool = False) 
         ModelError: a name or value cannot be expressed in Simulink.
         UsageError: the folder holds other files, or cannot be written to.
     """
+    refuse_other_versions(model)
     name = identifier(model.system.name or model.system.path.stem, MATLAB_KEYWORDS, 50)
     files = {f"build_{name}.m": render("simulink.m.j2", **_context(model, name)).encode()}
     files |= {f"{item.stem}.fmu": item.data for item in model.fmus.values()}

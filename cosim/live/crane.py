@@ -80,7 +80,7 @@ class SystemPlant:
             found = parameters(system, [], list(settings))
             _initialise(loop, {port: value for n, value in found.items() for port in resolve(system, n)})
             self._steps = operations(
-                plan, ordered, loop.values, loop.in_values, (loop.in_whole, loop.out_whole), PERIOD
+                plan, ordered, loop.values, loop.in_values, (loop.in_slots, loop.out_slots), PERIOD
             )
         except BaseException:
             self.close()

@@ -61,7 +61,7 @@ class NativeObserver:
         self._in, self._out = (ctypes.c_double * 2)(), (ctypes.c_double * 2)()
         places = (self._in_refs, self._in, self._out_refs, self._out)
         self._addresses = [ctypes.addressof(place) for place in places]
-        self._set, self._get = SetGetReal(self._instance.set_real), SetGetReal(self._instance.get_real)
+        self._set, self._get = SetGetReal(self._instance.setters[0]), SetGetReal(self._instance.getters[0])
         self._do = DoStep(self._instance.do_step)
         self._started, self._steps = False, 0
 
@@ -88,10 +88,10 @@ class NativeObserver:
     def _start(self) -> None:
         instance = self._instance
         instance.fresh()
-        instance.call("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
-        instance.call("fmi2EnterInitializationMode")
-        instance.call("fmi2SetReal", self._in_refs, 2, self._in)
-        instance.call("fmi2ExitInitializationMode")
+        instance.begin(0.0)
+        instance.enter()
+        instance.transfer("Set", 0, ctypes.addressof(self._in_refs), 2, ctypes.addressof(self._in))
+        instance.call("ExitInitializationMode")
         self._started = True
 
     def close(self) -> None:

@@ -7,12 +7,19 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
+from cosim.master.dialect import BOOLEAN, HIGHS, IN_SLOTS, LOWS, SINGLE
+from cosim.master.instance import EARLY, ENDED
 from cosim.master.marks import STEP, STEPPED
-from cosim.master.plan import Array, Flags, Index, Whole
+from cosim.master.plan import Array, Flags, Index
 
 _SET_GET = types.int32(types.int64, types.int64, types.int64, types.int64, types.int64)
 _STEP = types.int32(types.int64, types.int64, types.float64, types.float64)
+_STEP3 = types.int32(types.int64, types.int64, types.float64, types.float64, types.int64)
+_LOWS, _HIGHS = np.array(LOWS), np.array(HIGHS)
+_SPARE = np.array([64 - 8 * np.dtype(name).itemsize for name in IN_SLOTS], dtype=np.int64)  # bits of a slot
+_SIGNED = np.array([np.dtype(name).kind == "i" for name in IN_SLOTS], dtype=np.bool_)
 
 
 def _call_real(
@@ -27,6 +34,22 @@ def _call_real(
         callee = builder.inttoptr(target, kind.as_pointer())
         pointers = [builder.inttoptr(a, pointer) for a in (component, references, values)]
         return builder.call(callee, [pointers[0], pointers[1], count, pointers[2]])
+
+    return _SET_GET, generate
+
+
+def _call_real3(
+    typing_context: Any, function: Any, component: Any, references: Any, count: Any, values: Any
+) -> Any:
+    """A function of FMI 3.0 that sets or gets values, which is told their number too (FMI 3.0, section 2.2.6)."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer, size = ir.IntType(8).as_pointer(), ir.IntType(64)
+        kind = ir.FunctionType(ir.IntType(32), [pointer, pointer, size, pointer, size])
+        target, component, references, count, values = arguments
+        callee = builder.inttoptr(target, kind.as_pointer())
+        pointers = [builder.inttoptr(a, pointer) for a in (component, references, values)]
+        return builder.call(callee, [pointers[0], pointers[1], count, pointers[2], count])
 
     return _SET_GET, generate
 
@@ -46,8 +69,30 @@ def _call_step(typing_context: Any, function: Any, component: Any, time: Any, st
     return _STEP, generate
 
 
+def _call_step3(
+    typing_context: Any, function: Any, component: Any, time: Any, step: Any, answers: Any
+) -> Any:
+    """fmi3DoStep at an address; its four answers are laid eight bytes apart (FMI 3.0, section 4.2.1.2)."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer, real, integer = ir.IntType(8).as_pointer(), ir.DoubleType(), ir.IntType(32)
+        kind = ir.FunctionType(integer, [pointer, real, real, integer, *[pointer] * 4])
+        target, component, time, step, answers = arguments
+        callee = builder.inttoptr(target, kind.as_pointer())
+        places = [builder.add(answers, ir.Constant(ir.IntType(64), 8 * k)) for k in range(4)]
+        pointers = [builder.inttoptr(a, pointer) for a in (component, *places)]
+        return builder.call(callee, [pointers[0], time, step, ir.Constant(integer, 1), *pointers[1:]])
+
+    return _STEP3, generate
+
+
 call_real: Any = intrinsic(_call_real)
+call_real3: Any = intrinsic(_call_real3)
 call_step: Any = intrinsic(_call_step)
+call_step3: Any = intrinsic(_call_step3)
+
+
+Singles = NDArray[np.float32]
 
 
 class Tables(NamedTuple):
@@ -55,12 +100,15 @@ class Tables(NamedTuple):
 
     Attributes:
         exact: for each component, whether a step is what lies between two communication points to the last bit.
-        components, setters, getters, steppers: address of each FMU's component and of its C functions, shape (c,).
-        whole_setters, whole_getters: those for Integer and Boolean, shape (2, c).
-        in_whole, out_whole: room for whole numbers, in the order of the inputs and outputs.
+        third: for each component, whether it is one of FMI 3.0.
+        answers, answers_pointer: what a step of FMI 3.0 says beside its status, shape (4,), and where.
+        components, steppers: address of each FMU's component and of its function for a step, shape (c,).
+        setters, getters: addresses of its functions by the code of the type, shape (codes, c).
+        in_slots, out_slots: room for what is not Real (`cosim.master.dialect`), in the order of the inputs and outputs.
+        in_singles, out_singles: the same memory as numbers of single precision, two to a slot.
         in_references, out_references, in_pointer, out_pointer: addresses of the arrays of value references, of
             `in_values` and of `values`; the arrays must outlive the call.
-        in_whole_pointer, out_whole_pointer: those of `in_whole` and `out_whole`.
+        in_slots_pointer, out_slots_pointer: those of the slots.
         marks: see `cosim.master.marks`.
     """
 
@@ -72,11 +120,11 @@ class Tables(NamedTuple):
     rows: Array
     recorded: Index
     exact: Flags
+    third: Flags
+    answers: Index
     components: Index
     setters: Index
     getters: Index
-    whole_setters: Index
-    whole_getters: Index
     steppers: Index
     in_start: Index
     in_reals: Index
@@ -87,25 +135,52 @@ class Tables(NamedTuple):
     out_start: Index
     out_reals: Index
     out_kind: Index
-    in_whole: Whole
-    out_whole: Whole
+    in_slots: Index
+    out_slots: Index
+    in_singles: Singles
+    out_singles: Singles
     snapshots: Index
     n_outputs: int
     in_references: int
     out_references: int
     in_pointer: int
     out_pointer: int
-    in_whole_pointer: int
-    out_whole_pointer: int
+    in_slots_pointer: int
+    out_slots_pointer: int
+    answers_pointer: int
     marks: Index
 
 
 @numba.njit(cache=True)
-def whole(value: float, kind: int) -> int:
-    """A number as an Integer (kind 1), or as a Boolean (2): true from a half on."""
-    if kind == 2:
-        return 1 if abs(value) >= 0.5 else 0
-    return int(np.floor(value + 0.5))
+def put(slots: Index, singles: Singles, i: int, value: float, code: int) -> None:
+    """As `cosim.master.dialect.put`."""
+    if code == BOOLEAN:
+        slots[i] = 1 if abs(value) >= 0.5 else 0
+    elif code == SINGLE:
+        singles[2 * i] = value
+    else:
+        slots[i] = int(min(max(np.floor(value + 0.5), _LOWS[code]), _HIGHS[code]))
+
+
+@numba.njit(cache=True)
+def taken(slots: Index, singles: Singles, i: int, code: int) -> float:
+    """As `cosim.master.dialect.taken`."""
+    if code == SINGLE:
+        return float(singles[2 * i])
+    spare = _SPARE[code]
+    if _SIGNED[code]:
+        return float((slots[i] << spare) >> spare)
+    if spare:
+        return float(slots[i] & ((1 << (64 - spare)) - 1))
+    return float(np.uint64(slots[i]))
+
+
+@numba.njit(cache=True)
+def transfer(third: bool, function: int, component: int, references: int, count: int, values: int) -> int:
+    """Set or get `count` values."""
+    if third:
+        return int(call_real3(function, component, references, count, values))
+    return int(call_real(function, component, references, count, values))
 
 
 @numba.njit(cache=True)
@@ -113,8 +188,8 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
     """Make the steps `first` to `last` with step size h [s].
 
     Returns:
-        (step reached, component, call, status): component is -1 when all went well or ``stop[0]`` was set; call is an
-        index of `cosim.master.engine.CALLS`.
+        (step reached, component, call, status): component is -1 when all went well or ``stop[0]`` was set; call is a number
+        as `cosim.master.engine` has them.
     """
     n_series = t.table.shape[1]
     for k in range(first, last):
@@ -127,6 +202,7 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
             t.values[t.n_outputs + n_series + d] = t.values[t.snapshots[d]]
         for c in range(len(t.components)):
             t.marks[STEPPED] = c
+            third, component = t.third[c], t.components[c]
             a, b = t.in_start[c], t.in_start[c + 1]
             new = False
             for i in range(a, b):
@@ -136,47 +212,45 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
             if new:  # an input keeps its value until it is set again
                 m = t.in_reals[c]
                 if m > a:
-                    status = call_real(
-                        t.setters[c], t.components[c], t.in_references + 4 * a, m - a, t.in_pointer + 8 * a
-                    )
+                    status = transfer(
+                        third, t.setters[0, c], component, t.in_references + 4 * a, m - a, t.in_pointer + 8 * a
+                    )  # fmt: skip
                     if status > 1 or status < 0:
-                        return k, c, 0, status
+                        return k, c, 1, status
                 for i in range(m, b):
-                    kind = t.in_kind[i]
-                    t.in_whole[i] = whole(t.in_values[i], kind)
-                    status = call_real(
-                        t.whole_setters[kind - 1, c],
-                        t.components[c],
-                        t.in_references + 4 * i,
-                        1,
-                        t.in_whole_pointer + 4 * i,
-                    )
+                    code = t.in_kind[i]
+                    put(t.in_slots, t.in_singles, i, t.in_values[i], code)
+                    place = t.in_slots_pointer + 8 * i
+                    status = transfer(third, t.setters[code, c], component, t.in_references + 4 * i, 1, place)
                     if status > 1 or status < 0:
-                        return k, c, 2 + kind, status
+                        return k, c, 1 + 2 * code, status
             size = t.time[k + 1] - t.time[k] if t.exact[c] else h
-            status = call_step(t.steppers[c], t.components[c], t.time[k], size)
+            if third:
+                t.answers[1] = t.answers[2] = 0
+                status = call_step3(t.steppers[c], component, t.time[k], size, t.answers_pointer)
+                if 0 <= status <= 1 and t.answers[1] & 255:
+                    status = ENDED
+                elif 0 <= status <= 1 and t.answers[2] & 255:
+                    status = EARLY
+            else:
+                status = call_step(t.steppers[c], component, t.time[k], size)
             if status > 1 or status < 0:
-                return k, c, 1, status
+                return k, c, 0, status
             a, b = t.out_start[c], t.out_start[c + 1]
             m = t.out_reals[c]
             if m > a:
-                status = call_real(
-                    t.getters[c], t.components[c], t.out_references + 4 * a, m - a, t.out_pointer + 8 * a
-                )
+                status = transfer(
+                    third, t.getters[0, c], component, t.out_references + 4 * a, m - a, t.out_pointer + 8 * a
+                )  # fmt: skip
                 if status > 1 or status < 0:
                     return k, c, 2, status
             for i in range(m, b):
-                kind = t.out_kind[i]
-                status = call_real(
-                    t.whole_getters[kind - 1, c],
-                    t.components[c],
-                    t.out_references + 4 * i,
-                    1,
-                    t.out_whole_pointer + 4 * i,
-                )
+                code = t.out_kind[i]
+                place = t.out_slots_pointer + 8 * i
+                status = transfer(third, t.getters[code, c], component, t.out_references + 4 * i, 1, place)
                 if status > 1 or status < 0:
-                    return k, c, 4 + kind, status
-                t.values[i] = float(t.out_whole[i])
+                    return k, c, 2 + 2 * code, status
+                t.values[i] = taken(t.out_slots, t.out_singles, i, code)
         for r in range(len(t.recorded)):
             t.rows[k + 1, r] = t.values[t.recorded[r]]
     return last, -1, 0, 0

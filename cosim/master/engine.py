@@ -1,6 +1,5 @@
 """Runs a plan over instances: initialisation, then the loop, compiled or interpreted with bitwise equal results."""
 
-import ctypes
 import signal
 import threading
 import time as clock
@@ -8,25 +7,25 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from types import FrameType
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import SimulationError
 from cosim.master import marks
+from cosim.master.dialect import FMI2, put, taken
 from cosim.master.inputs import Sampler
 from cosim.master.instance import Instance, status_name
-from cosim.master.interpreted import operations, whole
-from cosim.master.plan import Plan, References, Whole
+from cosim.master.interpreted import operations
+from cosim.master.plan import Plan
 
 Array = NDArray[np.float64]
 Room = Callable[[tuple[int, int]], Array]
 """Makes an array of a shape, in memory that somebody else may read."""
 EngineName = Literal["compiled", "python"]
-CALLS = (
-    "fmi2SetReal", "fmi2DoStep", "fmi2GetReal", "fmi2SetInteger", "fmi2SetBoolean", "fmi2GetInteger", "fmi2GetBoolean",
-)  # fmt: skip
+STEP, SET, GET = range(3)
+"""What an FMU was asked for in a step: the step, or from SET on, by SET + 2 code and GET + 2 code, numbers of a type."""
 CHUNK = 1000  # steps between looks at the progress bar: about a tenth of a second
 PIECE = 100_000  # steps whose inputs and recorded values are in memory at a time
 MOST_SWEEPS = 200
@@ -38,13 +37,13 @@ def pieces(whole: int, points: int) -> list[tuple[int, int]]:
     return [(start, stop) for start, stop in pairwise(edges) if stop > start]
 
 
-def _one(references: References, room: Whole, i: int) -> tuple[Any, int, Any]:
-    """One value reference, a count of one, and where the value is: what a call of FMI for a single number takes."""
-    return (
-        references[i : i + 1].ctypes.data_as(ctypes.POINTER(ctypes.c_uint)),
-        1,
-        room[i : i + 1].ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
-    )
+def call_name(instance: Instance, call: int) -> str:
+    """The function of FMI that a number of the loop stands for."""
+    dialect = instance.dialect
+    if call == STEP:
+        return f"{dialect.prefix}DoStep"
+    code, way = divmod(call - SET, 2)
+    return f"{dialect.prefix}{'Get' if way else 'Set'}{dialect.types[code]}"
 
 
 class Engine:
@@ -84,8 +83,9 @@ class Engine:
         self.room, self.reached = room, 0
         self.values = np.zeros(plan.n_values)
         self.in_values = np.zeros(len(plan.in_source))
-        self.in_whole = np.zeros(len(plan.in_source), dtype=np.int32)
-        self.out_whole = np.zeros(plan.n_outputs, dtype=np.int32)
+        self.in_slots = np.zeros(len(plan.in_source), dtype=np.int64)
+        self.out_slots = np.zeros(plan.n_outputs, dtype=np.int64)
+        self.answers = np.zeros(4, dtype=np.int64)  # what a step of FMI 3.0 says beside its status
         self.recorded = plan.places()
         self.stop = np.zeros(1, dtype=np.int64)
         self.wall_time = 0.0
@@ -130,7 +130,7 @@ class Engine:
             )
         for c in places:
             self._set_inputs(c)
-            self.instances[c].call("fmi2ExitInitializationMode")
+            self.instances[c].call("ExitInitializationMode")
             self._get_outputs(c)
 
     def _exchange(self, c: int) -> None:
@@ -148,35 +148,34 @@ class Engine:
 
     def _set_inputs(self, c: int) -> None:
         plan = self.plan
-        part = slice(plan.in_start[c], plan.in_start[c + 1])
+        part = slice(int(plan.in_start[c]), int(plan.in_start[c + 1]))
         if part.stop == part.start:
             return
         self.in_values[part] = (
             plan.in_factor[part] * self.values[plan.in_initial[part]] + plan.in_offset[part]
         )
-        reals = int(plan.in_reals[c])
+        reals, references = int(plan.in_reals[c]), int(plan.in_reference.ctypes.data)
         if reals > part.start:
-            references = plan.in_reference[part].ctypes.data_as(ctypes.POINTER(ctypes.c_uint))
-            new = self.in_values[part].ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-            self.instances[c].call("fmi2SetReal", references, reals - part.start, new)
+            values = int(self.in_values.ctypes.data) + 8 * part.start
+            self.instances[c].transfer("Set", 0, references + 4 * part.start, reals - part.start, values)
         for i in range(reals, part.stop):
-            kind = int(plan.in_kind[i])
-            self.in_whole[i] = whole(self.in_values[i], kind)
-            self.instances[c].call(CALLS[2 + kind], *_one(plan.in_reference, self.in_whole, i))
+            code = int(plan.in_kind[i])
+            put(self.in_slots, i, float(self.in_values[i]), code)
+            self.instances[c].transfer(
+                "Set", code, references + 4 * i, 1, int(self.in_slots.ctypes.data) + 8 * i
+            )
 
     def _get_outputs(self, c: int) -> None:
         plan = self.plan
-        part = slice(plan.out_start[c], plan.out_start[c + 1])
-        reals = int(plan.out_reals[c])
+        part = slice(int(plan.out_start[c]), int(plan.out_start[c + 1]))
+        reals, references = int(plan.out_reals[c]), int(plan.out_reference.ctypes.data)
         if reals > part.start:
-            references = plan.out_reference[part].ctypes.data_as(ctypes.POINTER(ctypes.c_uint))
-            target = self.values[part].ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-            self.instances[c].call("fmi2GetReal", references, reals - part.start, target)
+            values = int(self.values.ctypes.data) + 8 * part.start
+            self.instances[c].transfer("Get", 0, references + 4 * part.start, reals - part.start, values)
         for i in range(reals, part.stop):
-            self.instances[c].call(
-                CALLS[4 + int(plan.out_kind[i])], *_one(plan.out_reference, self.out_whole, i)
-            )
-            self.values[i] = float(self.out_whole[i])
+            code, place = int(plan.out_kind[i]), int(self.out_slots.ctypes.data) + 8 * i
+            self.instances[c].transfer("Get", code, references + 4 * i, 1, place)
+            self.values[i] = taken(self.out_slots, i, code)
 
     # The loop
 
@@ -233,7 +232,9 @@ class Engine:
         instance.failed(status)
         label = status_name(status)
         raise SimulationError(
-            instance.report(f"failed in {CALLS[call]} at t = {self.time[k]:.9g} s (status {label})")
+            instance.report(
+                f"failed in {call_name(instance, call)} at t = {self.time[k]:.9g} s (status {label})"
+            )
         )
 
     @contextmanager
@@ -264,9 +265,9 @@ class Engine:
         from cosim.master.compiled import Tables, advance
 
         p = self.plan
-        components, setters, getters, steppers = (
+        components, steppers = (
             np.array([getattr(instance, name) for instance in self.instances], dtype=np.int64)
-            for name in ("pointer", "set_real", "get_real", "do_step")
+            for name in ("pointer", "do_step")
         )
         tables = Tables(
             time=self.time,
@@ -277,25 +278,24 @@ class Engine:
             rows=self.rows,
             recorded=self.recorded,
             exact=np.array([not i.component.fmu.ours for i in self.instances], dtype=np.bool_),
+            third=np.array([i.dialect is not FMI2 for i in self.instances], dtype=np.bool_),
+            answers=self.answers,
+            answers_pointer=int(self.answers.ctypes.data),
             components=components,
-            setters=setters,
-            getters=getters,
+            setters=np.array([i.setters for i in self.instances], dtype=np.int64).T.copy(),
+            getters=np.array([i.getters for i in self.instances], dtype=np.int64).T.copy(),
             steppers=steppers,
-            whole_setters=np.array(
-                [[i.set_integer, i.set_boolean] for i in self.instances], dtype=np.int64
-            ).T.copy(),
-            whole_getters=np.array(
-                [[i.get_integer, i.get_boolean] for i in self.instances], dtype=np.int64
-            ).T.copy(),
             in_start=p.in_start,
             in_reals=p.in_reals,
             in_kind=p.in_kind,
             out_reals=p.out_reals,
             out_kind=p.out_kind,
-            in_whole=self.in_whole,
-            out_whole=self.out_whole,
-            in_whole_pointer=int(self.in_whole.ctypes.data),
-            out_whole_pointer=int(self.out_whole.ctypes.data),
+            in_slots=self.in_slots,
+            out_slots=self.out_slots,
+            in_singles=self.in_slots.view(np.float32),
+            out_singles=self.out_slots.view(np.float32),
+            in_slots_pointer=int(self.in_slots.ctypes.data),
+            out_slots_pointer=int(self.out_slots.ctypes.data),
             in_source=p.in_source,
             in_factor=p.in_factor,
             in_offset=p.in_offset,
@@ -317,7 +317,8 @@ class Engine:
     def _interpreted(self, h: float) -> Callable[[int, int], tuple[int, int, int, int]]:
         """The same loop in Python, for machines without numba's compiler; the same calls with the same numbers."""
         p = self.plan
-        pick = operations(p, self.instances, self.values, self.in_values, (self.in_whole, self.out_whole), h)
+        slots = (self.in_slots, self.out_slots)
+        pick = operations(p, self.instances, self.values, self.in_values, slots, h)
         n_series = p.n_series
         copies = list(enumerate(map(int, p.snapshots)))
         values, base = self.values, p.n_outputs

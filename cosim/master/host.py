@@ -95,13 +95,12 @@ def _initialise(loop: Engine, settings: Mapping[Port, Value]) -> None:
     for instance in loop.instances:
         instance.fresh()
         fmu = instance.component.fmu
-        accuracy = (0, 0.0) if fmu.tolerance is None else (1, fmu.tolerance)
-        instance.call("fmi2SetupExperiment", *accuracy, float(loop.grid[0]), 1, float(loop.grid[-1]))
+        instance.begin(float(loop.grid[0]), float(loop.grid[-1]), fmu.tolerance)
         variables = fmu.variables
         own = {p.variable: v for p, v in settings.items() if p.component == instance.name}
         # after the experiment is set up: FMUs of 20-sim take their own start values there
         for name, value in {**instance.component.starts, **own}.items():
             instance.set_value(variables[name], value)
     for instance in loop.instances:
-        instance.call("fmi2EnterInitializationMode")
+        instance.enter()
     loop.initialise(loop.sampler.points(0, 0)[0])

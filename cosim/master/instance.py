@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 from fmpy.fmi1 import FMICallException, printLogMessage
 from fmpy.fmi2 import (
-    FMU2Slave,
     defaultCallbacks,
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
@@ -28,16 +27,25 @@ from fmpy.logging import addLoggerProxy
 
 from cosim.errors import ModelError, SimulationError
 from cosim.master import marks
+from cosim.master.dialect import CODES, FMI2, TYPES, dialect_of
 from cosim.ssp.system import Component, Fmu, Value, Variable
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 WARNING, DISCARD, FATAL = 1, 2, 4
+ENDED, EARLY = 100, 101
+"""In place of a status: a step of FMI 3.0 that asks for the end of the simulation, or that came back before its end."""
 MOST_MESSAGES = 200
 
 SetGetReal = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p
 )
+SetGet3 = ctypes.CFUNCTYPE(
+    ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t
+)
 DoStep = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+DoStep3 = ctypes.CFUNCTYPE(
+    ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_void_p] * 4
+)
 
 # Python shares modules by name: which content each pythonfmu module of this process has
 _modules: dict[str, str] = {}
@@ -45,6 +53,8 @@ _modules: dict[str, str] = {}
 
 def status_name(status: int) -> str:
     """Name of a status; only 0 to 5 have one."""
+    if status in (ENDED, EARLY):
+        return "OK, but it asks to end the simulation" if status == ENDED else "OK, but before the step's end"
     return STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which FMI does not know"
 
 
@@ -109,6 +119,15 @@ def _listen(environment: int | None, name: bytes, status: int, category: bytes, 
 _logger = fmi2CallbackLoggerTYPE(_listen)
 
 
+def _listener(number: int, name: str) -> Callable[[int | None, int, bytes, bytes], None]:
+    """What an FMU of FMI 3.0 logs to: each instance has its own, and the text is no format."""
+
+    def listen(environment: int | None, status: int, category: bytes, text: bytes) -> None:
+        _listen(number, name.encode(), status, category, text)
+
+    return listen
+
+
 def _callbacks(number: int) -> fmi2CallbackFunctions:
     callbacks = fmi2CallbackFunctions()
     callbacks.logger = _logger
@@ -127,8 +146,9 @@ class Instance:
         messages: the last messages of the FMU, oldest first; cleared by `fresh`.
         renew: each run takes a new instance of the library loaded anew, as with fmpy. What others compiled does not always
             come back by fmi2Reset to where it began: FMUs of 20-sim keep their clock, and some free twice what they freed.
+        dialect: the version of FMI that it speaks.
         pointer: address of the FMU's component, for the compiled loop.
-        set_real, get_real, set_integer, get_integer, set_boolean, get_boolean, do_step: addresses of its C functions.
+        setters, getters, do_step: addresses of its C functions; the first two by the code of the type, 0 where FMI has none.
     """
 
     def __init__(self, component: Component, number: int = 0) -> None:
@@ -146,13 +166,15 @@ class Instance:
         self.messages: deque[Message] = deque(maxlen=MOST_MESSAGES)
         self.alive = self._used = False
         fmu = component.fmu
+        self.dialect = dialect_of(fmu.version)
         self.renew = not fmu.ours and fmu.module is None
         self._state: ctypes.c_void_p | None = None
         _claim_module(fmu)
         self._load()
         self._number = next(_numbers)
         _listeners[self._number] = self.messages
-        self._callbacks = _callbacks(self._number)  # must outlive the instance
+        # must outlive the instance
+        self._callbacks = _callbacks(self._number) if self.dialect is FMI2 else None
         _remember(self._number, self._slave.dll)
         _folders[fmu.folder] += 1
         self._instantiate()
@@ -161,7 +183,7 @@ class Instance:
         fmu = self.component.fmu
         try:
             with _loading, self._marked(marks.LOAD):
-                self._slave = FMU2Slave(
+                self._slave = self.dialect.slave(
                     guid=fmu.guid,
                     unzipDirectory=str(fmu.folder),
                     modelIdentifier=fmu.identifier,
@@ -172,13 +194,12 @@ class Instance:
         self._bind()
 
     def _bind(self) -> None:
-        self.set_real = self._address("fmi2SetReal")
-        self.get_real = self._address("fmi2GetReal")
-        self.set_integer = self._address("fmi2SetInteger")
-        self.get_integer = self._address("fmi2GetInteger")
-        self.set_boolean = self._address("fmi2SetBoolean")
-        self.get_boolean = self._address("fmi2GetBoolean")
-        self.do_step = self._address("fmi2DoStep")
+        types = self.dialect.types
+        self.setters, self.getters = (
+            [self._address(f"{way}{types[code]}") if code < len(types) else 0 for code in range(len(TYPES))]
+            for way in ("Set", "Get")
+        )
+        self.do_step = self._address("DoStep")
 
     def _load_anew(self) -> None:
         """Free the library and load it again; fmpy's own constructor would inspect each of its functions once more."""
@@ -197,18 +218,24 @@ class Instance:
             finally:
                 os.chdir(here)
         for name, old in slave._functions.items():
-            new = getattr(slave.dll, name)
+            if (new := getattr(slave.dll, name, None)) is None:
+                continue  # one that it does not have
             new.argnames, new.argtypes, new.restype = old.argnames, old.argtypes, old.restype
             slave._functions[name] = new
         self._bind()
 
     def _address(self, name: str) -> int:
-        return ctypes.cast(getattr(self._slave.dll, name), ctypes.c_void_p).value or 0
+        function = getattr(self._slave.dll, self.dialect.prefix + name)
+        return ctypes.cast(function, ctypes.c_void_p).value or 0
 
     def _instantiate(self) -> None:
         try:
-            with self._marked(marks.function("fmi2Instantiate")):
-                self._slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+            if self.dialect is FMI2:
+                with self._marked(marks.function("fmi2Instantiate")):
+                    self._slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+            else:
+                with self._marked(marks.function("fmi3InstantiateCoSimulation")):
+                    self._slave.instantiate(logMessage=_listener(self._number, self.name), loggingOn=True)
         except Exception:  # fmpy raises a bare Exception for a null pointer
             raise SimulationError(self.report("could not be instantiated")) from None
         self.alive, self._used = True, False
@@ -217,7 +244,7 @@ class Instance:
         self._state = None
         if self.component.fmu.restarts:
             state = ctypes.c_void_p()
-            if 0 <= self._status("fmi2GetFMUstate", ctypes.byref(state)) <= WARNING:
+            if 0 <= self._status(f"Get{self.dialect.state}", ctypes.byref(state)) <= WARNING:
                 self._state = state
 
     def fresh(self) -> None:
@@ -227,14 +254,14 @@ class Instance:
             SimulationError: the FMU refuses to be instantiated again.
         """
         if self.alive and self._used and self._state is not None:
-            status = self._status("fmi2SetFMUstate", self._state)
+            status = self._status(f"Set{self.dialect.state}", self._state)
             if 0 <= status <= WARNING:
                 self.messages.clear()
                 return
             self.failed(status)
             self._state = None
         if self.alive and self._used and not self.renew:
-            status = self._status("fmi2Reset")
+            status = self._status("Reset")
             self.failed(status)
             self.renew = not 0 <= status <= WARNING
         self.messages.clear()
@@ -248,14 +275,34 @@ class Instance:
 
     def _free(self) -> None:
         if self._state is not None:
-            self._status("fmi2FreeFMUstate", ctypes.byref(self._state))
+            self._status(f"Free{self.dialect.state}", ctypes.byref(self._state))
             self._state = None
         self.alive = False
-        with self._marked(marks.function("fmi2FreeInstance")):
-            self._slave.fmi2FreeInstance(self._slave.component)
+        name = f"{self.dialect.prefix}FreeInstance"
+        with self._marked(marks.function(name)):
+            getattr(self._slave, name)(self._slave.component)
+
+    def begin(self, start: float, stop: float | None = None, tolerance: float | None = None) -> None:
+        """Tell the experiment, times in s, before start values are set; `enter` begins the initialisation.
+
+        Raises:
+            SimulationError: as `call`.
+        """
+        accuracy = (tolerance is not None, 0.0 if tolerance is None else tolerance)
+        self._experiment = (*accuracy, start, stop is not None, 0.0 if stop is None else stop)
+        if self.dialect is FMI2:
+            self.call("SetupExperiment", *self._experiment)
+
+    def enter(self) -> None:
+        """Enter initialisation mode.
+
+        Raises:
+            SimulationError: as `call`.
+        """
+        self.call("EnterInitializationMode", *(() if self.dialect is FMI2 else self._experiment))
 
     def call(self, function: str, *arguments: Any) -> None:
-        """Call a C function of the FMU with this component first.
+        """Call a C function of the FMU, named without the prefix of its version, with this component first.
 
         Raises:
             SimulationError: it answers with anything worse than a warning; the message holds what the FMU logged.
@@ -263,13 +310,36 @@ class Instance:
         status = self._status(function, *arguments)
         if not 0 <= status <= WARNING:
             self.failed(status)
-            raise SimulationError(self.report(f"failed in {function} (status {status_name(status)})"))
+            full = self.dialect.prefix + function
+            raise SimulationError(self.report(f"failed in {full} (status {status_name(status)})"))
+
+    def transfer(self, way: str, code: int, references: int, count: int, values: int) -> None:
+        """Set or get variables of one type.
+
+        Args:
+            way: Set or Get.
+            code: of the type.
+            references: address of the value references.
+            count: how many there are.
+            values: address of as many values.
+
+        Raises:
+            SimulationError: as `call`.
+        """
+        counts = (count,) if self.dialect.counts else ()
+        pointers = (
+            ctypes.cast(references, ctypes.POINTER(ctypes.c_uint)),
+            count,
+            ctypes.cast(values, ctypes.POINTER(self.dialect.ctypes[code])),
+        )
+        self.call(f"{way}{self.dialect.types[code]}", *pointers, *counts)
 
     def _status(self, function: str, *arguments: Any) -> int:
         """What a function of FMI answers; fmpy takes every number below 2 for success."""
-        with self._marked(marks.function(function)):
+        name = self.dialect.prefix + function
+        with self._marked(marks.function(name)):
             try:
-                return int(getattr(self._slave, function)(self._slave.component, *arguments))
+                return int(getattr(self._slave, name)(self._slave.component, *arguments))
             except FMICallException as error:
                 return error.status
 
@@ -283,7 +353,7 @@ class Instance:
 
     def failed(self, status: int) -> None:
         """Remember a bad status: after Fatal no function of the instance may be called again (FMI 2.0, 2.1.3)."""
-        if status >= FATAL or status < 0:
+        if (status >= FATAL and status not in (ENDED, EARLY)) or status < 0:
             self.alive = False
 
     def report(self, what: str) -> str:
@@ -304,9 +374,9 @@ class Instance:
         """
         known = len(self.refusals())
         reference = (ctypes.c_uint * 1)(variable.reference)
-        function, array = _encoded(variable.kind, value)
+        function, array = self._encoded(variable, value)
         what = f"refuses {variable.name} = {value!r} {variable.unit}".rstrip()
-        status = self._status(function, reference, 1, array)
+        status = self._status(function, reference, 1, array, *((1,) if self.dialect.counts else ()))
         if not 0 <= status <= WARNING:
             self.failed(status)
             raise SimulationError(self.report(what))
@@ -318,10 +388,18 @@ class Instance:
                 f"component '{self.name}' {what}: its description allows {variable.low:g} to {variable.high:g}"
             )
 
+    def _encoded(self, variable: Variable, value: Value) -> tuple[str, Any]:
+        """The C function that sets a variable, and the value as its array of one."""
+        if variable.type == "String":
+            return "SetString", (ctypes.c_char_p * 1)(str(value).encode("utf-8"))
+        code = CODES[variable.type]
+        number = {"Real": float, "Boolean": bool}.get(variable.kind, int)(value)
+        return f"Set{self.dialect.types[code]}", (self.dialect.ctypes[code] * 1)(number)
+
     def terminate(self) -> None:
         """End a run; a failure here changes no result and is ignored."""
         if self.alive:
-            self._status("fmi2Terminate")
+            self._status("Terminate")
 
     def close(self) -> None:
         """Free the instance and its library; one that broke is abandoned, since freeing it could crash."""
@@ -336,17 +414,6 @@ class Instance:
             self._slave.freeLibrary()
         elif settle is not None:
             settle()
-
-
-def _encoded(kind: str, value: Value) -> tuple[str, Any]:
-    """The C function that sets a variable of this kind, and the value as its array of one."""
-    if kind == "Real":
-        return "fmi2SetReal", (ctypes.c_double * 1)(float(value))
-    if kind == "Boolean":
-        return "fmi2SetBoolean", (ctypes.c_int * 1)(int(bool(value)))
-    if kind == "String":
-        return "fmi2SetString", (ctypes.c_char_p * 1)(str(value).encode("utf-8"))
-    return "fmi2SetInteger", (ctypes.c_int * 1)(int(value))
 
 
 def _claim_module(fmu: Fmu) -> None:

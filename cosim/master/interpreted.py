@@ -1,23 +1,17 @@
 """One component's part of a step in plain Python: the calls that the compiled loop makes, with the same numbers."""
 
+import ctypes
 from collections.abc import Callable, Sequence
-from math import floor
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.master.instance import DoStep, Instance, SetGetReal
-from cosim.master.plan import Plan, Whole
+from cosim.master.dialect import FMI2, Slots, put, taken
+from cosim.master.instance import EARLY, ENDED, DoStep, DoStep3, Instance, SetGet3, SetGetReal
+from cosim.master.plan import Plan
 
 Array = NDArray[np.float64]
-
-
-def whole(value: float, kind: int) -> int:
-    """A number as an Integer (kind 1), or as a Boolean (2): true from a half on."""
-    if kind == 2:
-        return 1 if abs(value) >= 0.5 else 0
-    return floor(value + 0.5)
 
 
 def operations(
@@ -25,16 +19,16 @@ def operations(
     instances: Sequence[Instance],
     values: Array,
     in_values: Array,
-    rooms: tuple[Whole, Whole],
+    slots: tuple[Slots, Slots],
     h: float,
 ) -> list[Callable[[float, float], tuple[int, int]]]:
     """For each component a function of a step's two times that sets its inputs, makes a step and reads its outputs.
 
     Returns:
-        Functions that answer (call, status); call is an index of `cosim.master.engine.CALLS`.
+        Functions that answer (call, status); call is a number as `cosim.master.engine` has them.
     """
     return [
-        _operation(plan, c, instance, values, in_values, rooms, h) for c, instance in enumerate(instances)
+        _operation(plan, c, instance, values, in_values, slots, h) for c, instance in enumerate(instances)
     ]
 
 
@@ -44,19 +38,18 @@ def _operation(
     instance: Instance,
     values: Array,
     in_values: Array,
-    rooms: tuple[Whole, Whole],
+    slots: tuple[Slots, Slots],
     h: float,
 ) -> Callable[[float, float], tuple[int, int]]:
     a, b, m, n = (int(i) for i in (*plan.in_start[c : c + 2], *plan.out_start[c : c + 2]))
-    set_real, get_real, do_step = (
-        SetGetReal(instance.set_real),
-        SetGetReal(instance.get_real),
-        DoStep(instance.do_step),
+    setters, getters = (
+        [_transfer(instance, address) for address in addresses]
+        for addresses in (instance.setters, instance.getters)
     )
+    do_step = _step(instance)
     reals, out_reals = int(plan.in_reals[c]), int(plan.out_reals[c])
-    setters = {1: SetGetReal(instance.set_integer), 2: SetGetReal(instance.set_boolean)}
-    getters = {1: SetGetReal(instance.get_integer), 2: SetGetReal(instance.get_boolean)}
-    in_whole, out_whole = rooms
+    in_slots, out_slots = slots
+    in_place, out_place = int(in_slots.ctypes.data), int(out_slots.ctypes.data)
     component, exact = instance.pointer, not instance.component.fmu.ours
     in_refs, out_refs = (
         int(plan.in_reference.ctypes.data) + 4 * a,
@@ -77,29 +70,60 @@ def _operation(
             new |= value != target[i]
             target[i] = value
         if new:  # an input keeps its value until it is set again
-            status = set_real(component, in_refs, reals - a, in_pointer) if reals > a else 0
+            status = setters[0](component, in_refs, reals - a, in_pointer) if reals > a else 0
             if status > 1 or status < 0:
-                return 0, status
+                return 1, status
             for i in range(reals, b):
-                kind = int(plan.in_kind[i])
-                in_whole[i] = whole(target[i], kind)
-                room = int(in_whole.ctypes.data) + 4 * i
-                status = setters[kind](component, in_refs + 4 * (i - a), 1, room)
+                code = int(plan.in_kind[i])
+                put(in_slots, i, target[i], code)
+                status = setters[code](component, in_refs + 4 * (i - a), 1, in_place + 8 * i)
                 if status > 1 or status < 0:
-                    return 2 + kind, status
-        status = do_step(component, time, until - time if exact else h, 1)
+                    return 1 + 2 * code, status
+        status = do_step(component, time, until - time if exact else h)
         if status > 1 or status < 0:
-            return 1, status
+            return 0, status
         if out_reals > m:
-            status = get_real(component, out_refs, out_reals - m, out_pointer)
+            status = getters[0](component, out_refs, out_reals - m, out_pointer)
             if status > 1 or status < 0:
                 return 2, status
         for i in range(out_reals, n):
-            kind = int(plan.out_kind[i])
-            status = getters[kind](component, out_refs + 4 * (i - m), 1, int(out_whole.ctypes.data) + 4 * i)
+            code = int(plan.out_kind[i])
+            status = getters[code](component, out_refs + 4 * (i - m), 1, out_place + 8 * i)
             if status > 1 or status < 0:
-                return 4 + kind, status
-            source[i] = float(out_whole[i])
-        return 1, 0
+                return 2 + 2 * code, status
+            source[i] = taken(out_slots, i, code)
+        return 0, 0
 
     return operate
+
+
+def _transfer(instance: Instance, address: int) -> Callable[[int, int, int, int], int]:
+    """A function that sets or gets a list of values; FMI 3.0 wants their number too."""
+    if instance.dialect is FMI2:
+        return SetGetReal(address)
+    function = SetGet3(address)
+
+    def transfer(component: int, references: int, count: int, values: int) -> int:
+        status: int = function(component, references, count, values, count)
+        return status
+
+    return transfer
+
+
+def _step(instance: Instance) -> Callable[[int, float, float], int]:
+    """A function that makes a step, with noSetFMUStatePriorToCurrentPoint = true."""
+    if instance.dialect is FMI2:
+        plain = DoStep(instance.do_step)
+        return lambda component, time, size: plain(component, time, size, 1)
+    function = DoStep3(instance.do_step)
+    event, ended, early, last = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
+    answers = [ctypes.byref(one) for one in (event, ended, early, last)]
+
+    def step(component: int, time: float, size: float) -> int:
+        ended.value = early.value = False
+        status: int = function(component, time, size, True, *answers)
+        if status in (0, 1):
+            return ENDED if ended.value else EARLY if early.value else status
+        return status
+
+    return step

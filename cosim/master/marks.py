@@ -16,24 +16,21 @@ COUNT = 8
 OURS, LOOP, LOAD = range(3)
 """Phases: our own code, the loop, the loading of a library; from CALLS on a function of FMI."""
 CALLS = 3
+_LIFE = ("EnterInitializationMode", "ExitInitializationMode", "Reset", "Terminate", "FreeInstance")
+_TYPES = (
+    "Float64", "Int32", "Boolean", "Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "String",
+)  # fmt: skip
 FUNCTIONS = (
-    "fmi2Instantiate",
-    "fmi2SetReal",
-    "fmi2SetInteger",
-    "fmi2SetBoolean",
-    "fmi2SetString",
-    "fmi2GetReal",
-    "fmi2GetInteger",
-    "fmi2GetBoolean",
-    "fmi2GetFMUstate",
-    "fmi2SetFMUstate",
+    *(f"fmi2{n}" for n in ("Instantiate", "SetupExperiment", *_LIFE)),
+    *(
+        f"fmi2{way}{n}"
+        for way in ("Get", "Set")
+        for n in ("Real", "Integer", "Boolean", "String", "FMUstate")
+    ),
     "fmi2FreeFMUstate",
-    "fmi2SetupExperiment",
-    "fmi2EnterInitializationMode",
-    "fmi2ExitInitializationMode",
-    "fmi2Reset",
-    "fmi2Terminate",
-    "fmi2FreeInstance",
+    *(f"fmi3{n}" for n in ("InstantiateCoSimulation", *_LIFE)),
+    *(f"fmi3{way}{n}" for way in ("Get", "Set") for n in (*_TYPES, "FMUState")),
+    "fmi3FreeFMUState",
 )
 
 table: NDArray[np.int64] = np.zeros(COUNT, dtype=np.int64)

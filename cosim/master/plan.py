@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import UsageError
+from cosim.master.dialect import CODES
 from cosim.master.order import Order, step_order
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.system import NUMERIC, Port, System, Wire
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 References = NDArray[np.uint32]
 Flags = NDArray[np.bool_]
-Whole = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Plan:
         initial: order of initialisation, all wires counted.
         in_source: index into ``values`` of each input, at the time the wire hands over.
         in_initial: the same in initialisation mode, where everything is of the same instant.
-        in_kind, out_kind: 0 for Real, 1 for Integer and Enumeration, 2 for Boolean.
+        in_kind, out_kind: the code of each one's type (`cosim.master.dialect`), 0 for Real and Float64.
         in_reals, out_reals: where the Real ones of each component end; they come first.
         snapshots: (source, copy) indices of discrete outputs.
         n_outputs, n_series: lengths of the first two parts of ``values``.
@@ -174,7 +174,7 @@ class _Planner:
         for name in names:
             fmu = self.system.components[name].fmu
             # those that are Real first: they are read in one call
-            for variable in sorted(fmu.variables.values(), key=lambda v: v.kind != "Real"):
+            for variable in sorted(fmu.variables.values(), key=lambda v: CODES.get(v.type, -1) != 0):
                 port = Port(name, variable.name)
                 if port in ports and variable.kind in NUMERIC and variable.causality != "input":
                     outputs[port] = len(outputs)
@@ -227,8 +227,8 @@ class _Planner:
         return sorted(rows, key=lambda row: self.kind(row[4].target) > 0)
 
     def kind(self, port: Port) -> int:
-        """0 for Real, 1 for Integer and Enumeration, 2 for Boolean."""
-        return {"Real": 0, "Boolean": 2}.get(self.system.variable(port).kind, 1)
+        """The code of a variable's type."""
+        return CODES[self.system.variable(port).type]
 
     def wanted(self, record: Sequence[str] | None) -> dict[str, Port]:
         """What to record: the variable behind each name (a driven system input has no component)."""

@@ -21,22 +21,25 @@ from lxml.builder import E
 from cosim import trust
 from cosim.errors import CosimError, ModelError
 from cosim.files import whole, write_bytes
+from cosim.native import fmi3
 from cosim.native.exchange import extended
 from cosim.native.header import header, read_as
 from cosim.native.model import Model, single
-from cosim.native.page import page
+from cosim.native.page import ICON, page
 from cosim.paths import cache_folder
 from fmus.build import ARCHIVE_DATE, PICTURES, checked_starts
 from fmus.compose import Composed
 from fmus.describe import described
 
 TOOL = "slew-cosim, native"
-OWN = ("fmu.c", "exchange.h", "instance.h", "rates.h", "saved.h", "semantics.h", "stepping.h", "tables.h")
-STANDARD = (
-    "fmi2FunctionTypes.h",
-    "fmi2Functions.h",
-    "fmi2TypesPlatform.h",
-)  # of the FMI project, 2-clause BSD
+OWN = (
+    "fmu.c", "exchange.h", "instance.h", "life.h", "rates.h", "saved.h", "semantics.h", "stepping.h", "tables.h", "values.h",
+)  # fmt: skip
+# what each version of FMI has: our text of its functions, and the headers of the FMI project (2-clause BSD)
+VERSIONS = {
+    "2.0": ("fmi2.h", ("fmi2FunctionTypes.h", "fmi2Functions.h", "fmi2TypesPlatform.h")),
+    "3.0": ("fmi3.h", ("fmi3FunctionTypes.h", "fmi3Functions.h", "fmi3PlatformTypes.h")),
+}
 FLAGS = ("-std=c99", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-fPIC")
 OPTIMISED = "-O2"
 
@@ -74,12 +77,13 @@ def release(command: tuple[str, ...]) -> str:
     return done.stdout
 
 
-def sources(model: Model, guid: str) -> dict[str, bytes]:
-    """C files of an FMU by name."""
-    own = {name: (files("cosim.native") / "c" / name).read_bytes() for name in OWN}
+def sources(model: Model, guid: str, fmi: str = "2.0") -> dict[str, bytes]:
+    """C files of an FMU by name; `guid` is what an instance is asked for in the version `fmi`."""
+    functions, headers = VERSIONS[fmi]
+    own = {name: (files("cosim.native") / "c" / name).read_bytes() for name in (*OWN, functions)}
     folder = Path(fmpy.__file__).parent / "c-code"
-    standard = {name: (folder / name).read_bytes().replace(b"\r\n", b"\n") for name in STANDARD}
-    return own | standard | {"model.h": header(model, guid).encode()}
+    standard = {name: (folder / name).read_bytes().replace(b"\r\n", b"\n") for name in headers}
+    return own | standard | {"model.h": header(model, guid, fmi).encode()}
 
 
 def compiled(content: Mapping[str, bytes], optimise: str | None = None) -> bytes:
@@ -127,9 +131,11 @@ def build_description(model: Model) -> bytes:
     return text
 
 
-def entries(model: Model, resources: Mapping[str, bytes], optimise: str | None = None) -> dict[str, bytes]:
+def entries(
+    model: Model, resources: Mapping[str, bytes], optimise: str | None = None, fmi: str = "2.0"
+) -> dict[str, bytes]:
     """Everything in the FMU's archive by name."""
-    plain = sources(model, "")
+    plain = sources(model, "", fmi)
     played = b"".join(name.encode() + data for name, data in sorted(resources.items()))
     digested = b"".join(name.encode() + plain[name] for name in sorted(plain)) + played
     description = described(
@@ -137,24 +143,33 @@ def entries(model: Model, resources: Mapping[str, bytes], optimise: str | None =
         TOOL, ["fmu.c"], [n for n, _ in model.of("input") if read_as(model, n) == "AT_START"],
     )  # fmt: skip
     description = extended(description, model, digested)
-    content = sources(model, description.get("guid"))
-    library = f"binaries/{fmpy.platform}/{model.name}{fmpy.sharedLibraryExtension}"
+    if fmi == "3.0":
+        description = fmi3.description(description, model, digested)
+    content = sources(model, description.get("guid") or description.get("instantiationToken"), fmi)
+    folder = fmpy.platform if fmi == "2.0" else fmpy.platform_tuple
+    library = f"binaries/{folder}/{model.name}{fmpy.sharedLibraryExtension}"
     found = {
         "modelDescription.xml": etree.tostring(
             description, encoding="UTF-8", xml_declaration=True, pretty_print=True
         ),
-        "documentation/index.html": page(model),
+        "documentation/index.html": page(model, fmi),
         library: compiled(content, optimise),
         "sources/buildDescription.xml": build_description(model),
     }
     found |= {f"sources/{name}": data for name, data in content.items()}
     found |= {f"resources/{name}": data for name, data in resources.items()}
     picture = PICTURES / f"{model.name}.png"
-    return found | ({"model.png": picture.read_bytes()} if picture.exists() else {})
+    if fmi == "3.0":
+        found["terminalsAndIcons/terminalsAndIcons.xml"] = fmi3.terminals(model, picture.exists())
+    return found | ({ICON[fmi]: picture.read_bytes()} if picture.exists() else {})
 
 
 def write_fmu(
-    model: Model, destination: Path, resources: Mapping[str, bytes] | None = None, optimise: str | None = None
+    model: Model,
+    destination: Path,
+    resources: Mapping[str, bytes] | None = None,
+    optimise: str | None = None,
+    fmi: str = "2.0",
 ) -> Path:
     """Write a native FMU.
 
@@ -163,6 +178,7 @@ def write_fmu(
         destination: the .fmu file.
         resources: files to put among the FMU's resources, by name.
         optimise: the compiler's options for speed; by default `OPTIMISED`.
+        fmi: version of the standard, 2.0 or 3.0.
 
     Returns:
         `destination`.
@@ -171,7 +187,7 @@ def write_fmu(
         MissingCompilerError: there is no C compiler.
         ModelError: an equation has no translation, or the compiler failed.
     """
-    found = entries(model, resources or {}, optimise)
+    found = entries(model, resources or {}, optimise, fmi)
     destination.parent.mkdir(parents=True, exist_ok=True)
     with whole(destination) as part, zipfile.ZipFile(part, "w") as archive:
         for name in sorted(found):
@@ -190,13 +206,16 @@ def build_native(
     starts: Mapping[str, float] | None = None,
     resources: Mapping[str, bytes] | None = None,
     optimise: str | None = None,
+    fmi: str = "2.0",
 ) -> Path:
     """Build the native twin of `fmus.build.build_fmu`, with the same arguments, variables and refusals.
+
+    `optimise` and `fmi` are those of `write_fmu`.
 
     Raises:
         UsageError: a start value is unknown or out of range.
         MissingCompilerError, ModelError: as `write_fmu`.
     """
     return write_fmu(
-        single(composed, checked_starts(composed, starts or {})), destination, resources, optimise
+        single(composed, checked_starts(composed, starts or {})), destination, resources, optimise, fmi
     )

@@ -17,15 +17,21 @@ from fmus.registry import BLOCKS
 Report = Callable[[Path], None]
 
 
+FOLDERS = {"2.0": "native", "3.0": "native_fmi3"}
+
+
 def build_everything_native(
-    out: Path, stimulus: bytes, report: Report = lambda file: None
+    out: Path, stimulus: bytes, report: Report = lambda file: None, fmi: str = "2.0"
 ) -> dict[str, list[Path]]:
     """Build into the folder ``native`` of `out`: ``fmus`` with every block and every chain, ``ssp`` with every package.
+
+    Those of FMI 3.0 go into ``native_fmi3``; the packages are of SSP 1.0 too, and few clients take both.
 
     Args:
         out: the folder that the Python FMUs are built into; files of the same names are replaced.
         stimulus: CSV that the stimulus plays (`cosim.ssp.stimulus.stimulus_csv`).
         report: called with each file once it is there.
+        fmi: version of the standard, 2.0 or 3.0.
 
     Returns:
         The files by folder name.
@@ -37,7 +43,7 @@ def build_everything_native(
         ModelError: the wiring is bad, an equation has no translation, or the compiler failed.
     """
     compiler()
-    top = out / "native"
+    top = out / FOLDERS[fmi]
     found: dict[str, list[Path]] = {"fmus": [], "ssp": []}
     try:
         for name in found:
@@ -52,22 +58,26 @@ def build_everything_native(
     # the compiler is a process of its own, so threads are enough to keep all cores busy
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         blocks: dict[str, Future[bytes]] = {
-            name: pool.submit(native_bytes, name, (), stimulus if name == STIMULUS else None)
+            name: pool.submit(native_bytes, name, (), stimulus if name == STIMULUS else None, fmi)
             for name in BLOCKS
         }
         chains = [container(ssp_folder() / f"{name}.ssd") for name in SYSTEMS]
-        made = [pool.submit(write_fmu, model, top / "fmus" / f"{model.name}.fmu") for model in chains]
+        made = [
+            pool.submit(write_fmu, model, top / "fmus" / f"{model.name}.fmu", fmi=fmi) for model in chains
+        ]
         for name, fmu in blocks.items():
             done("fmus", write_file(top / "fmus" / f"{name}.fmu", fmu))
         for chain in made:
             done("fmus", chain.result())
     for name in SYSTEMS:
         wiring = ssp_folder() / f"{name}.ssd"
-        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}.ssp", stimulus=stimulus))
-        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}_open.ssp", open=True))
+        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}.ssp", stimulus=stimulus, fmi=fmi))
+        done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}_open.ssp", open=True, fmi=fmi))
     for name in LOOPS:
         done(
             "ssp",
-            write_native_ssp(ssp_folder() / f"{name}.ssd", top / "ssp" / f"{name}.ssp", stimulus=stimulus),
+            write_native_ssp(
+                ssp_folder() / f"{name}.ssd", top / "ssp" / f"{name}.ssp", stimulus=stimulus, fmi=fmi
+            ),
         )
     return found

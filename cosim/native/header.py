@@ -6,13 +6,13 @@ from cosim.native.kinds import c_name, real_text
 from cosim.native.model import HELD, Model, buffers, inner_inputs, numbers, room
 
 
-def header(model: Model, guid: str) -> str:
-    """Text of model.h: equations and tables of the model."""
+def header(model: Model, guid: str, fmi: str = "2.0") -> str:
+    """Text of model.h: equations and tables of the model; `guid` is what the version `fmi` has an instance ask for."""
     return "\n".join(
         [
             f"/* {model.title}: equations translated from Python, and the tables of the FMU. Generated. */",
             "",
-            *definitions(model, guid),
+            *definitions(model, guid, fmi),
             "",
             *(part.program.text() for part in model.parts),
             *structs(model),
@@ -28,13 +28,14 @@ def array(kind: str, name: str, values: list[str]) -> str:
     return f"static const {kind} {name}[] = {{{', '.join(values or ['0'])}}};"
 
 
-def definitions(model: Model, guid: str) -> list[str]:
+def definitions(model: Model, guid: str, fmi: str) -> list[str]:
     """Names, bounds and start values."""
     names = [n for n, _, _ in model.rows]
     inner = [f"{p.name}.{n}" for p, n, _ in inner_inputs(model)]
     bounds = [v for _, _, v in inner_inputs(model)]
     kinds = {"input": "INPUT", "output": "OUTPUT", "parameter": "PARAMETER"}
     return [
+        f"#define FMI_VERSION {fmi[0]}",
         f'#define MODEL_NAME "{model.name}"',
         f'#define MODEL_GUID "{guid}"',
         f"#define N_INPUTS {len(model.of('input'))}",

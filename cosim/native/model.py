@@ -87,17 +87,37 @@ class Model:
         return found
 
     @cached_property
-    def initial(self) -> dict[str, frozenset[str]]:
-        """Inputs and parameters on which each output depends at initialisation."""
+    def behind(self) -> dict[str, frozenset[str]]:
+        """What each output depends on at initialisation: inputs, parameters, and ``component.input`` for the time."""
         outputs = {
             (p.name, n): names
             for p in self.parts
-            for n, names in at_start(p.composed).items()
+            for n, names in at_start(p.composed, time=True).items()
             if n in p.composed.outputs
         }
         found = through(outputs, {w.target: w.source for w in self.wires})
         names = {f"{part}.{own}": name for name, (part, own) in self.places.items()}
         return {n: frozenset(names.get(k, k) for k in found[self.places[n]]) for n, _ in self.of("output")}
+
+    @property
+    def clocks(self) -> frozenset[str]:
+        """Inputs of components that are the communication time, as ``component.input``."""
+        return frozenset(
+            f"{p.name}.{n}"
+            for p in self.parts
+            for n, v in p.composed.block.inputs.items()
+            if v.kind == "time"
+        )
+
+    @cached_property
+    def initial(self) -> dict[str, frozenset[str]]:
+        """Inputs and parameters on which each output depends at initialisation."""
+        return {name: names - self.clocks for name, names in self.behind.items()}
+
+    @property
+    def timed(self) -> frozenset[str]:
+        """Outputs on which the time itself acts."""
+        return frozenset(name for name, names in self.behind.items() if names & self.clocks)
 
     @cached_property
     def tables(self) -> list[tuple[str, int]]:

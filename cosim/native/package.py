@@ -33,7 +33,7 @@ PYTHON_TOOL = "slew-cosim with pythonfmu"
 
 @lru_cache(maxsize=64)
 def native_bytes(
-    stem: str, starts: tuple[tuple[str, float], ...] = (), stimulus: bytes | None = None
+    stem: str, starts: tuple[tuple[str, float], ...], stimulus: bytes | None, fmi: str, /
 ) -> bytes:
     """The native FMU of a component, as `cosim.ssp.write.fmu_bytes` makes that of pythonfmu.
 
@@ -41,11 +41,13 @@ def native_bytes(
         stem: file name without suffix: a block's name, or a component's that runs another block's FMU.
         starts: start values that differ from the declarations, SI.
         stimulus: CSV that a stimulus plays.
+        fmi: version of the standard, 2.0 or 3.0.
     """
     resources = {"stimulus.csv": stimulus} if stimulus is not None else None
     composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
     with tempfile.TemporaryDirectory(prefix="native_") as scratch:
-        return build_native(composed, Path(scratch, f"{stem}.fmu"), dict(starts), resources).read_bytes()
+        file = Path(scratch, f"{stem}.fmu")
+        return build_native(composed, file, dict(starts), resources, fmi=fmi).read_bytes()
 
 
 def write_native_ssp(
@@ -55,13 +57,20 @@ def write_native_ssp(
     stimulus: bytes | None = None,
     values: Values | None = None,
     open: bool = False,
+    fmi: str = "2.0",
 ) -> Path:
     """Write a package of native FMUs; arguments, result and errors are those of `cosim.ssp.write.write_ssp`.
+
+    With `fmi` the FMUs are of another version, in a package of SSP 1.0 all the same: few of its clients take FMI 3.0.
 
     Raises:
         MissingCompilerError: there is no C compiler.
     """
-    return write_ssp(ssd_path, destination, stimulus=stimulus, values=values, open=open, make=native_bytes)
+
+    def make(stem: str, starts: tuple[tuple[str, float], ...], played: bytes | None) -> bytes:
+        return native_bytes(stem, starts, played, fmi)
+
+    return write_ssp(ssd_path, destination, stimulus=stimulus, values=values, open=open, make=make)
 
 
 def swapped(source: Path, destination: Path, values: Values | None = None) -> Path:
@@ -144,9 +153,13 @@ def twin(fmu: bytes, stem: str, where: str, values: Mapping[str, float]) -> byte
         )
     if root.get("generationTool") == TOOL and not values:
         return fmu
+    if root.get("fmiVersion") != "2.0":
+        raise ModelError(
+            f"{where} is of FMI {root.get('fmiVersion')}: values are put into FMUs of FMI 2.0 alone"
+        )
     stem, composed = block_of(root, stem, where)
     starts = described_starts(root, composed, where) | dict(values)
-    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played)
+    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played, "2.0")
 
 
 def block_of(root: etree._Element, stem: str, where: str) -> tuple[str, Composed]:

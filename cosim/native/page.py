@@ -9,14 +9,17 @@ from fmus.describe import documentation
 COMPILE = (
     "No Python is needed. To compile for another platform, in the folder sources: "
     "cc -std=c99 -O2 -ffp-contract=off -fPIC -shared -fvisibility=hidden fmu.c -lm -o {name}.so "
-    "(put it into binaries/, in the folder that FMI 2.0 names for that platform)."
+    "(put it into binaries/, in the folder that FMI {fmi} names for that platform)."
 )
+# where each version of FMI has the picture
+ICON = {"2.0": "model.png", "3.0": "terminalsAndIcons/icon.png"}
 
 
-def page(model: Model) -> bytes:
-    """The page as HTML."""
+def page(model: Model, fmi: str = "2.0") -> bytes:
+    """The page as HTML, in an FMU of the version `fmi`."""
     pages = [html.fromstring(documentation(p.composed, p.starts)) for p in model.parts]
     body = pages[0].find("body")
+    body.find("img").set("src", f"../{ICON[fmi]}")
     if len(pages) > 1:
         body = E.body(
             E.h1(model.title), E.p(f"Parameters are named component.parameter. Inside: {order(model)}.")
@@ -31,7 +34,7 @@ def page(model: Model) -> bytes:
         rows += [E.tr(E.td(n), E.td(".".join(model.places[n]))) for n, _ in model.of("output")]
         body.append(E.table(*rows, border="1"))
     body.append(E.h2("Sources"))
-    body.append(E.p(COMPILE.format(name=model.name)))
+    body.append(E.p(COMPILE.format(name=model.name, fmi=fmi)))
     whole = E.html(E.head(E.meta(charset="utf-8"), E.title(model.title)), body)
     text: bytes = etree.tostring(
         whole, method="html", encoding="utf-8", doctype="<!DOCTYPE html>", pretty_print=True

@@ -1,4 +1,4 @@
-"""Looks at an FMU's library without loading it: is it one, for the platform it says, whole, and does it export FMI 2.0?
+"""Looks at an FMU's library without loading it: is it one, for the platform it says, whole, and does it export FMI?
 
 Sources: System V ABI, "ELF-64 Object File Format"; Microsoft, "PE Format"; Apple, "Mach-O File Format Reference".
 """
@@ -43,18 +43,53 @@ FUNCTIONS = (
 )
 """What FMI 2.0, section 4.2.3, has every co-simulation slave export."""
 
+_TYPES = (
+    "Float64", "Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String",
+)  # fmt: skip
+FUNCTIONS3 = (
+    "fmi3InstantiateCoSimulation",
+    "fmi3FreeInstance",
+    "fmi3EnterInitializationMode",
+    "fmi3ExitInitializationMode",
+    "fmi3DoStep",
+    "fmi3GetVersion",
+    "fmi3SetDebugLogging",
+    "fmi3Terminate",
+    "fmi3Reset",
+    *(f"fmi3{way}{name}" for way in ("Get", "Set") for name in _TYPES),
+    "fmi3GetFMUState",
+    "fmi3SetFMUState",
+    "fmi3FreeFMUState",
+    "fmi3SerializedFMUStateSize",
+    "fmi3SerializeFMUState",
+    "fmi3DeserializeFMUState",
+)
+"""Of what FMI 3.0, section 2.1.1, has every FMU for co-simulation export, what this project and most hosts call."""
+
+_NARROW = ("x86", "aarch32", "riscv32")  # architectures of 32 bit in the names of FMI 3.0
+
 SUFFIXES = {"linux": ".so", "win": ".dll", "darwin": ".dylib"}
 _ELF_MACHINES = {3: "32", 62: "64", 183: "64"}  # i386, x86-64, AArch64
 _PE_MACHINES = {0x14C: "32", 0x8664: "64", 0xAA64: "64"}
 
 
-def problem(data: bytes, platform: str) -> str | None:
+def platform_of(folder: str) -> str:
+    """The name that FMI 2.0 has for a folder of libraries: that of FMI 3.0 says the architecture first, as x86_64-linux."""
+    machine, _, system = folder.partition("-")
+    if not system:
+        return folder
+    return {"windows": "win"}.get(system, system) + ("32" if machine in _NARROW else "64")
+
+
+def problem(data: bytes, folder: str, version: str = "2.0") -> str | None:
     """What is wrong with a library, or None.
 
     Args:
         data: the file.
-        platform: folder of FMI 2.0 that it lies in, such as linux64.
+        folder: the one that it lies in, such as linux64 (FMI 2.0) or x86_64-linux (FMI 3.0).
+        version: of FMI.
     """
+    platform = platform_of(folder)
     if not data:
         return "is empty"
     check = {"linux": _elf, "win": _pe, "darwin": _mach}.get(platform.rstrip("0123456789"))
@@ -66,9 +101,10 @@ def problem(data: bytes, platform: str) -> str | None:
         wrong = "is cut off"
     if wrong:
         return wrong
-    missing = [name for name in FUNCTIONS if name.encode() + b"\0" not in data]
+    functions = FUNCTIONS if version == "2.0" else FUNCTIONS3
+    missing = [name for name in functions if name.encode() + b"\0" not in data]
     if len(missing) > 3:
-        missing[3:] = [f"nor {len(missing) - 3} more functions of FMI 2.0"]
+        missing[3:] = [f"nor {len(missing) - 3} more functions of FMI {version}"]
     return f"exports no {', '.join(missing)}" if missing else None
 
 

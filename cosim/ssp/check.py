@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
+from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 from lxml import etree
 
@@ -18,6 +19,8 @@ from cosim.ssp.parameters import local_source, read_ssv, units_of
 from cosim.ssp.read import DESCRIPTION, read_fmu, read_ssp
 from cosim.ssp.system import Fmu, System
 from cosim.ssp.xml import SSD, parse, safe_parser, schema_problems
+
+EVERY = tuple(name for name in dir(FMU3Slave) if name.startswith("fmi3"))  # function of FMI 3.0
 
 
 @dataclass(frozen=True)
@@ -134,13 +137,23 @@ def _fmu_findings(system: System) -> list[Problem]:
 def _binary_findings(fmu: Fmu) -> Iterator[str]:
     """What is wrong with the libraries for other platforms; reading refused a bad one for this."""
     for folder in sorted((fmu.folder / "binaries").iterdir()):
-        suffix = binary.SUFFIXES.get(folder.name.rstrip("0123456789"))
+        suffix = binary.SUFFIXES.get(binary.platform_of(folder.name).rstrip("0123456789"))
         if suffix is None:
             continue
         file = folder / f"{fmu.identifier}{suffix}"
-        wrong = binary.problem(file.read_bytes(), folder.name) if file.is_file() else "is missing"
+        wrong = (
+            binary.problem(file.read_bytes(), folder.name, fmu.version) if file.is_file() else "is missing"
+        )
         if wrong:
             yield f"the library 'binaries/{folder.name}/{file.name}' {wrong}: export or copy the FMU again"
+        elif fmu.version != "2.0":
+            content = file.read_bytes()
+            absent = [name for name in EVERY if name.encode() + b"\0" not in content]
+            if absent:
+                yield (
+                    f"the library 'binaries/{folder.name}/{file.name}' exports no {', '.join(absent)}, "
+                    "which FMI 3.0 demands of every FMU; it is run all the same"
+                )
 
 
 def _name_findings(system: System) -> list[Problem]:

@@ -4,7 +4,7 @@ import hashlib
 import math
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,24 @@ from cosim.ssp.system import Fmu, Value, Variable
 from cosim.ssp.xml import number, parse, safe_parser
 from fmus.describe import AT_START, TOOL
 
+# of FMI 3.0, as the kinds that FMI 2.0 has; an enumeration is set and got as an Int64
+_KINDS = {
+    "Float64": "Real",
+    "Float32": "Real",
+    "Enumeration": "Enumeration",
+    "Boolean": "Boolean",
+    "String": "String",
+}
+_WHOLE = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+KIND_OF = _KINDS | dict.fromkeys(_WHOLE, "Integer")
+RUNS = ("2.0", "3.0")
+
 MENDED = "modelDescription.mended.xml"  # in an unpacked FMU: what was read where the original breaks a rule
 
-# FMI 2.0 table in section 2.2.7: the default of `initial` by causality, then variability
+# FMI 2.0 table in section 2.2.7, FMI 3.0 in 2.4.7.5: the default of `initial` by causality, then variability
 _INITIAL = {
     "parameter": {"fixed": "exact", "tunable": "exact"},
+    "structuralParameter": {"fixed": "exact", "tunable": "exact"},
     "output": {"constant": "exact"},
     "local": {"constant": "exact"},
 }
@@ -44,28 +57,29 @@ def load_fmu(
         ours: this installation built it.
 
     Raises:
-        ModelError: it is no FMI 2.0 co-simulation FMU, has no binary for this platform, or is damaged.
+        ModelError: it is no co-simulation FMU of FMI 2.0 or 3.0, has no binary for this platform, or is damaged.
     """
     root = description_of(archive, source)
-    version = root.get("fmiVersion", "")
-    if version != "2.0":
+    version = version_of(root)
+    if version not in RUNS:
         raise ModelError(
-            f"{source} is an FMI {version or '(no version)'} FMU; only FMI 2.0 can be run: export it as FMI 2.0"
+            f"{source} is an FMI {version or '(no version)'} FMU; only FMI 2.0 and 3.0 can be run: export it as one of these"
         )
     co_simulation = root.find("CoSimulation")
     if co_simulation is None:
-        raise ModelError(f"{source} is for model exchange only: export it for co-simulation")
+        other = "scheduled execution" if root.find("ModelExchange") is None else "model exchange"
+        raise ModelError(f"{source} is for {other} only: export it for co-simulation")
     if implementation == "ModelExchange":
         raise ModelError(
             f"{source}: the system asks for model exchange, which is not supported: ask for CoSimulation"
         )
     units = _units(root, source)
     experiment = _experiment(root, source)
-    _check_binary(archive, source, co_simulation.get("modelIdentifier", ""))
+    _check_binary(archive, source, co_simulation.get("modelIdentifier", ""), version)
     unpack(archive, folder, source)
     description = described(folder, source)
     return replace(
-        _fmu(description, source, folder, units),
+        _fmu(description, source, folder, units, version, _inverse(root)),
         step_size=experiment.get("stepSize"),
         tolerance=experiment["tolerance"] if experiment.get("tolerance", 0.0) > 0.0 else None,
         oddities=_oddities(description.coSimulation, source, _python_module(folder) is not None),
@@ -76,8 +90,15 @@ def load_fmu(
 
 def _begins(root: Any) -> frozenset[str]:
     """Inputs of which a step takes the value at its start: FMUs of ours say so in an annotation."""
-    told = root.iterfind(f"VendorAnnotations/Tool[@name='{TOOL}']/Input[@taken='{AT_START}']")
+    places = (f"VendorAnnotations/Tool[@name='{TOOL}']", f"Annotations/Annotation[@type='{TOOL}']")
+    told = [node for place in places for node in root.iterfind(f"{place}/Input[@taken='{AT_START}']")]
     return frozenset(node.get("name", "") for node in told)
+
+
+def version_of(root: Any) -> str:
+    """The version of FMI that a description is of: a bugfix release of 3.0 is 3.0."""
+    version: str = root.get("fmiVersion", "")
+    return "3.0" if re.fullmatch(r"3\.0(\.\d+)?", version) else version
 
 
 def description_of(archive: zipfile.ZipFile, source: str) -> Any:
@@ -127,6 +148,16 @@ def _units(root: Any, source: str) -> dict[str, UnitDefinition]:
     return {} if node is None else from_xml(node, source)
 
 
+def _inverse(root: Any) -> set[tuple[str, str]]:
+    """Display units of FMI 3.0 that show the inverse (s for Hz), which are not shown: (unit, display unit)."""
+    return {
+        (unit.get("name", ""), display.get("name", ""))
+        for unit in root.iterfind("UnitDefinitions/Unit")
+        for display in unit.iterfind("DisplayUnit")
+        if display.get("inverse") in ("true", "1")
+    }
+
+
 def _experiment(root: Any, source: str) -> dict[str, float]:
     """What the default experiment says: startTime, stopTime, tolerance, stepSize."""
     node, what = root.find("DefaultExperiment"), f"{source}: DefaultExperiment"
@@ -141,15 +172,14 @@ def _experiment(root: Any, source: str) -> dict[str, float]:
     return found
 
 
-def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str) -> None:
+def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, version: str) -> None:
     if not re.fullmatch(r"\w[\w.+ -]*", identifier, re.ASCII):
-        raise ModelError(
-            f"{source}: modelIdentifier='{identifier}' is no C identifier, which FMI 2.0 demands"
-        )
+        raise ModelError(f"{source}: modelIdentifier='{identifier}' is no C identifier, which FMI demands")
     names = archive.namelist()
-    wanted = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
+    platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
+    wanted = f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
     if wanted in names:
-        wrong = binary.problem(read_entry(archive, wanted, source), fmpy.platform)
+        wrong = binary.problem(read_entry(archive, wanted, source), platform, version)
         if wrong:
             raise ModelError(f"{source}: the library '{wanted}' {wrong}: export or copy the FMU again")
         return
@@ -158,8 +188,8 @@ def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str) -> Non
     )
     if platforms:
         raise ModelError(
-            f"{source} has no binary for this platform ({fmpy.platform}), only for {', '.join(platforms)}: "
-            f"'{wanted}' is missing; export it for {fmpy.platform}"
+            f"{source} has no binary for this platform ({platform}), only for {', '.join(platforms)}: "
+            f"'{wanted}' is missing; export it for {platform}"
         )
     raise ModelError(f"{source} has no binary at all ('{wanted}' is missing): export it with binaries")
 
@@ -168,7 +198,7 @@ def _oddities(slave: CoSimulation, source: str, python: bool) -> tuple[str, ...]
     found = []
     if not re.fullmatch(r"[A-Za-z_]\w*", slave.modelIdentifier, re.ASCII):
         found.append(
-            f"{source}: modelIdentifier='{slave.modelIdentifier}' is no C identifier, which FMI 2.0 demands; "
+            f"{source}: modelIdentifier='{slave.modelIdentifier}' is no C identifier, which FMI demands; "
             "it is run all the same"
         )
     if (
@@ -181,22 +211,38 @@ def _oddities(slave: CoSimulation, source: str, python: bool) -> tuple[str, ...]
 
 
 def _fmu(
-    description: ModelDescription, source: str, folder: Path, units: Mapping[str, UnitDefinition]
+    description: ModelDescription,
+    source: str,
+    folder: Path,
+    units: Mapping[str, UnitDefinition],
+    version: str,
+    inverse: Collection[tuple[str, str]],
 ) -> Fmu:
     shown = {
         (unit.name, display.name): (float(display.factor), float(display.offset))
         for unit in description.unitDefinitions
         for display in unit.displayUnits
+        if (unit.name, display.name) not in inverse
     }
     variables: dict[str, Variable] = {}
+    left_out = []
     for item in description.modelVariables:
         if item.name in variables:
             raise ModelError(f"{source} declares the variable '{item.name}' twice")
-        variables[item.name] = _variable(item, shown, source)
+        if version != "2.0" and (item.dimensions or item.type not in KIND_OF):
+            left_out.append(item.name)
+            continue
+        variables[item.name] = _variable(item, shown, source, version)
     dependencies = {
         unknown.variable.name: frozenset(v.name for v in unknown.dependencies)
         for unknown in description.outputs
         if unknown.dependencies is not None
+    }
+    # another name of an output depends on what that one does
+    dependencies |= {
+        v.name: dependencies[v.alias.name]
+        for v in description.modelVariables
+        if isinstance(v.alias, ModelVariable) and v.alias.name in dependencies
     }
     slave = description.coSimulation
     return Fmu(
@@ -211,15 +257,20 @@ def _fmu(
         variable_steps=bool(slave.canHandleVariableCommunicationStepSize),
         module=_python_module(folder),
         keeps_state=bool(slave.canGetAndSetFMUstate),
+        version=version,
+        left_out=tuple(left_out),
     )
 
 
 def _variable(
-    item: ModelVariable, shown: Mapping[tuple[Any, Any], tuple[float, float]], source: str
+    item: ModelVariable, shown: Mapping[tuple[Any, Any], tuple[float, float]], source: str, version: str
 ) -> Variable:
+    kind, called = item.type, "Integer" if item.type == "Enumeration" else item.type
+    if version != "2.0":
+        kind, called = KIND_OF[item.type], "Int64" if item.type == "Enumeration" else item.type
     causality = item.causality or "local"
     variability = item.variability or "continuous"
-    if item.type != "Real" and variability == "continuous" and causality in ("input", "output", "local"):
+    if kind != "Real" and variability == "continuous" and causality in ("input", "output", "local"):
         variability = "discrete"  # FMI 2.0, section 2.2.7: only Real can be continuous
     declared = item.declaredType
     unit = item.unit or (declared.unit if declared else None) or ""
@@ -232,11 +283,12 @@ def _variable(
         return Variable(
             name=item.name,
             reference=_reference(item.valueReference),
-            kind=item.type,
+            kind=kind,
+            type=called,
             causality=causality,
             variability=variability,
             initial=item.initial or _INITIAL.get(causality, {}).get(variability, "calculated"),
-            start=parse_value(item.type, item.start) if item.start is not None else None,
+            start=parse_value(kind, item.start) if item.start is not None else None,
             unit=unit,
             display_unit=display,
             display_factor=factor,

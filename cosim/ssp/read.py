@@ -95,9 +95,16 @@ def read_fmu(path: Path) -> System:
         }
         component = Component(name, fmu, {})
         stack.pop_all()
-    return System(
-        name, path, {name: component}, (), inputs, outputs, notes=[note] if note else [], folder=folder
-    )
+    notes = ([note] if note else []) + left_out(fmu)
+    return System(name, path, {name: component}, (), inputs, outputs, notes=notes, folder=folder)
+
+
+def left_out(fmu: Fmu) -> list[str]:
+    """What the user should know of variables that are not read."""
+    if not fmu.left_out:
+        return []
+    some = ", ".join(fmu.left_out[:5]) + (", ..." if len(fmu.left_out) > 5 else "")
+    return [f"{fmu.source}: arrays, clocks and binary data are left out and keep their start values: {some}"]
 
 
 class _Reader:
@@ -196,6 +203,7 @@ class _Reader:
             folder = Path(self.folder.name, f"c{len(self.fmus)}")
             fmu = load_fmu(archive, entry, folder, implementation, ours)
             self.fmus[entry, implementation] = fmu
+            self.notes += left_out(fmu)
         starts: dict[str, Value] = {}
         for value in self.chosen(bindings(element, self.archive, archive, f"component '{name}'")):
             if value.name in fmu.variables:

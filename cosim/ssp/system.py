@@ -41,6 +41,8 @@ class Variable:
         display_unit: unit to show it in; empty if none is declared.
         display_factor, display_offset: shown = factor * value + offset.
         low, high: declared bounds, in `unit`.
+        type: by which functions of FMI it is set and got: of 2.0 Real, Integer, Boolean or String, of 3.0 Float64, Float32,
+            Int8 to UInt64, Boolean or String; the `kind` of these is Real, Integer, Enumeration, Boolean or String.
     """
 
     name: str
@@ -56,23 +58,26 @@ class Variable:
     display_offset: float
     low: float
     high: float
+    type: str = "Real"
 
     @property
     def can_be_set(self) -> bool:
-        """Whether a start value may be given before initialisation (FMI 2.0, section 2.2.7)."""
-        return self.variability != "constant" and (
-            self.causality in ("input", "parameter") or self.initial in ("exact", "approx")
+        """Whether a start value may be given before initialisation (FMI 2.0, section 2.2.7; 3.0, section 2.4.7.4)."""
+        return (
+            self.variability != "constant"
+            and self.causality != "structuralParameter"
+            and (self.causality in ("input", "parameter") or self.initial in ("exact", "approx"))
         )
 
 
 @dataclass(frozen=True)
 class Fmu:
-    """An unpacked FMI 2.0 co-simulation FMU.
+    """An unpacked co-simulation FMU of FMI 2.0 or 3.0.
 
     Attributes:
         source: its name in the archive, for messages.
         folder: where it is unpacked.
-        guid, identifier: of the model description.
+        guid, identifier: of the model description; FMI 3.0 calls the first an instantiation token.
         variables: by name.
         dependencies: output name -> names of the inputs it depends on directly; an output not listed depends on all.
         units: its unit definitions by name.
@@ -86,6 +91,8 @@ class Fmu:
             that this gives what a new instance gives.
         begins: inputs of which a step takes the value at its start.
         oddities: rules of FMI that it breaks and that stop nobody from running it, with words.
+        version: of FMI, 2.0 or 3.0.
+        left_out: variables of FMI 3.0 that are no single number or text: arrays, clocks, binary data. They keep their start.
     """
 
     source: str
@@ -104,6 +111,8 @@ class Fmu:
     keeps_state: bool = False
     restarts: bool = False
     begins: frozenset[str] = frozenset()
+    version: str = "2.0"
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -7,19 +7,7 @@
 
 #include <stdarg.h>
 
-#define SLAVES 6
-#define STATES 8
-#define MOST 12
-
-static unsigned long long seed;
-
-/* Next of 2^32 numbers: Knuth's generator, upper half. */
-static unsigned drawn(void) {
-    seed = seed * 6364136223846793005ull + 1442695040888963407ull;
-    return (unsigned)(seed >> 32);
-}
-
-static unsigned below(unsigned n) { return drawn() % n; }
+#include "drawn.h"
 
 static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
                    fmi2String message, ...) {
@@ -35,18 +23,6 @@ static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2St
 }
 
 static const fmi2CallbackFunctions host = {logger, calloc, free, NULL, NULL};
-
-static double any_number(void) {
-    const double odd[] = {0.0, -0.0, 1.0, -1.0, 1e-300, 1e300, -1e300, NAN, INFINITY, -INFINITY, 1e-3, 4e9};
-    return below(3) ? (drawn() / 4294967296.0 - 0.5) * 2.0 : odd[below(sizeof odd / sizeof *odd)];
-}
-
-static fmi2ValueReference reference(void) {
-    if (below(4)) {
-        return N_VARIABLES ? below(N_VARIABLES) : 0;
-    }
-    return below(2) ? N_VARIABLES + below(2 * N_STATES + 3) : drawn();
-}
 
 int main(int count, char **words) {
     fmi2Component slaves[SLAVES] = {NULL};

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pytest
 from fmpy import read_model_description
+from fmu_raw import STIMULUS
 from test_native_host import CHECKED, sanitizers
 
-from cosim.native.build import compiler
+from cosim.native.build import build_native, compiler
 from fmus import registry
+from fmus.build import composed_block
 
-PROGRAM = Path(__file__).resolve().parent / "sequences.c"
+HERE = Path(__file__).resolve().parent
 CALLS = 20_000
 SEEDS = int(os.environ.get("COSIM_SEQUENCES", "5"))  # of CALLS calls each, one FMU
 
@@ -23,13 +25,16 @@ def built(fmu: Path, options: list[str], folder: Path) -> list[str]:
     """The program with an FMU's sources inside, and what it is told of the FMU."""
     with zipfile.ZipFile(fmu) as archive:
         archive.extractall(folder)
+    description = read_model_description(str(fmu), validate=False)
+    third = description.fmiVersion == "3.0"
     program = folder / "sequences"
-    inside = [f"-I{folder / 'sources'}", str(PROGRAM), "-lm", "-o", str(program)]
+    source = HERE / ("sequences3.c" if third else "sequences.c")
+    inside = [f"-I{folder / 'sources'}", str(source), "-lm", "-o", str(program)]
     command = [*compiler(), *CHECKED, *options, *inside]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    guid = read_model_description(str(fmu), validate=False).guid
-    return [str(program), (folder / "resources").as_uri(), guid]
+    resources = folder / "resources"
+    return [str(program), f"{resources}/" if third else resources.as_uri(), description.guid]
 
 
 def ran(command: list[str], seed: int, calls: int) -> None:
@@ -46,6 +51,21 @@ def ran(command: list[str], seed: int, calls: int) -> None:
 @pytest.mark.parametrize("which", ["mechanical", "full_order"])
 def test_some_calls_in_any_order_do_no_harm(fmu_files, chains, sanitizers, tmp_path, which) -> None:
     ran(built(chains.get(which) or fmu_files[which], sanitizers, tmp_path), 1, CALLS)
+
+
+def test_some_calls_of_fmi_3_in_any_order_do_no_harm(sanitizers, tmp_path) -> None:
+    fmu = build_native(composed_block("mechanical"), tmp_path / "mechanical.fmu", fmi="3.0")
+    ran(built(fmu, sanitizers, tmp_path / "unpacked"), 1, CALLS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", registry.BLOCKS)
+def test_many_calls_of_fmi_3_in_any_order_do_no_harm(sanitizers, tmp_path, which) -> None:
+    played = {"stimulus.csv": STIMULUS} if which == "stimulus" else None
+    fmu = build_native(composed_block(which), tmp_path / f"{which}.fmu", resources=played, fmi="3.0")
+    command = built(fmu, sanitizers, tmp_path / "unpacked")
+    for seed in range(2, 2 + SEEDS):
+        ran(command, seed, CALLS)
 
 
 @pytest.mark.slow

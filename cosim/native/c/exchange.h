@@ -3,8 +3,33 @@
 #ifndef EXCHANGE_H
 #define EXCHANGE_H
 
+#if !EXCHANGE /* no instance for model exchange is ever made */
+static void model_get_states(const Model *M, double to[]) {
+    (void)M;
+    (void)to;
+}
+
+static void model_set_states(Model *M, const double from[]) {
+    (void)M;
+    (void)from;
+}
+
+static void model_rates(const Model *M, const double inputs[], const double seeds[], double outputs[], double rates[],
+                        double slopes[], int *py_fault) {
+    int k;
+    (void)M;
+    (void)inputs;
+    (void)seeds;
+    (void)rates;
+    (void)py_fault;
+    for (k = 0; k < N_OUTPUTS; k++) {
+        outputs[k] = slopes[k] = NAN;
+    }
+}
+#endif
+
 /* In model exchange nothing can be remembered, and an effect with events would need them announced. */
-static fmi2Status check_exchange(Instance *I) {
+static Status check_exchange(Instance *I) {
     char a[NUMBER_SIZE], b[NUMBER_SIZE];
     int k;
     for (k = 0; I->exchange && k < N_STILL; k++) {
@@ -13,18 +38,18 @@ static fmi2Status check_exchange(Instance *I) {
                           model_names[model_still[k]], number(I->values[model_still[k]], a), number(model_still_at[k], b));
         }
     }
-    return fmi2OK;
+    return STATUS_OK;
 }
 
 static const double no_seeds[N_INPUTS + N_STATES + 1] = {0};
 
 /* Derivatives, and outputs among the values, at the present states and inputs. */
-static fmi2Status refresh(Instance *I, double rates[]) {
+static Status refresh(Instance *I, double rates[]) {
     double outputs[N_OUTPUTS], slopes[N_OUTPUTS + N_STATES];
     char a[NUMBER_SIZE], text[80];
     int k, fault = PY_NO_FAULT;
-    if (check_exchange(I) != fmi2OK) {
-        return fmi2Error;
+    if (check_exchange(I) != STATUS_OK) {
+        return STATUS_ERROR;
     }
     model_rates(&I->model, I->values, no_seeds, outputs, rates, slopes, &fault);
     for (k = 0; k < N_STATES; k++) {
@@ -35,11 +60,11 @@ static fmi2Status refresh(Instance *I, double rates[]) {
         return refuse_fault(I, text, fault);
     }
     memcpy(I->values + N_INPUTS, outputs, sizeof outputs);
-    return fmi2OK;
+    return STATUS_OK;
 }
 
 /* A state or a derivative by its value reference, which comes after those of the variables. */
-static fmi2Status get_local(Instance *I, fmi2ValueReference r, double *value) {
+static Status get_local(Instance *I, Reference r, double *value) {
     double numbers[2 * N_STATES + 1];
     const int64_t place = (int64_t)r - N_VARIABLES;
     if (place >= 2 * N_STATES) {
@@ -53,67 +78,50 @@ static fmi2Status get_local(Instance *I, fmi2ValueReference r, double *value) {
         model_rates(&I->model, I->values, no_seeds, outputs, numbers + N_STATES, slopes, &fault);
         if (fault) {
             *value = NAN; /* a step may still be possible: dry friction has steps but no derivative */
-            return fmi2OK;
+            return STATUS_OK;
         }
     }
     *value = numbers[place];
-    return fmi2OK;
+    return STATUS_OK;
 }
 
-static fmi2Status in_exchange(fmi2Component c, const char *call) {
-    Instance *I = (Instance *)c;
-    if (!I) {
-        return fmi2Error;
+/* Model exchange calls this while it runs; what is only read may be asked for during initialisation too. */
+static Status in_exchange(Instance *I, const char *call, int reads) {
+    if (!EXCHANGE) {
+        return refuse(I, FMI "%s is for model exchange: %s is for co-simulation only", call, MODEL_NAME);
     }
-    if (!I->exchange || I->mode != RUNNING) {
-        return refuse(I, "%s is for model exchange, after initialisation", call);
+    if (!I->exchange || !(I->mode == RUNNING || (reads && I->mode == INITIALISING))) {
+        return refuse(I, FMI "%s is for model exchange, after initialisation", call);
     }
-    return I->failed ? fmi2Error : fmi2OK;
+    return I->failed ? STATUS_ERROR : STATUS_OK;
 }
 
-fmi2Status fmi2EnterEventMode(fmi2Component c) { return in_exchange(c, "fmi2EnterEventMode"); }
-
-fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) { return in_exchange(c, "fmi2EnterContinuousTimeMode"); }
-
-fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
-    memset(info, 0, sizeof *info); /* nothing to iterate, no event to come, no end */
-    return in_exchange(c, "fmi2NewDiscreteStates");
+/* As above, where the host gives room for as many numbers as there are states, or none. */
+static Status check_count(Instance *I, const char *call, int reads, size_t n, size_t wanted) {
+    if (in_exchange(I, call, reads) != STATUS_OK) {
+        return STATUS_ERROR;
+    }
+    return n == wanted ? STATUS_OK
+                       : refuse(I, FMI "%s: there are %lu numbers, not %lu", call, (unsigned long)wanted, (unsigned long)n);
 }
 
-fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
-                                       fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation) {
-    (void)noSetFMUStatePriorToCurrentPoint;
-    *enterEventMode = *terminateSimulation = fmi2False;
-    return in_exchange(c, "fmi2CompletedIntegratorStep");
-}
-
-fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
-    Instance *I = (Instance *)c;
+static Status set_time(Instance *I, double time) {
     char text[NUMBER_SIZE];
-    if (in_exchange(c, "fmi2SetTime") != fmi2OK) {
-        return fmi2Error;
+    if (in_exchange(I, "SetTime", 0) != STATUS_OK) {
+        return STATUS_ERROR;
     }
     if (!(-1e9 < time && time < 1e9)) {
         return refuse(I, "time %s s is refused: it must be a number within 1e9", number(time, text));
     }
     I->time = time;
-    return fmi2OK;
+    return STATUS_OK;
 }
 
-static fmi2Status check_count(fmi2Component c, const char *call, size_t n, size_t wanted) {
-    if (in_exchange(c, call) != fmi2OK) {
-        return fmi2Error;
-    }
-    return n == wanted ? fmi2OK
-                       : refuse((Instance *)c, "%s: there are %lu numbers, not %lu", call, (unsigned long)wanted, (unsigned long)n);
-}
-
-fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n) {
-    Instance *I = (Instance *)c;
+static Status set_states(Instance *I, const double x[], size_t n) {
     char text[NUMBER_SIZE];
     size_t k;
-    if (check_count(c, "fmi2SetContinuousStates", n, N_STATES) != fmi2OK) {
-        return fmi2Error;
+    if (check_count(I, "SetContinuousStates", 0, n, N_STATES) != STATUS_OK) {
+        return STATUS_ERROR;
     }
     for (k = 0; k < n; k++) {
         if (!isfinite(x[k])) {
@@ -122,74 +130,137 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n
     }
     model_set_states(&I->model, x);
     I->begun = 0;
-    return fmi2OK;
+    return STATUS_OK;
 }
 
-fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
-    if (check_count(c, "fmi2GetContinuousStates", n, N_STATES) != fmi2OK) {
-        return fmi2Error;
+static Status begin(Instance *I);
+
+static Status get_states(Instance *I, double x[], size_t n) {
+    if (check_count(I, "GetContinuousStates", 1, n, N_STATES) != STATUS_OK ||
+        (I->mode == INITIALISING && !I->begun && begin(I) != STATUS_OK)) {
+        return STATUS_ERROR;
     }
-    model_get_states(&((Instance *)c)->model, x);
-    return fmi2OK;
+    model_get_states(&I->model, x);
+    return STATUS_OK;
 }
 
-fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
+static Status get_rates(Instance *I, const char *call, double rates[], size_t n) {
     double found[N_STATES + 1];
-    if (check_count(c, "fmi2GetDerivatives", n, N_STATES) != fmi2OK || refresh((Instance *)c, found) != fmi2OK) {
-        return fmi2Error;
+    if (check_count(I, call, 1, n, N_STATES) != STATUS_OK ||
+        (I->mode == INITIALISING && !I->begun && begin(I) != STATUS_OK) || refresh(I, found) != STATUS_OK) {
+        return STATUS_ERROR;
     }
     memcpy(rates, found, N_STATES * sizeof *found);
-    ((Instance *)c)->begun = 1;
-    return fmi2OK;
+    I->begun = 1;
+    return STATUS_OK;
 }
 
-/* Exact, from the equations: of outputs and derivatives by inputs and states. */
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
-                                        const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
-                                        fmi2Real sensitivity[]) {
-    Instance *I = (Instance *)c;
-    double seeds[N_INPUTS + N_STATES + 1] = {0}, outputs[N_OUTPUTS], rates[N_STATES + 1], slopes[N_OUTPUTS + N_STATES];
-    const fmi2ValueReference first = N_VARIABLES, last = N_VARIABLES + N_STATES;
-    int fault = PY_NO_FAULT;
-    size_t k;
-    if (in_exchange(c, "fmi2GetDirectionalDerivative") != fmi2OK || check_exchange(I) != fmi2OK) {
-        return fmi2Error;
-    }
-    for (k = 0; k < n_knowns; k++) {
-        const fmi2ValueReference r = knowns[k];
-        if (r >= N_INPUTS && (r < first || r >= last)) {
-            return refuse(I, "directional derivatives are by inputs and states, and number %u is neither", (unsigned)r);
-        }
-        seeds[r < N_INPUTS ? r : r - first + N_INPUTS] += seed[k];
-    }
-    model_rates(&I->model, I->values, seeds, outputs, rates, slopes, &fault);
-    if (fault) {
-        return refuse_fault(I, "fmi2GetDirectionalDerivative", fault);
-    }
-    for (k = 0; k < n_unknowns; k++) {
-        const fmi2ValueReference r = unknowns[k];
-        if ((r < N_INPUTS || r >= N_INPUTS + N_OUTPUTS) && (r < last || r >= last + N_STATES)) {
-            return refuse(I, "directional derivatives are of outputs and derivatives, and number %u is neither", (unsigned)r);
-        }
-        sensitivity[k] = slopes[r < last ? r - N_INPUTS : r - last + N_OUTPUTS];
-        if (!isfinite(sensitivity[k])) {
-            return refuse(I, "there is no directional derivative at this place");
-        }
-    }
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t n) {
-    (void)indicators;
-    return check_count(c, "fmi2GetEventIndicators", n, 0);
-}
-
-fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
-    if (check_count(c, "fmi2GetNominalsOfContinuousStates", n, N_STATES) != fmi2OK) {
-        return fmi2Error;
+static Status get_nominals(Instance *I, double nominals[], size_t n) {
+    if (check_count(I, "GetNominalsOfContinuousStates", 1, n, N_STATES) != STATUS_OK) {
+        return STATUS_ERROR;
     }
     memcpy(nominals, model_nominals, N_STATES * sizeof *nominals);
-    return fmi2OK;
+    return STATUS_OK;
 }
+
+/* Place among the seeds (inputs, then states) of what derivatives are by, or -1 and a message. */
+static int known(Instance *I, Reference r) {
+    const int64_t place = r, first = N_VARIABLES;
+    if (place < N_INPUTS) {
+        return (int)place;
+    }
+    if (place >= first && place < first + N_STATES) {
+        return (int)(place - first) + N_INPUTS;
+    }
+    refuse(I, "directional derivatives are by inputs and states, and number %u is neither", (unsigned)r);
+    return -1;
+}
+
+/* Place among the slopes (outputs, then derivatives) of what derivatives are of, or -1 and a message. */
+static int unknown(Instance *I, Reference r) {
+    const int64_t place = r, first = N_VARIABLES + N_STATES;
+    if (place >= N_INPUTS && place < N_INPUTS + N_OUTPUTS) {
+        return (int)place - N_INPUTS;
+    }
+    if (place >= first && place < first + N_STATES) {
+        return (int)(place - first) + N_OUTPUTS;
+    }
+    refuse(I, "directional derivatives are of outputs and derivatives, and number %u is neither", (unsigned)r);
+    return -1;
+}
+
+/* Exact, from the equations: slopes of outputs and derivatives in a direction of inputs and states. */
+static Status slopes_along(Instance *I, const char *call, const double seeds[], double slopes[]) {
+    double outputs[N_OUTPUTS], rates[N_STATES + 1];
+    int fault = PY_NO_FAULT;
+    model_rates(&I->model, I->values, seeds, outputs, rates, slopes, &fault);
+    return fault ? refuse_fault(I, call, fault) : STATUS_OK;
+}
+
+static Status no_slope(Instance *I) { return refuse(I, "there is no directional derivative at this place"); }
+
+static Status directional(Instance *I, const Reference unknowns[], size_t n_unknowns, const Reference knowns[],
+                          size_t n_knowns, const double seed[], double sensitivity[]) {
+    double seeds[N_INPUTS + N_STATES + 1] = {0}, slopes[N_OUTPUTS + N_STATES];
+    size_t k;
+    if (in_exchange(I, "GetDirectionalDerivative", 0) != STATUS_OK || check_exchange(I) != STATUS_OK) {
+        return STATUS_ERROR;
+    }
+    for (k = 0; k < n_knowns; k++) {
+        const int at = known(I, knowns[k]);
+        if (at < 0) {
+            return STATUS_ERROR;
+        }
+        seeds[at] += seed[k];
+    }
+    if (slopes_along(I, FMI "GetDirectionalDerivative", seeds, slopes) != STATUS_OK) {
+        return STATUS_ERROR;
+    }
+    for (k = 0; k < n_unknowns; k++) {
+        const int at = unknown(I, unknowns[k]);
+        if (at < 0) {
+            return STATUS_ERROR;
+        }
+        sensitivity[k] = slopes[at];
+        if (!isfinite(sensitivity[k])) {
+            return no_slope(I);
+        }
+    }
+    return STATUS_OK;
+}
+
+#if FMI_VERSION == 3
+/* The transposed matrix times the seed: a direction for each known, since there are few. */
+static Status adjoint(Instance *I, const Reference unknowns[], size_t n_unknowns, const Reference knowns[], size_t n_knowns,
+                      const double seed[], double sensitivity[]) {
+    size_t j, k;
+    if (in_exchange(I, "GetAdjointDerivative", 0) != STATUS_OK || check_exchange(I) != STATUS_OK) {
+        return STATUS_ERROR;
+    }
+    for (j = 0; j < n_knowns; j++) {
+        double seeds[N_INPUTS + N_STATES + 1] = {0}, slopes[N_OUTPUTS + N_STATES];
+        const int along = known(I, knowns[j]);
+        if (along < 0) {
+            return STATUS_ERROR;
+        }
+        seeds[along] = 1.0;
+        if (slopes_along(I, FMI "GetAdjointDerivative", seeds, slopes) != STATUS_OK) {
+            return STATUS_ERROR;
+        }
+        sensitivity[j] = 0.0;
+        for (k = 0; k < n_unknowns; k++) {
+            const int at = unknown(I, unknowns[k]);
+            if (at < 0) {
+                return STATUS_ERROR;
+            }
+            sensitivity[j] += seed[k] * slopes[at];
+        }
+        if (!isfinite(sensitivity[j])) {
+            return no_slope(I);
+        }
+    }
+    return STATUS_OK;
+}
+#endif
 
 #endif

@@ -10,13 +10,24 @@
 
 #define NUMBER_SIZE 40
 #define ORDERS 3 /* highest order of an input's derivative */
+#define TIME (N_VARIABLES + 2 * N_STATES) /* value reference of the time, behind states and derivatives; FMI 3.0 has it */
 
 enum { INSTANTIATED, INITIALISING, RUNNING, TERMINATED };
+
+/* What FMI 2.0 and 3.0 share: the numbers of statuses, and the type of value references. */
+typedef enum { STATUS_OK, STATUS_DISCARD = 2, STATUS_ERROR = 3 } Status;
+typedef uint32_t Reference;
+
+/* Who is told of errors. */
+typedef struct {
+    void *environment;
+    void (*logger)(void); /* of the type that its version of FMI gives it */
+} Host;
 
 typedef struct {
     char *name;
     char *resources; /* folder of the FMU's resources */
-    fmi2CallbackFunctions host;
+    Host host;
     int exchange; /* for model exchange, not co-simulation */
     int mode;
     int failed;  /* something was refused: no step until a reset or a good state */
@@ -24,7 +35,7 @@ typedef struct {
     double time; /* at which the simulation starts, then of the last step's end */
     double step; /* that the coefficients belong to */
     double values[N_VARIABLES];
-    int slopes; /* an input's derivative is set for the next step */
+    int slopes; /* an input's derivative is set for the next step, which FMI 2.0 alone allows */
     double derivatives[N_INPUTS + 1][ORDERS];
     Model model;
 } Instance;
@@ -91,25 +102,11 @@ static const char *number(double value, char text[NUMBER_SIZE]) {
     return text;
 }
 
-/* Hands a message to the host, the instance's name first. */
-static void say(const fmi2CallbackFunctions *host, const char *name, fmi2Status status, const char *text) {
-    char message[2048], *at = message;
-    if (!host || !host->logger) {
-        return;
-    }
-    /* the host reads it as a format */
-    for (; *text && at < message + sizeof message - 3; text++) {
-        if (*text == '%') {
-            *at++ = '%';
-        }
-        *at++ = *text;
-    }
-    *at = 0;
-    host->logger(host->componentEnvironment, name, status, "logStatusError", message);
-}
+/* Hands an error to the host; the text begins with the instance's name. */
+static void say(const Host *host, const char *name, const char *text);
 
 /* Says why something is refused; until a reset or a good state every step is refused from now on. */
-static fmi2Status refuse(Instance *I, const char *format, ...) {
+static Status refuse(Instance *I, const char *format, ...) {
     char text[1024];
     va_list list;
     size_t n = (size_t)snprintf(text, sizeof text / 2, "%s: ", I->name);
@@ -118,19 +115,21 @@ static fmi2Status refuse(Instance *I, const char *format, ...) {
     vsnprintf(text + n, sizeof text - n, format, list);
     va_end(list);
     I->failed = 1;
-    say(&I->host, I->name, fmi2Error, text);
-    return fmi2Error;
+    say(&I->host, I->name, text);
+    return STATUS_ERROR;
 }
 
-static fmi2Status refuse_unknown(Instance *I, fmi2ValueReference r) {
+static Status refuse_unknown(Instance *I, Reference r) {
     return refuse(I, "there is no variable with value reference %u", r);
 }
 
 /* Says why a value is not taken. */
-static fmi2Status refuse_value(Instance *I, fmi2ValueReference r, double value) {
+static Status refuse_value(Instance *I, Reference r, double value) {
     char a[NUMBER_SIZE], b[NUMBER_SIZE], c[NUMBER_SIZE], d[NUMBER_SIZE];
     if (r >= N_VARIABLES) {
-        return refuse_unknown(I, r);
+        return r < TIME + (FMI_VERSION == 3)
+                   ? refuse(I, "the variable with value reference %u is calculated and cannot be set", r)
+                   : refuse_unknown(I, r);
     }
     if (model_kinds[r] == OUTPUT) {
         return refuse(I, "%s is an output and cannot be set", model_names[r]);
@@ -144,7 +143,7 @@ static fmi2Status refuse_value(Instance *I, fmi2ValueReference r, double value) 
 }
 
 /* Says what went wrong in the equations. */
-static fmi2Status refuse_fault(Instance *I, const char *what, int fault) {
+static Status refuse_fault(Instance *I, const char *what, int fault) {
     static const char *const words[] = {
         "", "float division by zero", "math domain error", "math range error", "list index out of range",
         "a number is no whole number within 2^53", "a negative number to a fractional power",

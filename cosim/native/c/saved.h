@@ -56,14 +56,14 @@ static const char *flaw(const Saved *s) {
 }
 
 /* Everything is checked before anything is changed, so that a damaged state changes nothing. */
-static fmi2Status restore(Instance *I, const Saved *s) {
+static Status restore(Instance *I, const Saved *s) {
     int fault = PY_NO_FAULT;
     const char *reason = flaw(s);
     if (reason) {
         return refuse(I, "the state cannot be restored: %s", reason);
     }
-    if (s->mode > INSTANTIATED && load_tables(I) != fmi2OK) {
-        return fmi2Error;
+    if (s->mode > INSTANTIATED && load_tables(I) != STATUS_OK) {
+        return STATUS_ERROR;
     }
     I->mode = s->mode;
     I->failed = s->failed != 0;
@@ -79,7 +79,48 @@ static fmi2Status restore(Instance *I, const Saved *s) {
     if (I->mode >= RUNNING) {
         model_coefficients(&I->model, I->step, &fault);
     }
-    return fault ? refuse_fault(I, "the state cannot be restored: its step size", fault) : fmi2OK;
+    return fault ? refuse_fault(I, "the state cannot be restored: its step size", fault) : STATUS_OK;
+}
+
+/* States as FMI hands them out; only here is memory taken after initialisation, and given back by free_state */
+
+static Status take_state(Instance *I, void **state) {
+    if (!*state && !(*state = malloc(sizeof(Saved)))) {
+        return refuse(I, "there is not enough memory for a state");
+    }
+    save(I, (Saved *)*state);
+    return STATUS_OK;
+}
+
+static Status put_state(Instance *I, const void *state) {
+    return state ? restore(I, (const Saved *)state) : refuse(I, "the state cannot be restored: there is none");
+}
+
+static void free_state(void **state) {
+    if (state) {
+        free(*state);
+        *state = NULL;
+    }
+}
+
+static Status state_to_bytes(Instance *I, const void *state, void *bytes, size_t size) {
+    if (!state || size < sizeof(Saved)) {
+        return refuse(I, "a state needs %lu bytes, not %lu", (unsigned long)sizeof(Saved), (unsigned long)size);
+    }
+    memcpy(bytes, state, sizeof(Saved));
+    return STATUS_OK;
+}
+
+static Status state_from_bytes(Instance *I, const void *bytes, size_t size, void **state) {
+    if (size != sizeof(Saved)) {
+        return refuse(I, "the state cannot be restored: it was not saved by %s %s: it has %lu bytes, not %lu", MODEL_NAME,
+                      MODEL_GUID, (unsigned long)size, (unsigned long)sizeof(Saved));
+    }
+    if (!*state && !(*state = malloc(sizeof(Saved)))) {
+        return refuse(I, "there is not enough memory for a state");
+    }
+    memcpy(*state, bytes, sizeof(Saved));
+    return STATUS_OK;
 }
 
 #endif

@@ -3,45 +3,6 @@
 #ifndef TABLES_H
 #define TABLES_H
 
-/* The folder that a file URI (or a plain path) names, in memory of its own; NULL if there is none. */
-static char *folder_of(const char *uri) {
-    char *folder, *at;
-    const char *from = uri;
-    if (!uri) {
-        return NULL;
-    }
-    folder = at = (char *)malloc(strlen(uri) + 1);
-    if (!folder) {
-        return NULL;
-    }
-    if (!strncmp(from, "file:", 5)) {
-        from += 5;
-        if (!strncmp(from, "//", 2)) {
-            from += 2;
-            from += strcspn(from, "/"); /* the host's name */
-        }
-        if (from[0] == '/' && from[1] && from[2] == ':') {
-            from++; /* a drive */
-        }
-    }
-    while (*from) {
-        char pair[3] = {0, 0, 0}, *end;
-        if (from != uri && from[0] == '%' && from[1] && from[2]) {
-            pair[0] = from[1];
-            pair[1] = from[2];
-            *at = (char)strtol(pair, &end, 16);
-            if (end == pair + 2) {
-                at++;
-                from += 3;
-                continue;
-            }
-        }
-        *at++ = *from++;
-    }
-    *at = 0;
-    return folder;
-}
-
 /* A whole file in memory of its own, with a zero at its end; NULL if it cannot be read. */
 static char *file_text(const char *path) {
     FILE *file = fopen(path, "rb");
@@ -120,7 +81,8 @@ static int read_column(char *text, int column, py_array *into, char reason[120])
 }
 
 /* Reads the tables that the model needs, once for each instance. */
-static fmi2Status load_tables(Instance *I) {
+static Status load_tables(Instance *I) {
+    const char *const folder = I->resources ? I->resources : ".";
     int k;
     for (k = 0; k < N_TABLES; k++) {
         char reason[120] = "there is no such file", *path, *text;
@@ -129,9 +91,9 @@ static fmi2Status load_tables(Instance *I) {
         if (table->at) {
             continue;
         }
-        path = (char *)malloc(strlen(I->resources ? I->resources : "") + strlen(file) + 2);
+        path = (char *)malloc(strlen(folder) + strlen(file) + 2);
         if (path) {
-            sprintf(path, "%s/%s", I->resources ? I->resources : ".", file);
+            sprintf(path, "%s/%s", folder, file);
         }
         text = path ? file_text(path) : NULL;
         free(path);
@@ -144,7 +106,7 @@ static fmi2Status load_tables(Instance *I) {
         }
         free(text);
     }
-    return fmi2OK;
+    return STATUS_OK;
 }
 
 static void free_tables(Instance *I) {
