@@ -94,7 +94,7 @@ def main() -> None:
                 table.add_row(
                     log.name,
                     name,
-                    f"{own.values[name]:.4g}",
+                    f"{own.values[name]:.4g} +- {1.96 * own.deviations.get(name, 0.0):.2g}",
                     f"{item.value:.4g} ({low:.4g} to {high:.4g})",
                     "yes" if holds else "no",
                 )

@@ -39,13 +39,27 @@ Array = NDArray[np.float64]
 def estimate(
     diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float, constants: dict[str, float]
 ) -> None:
-    """Values of the extended model, from all windows but the held-out ones.
+    """Values of the extended model, from all windows but the held-out ones; what the raw samples show is known from them."""
+    fit_all(diagnosis, groups, tolerance, constants)
+    for finding in diagnosis.findings.values():
+        for seen in finding.signatures:
+            name = f"{seen.effect.partition('.')[0]}.{seen.parameter}"
+            diagnosis.values[name], diagnosis.deviations[name] = seen.value, seen.deviation
+            diagnosis.between.pop(name, None)
+
+
+def fit_all(
+    diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float, constants: dict[str, float]
+) -> None:
+    """Fit the values of the extended model.
 
     Where every block is understood they are fitted together, driven by the command alone; otherwise block by block, so
     that a block that is not understood does not bend the others.
     """
     findings = diagnosis.findings
-    effects = tuple(c.effect for c in diagnosis.causes if c.group in findings)
+    effects = tuple(
+        c.effect for c in diagnosis.causes if c.group in findings and c.effect.name not in SAMPLED
+    )
     near: dict[str, float] = {}
     deviations: dict[str, float] = {}
     start: dict[str, float] = {}
@@ -90,7 +104,8 @@ def estimate(
     diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
     diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
     diagnosis.start = {n: chain.values.get(n, v) for n, v in start.items()}
-    named = tuple(c.effect for c in diagnosis.causes if c.group in findings)  # another may have been better
+    # another may have been better
+    named = tuple(c.effect for c in diagnosis.causes if c.group in findings and c.effect.name not in SAMPLED)
 
     def chain_of(log: int) -> dict[str, tuple[float, float]]:
         own = {s: r.of_log(log) for s, r in rules.items()}
