@@ -58,7 +58,15 @@ from cosim.diagnosis.thresholds import (
 )
 from cosim.diagnosis.tracker.comparison import compare_tracker
 from cosim.diagnosis.verdict.discrepancy import understood
-from cosim.diagnosis.verdict.verdict import Cause, Rest, adequate, causes, negligible, rests
+from cosim.diagnosis.verdict.verdict import (
+    Cause,
+    Rest,
+    adequate,
+    causes,
+    names_of,
+    negligible,
+    rests,
+)
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
 from cosim.inference.held_out import gain_of_errors
@@ -378,7 +386,7 @@ def concluded(found: Diagnosis) -> None:
 
 
 def not_physical(found: Diagnosis, trust: float) -> bool:
-    """Take causes whose size cannot be back, and with them what else was named beside them; True if there was any.
+    """Take causes back whose size cannot be, or may be none in the next log, and what was named beside; True if any was.
 
     What held-out data bear out by itself stays, fitted anew without them.
     """
@@ -393,7 +401,7 @@ def not_physical(found: Diagnosis, trust: float) -> bool:
             return absurd(cause.effect, sizes, {p: model.nominal(f"{of}.{p}") for p in sizes}, torque)
 
         own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
-        gone = [c.effect for c in own if cannot_be(c)]
+        gone = [c.effect for c in own if cannot_be(c) or none_between_logs(found, c, model)]
         if not gone:
             continue
         taken = True
@@ -408,6 +416,13 @@ def not_physical(found: Diagnosis, trust: float) -> bool:
         found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
     concluded(found)
     return taken
+
+
+def none_between_logs(found: Diagnosis, cause: Cause, model: GroupModel) -> bool:
+    """True if several logs, taken as repetitions, do not tell any size of a cause from none."""
+    names = {n: model.nominal(n) for n in names_of(cause.effect).values() if n in found.between}
+    ends = {n: found.between[n].ci95 for n in names}
+    return bool(names) and all(ends[n][0] <= off <= ends[n][1] for n, off in names.items())
 
 
 def borne_by_itself(finding: Finding, effect: Effect) -> bool:
