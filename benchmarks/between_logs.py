@@ -8,7 +8,6 @@ estimates lie there. Real refits on both sides, to the free run, as the diagnosi
 import argparse
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -20,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.trials import tried
-from cosim.diagnosis.held_out.between import Between, estimates, fit_of, over_logs, task_of
+from cosim.diagnosis.held_out.between import Between, over_logs
 from cosim.diagnosis.held_out.causes import leave_one_log_out
 from cosim.diagnosis.held_out.free_run import onward, refitted
 from cosim.diagnosis.hypotheses.naming import nominal
@@ -28,6 +27,7 @@ from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.residuals.cross_validation import repetitions
 from cosim.diagnosis.residuals.finding import Finding, relearned
 from cosim.diagnosis.thresholds import GUESSED_TRUST
 from cosim.logs import load_log
@@ -56,14 +56,10 @@ def between(record: Record, group: Group, effects: tuple[Effect, ...]) -> dict[s
     """What the logs of a record say of the next one."""
     finding, best = fitted(record, group, effects)
 
-    def run_of(log: int) -> dict[str, tuple[float, float]]:
-        own = replace(finding, task=task_of(finding.task, log))
-        return estimates(estimator(group)(own, effects, GUESSED_TRUST, fit_of(best, record.cuts, log)))
-
     def off(name: str) -> float:
         return 0.0 if name in group.trusted else finding.task.model.nominal(name)
 
-    return over_logs(record, best.values, best.deviations, run_of, off)
+    return over_logs(best, repetitions(finding.task, group.drifts), off)
 
 
 def main() -> None:
@@ -94,7 +90,7 @@ def main() -> None:
                 table.add_row(
                     log.name,
                     name,
-                    f"{own.values[name]:.4g}",
+                    f"{own.values[name]:.4g} +- {1.96 * own.deviations.get(name, 0.0):.2g}",
                     f"{item.value:.4g} ({low:.4g} to {high:.4g})",
                     "yes" if holds else "no",
                 )

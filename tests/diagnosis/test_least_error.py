@@ -81,6 +81,6 @@ def test_the_other_end_of_the_travel_is_sought_though_one_was_found(pair: tuple[
     off = {n: task.model.nominal(n) for n in ("mechanical.theta_max", "mechanical.theta_min")}
     near = replace(null.fit, values=null.fit.values | off | {"mechanical.theta_max": 0.3})
     starts = (1.0, -0.2)
-    assert unused(task, (stop,), "mechanical.theta_min", near, starts) == (-0.2,)
+    assert unused(task, (stop,), "mechanical.theta_min", near, starts) == starts
     assert unused(task, (stop,), "mechanical.theta_max", near, starts) == ()
     assert unused(task, (stop,), "mechanical.J", near, starts) == ()

@@ -1,5 +1,6 @@
 """Rounding and stale samples are read from the samples themselves."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,9 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.hypotheses.naming import nominal, sampled
+from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.diagnosis.record.signatures import Signature, grid_step, signatures, stale_share
 from cosim.diagnosis.verdict.verdict import of_signatures
 from cosim.rig import make_log
+from cosim.rig.write import as_log
 
 DEG = np.pi / 180.0
 
@@ -66,3 +73,20 @@ def test_a_cause_seen_in_the_samples_has_an_interval_of_its_gain() -> None:
     (cause,) = of_signatures(SimpleNamespace(task=task, signatures=[mark]))  # type: ignore[arg-type]
     assert cause.held_out.ci95 == pytest.approx((200.0 - 1.96 * 20.0, 200.0 + 1.96 * 20.0), abs=0.01)
     assert cause.held_out.sure
+
+
+@pytest.mark.parametrize(("stale_until", "wanted"), [(1.0, ["sensor.dropout"]), (0.25, [])])
+def test_samples_that_are_stale_in_one_part_of_a_log_only_are_no_property_of_the_sensor(
+    stale_until, wanted
+) -> None:
+    log = as_log(make_log("mixed", 21.0, [], seed=5))
+    slew, draw = log.signals["slew"].copy(), np.random.default_rng(2)
+    for k in range(1, int(stale_until * slew.size)):
+        if draw.random() < 0.1:
+            slew[k] = slew[k - 1]
+    record = prepare(replace(log, signals={**log.signals, "slew": slew}), our_machine("full_order"))
+    mechanics = MODELS["full_order"][-1]
+    task = task_for(mechanics, record, [])
+    seen = sampled(task, record, nominal(task, record, 0.01).fit)
+    assert [m.effect for m in seen] == wanted
+    assert all(m.held_out_gain.sure for m in seen)

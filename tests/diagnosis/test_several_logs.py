@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,21 +14,22 @@ from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Windows, learned, plain
 from cosim.diagnosis.fitting.trials import tried
-from cosim.diagnosis.held_out.between import combined
+from cosim.diagnosis.held_out.between import combined, over_logs
 from cosim.diagnosis.held_out.causes import leave_one_log_out, left_out_errors
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import measure
 from cosim.diagnosis.hypotheses.naming import find, nominal
 from cosim.diagnosis.model.groups import MODELS, Group
 from cosim.diagnosis.model.machine import our_machine
-from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.pipeline.diagnose import diagnose, none_between_logs, prepare
 from cosim.diagnosis.record.grid import Grid, Pieces, grid_of
 from cosim.diagnosis.record.record import Record, fixed_values, joined
 from cosim.diagnosis.residuals.cross_validation import repetitions, window_numbers
 from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
-from cosim.diagnosis.verdict.verdict import adequate
+from cosim.diagnosis.verdict.verdict import Cause, adequate
 from cosim.errors import DataError, UsageError
+from cosim.inference.held_out import HeldOutGain
 from cosim.inference.linear import Sections, columns
 from cosim.logs import Log, Tracker
 from cosim.rig import Noise, make_log
@@ -266,6 +268,55 @@ def test_intervals_between_logs_hold(logs: int, scatter: float) -> None:
         inside += [low < value < high for (low, high), value in pairs]
     # 90 % wanted; 500 repeats know it to 1.3 %
     assert np.all(inside / repeats > 0.87)
+
+
+def regression(columns: np.ndarray, rows: np.ndarray, names: tuple[str, ...]) -> Fit:
+    """Least squares of rows (n,) by columns (n, k) as a fit: its residuals have the slopes -columns."""
+    found = np.linalg.lstsq(columns, rows, rcond=None)[0]
+    left = rows - columns @ found
+    covariance = np.linalg.inv(columns.T @ columns)
+    values = dict(zip(names, found.tolist(), strict=True))
+    deviations = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    scales = dict.fromkeys(names, 1.0)
+    return Fit(values, deviations, 0.0, left.size, {}, covariance, slopes=-columns, rows=left, scales=scales)
+
+
+def test_where_each_log_draws_a_parameter_is_what_a_fit_to_that_log_alone_gives() -> None:
+    rng = np.random.default_rng(4)
+    x, log = rng.normal(size=300), np.repeat([0, 1, 2], 100)
+    x[log == 2] = 0.0  # it says nothing
+    y = np.where(log == 0, 2.0, 2.5) * x + rng.normal(size=300)
+    told = over_logs(regression(x[:, None], y, ("a.k",)), log, lambda _: 0.0)["a.k"]
+    for one in (0, 1):
+        mine = log == one
+        assert told.values[one] == pytest.approx(float(x[mine] @ y[mine] / (x[mine] @ x[mine])))
+        assert told.deviations[one] == pytest.approx(float((x[mine] @ x[mine]) ** -0.5))
+    assert np.isinf(told.deviations[2])
+    assert over_logs(regression(x[:, None], y, ("a.k",)), np.zeros(300, dtype=np.int64), lambda _: 0.0) == {}
+
+
+def test_logs_that_tell_two_parameters_only_together_do_not_lose_their_way() -> None:
+    """One step each, to two speeds: a gain and a dead zone, of which neither log alone knows anything."""
+    rng = np.random.default_rng(5)
+    log = np.repeat([0, 1], 100)
+    columns = np.stack([np.where(log == 0, 0.5, 0.9), -np.ones(200)], axis=1)
+    rows = columns @ np.array([10.0, 3.0]) + 0.1 * rng.normal(size=200)
+    told = over_logs(regression(columns, rows, ("a.gain", "a.zone")), log, lambda _: 0.0)
+    for name, true in (("a.gain", 10.0), ("a.zone", 3.0)):
+        low, high = told[name].ci95
+        assert 0.0 < low < true < high
+        assert np.all(np.abs(told[name].values - true) < 0.5 * true)
+
+
+def test_a_size_that_the_next_log_may_not_have_is_no_cause() -> None:
+    friction = registry.effects()[FRICTION]
+    cause = Cause(friction, "mechanical", {"tau_c": (20.0, 1.0)}, 100.0, HeldOutGain(10.0, 1.0), [], [])
+    model = SimpleNamespace(nominal=lambda _: 0.0)
+    for values, wanted in (((20.0, 21.0), False), ((60.0, -20.0), True)):
+        told = combined(20.0, 1.0, np.array(values), np.array([1.4, 1.4]), 20.0)
+        found = SimpleNamespace(between={"mechanical.tau_c": told})
+        assert none_between_logs(found, cause, model) == wanted  # type: ignore[arg-type]
+    assert not none_between_logs(SimpleNamespace(between={}), cause, model)  # type: ignore[arg-type]
 
 
 def test_two_logs_that_differ_by_a_sixth_still_tell_a_size() -> None:

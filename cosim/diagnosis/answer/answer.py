@@ -198,15 +198,18 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
 
 
 def unmoved(diagnosis: Diagnosis, cause: Cause) -> set[str]:
-    """Parameters of a cause that stay at their nominal value and of which the log says nothing, where others do move."""
+    """Parameters of a cause of which the log says nothing, where others do move: they stay, or are a limit never met."""
     finding = diagnosis.findings.get(cause.group)
     if finding is None:
         return set()
-    still = {
-        p
-        for p, n in names_of(cause.effect).items()
-        if cause.parameters[p][1] == 0.0 and cause.parameters[p][0] == finding.task.model.nominal(n)
-    }
+    nominal = {p: finding.task.model.nominal(n) for p, n in names_of(cause.effect).items()}
+    still = {p for p, off in nominal.items() if cause.parameters[p] == (off, 0.0)}
+    for p, n in names_of(cause.effect).items():
+        # an interval that reaches over where the limit is out of reach
+        off, free = nominal[p], cause.effect.free.get(p)
+        value, deviation = (found.get(n, 0.0) for found in (diagnosis.values, diagnosis.deviations))
+        if free is not None and free.limits and abs(value - off) <= deviation:
+            still.add(p)
     return still if len(still) < len(cause.parameters) else set()
 
 

@@ -14,19 +14,19 @@ from cosim.diagnosis.extension.together import weighed
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import standing
 from cosim.diagnosis.fitting.noise import Whitener
-from cosim.diagnosis.fitting.trials import Trial, tried, without
+from cosim.diagnosis.fitting.trials import Trial, without
 from cosim.diagnosis.fitting.whole import fitted_chain, whole_run
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.held_out.between import estimates, fit_of, over_logs, task_of
+from cosim.diagnosis.held_out.between import over_logs
 from cosim.diagnosis.held_out.causes import Held, Refused, left_out_errors
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import Gain, begun_anew, measure, run_package
 from cosim.diagnosis.hypotheses.naming import worth_naming
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import of_piece
-from cosim.diagnosis.record.record import Record, fixed_values, is_start
+from cosim.diagnosis.record.record import fixed_values, is_start
 from cosim.diagnosis.record.signatures import SAMPLED
-from cosim.diagnosis.residuals.cross_validation import errs_less, held_windows
+from cosim.diagnosis.residuals.cross_validation import errs_less, held_windows, log_numbers, repetitions
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.diagnosis.verdict.verdict import rests, stands
@@ -39,13 +39,27 @@ Array = NDArray[np.float64]
 def estimate(
     diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float, constants: dict[str, float]
 ) -> None:
-    """Values of the extended model, from all windows but the held-out ones.
+    """Values of the extended model, from all windows but the held-out ones; what the raw samples show is known from them."""
+    fit_all(diagnosis, groups, tolerance, constants)
+    for finding in diagnosis.findings.values():
+        for seen in finding.signatures:
+            name = f"{seen.effect.partition('.')[0]}.{seen.parameter}"
+            diagnosis.values[name], diagnosis.deviations[name] = seen.value, seen.deviation
+            diagnosis.between.pop(name, None)
+
+
+def fit_all(
+    diagnosis: Diagnosis, groups: tuple[Group, ...], tolerance: float, constants: dict[str, float]
+) -> None:
+    """Fit the values of the extended model.
 
     Where every block is understood they are fitted together, driven by the command alone; otherwise block by block, so
     that a block that is not understood does not bend the others.
     """
     findings = diagnosis.findings
-    effects = tuple(c.effect for c in diagnosis.causes if c.group in findings)
+    effects = tuple(
+        c.effect for c in diagnosis.causes if c.group in findings and c.effect.name not in SAMPLED
+    )
     near: dict[str, float] = {}
     deviations: dict[str, float] = {}
     start: dict[str, float] = {}
@@ -58,25 +72,16 @@ def estimate(
         diagnosis.correlations |= fit.correlations
         rules |= finding.task.rules
     diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
-    record, cuts = diagnosis.record, diagnosis.record.cuts
+    record, cuts, off = diagnosis.record, diagnosis.record.cuts, partial(off_value, findings)
+    diagnosis.between = {}
     if (diagnosis.held is not None or tolerance >= CALIBRATED_TRUST) and len(findings) == len(groups) == 1:
         (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
         estimate_alone(diagnosis, finding, effects, tolerance, constants)
         return
     if diagnosis.rests or diagnosis.unjudged or diagnosis.sparse or not findings:
-
-        def blocks_of(log: int) -> dict[str, tuple[float, float]]:
-            found: dict[str, tuple[float, float]] = {}
-            for finding in findings.values():
-                chosen = finding.chosen if stands(finding) else finding.null
-                own, begin = task_of(finding.task, log), fit_of(chosen.fit, cuts, log)
-                named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
-                found |= estimates(tried(own, named, tolerance, begin).fit)
-            return found
-
-        diagnosis.between = over_logs(
-            record, diagnosis.values, deviations, blocks_of, partial(off_value, findings)
-        )
+        for finding in findings.values():
+            fit = (finding.chosen if stands(finding) else finding.null).fit
+            diagnosis.between |= over_logs(fit, repetitions(finding.task), off) if cuts else {}
         return
     count = min(whole_run(r).windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
     mask = ~held_windows(count) if diagnosis.held is None else None
@@ -90,22 +95,9 @@ def estimate(
     diagnosis.values = constants | {n: v for n, v in chain.values.items() if n not in start}
     diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
     diagnosis.start = {n: chain.values.get(n, v) for n, v in start.items()}
-    named = tuple(c.effect for c in diagnosis.causes if c.group in findings)  # another may have been better
-
-    def chain_of(log: int) -> dict[str, tuple[float, float]]:
-        own = {s: r.of_log(log) for s, r in rules.items()}
-        begin = of_piece(diagnosis.start, log)
-        near, windows = (
-            diagnosis.values | begin,
-            part_of(mask, whole_run(next(iter(rules.values()))), record, log),
-        )
-        return estimates(
-            fitted_chain(groups, record.pieces[log], own, named, near, begin, tolerance, windows, constants)
-        )
-
-    diagnosis.between = over_logs(
-        record, diagnosis.values, diagnosis.deviations, chain_of, partial(off_value, findings)
-    )
+    if cuts:
+        log = log_numbers({s: whole_run(r) for s, r in rules.items()}, record.time.size, mask=mask)
+        diagnosis.between = over_logs(chain, log, off)
 
 
 def estimate_alone(
@@ -154,16 +146,9 @@ def estimate_alone(
     ):  # what the extension is held against has its own parameters fitted as well
         diagnosis.calibrated = plain.values
 
-    def run_of(log: int) -> dict[str, tuple[float, float]]:
-        own = replace(finding, task=task_of(task, log))
-        begin = fit_of(best, record.cuts, log)
-        if walked:
-            return estimates(onward(own, effects, tolerance, begin))
-        return estimates(refitted(own, effects, tolerance, begin, part_of(mask, rule, record, log)))
-
-    diagnosis.between = over_logs(
-        record, best.values, best.deviations, run_of, partial(off_value, {"": finding})
-    )
+    if record.cuts:
+        log = log_numbers(task.rules, record.time.size, walked, mask)
+        diagnosis.between = over_logs(best, log, partial(off_value, {"": finding}))
 
 
 def off_value(findings: Mapping[str, Finding], name: str) -> float:
@@ -188,13 +173,6 @@ def held_error(
     if held.in_turn:
         return rms(np.concatenate(left_out_errors(finding, effects, found, signal, tolerance, walked)))
     return rms(errors(finding, found, held.record)[signal][held.first :])
-
-
-def part_of(
-    mask: NDArray[np.bool_] | None, rule: Whitener, record: Record, log: int
-) -> NDArray[np.bool_] | None:
-    """(windows,) the windows of one log, of a mask of those of all."""
-    return None if mask is None else mask[rule.log_of(record.time.size)[: mask.size] == log]
 
 
 def vanished(

@@ -11,6 +11,7 @@ from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.trials import Trial, charged, tried
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.groups import Group
+from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import INDISTINGUISHABLE, NAMING_GAIN
 from cosim.diagnosis.verdict.verdict import Cause, cause_of, names_of, rests
@@ -37,7 +38,11 @@ def weighed(
         near: where the search begins.
         tolerance: trust in the nominal parameters.
     """
-    places = [k for k, cause in enumerate(diagnosis.causes) if cause.group in diagnosis.findings]
+    places = [
+        k
+        for k, cause in enumerate(diagnosis.causes)
+        if cause.group in diagnosis.findings and cause.effect.name not in SAMPLED
+    ]
     best = fitted(tuple(diagnosis.causes[k].effect for k in places), near)
     # over all windows at one offset, readings in steps make the likelihood jagged: it says little of small differences
     if any(finding.task.steps for finding in diagnosis.findings.values()):

@@ -73,7 +73,8 @@ def absurd(
 ) -> bool:
     """True if a parameter lies beyond its physical range, or at an edge of it that is not its off value.
 
-    So is one that is as many times another as it can be at most: friction that all but ends in motion is a dead band.
+    So is a size at the end of its declaration: the search was stopped there, and where it would have ended nobody knows. And
+    one that is as many times another as it can be at most: friction that all but ends in motion is a dead band.
 
     Args:
         effect: the effect.
@@ -90,6 +91,13 @@ def absurd(
         if value < low - near or value > high + near:
             return True
         if (value < low + near and off != low) or (value > high - near and off != high):
+            return True
+    if effect.key in effect.free and effect.key in values:
+        variable, size = declared(effect, effect.key), values[effect.key]
+        near = RANGE_EDGE * effect.free[effect.key].scale
+        # nothing at all is an end by nature
+        ends = {variable.low, variable.high} - {0.0, nominal.get(effect.key)}
+        if any(abs(size - end) < near for end in ends):
             return True
     shares = {p: free.within for p, free in effect.free.items() if free.within is not None and p in values}
     return any(

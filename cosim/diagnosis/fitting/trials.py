@@ -168,9 +168,9 @@ def tried(
 def unused(
     task: Task, effects: tuple[Effect, ...], name: str, near: Fit, starts: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Further start of a limit that a fit left out of reach: what is fitted now may make the machine meet it."""
+    """Further starts of a limit that a fit left out of reach: what is fitted now may make the machine meet it."""
     limits = {f"{e.component}.{p}" for e in effects for p, free in e.free.items() if free.limits}
-    return starts[-1:] if name in limits and near.values[name] == task.model.nominal(name) else ()
+    return starts if name in limits and near.values[name] == task.model.nominal(name) else ()
 
 
 def rough(tolerance: float) -> bool:

@@ -1,32 +1,35 @@
 """What an estimate says of the next log of the same machine: each log is one repetition.
 
 The noise of one log says how well that log is described, not how the machine, its oil or what the model lacks change until
-the next. So each parameter is estimated in each log by itself, and what these estimates scatter beyond their own
-uncertainty widens the interval of the estimate from all: the random effects of a meta-analysis. Two or three logs hardly
-tell that scatter. What is known beforehand is that a parameter of one machine hardly changes by more than its own size,
-and may not change at all: a half-normal prior of half its size (Friede, Roever, Wandel and Neuenschwander, Meta-analysis of
-two studies in the presence of heterogeneity, Biometrical Journal 59(4), 2017) beside a share of none, over which the
-interval is averaged (Gronau et al., A Bayesian model-averaged meta-analysis, Comprehensive Results in Social Psychology
-2(1), 2017).
+the next. So it is asked where each log draws the estimate from all, and what these values scatter beyond their own
+uncertainty widens its interval: the random effects of a meta-analysis. A log draws by its score at the joint estimate over
+its share of the information (the infinitesimal jackknife, a log as the unit: Jaeckel 1972; Liang and Zeger, Longitudinal
+data analysis using generalized linear models, Biometrika 73(1), 1986). A fit to that log alone would say the same where the
+log tells all parameters, and lose its way where only several logs tell them apart, such as a dead zone and a gain from one
+step each. Two or three logs hardly tell that scatter. What is known beforehand is that a parameter of one machine hardly
+changes by more than its own size, and may not change at all: a half-normal prior of half its size (Friede, Roever, Wandel
+and Neuenschwander, Meta-analysis of two studies in the presence of heterogeneity, Biometrical Journal 59(4), 2017) beside a
+share of none, over which the interval is averaged (Gronau et al., A Bayesian model-averaged meta-analysis, Comprehensive
+Results in Social Psychology 2(1), 2017).
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import erf
 
-from cosim.diagnosis.fitting.fit import Fit, Task
-from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.record.grid import of_piece
-from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.record.record import is_start
+from cosim.diagnosis.residuals.cross_validation import moving
 from cosim.diagnosis.thresholds import BETWEEN_LOGS, SAME_IN_ALL
 
 Array = NDArray[np.float64]
 
 SCATTERS = np.linspace(0.0, 4.0, 401)  # of that prior: where it is summed
+SAYS_NOTHING = 0.02  # of the information on a parameter, of which a log has less
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Between:
 
     Attributes:
         value: estimate from all logs together.
-        values: (k,) estimate from each log.
+        values: (k,) where each log draws it.
         deviations: (k,) standard deviation of each by its own log; infinite where a log says nothing.
         within: variance of `value` by the logs' own uncertainty.
         share: variance of `value` over that from log to log.
@@ -115,64 +118,36 @@ def combined(value: float, deviation: float, values: Array, deviations: Array, s
     return Between(value, values, told, deviation**2, share, scatters, chances / chances.sum())
 
 
-def task_of(task: Task, log: int) -> Task:
-    """The task of one of the logs by itself, with the noise that was learned from all."""
-    cuts, model = task.model.cuts, task.model.parts[log]
-    own = GroupModel(model.group, model.drive, model.h, of_piece(task.model.fixed, log), model.grid)
-    found = replace(
-        task,
-        model=own,
-        measured={s: np.split(v, cuts)[log] for s, v in task.measured.items()},
-        discrepancy={s: np.split(rows, cuts, axis=1)[log] for s, rows in task.discrepancy.items()},
-        lost={s: np.split(v, cuts)[log] for s, v in task.lost.items()},
-        mask=None,
-    )
-    found.set_rules({s: rule.of_log(log) for s, rule in task.rules.items()})
-    return found
-
-
-def fit_of(fit: Fit, cuts: tuple[int, ...], log: int) -> Fit:
-    """A fit to all logs as far as it concerns one of them: where a fit to that one begins."""
-    return replace(
-        fit,
-        residuals={s: np.split(r, cuts)[log] for s, r in fit.residuals.items()},
-        predicted={s: np.split(r, cuts)[log] for s, r in fit.predicted.items()},
-        slopes=None,
-        rows=None,
-    )
-
-
-def over_logs(
-    record: Record,
-    values: Mapping[str, float],
-    deviations: Mapping[str, float],
-    fitted: Callable[[int], Mapping[str, tuple[float, float]]],
-    off: Callable[[str], float],
-) -> dict[str, Between]:
-    """Each estimated parameter over the logs of a record; nothing for one log.
+def over_logs(fit: Fit, log: NDArray[np.int64], off: Callable[[str], float]) -> dict[str, Between]:
+    """Each estimated parameter over the logs of a fit; nothing for one log.
 
     Args:
-        record: the logs.
-        values: ``component.parameter`` -> estimate from all logs together, SI.
-        deviations: standard deviation of those that were estimated.
-        fitted: log -> (estimate, standard deviation) of each from that log alone.
+        fit: to all logs.
+        log: (n,) number of the log to which each of its whitened values belongs, from 0; starts of the logs are no
+            parameters of the machine and are left out.
         off: ``component.parameter`` -> where it has no effect, SI.
     """
-    if not record.cuts:
+    names, slopes = moving(fit)
+    count = int(log.max(initial=-1)) + 1
+    if not names or fit.rows is None or count < 2:
         return {}
-    each = [fitted(i) for i in range(len(record.pieces))]
+    scales = np.array([fit.scales[n] for n in names])
+    spread = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
+    drawn, shares = np.zeros((count, len(names))), np.zeros((count, len(names)))
+    for one in range(count):
+        mine = np.flatnonzero(log == one)
+        own = slopes[mine]
+        drawn[one] = -(spread @ (own.T @ fit.rows[mine])) * scales
+        shares[one] = np.clip(np.diag(spread @ (own.T @ own)), 0.0, 1.0)
+    told = shares > SAYS_NOTHING
+    weights = np.where(told, shares, 1.0)
     found = {}
-    for name in (n for n in values if n in deviations and all(n in own for own in each)):
-        rows = np.array([own[name] for own in each])
-        size = min(
-            abs(values[name] - off(name)), abs(values[name])
-        )  # a limit out of reach says nothing of one that is met
-        found[name] = combined(values[name], deviations[name], rows[:, 0], rows[:, 1], size)
+    for i, name in enumerate(names):
+        if is_start(name) or name not in fit.deviations:
+            continue
+        value, deviation = fit.values[name], fit.deviations[name]
+        # a limit out of reach says nothing of one that is met
+        size = min(abs(value - off(name)), abs(value))
+        deviations = np.where(told[:, i], deviation / np.sqrt(weights[:, i]), np.inf)
+        found[name] = combined(value, deviation, value + drawn[:, i] / weights[:, i], deviations, size)
     return found
-
-
-def estimates(fit: Fit) -> dict[str, tuple[float, float]]:
-    """(estimate, standard deviation) of each parameter of a fit; one that ended on a bound says nothing."""
-    return {
-        n: (v, fit.deviations.get(n, 0.0) if n not in fit.at_bound else np.inf) for n, v in fit.values.items()
-    }

@@ -58,7 +58,15 @@ from cosim.diagnosis.thresholds import (
 )
 from cosim.diagnosis.tracker.comparison import compare_tracker
 from cosim.diagnosis.verdict.discrepancy import understood
-from cosim.diagnosis.verdict.verdict import Cause, Rest, adequate, causes, negligible, rests
+from cosim.diagnosis.verdict.verdict import (
+    Cause,
+    Rest,
+    adequate,
+    causes,
+    names_of,
+    negligible,
+    rests,
+)
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
 from cosim.inference.held_out import gain_of_errors
@@ -378,27 +386,48 @@ def concluded(found: Diagnosis) -> None:
 
 
 def not_physical(found: Diagnosis, trust: float) -> bool:
-    """Take the causes of a group back of which one has a size that cannot be; True if there was any."""
+    """Take causes back whose size cannot be, or may be none in the next log, and what was named beside; True if any was.
+
+    What held-out data bear out by itself stays, fitted anew without them.
+    """
     taken = False
     for name, finding in list(found.findings.items()):
         model = finding.task.model
-        own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
-        sizes = [
-            {p: found.values.get(f"{c.effect.component}.{p}", v) for p, (v, _) in c.parameters.items()}
-            for c in own
-        ]
-        off = [{p: model.nominal(f"{c.effect.component}.{p}") for p in c.parameters} for c in own]
         torque = greatest_torque(model, finding.chosen.fit.values)
-        each = zip(own, sizes, off, strict=True)
-        if not any(absurd(c.effect, size, nominal, torque) for c, size, nominal in each):
+
+        def cannot_be(cause: Cause, model: GroupModel = model, torque: float = torque) -> bool:
+            of = cause.effect.component
+            sizes = {p: found.values.get(f"{of}.{p}", v) for p, (v, _) in cause.parameters.items()}
+            return absurd(cause.effect, sizes, {p: model.nominal(f"{of}.{p}") for p in sizes}, torque)
+
+        own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
+        gone = [c.effect for c in own if cannot_be(c) or none_between_logs(found, c, model)]
+        if not gone:
             continue
         taken = True
-        finding = replace(finding.accept(finding.null, found.record), rivals={}, confirmed=False)
+        kept = tuple(e for e in finding.chosen.effects if e not in gone and borne_by_itself(finding, e))
+        if kept:
+            rest = tried(finding.task, kept, trust, finding.chosen.fit)
+            finding = replace(finding.accept(rest, found.record), rivals={})
+        else:
+            finding = replace(finding.accept(finding.null, found.record), rivals={}, confirmed=False)
         found.findings[name] = finding
-        found.causes = [c for c in found.causes if c not in own]
+        found.causes = [c for c in found.causes if c not in own or c.effect in kept]
         found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
     concluded(found)
     return taken
+
+
+def none_between_logs(found: Diagnosis, cause: Cause, model: GroupModel) -> bool:
+    """True if several logs, taken as repetitions, do not tell any size of a cause from none."""
+    names = {n: model.nominal(n) for n in names_of(cause.effect).values() if n in found.between}
+    ends = {n: found.between[n].ci95 for n in names}
+    return bool(names) and all(ends[n][0] <= off <= ends[n][1] for n, off in names.items())
+
+
+def borne_by_itself(finding: Finding, effect: Effect) -> bool:
+    """True if data held out are sure to be predicted better with an effect."""
+    return effect.name in finding.borne and finding.borne[effect.name].sure
 
 
 def taken_back(found: Diagnosis, folder: Path, trust: float) -> None:

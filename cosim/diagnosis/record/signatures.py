@@ -25,6 +25,7 @@ from cosim.diagnosis.thresholds import (
     RESTING_RUN,
     SURE_REPEATS,
 )
+from cosim.inference.held_out import HeldOutGain
 from cosim.inference.thresholds import COMPUTED, OWN_NOISE
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ class Signature:
         effect: its name.
         parameter: its parameter, with `value` and standard deviation, SI.
         gain: log-likelihood of the signature against chance.
-        held_out: the same in the last third of the log alone.
+        held_out: the same in the third of the log that shows least of it but one.
     """
 
     effect: str
@@ -49,6 +50,11 @@ class Signature:
     deviation: float
     gain: float
     held_out: float = 0.0
+
+    @property
+    def held_out_gain(self) -> HeldOutGain:
+        """`held_out` with its deviation: of a log-likelihood ratio the variance is twice its mean, as of a shift."""
+        return HeldOutGain(self.held_out, float(np.sqrt(2.0 * max(self.held_out, 0.0))))
 
 
 def grid_step(values: Array) -> float:

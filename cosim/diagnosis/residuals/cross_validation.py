@@ -1,11 +1,13 @@
 """What an effect gains on windows that were not used to estimate it."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.fitting.fit import Fit, Task
+from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import Trial, without
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.inference.held_out import HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
@@ -37,13 +39,26 @@ def repetitions(task: Task, walked: bool = False) -> NDArray[np.int64]:
     """
     if not task.model.cuts:
         return window_numbers(task)
+    return log_numbers(task.rules, task.model.drive.size, walked)
+
+
+def log_numbers(
+    rules: Mapping[str, Whitener], count: int, walked: bool = False, mask: NDArray[np.bool_] | None = None
+) -> NDArray[np.int64]:
+    """The log to which each whitened value of signals of `count` samples belongs, from 0.
+
+    Args:
+        rules: signal -> whitening rule.
+        count: samples of all logs.
+        walked: as `repetitions`.
+        mask: (windows,) windows that count, or None for all.
+    """
     rows = []
-    for signal, rule in task.rules.items():
-        count, bins = rule.windows(task.measured[signal]).shape
-        rows.append(np.repeat(rule.log_of(task.measured[signal].size)[:count], bins))
+    for rule in rules.values():
+        log = rule.log_of(count)
+        rows.append(np.repeat(log if mask is None else log[mask], rule.window))
     if walked:
-        signal, rule = next(iter(task.rules.items()))
-        log = rule.log_of(task.measured[signal].size)
+        log = next(iter(rules.values())).log_of(count)
         rows.append(log[:-1][np.diff(log) == 0])
     return np.concatenate(rows)
 

@@ -141,7 +141,7 @@ def stands(finding: Finding) -> bool:
 
 
 def of_signatures(finding: Finding) -> list[Cause]:
-    """Causes seen in the raw samples; of a log-likelihood ratio the variance is taken as twice its mean, as of a shift."""
+    """Causes seen in the raw samples."""
     effects, group = registry.effects(), finding.task.model.group.name
     return [
         Cause(
@@ -149,7 +149,7 @@ def of_signatures(finding: Finding) -> list[Cause]:
             group,
             {m.parameter: (m.value, m.deviation)},
             m.gain,
-            HeldOutGain(m.held_out, float(np.sqrt(2.0 * max(m.held_out, 0.0)))),
+            m.held_out_gain,
         )
         for m in finding.signatures
     ]
