@@ -153,7 +153,7 @@ function signalRow(row) {
   const picked = element("td");
   const notes = element("td", {}, choice);
   if (row.check) notes.append(element("small", {className: "check"}, said("Check: {check}", row)));
-  else if (row.column !== null && row.why) notes.append(element("small", {}, said("by {why}", row)));
+  else if (row.column !== null && row.why) notes.append(element("small", {}, said("Guess: {why}", row)));
   const parts = {
     unit: field("unit", said("Unit of {signal}", row), row.unit, {list: "units"}), gain: field("gain", said("Gain of {signal}", row), row.gain),
     zero: field("zero", said("Zero of {signal}", row), row.zero), reversed: element("input", {type: "checkbox", "data-kind": "reversed", checked: row.reversed, "aria-label": said("{signal} counts the other way", row)}),

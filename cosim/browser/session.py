@@ -25,7 +25,7 @@ from cosim.browser.mapping import Content, FormError, mapping_of, remember, toml
 from cosim.console import heard_by
 from cosim.diagnosis.budget import parse_budget
 from cosim.diagnosis.model.groups import MODELS
-from cosim.errors import CosimError, DataError, UsageError
+from cosim.errors import CosimError, DataError, HeadlessError, UsageError
 from cosim.files import write_text
 from cosim.logs import load_tracker
 from cosim.logs.load import SUFFIXES, open_source
@@ -484,6 +484,8 @@ class Session:
         own = self._choice == OWN
         model = self._model if own else None
         base: Content = dict(self._content) if own else {}
+        if not self._seen.header and "file" not in base:
+            base["file"] = {"header": False}
         if not own:
             base["model"] = self._choice
         elif (
@@ -673,7 +675,11 @@ def headings(found: Overview) -> list[tuple[str, str | None]]:
 
 def is_tracker(file: Path) -> bool:
     """Whether a file is a tracker's record: it has the tracker's column and none of the crane's command."""
-    names = {name for label in open_source(file).labels for name in (label.name, label.alias)}
+    try:
+        labels = open_source(file).labels
+    except HeadlessError:
+        return False
+    names = {name for label in labels for name in (label.name, label.alias)}
     return "slew_external" in names and "u" not in names
 
 

@@ -56,8 +56,8 @@ def init(
 
     for line in told:
         say(line)
-    for line in left:
-        say(f"open: {line}")
+    if left:
+        say(f"open: {'; '.join(left)}")
     say(f"written to {target}: check each line, above all those marked CHECK")
     say(f"Next: cosim info {log} --mapping {target}, then cosim diagnose {log} --mapping {target}")
 
@@ -93,9 +93,12 @@ def _of_signals(model: str, log: Path) -> tuple[str, list[str], list[str]]:
 
     found = overview(log)
     made = guesses(found)
-    told = [f"{g.column.label.text} -> {name} [{g.unit}], by {g.why}" for name, g in made.items()]
+    told = [
+        f"{g.column.label.alias or g.column.label.text} -> {name} [{g.unit}]: {g.why}"
+        for name, g in made.items()
+    ]
     used: set[Any] = {g.column.index for g in made.values()} | {found.clock.column if found.clock else None}
-    left = [f"column '{c.label.text}'" for c in found.columns if c.index not in used]
+    left = [f"column '{c.label.alias or c.label.text}'" for c in found.columns if c.index not in used]
     if found.clock is None:
         left.insert(0, "no column looks like a time: the interval between samples is to be given")
     return mapping_text(found, made, model), told, left

@@ -71,7 +71,7 @@ def test_what_the_page_shows_of_a_log_and_a_diagnosis_is_german(tmp_path, german
     assert state["log"]["warnings"] == ["Zahlen wurden mit Dezimalkomma gelesen"]
     rows = {row["signal"]: row for row in state["form"]["rows"]}
     assert rows["p_a"]["text"] == "Druck an A"
-    assert rows["p_a"]["why"] == "am Namen „Druck A“"
+    assert rows["p_a"]["why"] == "nach dem Namen „Druck A“"
     for text in ("mechanical: 18 candidates, 5/18", "dcv: 10 candidates, pass 2: 3/10", "extended model"):
         session._work = Work(state="running", text=text)
         assert session.state()["work"]["text"] != text
