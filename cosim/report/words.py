@@ -108,7 +108,8 @@ def prose(text: str) -> str:
 
 # a signal by its identifier, and not the word of everyday ("the spool's speed", "slew sensor") or a part of a longer name
 _SIGNAL = re.compile(
-    r"(?<![\w.])(?<!the )(slew|spool|p_load|p_supply|p_a|p_b)(?![\w.'])(?! (?:sensor|angle|speed|position|drive))"
+    r"(?<![\w.])(?<!the )(slew_external|slew|spool|p_load|p_supply|p_a|p_b)(?![\w.'])"
+    r"(?! (?:sensor|angle|speed|position|drive))"
 )
 
 
