@@ -15,6 +15,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -37,8 +39,8 @@ IMAGES = TOP / "docs" / "images" / "gallery"
 RESULTS = TOP / "build" / "gallery"
 EXCITATION, DURATION, SEED = "mixed", 30.0, 3
 TRACKED = ("tracker.", "sensor.bias", "sensor.gain", "sensor.drift")  # nothing else shows these
-WIDE, HIGH, DPI = 6.4, 2.7, 110  # inches, dots an inch
-POINTS = 1500  # of a layer: more cannot be told apart at this size
+WIDE, HIGH, DPI = 6.4, 2.6, 100  # inches, dots an inch
+POINTS = 400  # of a layer that is scattered: more cannot be told apart at this size
 HEAD = """# Gallery: one diagnosis for each effect
 
 <!-- made by: python docs/make_gallery.py -->
@@ -48,9 +50,9 @@ excitation at 1 kHz, with the sensors' noise ([rig.md](rig.md)). Each was diagno
 said about what is hidden. Below each name: what was hidden, what was found with its 95 % interval, the sentences of the
 report, and the picture of the evidence, in which red is the model without the cause and blue with it.
 
-In {right} of {made} the hidden effect is the first cause named; in {alike} more it is declared to be the same in this log as
-the one named. Sizes, seeds and failures of the large suites are in [scores.md](scores.md), what each residual looks like in
-[effects.md](effects.md).
+In {right} of {made} the hidden effect is the first cause named{alike}. This is one log of each, of a size that shows: how
+often it is right over many sizes and seeds, and where it fails, is in [scores.md](scores.md); what each residual looks like is
+in [effects.md](effects.md).
 
 `python docs/make_gallery.py` makes this page and its pictures anew; `python docs/make_gallery.py dcv.delay` one of them.
 """
@@ -104,12 +106,23 @@ def _draw(axes: Any, layer: Layer, picture: Picture) -> None:
         axes.fill_between(layer.x, layer.y, layer.error, color=colour, alpha=0.4, linewidth=0, label=name)
 
 
+def palette() -> Image.Image:
+    """The colours of the report and their blends with white, so that none of them is lost in a small file."""
+    colours = [*(to_rgb(colour) for colour in COLOURS.values()), (0.0, 0.0, 0.0)]
+    shades = [1.0 - k / 6.0 * (1.0 - part) for colour in colours for k in range(7) for part in colour]
+    found = Image.new("P", (1, 1))
+    found.putpalette([round(255 * x) for x in shades])
+    return found
+
+
 def save(figure: Figure, path: Path) -> None:
-    """A small picture: 64 colours, nothing about when it was made."""
+    """A small picture: few colours, without loss, nothing about when it was made."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.canvas.draw()
-    with Image.fromarray(np.asarray(figure.canvas.buffer_rgba())) as picture:  # type: ignore[attr-defined]
-        picture.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    with Image.fromarray(np.asarray(canvas.buffer_rgba())) as picture:
+        few = picture.convert("RGB").quantize(palette=palette(), dither=Image.Dither.NONE)
+        few.convert("RGB").save(path, lossless=True, quality=100, method=6)
 
 
 def hidden_sizes(effect: str) -> str:
@@ -140,20 +153,21 @@ def found_sizes(answer: Answer) -> str:
 
 def entry(effect: str, folder: Path) -> str:
     """The part of the page about one effect; its picture is written."""
-    answer, material = read_answer(folder), load(folder)
+    material = load(folder)
+    answer = material.answer
     with speaking(lexicon_of(answer)):
         said = " ".join(text for _, text in three_sentences(material))
         image, caption = "", ""
         if answer.causes:
             picture = pictures(material, answer.causes[0])[0]
-            save(drawn(picture), IMAGES / f"{effect}.png")
+            save(drawn(picture), IMAGES / f"{effect}.webp")
             image, caption = (
-                f"![{picture.title}](images/gallery/{effect}.png)\n\n",
+                f"![{picture.title}](images/gallery/{effect}.webp)\n\n",
                 f"*{picture.caption}*\n\n",
             )
     also = " The log comes with the tracker's record." if tracked(effect) else ""
     return (
-        f"## {NAMES[effect]} (`{effect}`)\n\n"
+        f"## {NAMES[effect][0].upper()}{NAMES[effect][1:]} (`{effect}`)\n\n"
         f"{registry.effects()[effect].text}{also}\n\n"
         f"| hidden | found |\n|---|---|\n| {hidden_sizes(effect)} | {found_sizes(answer)} |\n\n"
         f"> {said}\n\n{image}{caption}"
@@ -174,8 +188,9 @@ def page(effects: list[str]) -> str:
     """The page, of all effects of which there is a diagnosis."""
     made = [e for e in effects if (RESULTS / e / ANSWER).is_file()]
     outcomes = [outcome(e, read_answer(RESULTS / e)) for e in made]
-    counts = {name: outcomes.count(name) for name in ("right", "alike")}
-    head = HEAD.format(duration=DURATION, excitation=EXCITATION, made=len(made), **counts)
+    right, same = outcomes.count("right"), outcomes.count("alike")
+    alike = f"; in {same} more this log cannot tell it from the one named" if same else ""
+    head = HEAD.format(duration=DURATION, excitation=EXCITATION, made=len(made), right=right, alike=alike)
     others = [e for e in registry.effects() if e not in EFFECTS]
     rest = "## Effects without a synthetic log\n\nThe rig cannot hide these; their tests make logs of their own: "
     names = ", ".join(f"{NAMES[e]} (`{e}`)" for e in others)
@@ -204,7 +219,7 @@ def main() -> None:
             flush=True,
         )
     PAGE.write_text(page(effects), encoding="utf-8")
-    small = sum(file.stat().st_size for file in IMAGES.glob("*.png"))
+    small = sum(file.stat().st_size for file in IMAGES.glob("*.webp"))
     print(f"{PAGE.relative_to(TOP)} and {small / 1024:.0f} KiB of pictures")
 
 

@@ -29,6 +29,7 @@ from cosim.report.words import (
     doubts,
     effect_in_block,
     effect_name,
+    few,
     fit_text,
     kind_of_motion,
     limits_met,
@@ -156,6 +157,7 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     environment.filters["effect"] = effect_in_block
     environment.filters["block"] = block_name
     environment.filters["prose"] = prose
+    environment.filters["few"] = few
     environment.filters["motion"] = kind_of_motion
     environment.filters["fit"] = fit_text
     # said here, before the marks of code become elements

@@ -14,6 +14,7 @@ from cosim.report.words import (
     NOISY,
     PHRASES,
     block_name,
+    few,
     kind_of_motion,
     limits_met,
     listed,
@@ -217,7 +218,7 @@ def next_step(result: Answer, out: Path) -> str:
     if result.extended is not None:
         return f"cosim simulate {result.extended.ssp} runs the extended model"
     if result.helpful_signals:
-        return f"log more: {in_words(result.helpful_signals[0])}"
+        return f"log more: {in_words(few(result.helpful_signals[0], MOST))}"
     return (
         f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
     )

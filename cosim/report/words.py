@@ -118,6 +118,15 @@ def with_signals(text: str) -> str:
     return _SIGNAL.sub(lambda found: signal_name(found[1]), text)
 
 
+def few(text: str, most: int = 5) -> str:
+    """A sentence that ends in a list, ``x would show: a, b, c``, with no more than the first of a long one."""
+    head, colon, rest = text.partition(": ")
+    items = rest.split(", ")
+    if len(items) <= most + 1:
+        return text
+    return f"{head}{colon}{', '.join(items[:most])} and {len(items) - most} more"
+
+
 def fit_text(percent: float) -> str:
     """A best fit in percent, without a minus sign before a zero."""
     return "unknown" if not math.isfinite(percent) else f"{percent if abs(percent) >= 0.05 else 0.0:.1f} %"

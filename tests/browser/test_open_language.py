@@ -55,7 +55,7 @@ def test_the_answer_is_said_in_german():
         question, _, answer = line.partition(": ")
         found.said(question)
         found.said(answer)
-    names = {"full_order", "/home/max muster/out/extended.ssp", "out/next_experiment.csv"}
+    names = {"full_order", r"C:\Messungen vom März\out/extended.ssp", "out/next_experiment.csv"}
     assert found.missing - names == set()
     cause = said("dry friction (mechanical.coulomb_friction): 99.8 N m, 98.9 to 100.7 (95 %)", "de")
     assert cause == "trockene Reibung (mechanical.coulomb_friction): 99,8 N m, 98,9 bis 100,7 (95 %)"
