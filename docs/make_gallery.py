@@ -50,9 +50,9 @@ excitation at 1 kHz, with the sensors' noise ([rig.md](rig.md)). Each was diagno
 said about what is hidden. Below each name: what was hidden, what was found with its 95 % interval, the sentences of the
 report, and the picture of the evidence, in which red is the model without the cause and blue with it.
 
-In {right} of {made} the hidden effect is the first cause named{alike}. This is one log of each, of a size that shows: how
-often it is right over many sizes and seeds, and where it fails, is in [scores.md](scores.md); what each residual looks like is
-in [effects.md](effects.md).
+In {right} of {made} the hidden effect is the first cause named{alike}. This is one log of each, of a size that shows.
+How often it is right over many sizes and seeds, and where it fails, is in [scores.md](scores.md);
+[effects.md](effects.md) says what each residual looks like.
 
 `python docs/make_gallery.py` makes this page and its pictures anew; `python docs/make_gallery.py dcv.delay` one of them.
 """
