@@ -44,9 +44,9 @@ async function call(where, options) {
   } catch {
     throw Object.assign(new Error(said("cosim open does not answer: has it been ended?")), {gone: true});
   }
-  const said = await answer.json();
-  if (!answer.ok) throw Object.assign(new Error(said.error), {row: said.row});
-  return said;
+  const sent = await answer.json();
+  if (!answer.ok) throw Object.assign(new Error(sent.error), {row: sent.row});
+  return sent;
 }
 
 const press = (what, given = {}) => call(what, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(given)});

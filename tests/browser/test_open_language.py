@@ -39,6 +39,10 @@ def test_places_are_kept(part):
         assert set(PLACE.findall(english)) == set(PLACE.findall(german)), english
 
 
+def test_nothing_in_the_script_takes_the_translator_s_name():
+    assert len(re.findall(r"\b(?:const|let|var) \{?said\b|\bsaid =>", SCRIPT)) == 1
+
+
 def test_no_text_of_the_script_goes_past_the_catalogue():
     """Anything in quotes with two words in it is said, or is code."""
     bare = re.sub(r'said\("[^"]*"|//.*', "", SCRIPT)
