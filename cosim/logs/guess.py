@@ -323,8 +323,16 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str) -> str:
     rest = [c for c in found.columns if c.index not in used]
     missing = [n for n in NAMES if n not in made and not n.endswith("estimate")]
     if missing:
-        text = "; ".join(f"{n}: {SIGNALS[n].text}" for n in missing)
-        lines += ["", f"# not found among the columns: {text}"]
+        lines += [
+            "",
+            "# not found among the columns; for one that was measured, take the marks away and name its column",
+        ]
+        for name in missing:
+            lines += [
+                f"# [signals.{name}]    # {SIGNALS[name].text}",
+                '# column = "?"',
+                f"# unit = {_quoted(SIGNALS[name].unit)}",
+            ]
     if rest:
         lines += ["", "# other columns; to use one, give it the name of a signal, or a name of your own"]
     for column in rest:

@@ -310,3 +310,32 @@ def test_the_command_of_the_axis_whose_angle_is_there(write):
     lines = "".join(f"{k / 20},0,{x}\n" for k, x in enumerate(moving))
     made = guesses(overview(write(f"Time,Arm duty,Boom duty\n{lines}")))
     assert made["u"].column.label.name == "Boom duty", "one that moves is the likelier one"
+
+
+def test_a_log_of_which_nothing_is_known_ends_with_what_to_do(write):
+    path = write(
+        "t,qm,vir\n"
+        + rows(np.column_stack([np.arange(50) / 100, *np.random.default_rng(3).normal(size=(2, 50))]))
+    )
+    made = cosim("init", path)
+    assert made.returncode == 0, made.stderr
+    *_, written, missing, last = made.stdout.splitlines()
+    mapping = path.with_suffix(".toml")
+    assert written == f"written to {mapping}: complete it"
+    assert missing.startswith("Missing: a column for u (slew valve command")
+    assert "one for what was measured, such as slew" in missing
+    assert (
+        last == f"Next: complete {mapping} in an editor, or choose the columns on a page: cosim open {path}"
+    )
+    refused = cosim("diagnose", path, "--mapping", mapping)
+    assert refused.returncode == 3
+    assert "'signals' is missing: a table such as [signals.u] with 'column' and 'unit'" in refused.stderr
+    text = mapping.read_text()
+    assert "# [signals.u]" in text
+    text = text.replace("# [signals.slew]", "[signals.slew]").replace(
+        '# column = "?"\n# unit = "deg"', 'column = "qm"\nunit = "deg"', 1
+    )
+    mapping.write_text(text)
+    assert set(load_log(path, mapping).signals) == {"slew"}, (
+        "what is marked is taken by taking the marks away"
+    )
