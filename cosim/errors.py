@@ -29,6 +29,10 @@ class ColumnsError(DataError):
     """The columns of a log cannot be told apart by their headings alone: a mapping is needed (exit code 3)."""
 
 
+class HeadlessError(ColumnsError):
+    """A text file begins with numbers: its columns have no headings, and go by their place in a mapping (exit code 3)."""
+
+
 class ModelError(CosimError):
     """An FMU, SSP or parameter file is bad (exit code 3)."""
 

@@ -48,7 +48,7 @@ def test_wheel_and_sdist_hold_what_an_installation_needs(built):
     names = zipfile.ZipFile(wheel).namelist()
     for needed in ("cosim/py.typed", "cosim/_ssp/full_order.ssd", "cosim/_examples/synthetic_demo.csv",
                    "cosim/report/phrases.toml", "cosim/report/page.html.j2", "fmus/registry.py", "cosim/browser/page.html",
-                   "cosim/browser/page.css", "cosim/browser/page.js"):  # fmt: skip
+                   "cosim/browser/page.css", "cosim/browser/page.js", "cosim/browser/de.toml"):  # fmt: skip
         assert needed in names, needed
     assert not [name for name in names if name.startswith(("tests/", ".ci", "benchmarks/"))]
     with tarfile.open(sdist) as archive:

@@ -50,6 +50,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
     sections: dict[str, Any] = {
         "answer": answer,
         "foreign": True,
+        "clean": False,
         "log_name": ", ".join(log.source.name for log in found.logs),
         "told": [
             ("Finding", " ".join(f"{line.rstrip('.')}." for line in wrong(answer)) or "Nothing is wrong.")

@@ -91,7 +91,7 @@ def column_facts(column: Column) -> dict[str, Any]:
     )
     facts: dict[str, Any] = {
         "index": column.index,
-        "name": column.label.text,
+        "name": column.label.alias or column.label.text,
         "unit": column.unit or "",
         "low": low,
         "high": high,

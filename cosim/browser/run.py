@@ -7,35 +7,41 @@ import sys
 import tempfile
 import threading
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from cosim.browser.language import words
 from cosim.browser.server import serving
-from cosim.browser.session import SYSTEMS, TABLE, Session
+from cosim.browser.session import HELD_OUT, LOG, MORE, SYSTEMS, TABLE, TRACKER, Session
 from cosim.console import warn
-from cosim.report.language import reported_in
+from cosim.report.language import ENGLISH
 
 
 def run(
-    log: Path | None,
+    logs: Sequence[Path],
     model: str | None,
     port: int,
     out: Path,
     show: Callable[[str], None],
     browser: bool,
-    language: str = "en",
+    language: str | None = None,
+    *,
+    held_out: Sequence[Path] = (),
+    external: Path | None = None,
 ) -> list[dict[str, Any]]:
     """Serve the page until it is closed or Ctrl-C; what was dropped goes with it, results stay.
 
     Args:
-        log: a log to begin with.
+        logs: to begin with, of one machine.
         model: one of our models by name, or an .ssp, .fmu or .toml.
         port: to listen on; 0 takes a free one.
         out: folder of results, one in it for each diagnosis.
         show: told the page's address.
         browser: open the page in the user's browser.
-        language: of the reports.
+        language: of page and reports; by default the browser's.
+        held_out: logs on which the gain is judged.
+        external: the tracker's record.
 
     Returns:
         Folder and verdict of each diagnosis.
@@ -47,15 +53,19 @@ def run(
     with (
         tempfile.TemporaryDirectory(prefix="cosim-open-", ignore_cleanup_errors=True) as folder,
         ended_by_sigterm(),
-        reported_in(language),
     ):
+        words(language or ENGLISH)
         session = Session(Path(folder), out, language)
         if model is not None and model.lower().endswith((*SYSTEMS, TABLE)):
             session.take_own(Path(model))
         elif model is not None:
             session.choose(model)
-        if log is not None:
-            session.take_own(log)
+        for k, log in enumerate(logs):
+            session.take_own(log, MORE if k else LOG)
+        for log in held_out:
+            session.take_own(log, HELD_OUT)
+        if external is not None:
+            session.take_own(external, TRACKER)
         with serving(port, session) as gate:
             show(gate.url)
             try:

@@ -62,8 +62,18 @@ class Desk(Protocol):
     def report(self) -> bytes | None:
         """The report of the last diagnosis."""
 
-    def take(self, file: Path, suffix: str, name: str) -> None:
-        """A file was dropped; it is the desk's from now on."""
+    def said(self, text: str) -> str:
+        """A text in the language of the page."""
+
+    def take(self, file: Path, suffix: str, name: str, role: str) -> None:
+        """A file was dropped; it is the desk's from now on.
+
+        Args:
+            file: where it lies.
+            suffix: its kind.
+            name: what people call it.
+            role: what a log is for, as the page says; not to be trusted.
+        """
 
     def ask(self, what: str, given: dict[str, Any]) -> None:
         """A button was pressed.
@@ -173,19 +183,22 @@ class Handler(BaseHTTPRequestHandler):
                 HTTPStatus.SEE_OTHER, b"", "text/plain", PAGE_POLICY, {"Location": self.server.gate.url}
             )
         except RefusedError as error:
-            self._send(error.status, {"error": str(error)})
+            self._fail(error.status, str(error))
         except CosimError as error:
-            place = {"row": row} if (row := getattr(error, "row", "")) else {}
-            self._send(HTTPStatus.UNPROCESSABLE_ENTITY, {"error": str(error), **place})
+            self._fail(HTTPStatus.UNPROCESSABLE_ENTITY, str(error), getattr(error, "row", ""))
         except OSError as error:
             if isinstance(error, (ConnectionError, TimeoutError)):
                 self.close_connection = True
                 return
-            text = f"the system refused a file: {error.strerror or error}"
-            self._send(HTTPStatus.INSUFFICIENT_STORAGE, {"error": text})
+            self._fail(
+                HTTPStatus.INSUFFICIENT_STORAGE, f"the system refused a file: {error.strerror or error}"
+            )
         except Exception as error:
             text = f"internal error, please report: {type(error).__name__}: {error}"
-            self._send(HTTPStatus.INTERNAL_SERVER_ERROR, {"error": text})
+            self._fail(HTTPStatus.INTERNAL_SERVER_ERROR, text)
+
+    def _fail(self, status: HTTPStatus, text: str, row: str = "") -> None:
+        self._send(status, {"error": self.server.desk.said(text), **({"row": row} if row else {})})
 
     def _get(self, asked: str) -> None:
         if asked in STATIC:
@@ -244,7 +257,7 @@ class Handler(BaseHTTPRequestHandler):
         except BaseException:
             path.unlink(missing_ok=True)
             raise
-        desk.take(path, suffix, name)
+        desk.take(path, suffix, name, self.headers.get("X-Role", "log"))
 
     def _length(self, kind: str, most: int, what: str) -> int:
         """Bytes that follow, checked before one of them is read."""

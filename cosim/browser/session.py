@@ -20,20 +20,25 @@ from cosim import api
 from cosim.anysystem.command import any_system
 from cosim.api.results import DiagnosisResult
 from cosim.browser.form import Form, connector_form, crane_form, file_form, log_facts
+from cosim.browser.language import page_words, said, words
 from cosim.browser.mapping import Content, FormError, mapping_of, remember, toml_text
 from cosim.console import heard_by
 from cosim.diagnosis.budget import parse_budget
 from cosim.diagnosis.model.groups import MODELS
-from cosim.errors import CosimError, DataError, UsageError
+from cosim.errors import CosimError, DataError, HeadlessError, UsageError
 from cosim.files import write_text
-from cosim.logs.load import SUFFIXES
+from cosim.logs import load_tracker
+from cosim.logs.load import SUFFIXES, open_source
 from cosim.logs.mapping import load_mapping
 from cosim.logs.overview import Overview, overview
+from cosim.logs.source import digest
 from cosim.machines.table import machine_table
 from cosim.paths import calling, examples_folder
 from cosim.report.folder import ANSWER, read_answer
+from cosim.report.language import ENGLISH, LANGUAGES
 
 if TYPE_CHECKING:
+    from cosim.logs import Log
     from cosim.logs.mapping import Mapping
 
 SYSTEMS, TABLE = (".ssp", ".fmu"), ".toml"
@@ -45,6 +50,8 @@ LARGEST = {
 WAIT = 0.2  # s between two looks at whether the page was closed
 OWN = "own"  # choice of the model that was dropped, or that a dropped mapping names
 KEPT = "mapping.toml"
+LOG, MORE, HELD_OUT, TRACKER = ROLES = ("log", "more", "held_out", "external")
+ALIKE = 0.5  # of its columns that a log has in common with another of the same machine
 WORDS = {
     "full_order": "crane: valve, oil, mechanics",
     "simplified": "crane: gain and lag",
@@ -71,6 +78,24 @@ class Dropped:
         """Delete the copy."""
         if self.ours:
             self.path.unlink(missing_ok=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Beside:
+    """A file that goes with the log.
+
+    Attributes:
+        file: itself.
+        role: ``more`` is diagnosed together with the log, ``held_out`` judges the gain, ``external`` is the tracker's.
+        samples, duration: its length; s, None where it has no clock.
+        digest: SHA-256.
+    """
+
+    file: Dropped
+    role: str
+    samples: int
+    duration: float | None
+    digest: str
 
 
 @dataclasses.dataclass
@@ -112,7 +137,9 @@ class Work:
 class Request:
     """A diagnosis that is asked for: the arguments of `cosim.diagnose`, and its mapping."""
 
-    log: Dropped
+    logs: list[Dropped]
+    held_out: list[Dropped]
+    external: Dropped | None
     model: Dropped | None
     mapping: str
     calibrate: bool
@@ -125,18 +152,20 @@ class Session:
     Args:
         folder: temporary, for what is dropped.
         out: folder of results, one in it for each diagnosis.
-        language: of the reports.
+        language: of page and reports; by default the browser's, once it has said so.
 
     Attributes:
+        language: in use, None while nobody has said which.
         done: diagnoses of this session: folder and verdict.
         interrupted: Ctrl-C has ended a diagnosis.
     """
 
-    def __init__(self, folder: Path, out: Path, language: str = "en") -> None:
-        self.folder, self.out, self._language = folder, out, language
+    def __init__(self, folder: Path, out: Path, language: str | None = None) -> None:
+        self.folder, self.out, self.language = folder, out, language
         self.done: list[dict[str, str]] = []
         self.interrupted = False
         self._log: Dropped | None = None
+        self._beside: list[Beside] = []
         self._model: Dropped | None = None  # a package or FMU
         self._table: Dropped | None = None  # a mapping or machine
         self._plain: Mapping | None = None
@@ -145,6 +174,8 @@ class Session:
         self._seen: Overview | None = None
         self._facts: dict[str, Any] = {}
         self._form: Form | None = None
+        self._chosen = False  # somebody has diagnosed with the form as it is
+        self._ports = False  # the signals are the connectors of any system
         self._revision = 0
         self._work = Work()
         self._asked: queue.Queue[Request] = queue.Queue()
@@ -174,27 +205,62 @@ class Session:
             )
             heavy: dict[str, Any] = {}
             if known != str(self._revision):  # asked for several times a second while a diagnosis runs
-                heavy["log"] = None if self._log is None else {"name": self._log.name, **self._facts}
-                heavy["form"] = None if self._form is None else dataclasses.asdict(self._form)
+                heavy["log"] = None if self._log is None else {"name": self._log.name, **self._facts_said()}
+                heavy["form"] = None if self._form is None else self._form_said(self._form)
+                heavy["beside"] = [
+                    {"name": b.file.name, "role": b.role, "samples": b.samples, "duration": b.duration}
+                    for b in self._beside
+                ]
+                heavy["words"] = page_words(self.language or ENGLISH)
             return {
                 **heavy,
                 "revision": self._revision,
+                "language": self.language,
+                "languages": LANGUAGES,
                 "models": self._models(),
                 "model": self._choice,
-                "work": {**dataclasses.asdict(work), "seconds": seconds, "began": None, "ended": None},
+                "work": {**self._work_said(work), "seconds": seconds, "began": None, "ended": None},
                 "closed": self._closed.is_set(),
             }
 
-    def take(self, file: Path, suffix: str, name: str) -> None:
+    def said(self, text: str) -> str:
+        """See `cosim.browser.server.Desk`."""
+        return said(text, self.language or ENGLISH)
+
+    def _facts_said(self) -> dict[str, Any]:
+        """The facts of the log, its warnings in the language of the page."""
+        return self._facts | {"warnings": [self.said(text) for text in self._facts["warnings"]]}
+
+    def _form_said(self, form: Form) -> dict[str, Any]:
+        """The form as plain data, its words in the language of the page."""
+        found = dataclasses.asdict(form)
+        found["time"]["check"] = self.said(form.time.check)
+        for row in found["rows"]:
+            row |= {key: self.said(row[key]) for key in ("text", "why", "check")}
+        return found
+
+    def _work_said(self, work: Work) -> dict[str, Any]:
+        """The diagnosis as plain data; each line of the answer as its question and what answers it."""
+        found = dataclasses.asdict(work)
+        parts = [line.partition(": ") for line in work.lines]
+        found["lines"] = [[self.said(head), self.said(text)] for head, _, text in parts]
+        found["warnings"] = [self.said(text) for text in work.warnings]
+        return found | {"text": self.said(work.text), "error": self.said(work.error)}
+
+    def take(self, file: Path, suffix: str, name: str, role: str = LOG) -> None:
         """See `cosim.browser.server.Desk`.
 
         Raises:
             CosimError: it is not what its name says, or a diagnosis runs.
         """
-        self._take(Dropped(file, name), suffix)
+        self._take(Dropped(file, name), suffix, role)
 
-    def take_own(self, file: Path) -> None:
+    def take_own(self, file: Path, role: str = LOG) -> None:
         """A file named on the command line: it is read where it lies.
+
+        Args:
+            file: a log, model or mapping.
+            role: of a log, one of `ROLES`.
 
         Raises:
             CosimError: it is not what its name says, or of no known kind.
@@ -204,7 +270,7 @@ class Session:
             raise DataError(f"{file}: {'this is a folder' if file.is_dir() else 'there is no such file'}")
         if suffix is None:
             raise UsageError(f"{file} is neither log nor model nor mapping: known are {', '.join(LARGEST)}")
-        self._take(Dropped(file, file.name, ours=False), suffix)
+        self._take(Dropped(file, file.name, ours=False), suffix, role)
 
     def choose(self, model: str) -> None:
         """Choose one of our models, or ``own``.
@@ -217,17 +283,42 @@ class Session:
         self._choice = model
         self._ask_anew()
 
+    def speak(self, language: str) -> None:
+        """Choose the language of page and reports.
+
+        Raises:
+            UsageError: there is no such language.
+        """
+        words(language)
+        with self._lock:
+            self.language, self._revision = language, self._revision + 1
+
+    def remove(self, place: Any) -> None:
+        """Take a file that goes with the log away.
+
+        Raises:
+            UsageError: there is none at this place.
+        """
+        if not isinstance(place, int) or not 0 <= place < len(self._beside):
+            raise UsageError("there is no such file")
+        with self._lock:
+            gone = self._beside.pop(place)
+            self._revision, self._work = self._revision + 1, Work()
+        gone.file.forget()
+
     def ask(self, what: str, given: dict[str, Any]) -> None:
         """See `cosim.browser.server.Desk`."""
         buttons: dict[str, Callable[[], None]] = {
             "model": lambda: self.choose(str(given.get("model"))),
             "diagnose": lambda: self._diagnose(given),
             "example": lambda: self._take_log(Dropped(examples_folder() / EXAMPLE, EXAMPLE, ours=False)),
+            "remove": lambda: self.remove(given.get("place")),
+            "language": lambda: self.speak(str(given.get("language"))),
             "stop": self.stop,
             "close": self.close,
         }
         press = buttons[what]
-        if what in ("stop", "close"):
+        if what in ("language", "stop", "close"):
             press()
             return
         with self._at_rest(), heard_by(None):
@@ -255,15 +346,19 @@ class Session:
                 raise UsageError("a diagnosis runs: stop it first")
             yield
 
-    def _take(self, dropped: Dropped, suffix: str) -> None:
+    def _take(self, dropped: Dropped, suffix: str, role: str = LOG) -> None:
         try:
             with self._at_rest(), heard_by(None):
                 if suffix in SYSTEMS:
                     self._take_model(dropped)
                 elif suffix == TABLE:
                     self._take_table(dropped)
-                else:
+                elif role == TRACKER or is_tracker(dropped.path):
+                    self._take_tracker(dropped)
+                elif role == LOG or self._log is None:
                     self._take_log(dropped)
+                else:
+                    self._take_more(dropped, role)
         except CosimError as error:
             dropped.forget()
             raise type(error)(self._said(str(error), dropped)) from None
@@ -275,13 +370,45 @@ class Session:
         found = overview(dropped.path, self._plain)
         if not any(column.finite.size for column in found.columns):
             raise DataError(f"{dropped.name} holds no column of numbers: is it a log?")
-        form = self._form_for(found)
+        # the next log of the same logger: what was chosen for the last one holds
+        again = self._chosen and self._seen is not None and headings(found) == headings(self._seen)
+        form = self._form if again and self._form is not None else self._form_for(found)
         facts = log_facts(found)
-        before, self._log = self._log, dropped
-        if before is not None:
-            before.forget()
+        old = [] if self._log is None else [self._log, *(b.file for b in self._beside)]
+        for file in old:
+            file.forget()
         with self._lock:
-            self._seen, self._facts, self._form = found, facts, form
+            self._log, self._beside = dropped, [] if old else self._beside
+            self._seen, self._facts, self._form, self._chosen = found, facts, form, again
+            self._revision, self._work = self._revision + 1, Work()
+
+    def _take_more(self, dropped: Dropped, role: str) -> None:
+        """Another log of the machine."""
+        if role not in ROLES or self._seen is None or self._log is None:
+            raise UsageError("there is no log: drop one first")
+        found = overview(dropped.path, self._plain)
+        names = {label for label, _ in headings(self._seen)}
+        if len(names & {label for label, _ in headings(found)}) < ALIKE * len(names):
+            raise DataError(
+                f"{dropped.name} has other columns than {self._log.name}: logs that go together must be written the same way"
+            )
+        clock = found.clock
+        self._add(dropped, role, found.samples, None if clock is None else clock.duration)
+
+    def _take_tracker(self, dropped: Dropped) -> None:
+        record = load_tracker(dropped.path)
+        before = [b for b in self._beside if b.role == TRACKER]
+        self._add(dropped, TRACKER, len(record), record.duration)
+        for old in before:
+            self.remove(self._beside.index(old))
+
+    def _add(self, dropped: Dropped, role: str, samples: int, duration: float | None) -> None:
+        own = digest(dropped.path)
+        for other, theirs in [*((b.file, b.digest) for b in self._beside), (self._log, None)]:
+            if other is not None and own == (theirs or digest(other.path)):
+                raise DataError(f"{dropped.name} is the same record as {other.name}")
+        with self._lock:
+            self._beside.append(Beside(dropped, role, samples, duration, own))
             self._revision, self._work = self._revision + 1, Work()
 
     def _take_model(self, dropped: Dropped) -> None:
@@ -319,9 +446,9 @@ class Session:
         self._ask_anew()
 
     def _models(self) -> list[dict[str, str]]:
-        found = [{"value": name, "label": f"{WORDS[name]} ({name})"} for name in MODELS]
+        found = [{"value": name, "label": f"{self.said(WORDS[name])} ({name})"} for name in MODELS]
         files = [dropped.name for dropped in (self._model, self._table) if dropped is not None]
-        return [*found, {"value": OWN, "label": " with ".join(files)}] if files else found
+        return [*found, {"value": OWN, "label": " + ".join(files)}] if files else found
 
     # -- form and mapping
 
@@ -329,10 +456,11 @@ class Session:
         """Make the form again for another model."""
         form = None if self._seen is None else self._form_for(self._seen)
         with self._lock:
-            self._form, self._revision = form, self._revision + 1
+            self._form, self._revision, self._chosen = form, self._revision + 1, False
             self._work = Work()
 
     def _form_for(self, found: Overview) -> Form:
+        self._ports = False
         if self._choice != OWN:
             return crane_form(found)
         if self._plain is not None:
@@ -340,6 +468,7 @@ class Session:
             return file_form(found, self._plain, () if machine is None else (machine.input, machine.output))
         if self._model is None or any_system(str(self._model.path), None, found.path) is None:
             return crane_form(found)
+        self._ports = True
         with api.read_system(self._model.path) as system:
             return connector_form(found, system)
 
@@ -351,9 +480,16 @@ class Session:
         """
         if self._log is None or self._seen is None or self._form is None:
             raise FormError("there is no log: drop one first")
+        external = next((b.file for b in self._beside if b.role == TRACKER), None)
+        if external is not None and self._ports:
+            raise FormError(
+                "the tracker goes with the crane alone: remove it, or give its angle as a column of the log"
+            )
         own = self._choice == OWN
         model = self._model if own else None
         base: Content = dict(self._content) if own else {}
+        if not self._seen.header and "file" not in base:
+            base["file"] = {"header": False}
         if not own:
             base["model"] = self._choice
         elif (
@@ -363,6 +499,10 @@ class Session:
             and "model" not in base
         ):
             raise FormError(f"the mapping names the model '{self._plain.model}': drop that file too")
+        if external is not None and any(b.role == MORE for b in self._beside):
+            raise FormError(
+                "the tracker goes with one log: remove it or the other logs, or take these to judge on"
+            )
         content = mapping_of(given, self._form, self._seen, base)
         text = toml_text(
             content, f"which column of {self._log.name} is which signal, as chosen in 'cosim open'"
@@ -384,7 +524,16 @@ class Session:
             except UsageError as error:
                 raise FormError(str(error).removeprefix(f"--budget {budget}: "), "budget") from None
         remember(self._form, content, self._seen)
-        request = Request(self._log, model, text, given.get("calibrate") is True, budget or None)
+        self._chosen = True
+        request = Request(
+            [self._log, *(b.file for b in self._beside if b.role == MORE)],
+            [b.file for b in self._beside if b.role == HELD_OUT],
+            external,
+            model,
+            text,
+            given.get("calibrate") is True,
+            budget or None,
+        )
         with self._lock:
             self._work = Work("running", "reading the log", began=time.monotonic())
         self._asked.put(request)
@@ -424,7 +573,7 @@ class Session:
                 self.interrupted = True
                 raise
         except CosimError as error:
-            self._fail(work, self._said(str(error), asked.log))
+            self._fail(work, self._said(str(error), asked.logs[0]))
         except Exception as error:
             self._fail(work, f"internal error, please report: {type(error).__name__}: {error}")
         else:
@@ -440,18 +589,27 @@ class Session:
                 if work.state == "running":
                     work.text, work.share = text, max(work.share, share)
 
+        def read(file: Dropped) -> "Log":
+            return dataclasses.replace(api.read_log(file.path, mapping), source=Path(file.name))
+
         with heard_by(hear):
-            log = dataclasses.replace(api.read_log(asked.log.path, mapping), source=Path(asked.log.name))
+            logs, held_out = [read(file) for file in asked.logs], [read(file) for file in asked.held_out]
+            tracker = None
+            if asked.external is not None:
+                found, name = load_tracker(asked.external.path), asked.external.name
+                tracker = dataclasses.replace(found, source=Path(name))
         model = asked.model
         with calling({} if model is None else {model.path: model.name}):
             return api.diagnose(
-                log,
+                logs,
                 None if model is None else model.path,
                 mapping=mapping,
+                external=tracker,
+                held_out=held_out,
                 calibrate=asked.calibrate,
                 budget=asked.budget,
                 out=folder,
-                language=self._language,
+                language=self.language or ENGLISH,
                 progress=hear,
             )
 
@@ -481,13 +639,20 @@ class Session:
         # what the page shows beside them anyway: the folder, and in the report how sure and how much better
         shown = ("Report: ", "Results: ", *(("How sure", "Better: ") if found.report is not None else ()))
         lines, verdict = [line for line in found.lines() if not line.startswith(shown)], found.verdict
-        known = set(self._facts.get("warnings", ()))
+        # what stands under the log anyway, there or with the log's name before it
+        known = {said for w in self._facts.get("warnings", ()) for said in (w, *self._with_names(w))}
         warnings = [w.removesuffix("; once more Ctrl-C leaves without") for w in found.warnings]
         with self._lock:
             work.lines, work.verdict, work.report = lines, verdict, found.report is not None
-            work.warnings, work.share = [w for w in warnings if w not in known], 1.0
+            work.warnings, work.share = [w for w in dict.fromkeys(warnings) if w not in known], 1.0
             work.state, work.ended = state, time.monotonic()
         self.done.append({"folder": work.folder, "verdict": verdict})
+
+    def _with_names(self, warning: str) -> Iterator[str]:
+        """A warning as it reads where several logs are diagnosed."""
+        for file in (self._log, *(b.file for b in self._beside)):
+            if file is not None:
+                yield from (f"{file.name}: {warning}", f"{Path(file.name).stem}: {warning}")
 
     def _fail(self, work: Work, text: str, state: str = "failed") -> None:
         folder = Path(work.folder) if work.folder else None
@@ -500,10 +665,26 @@ class Session:
 
     def _said(self, text: str, dropped: Dropped) -> str:
         """A message with names in place of paths that nobody has chosen."""
-        for file in (dropped, self._log, self._model, self._table):
+        beside = (b.file for b in self._beside)
+        for file in (dropped, self._log, self._model, self._table, *beside):
             if file is not None and file.ours:
                 text = text.replace(str(file.path), file.name).replace(file.path.name, file.name)
         return text
+
+
+def headings(found: Overview) -> list[tuple[str, str | None]]:
+    """Heading and unit of each column."""
+    return [(column.label.text, column.unit) for column in found.columns]
+
+
+def is_tracker(file: Path) -> bool:
+    """Whether a file is a tracker's record: it has the tracker's column and none of the crane's command."""
+    try:
+        labels = open_source(file).labels
+    except HeadlessError:
+        return False
+    names = {name for label in labels for name in (label.name, label.alias)}
+    return "slew_external" in names and "u" not in names
 
 
 def interrupt() -> None:

@@ -8,10 +8,12 @@ import typer
 
 from cosim import console
 from cosim.errors import ColumnsError, DataError, ModelError
+from cosim.options import Verbose
 
 if TYPE_CHECKING:
     from cosim.logs import Log, Tracker
 
+OTHER = "log with other columns"
 MOST_ROWS = 2000  # of a table for a person; laying out more takes seconds
 
 
@@ -26,6 +28,7 @@ def info(
         Path | None, typer.Option(help="Mapping file (TOML), for a log whose columns have other names.")
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="A row of bars for each column of a log.")] = False,
+    verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Show what a file holds: signals, units, ranges, sampling and damage of a log; the main facts of a model.
@@ -47,7 +50,10 @@ def info(
         console.emit_json(facts)
         return
     output = console.stdout_console()
-    for key, value in facts.items():
+    first = headline(facts)
+    if first:
+        output.print(first, soft_wrap=True, markup=False)
+    for key, value in facts.items() if verbose or not first else ():
         if key not in ("why", "next") and not isinstance(value, (list, dict)):
             text = f"{value:.12g}" if isinstance(value, float) else value
             output.print(f"{key}: {text}", soft_wrap=True, markup=False)
@@ -65,8 +71,41 @@ def info(
             output.print(line, markup=False, soft_wrap=True)
 
 
+def headline(facts: dict[str, Any]) -> str:
+    """What a log is, in a line: how long, how fast, how whole, and what of it is known; empty for a model."""
+    samples = f"{facts['samples']} samples" if "samples" in facts else ""
+    if facts["kind"] in ("log", "tracker"):
+        what = f"{facts['origin']} {'log' if facts['kind'] == 'log' else 'record of the tracker'}"
+        unit = facts["time_unit"]
+        rate = f" at {1.0 / facts['step']:.5g} a {'second' if unit == 's' else unit}" if facts["step"] else ""
+        even = "" if facts["uniform"] else ", unevenly spaced"
+        holes = f", {facts['gaps']} gaps" if facts["gaps"] else ", no gap"
+        model = f", for the model {facts['model']}" if "model" in facts else ""
+        return (
+            f"{facts['file']}: {what}, {samples}, {facts['duration']:.5g} {unit}{rate}{even}{holes}, "
+            f"{len(facts['signals'])} signals{model}"
+        )
+    if facts["kind"] != OTHER:
+        return ""
+    time = facts.get("time", "")
+    if not time:
+        holes = f", {facts['gaps']} gaps" if facts["gaps"] else ", no gap"
+        back = f", time stands or goes back {facts['not_rising']} times" if facts["not_rising"] else ""
+        name, (unit, _, guessed) = facts["time_column"], facts["time_unit"].partition(" (")
+        called = f"column {name}" if name.isdigit() else f"'{name}'"
+        time = (
+            f"{facts['duration']} at {facts['rate'].replace(' samples', '')}{holes}{back}; time is {called}"
+            f"{', taken to count' if guessed else ' in'} {unit}"
+        )
+    likely = f"{len(facts['guesses'])} of {len(facts['columns'])} columns look like signals of the crane"
+    return f"{facts['file']}: {samples}, {time}; {likely}"
+
+
 def _guessed(guesses: dict[str, dict[str, Any]]) -> list[str]:
-    return [f"{name} is probably '{g['column']}' [{g['unit']}], by {g['why']}" for name, g in guesses.items()]
+    return [
+        f"{name} is probably {'column ' if g['column'].isdigit() else ''}'{g['column']}' [{g['unit']}]: {g['why']}"
+        for name, g in guesses.items()
+    ]
 
 
 def log_or_columns(path: Path, mapping: Path | None, plot: bool) -> dict[str, Any]:
@@ -86,8 +125,9 @@ def log_or_columns(path: Path, mapping: Path | None, plot: bool) -> dict[str, An
         facts = column_facts(path, str(error))
     if plot:
         columns = overview(path).columns
-        wide = max(len(c.label.text) for c in columns)
-        facts["plot"] = [f"{c.label.text:<{wide}}  {c.spark()}" for c in columns]
+        names = [c.label.alias or c.label.text for c in columns]
+        wide = max(map(len, names))
+        facts["plot"] = [f"{name:<{wide}}  {c.spark()}" for name, c in zip(names, columns, strict=True)]
     return facts
 
 
@@ -106,7 +146,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
 
     found = overview(path)
     clock = found.clock
-    facts: dict[str, Any] = {"file": path, "kind": "log with other columns", "samples": found.samples}
+    facts: dict[str, Any] = {"file": path, "kind": OTHER, "samples": found.samples}
     if clock is None:
         facts["time"] = "no column looks like a time"
     else:
@@ -123,7 +163,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
     return facts | {
         "columns": [
             {
-                "column": c.label.text,
+                "column": c.label.alias or c.label.text,
                 "unit": c.unit or "?",
                 "min": float(c.finite.min()) if c.finite.size else "",
                 "mean": float(c.finite.mean()) if c.finite.size else "",
@@ -134,12 +174,19 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             for c in found.columns
         ],
         "guesses": {
-            name: {"column": g.column.label.text, "unit": g.unit, "gain": g.gain, "why": g.why}
+            name: {
+                "column": g.column.label.alias or g.column.label.text,
+                "unit": g.unit,
+                "gain": g.gain,
+                "why": g.why,
+            }
             for name, g in made.items()
         },
         "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
         "why": why,
-        "next": f"Next: cosim init {path} writes these guesses into a mapping; correct it, then give it with --mapping",
+        "next": f"Next: cosim init {path} writes {'these guesses' if made else 'the columns'} into a mapping to "
+        f"correct, for --mapping; cosim open {path} does the same on a page"
+        + ("" if made else "; for a machine that is no crane see docs/machines.md"),
     }
 
 
@@ -172,6 +219,8 @@ def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:
         "step": record.step,
         "uniform": record.uniform,
         "gaps": len(record.gaps),
+        "next": f"Next: cosim diagnose {'LOG --external ' if tracker else ''}{path}"
+        + (f" --mapping {mapping}" if mapping and not tracker else ""),
     }
     if getattr(record, "model", None):
         facts["model"] = record.model  # type: ignore[union-attr]

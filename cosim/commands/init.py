@@ -1,5 +1,6 @@
 """``cosim init``: writes a first mapping for a log with other column names, for our crane or for anybody's model."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,9 +44,9 @@ def init(
     if target.exists() and not force:
         raise UsageError(f"{target} exists: name another file (--out), or write over it (--force)")
     if asked.lower().endswith(MODELS):
-        text, told, left = _of_connectors(Path(asked), log, target)
+        (text, told, left), needed = _of_connectors(Path(asked), log, target), ""
     else:
-        text, told, left = _of_signals(asked, log)
+        text, told, left, needed = _of_signals(asked, log)
     write_text(target, text)
     if as_json:
         console.emit_json({"mapping": str(target), "matched": told, "open": left})
@@ -56,9 +57,16 @@ def init(
 
     for line in told:
         say(line)
-    for line in left:
-        say(f"open: {line}")
-    say(f"written to {target}: check each line, above all those marked CHECK")
+    if left:
+        say(f"open: {'; '.join(left)}")
+    check = "complete it" if needed else "check each line, above all those marked CHECK"
+    say(f"written to {target}: {check}")
+    if needed:
+        say(
+            f"Missing: {needed}. A machine that is no crane: docs/machines.md; any FMU: --model, docs/any_system.md"
+        )
+        say(f"Next: complete {target} in an editor, or choose the columns on a page: cosim open {log}")
+        return
     say(f"Next: cosim info {log} --mapping {target}, then cosim diagnose {log} --mapping {target}")
 
 
@@ -86,16 +94,33 @@ def _of_connectors(model: Path, log: Path, target: Path) -> tuple[str, list[str]
         return mapping_text(system, model, log, target.parent)
 
 
-def _of_signals(model: str, log: Path) -> tuple[str, list[str], list[str]]:
-    """A mapping for the crane's signals; raises as `cosim.logs.overview.overview`."""
+def _lacking(made: Collection[str]) -> str:
+    """What of the crane's signals a diagnosis cannot do without and no column was found for; empty if nothing is.
+
+    Args:
+        made: the signals that have a column.
+    """
+    from cosim.signals import SIGNALS
+
+    lacks = [] if "u" in made else [f"a column for u ({SIGNALS['u'].text})"]
+    if not set(made) - {"u"}:
+        lacks.append("one for what was measured, such as slew, spool or the pressures")
+    return " and ".join(lacks)
+
+
+def _of_signals(model: str, log: Path) -> tuple[str, list[str], list[str], str]:
+    """A mapping for the crane's signals, and what it lacks; raises as `cosim.logs.overview.overview`."""
     from cosim.logs.guess import guesses, mapping_text
     from cosim.logs.overview import overview
 
     found = overview(log)
     made = guesses(found)
-    told = [f"{g.column.label.text} -> {name} [{g.unit}], by {g.why}" for name, g in made.items()]
+    told = [
+        f"{g.column.label.alias or g.column.label.text} -> {name} [{g.unit}]: {g.why}"
+        for name, g in made.items()
+    ]
     used: set[Any] = {g.column.index for g in made.values()} | {found.clock.column if found.clock else None}
-    left = [f"column '{c.label.text}'" for c in found.columns if c.index not in used]
+    left = [f"column '{c.label.alias or c.label.text}'" for c in found.columns if c.index not in used]
     if found.clock is None:
         left.insert(0, "no column looks like a time: the interval between samples is to be given")
-    return mapping_text(found, made, model), told, left
+    return mapping_text(found, made, model), told, left, _lacking(made)

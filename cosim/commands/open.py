@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from cosim import console
-from cosim.options import Language
 
 
 def register(app: typer.Typer) -> None:
@@ -16,7 +15,10 @@ def register(app: typer.Typer) -> None:
 
 def open_page(
     log: Annotated[
-        Path | None, typer.Argument(help="A log to begin with; by default it is dropped on the page.")
+        list[Path] | None,
+        typer.Argument(
+            help="A log to begin with, or several of one machine; else they are dropped on the page."
+        ),
     ] = None,
     model: Annotated[
         str | None,
@@ -26,7 +28,19 @@ def open_page(
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder of results, one in it for each diagnosis.")
     ] = Path("diagnoses"),
-    language: Language = "en",
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option(help="Another log of the same machine, once for each, on which the gain is judged."),
+    ] = None,
+    external: Annotated[
+        Path | None, typer.Option(help="Record of the external tracker, on its own clock.")
+    ] = None,
+    language: Annotated[
+        str | None,
+        typer.Option(
+            "--language", help="Of page and report: en, de [default: the browser's].", metavar="LANGUAGE"
+        ),
+    ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in your browser.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object when it ends.")] = False,
 ) -> None:
@@ -41,7 +55,9 @@ def open_page(
         screen.print(url, markup=False, soft_wrap=True)
         screen.print("Open this address; Ctrl-C, or the button on the page, ends it", markup=False)
 
-    found = run(log, model, port, out, show, browser, language)
+    found = run(
+        log or [], model, port, out, show, browser, language, held_out=held_out or [], external=external
+    )
     if as_json:
         console.emit_json({"diagnoses": found})
         return

@@ -9,27 +9,51 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.errors import UsageError
-from cosim.logs.overview import Column, Overview, plain
+from cosim.logs.overview import Array, Column, Overview, plain
 from cosim.signals import SIGNALS, conversion
 
 # parts of words, without accents; German, English, French, Spanish, Italian, Scandinavian, Finnish, Polish
 _PRESSURE = r"pressure|druck|pression|presion|pressione|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
 _RATE = r"rate|speed|velocity|geschw|drehzahl|vitesse|velocidad|velocit|hastig|nopeus|predkosc|omega|torque|moment|drehmo"
+_COMMAND = (
+    r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
+    r"|sterow|duty|\bpwm\b"
+)
 _ANGLE = r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b"
 NAMES: dict[str, str] = {
     "slew_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
     "slew_rate_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
-    "slew": rf"(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}))",
+    "slew": rf"(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}|{_COMMAND}))",
     "p_supply": rf"(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor|matning|syotto|zasil"
     r"|\bs\b|\bp\s?0\b))|\bps\b",
     "p_a": rf"(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
     "p_b": rf"(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
-    "u": r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
-    r"|sterow|duty|\bpwm\b|\bu\b|ventil|valve|valvula|soupape",
+    "u": rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape",
 }
 RAW = ("V", "mV", "A", "mA")  # of a command: needs a gain
+GENERIC = {
+    "var",
+    "data",
+    "ch",
+    "chan",
+    "channel",
+    "col",
+    "column",
+    "signal",
+    "sig",
+    "unnamed",
+    "value",
+    "out",
+    "port",
+    "ai",
+}
+OPPOSED, FOLLOWS, DRIVEN = 0.9, 0.8, 0.6  # correlations from which on columns are said to move together
+STRETCHES, LAGS = (
+    2000,
+    60,
+)  # a log is averaged in so many stretches; a spool or angle may lag by so many of them
 
 
 @dataclass(frozen=True)
@@ -58,16 +82,29 @@ def guesses(found: Overview) -> dict[str, Guess]:
     clock = found.clock.column if found.clock else None
     free = [c for c in found.columns if c.index != clock and c.finite.size and c.label.name != "synthetic"]
     made: dict[str, Guess] = {}
+    # of several axes: "Swing Cmd" goes with "Swing Ms"
+    angles = [c for c in free if _score(c, "slew") > 0.0]
+    axis = set(_words(angles[0])) if angles else set()
+
+    def fits(column: Column, signal: str) -> float:
+        score = _score(column, signal)
+        if score <= 0.0:
+            return 0.0
+        return score + 0.25 * (signal == "u" and bool(axis & set(_words(column)))) - 0.25 * column.constant
+
     ranked = sorted(
-        ((_score(c, signal), -c.index, signal, c) for c in free for signal in NAMES),
+        ((fits(c, signal), -c.index, signal, c) for c in free for signal in NAMES),
         key=lambda item: (-item[0], -item[1]),
     )
     taken: set[int] = set()
     for score, _, signal, column in ranked:
         if score > 0.0 and signal not in made and column.index not in taken:
-            made[signal] = _guess(signal, column, f"its name ('{column.label.name}')")
+            made[signal] = _guess(signal, column, f"its name ('{column.label.alias or column.label.name}')")
             taken.add(column.index)
     for signal, column, why in _by_shape([c for c in free if c.index not in taken], made):
+        made[signal] = _guess(signal, column, why)
+        taken.add(column.index)
+    for signal, column, why in by_motion([c for c in free if c.index not in taken], made):
         made[signal] = _guess(signal, column, why)
     return {signal: made[signal] for signal in SIGNALS if signal in made}
 
@@ -83,6 +120,10 @@ def _score(column: Column, signal: str) -> float:
         return 0.0
     exact = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # weak: any valve signal
     return 1.0 + (column.unit is not None) - 0.5 * exact
+
+
+def _words(column: Column) -> list[str]:
+    return plain(column.label.alias or column.label.name).split()
 
 
 def _fits(column: Column, signal: str) -> bool:
@@ -109,17 +150,116 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
     for signal, unit, what in (("slew", "rad", "an angle"), ("spool", "m", "a length")):
         alone = [c for c in moving if c.unit is not None and _convertible(c.unit, unit)]
         if signal not in made and len(alone) == 1:
-            told.append((signal, alone[0], f"the only column that is {what} and is not named otherwise"))
+            told.append(
+                (signal, alone[0], f"it is the only column that is {what} and is not named otherwise")
+            )
     commands = [c for c in moving if c.held and (c.unit in (None, "1", "%", *RAW))]
     if "u" not in made and len(commands) == 1:
-        told.append(("u", commands[0], "the only column that moves in steps, as a command does"))
+        told.append(("u", commands[0], "it is the only column that moves in steps, as a command does"))
     pressures = [c for c in free if c.unit is not None and _convertible(c.unit, "Pa")]
     if len(pressures) == 3 and not {"p_supply", "p_a", "p_b"} & set(made):
         supply = max(pressures, key=lambda c: float(np.mean(c.finite)))
         one, two = (c for c in pressures if c is not supply)
-        told.append(("p_supply", supply, "the highest of three pressures"))
-        told += [(name, c, "the order of the columns") for name, c in (("p_a", one), ("p_b", two))]
+        told.append(("p_supply", supply, "it is the highest of three pressures"))
+        told += [(name, c, "by the order of the columns") for name, c in (("p_a", one), ("p_b", two))]
     return told
+
+
+def by_motion(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Column, str]]:
+    """What columns without names and units do together: port pressures add up to the supply's, a spool follows the command.
+
+    Args:
+        free: columns that are nothing yet.
+        made: the guesses so far.
+    """
+    alone = [c for c in free if c.unit is None and not c.constant and not c.missing and _nameless(c)]
+    command = made["u"].column if "u" in made else None
+    told: list[tuple[str, Column, str]] = []
+    if not {"p_supply", "p_a", "p_b"} & set(made):
+        told += _pressures(alone, command)
+    left = [c for c in alone if c not in [column for _, column, _ in told]]
+    if command is None or command.missing:
+        return told
+    for signal, rate, least, why in (
+        ("spool", False, FOLLOWS, f"it follows {_called(command)}, as a spool does its command"),
+        (
+            "slew",
+            True,
+            DRIVEN,
+            f"its rate of change follows {_called(command)}, as that of a slew angle does",
+        ),
+    ):
+        likely = [
+            (following(command, c, rate), -c.index, c) for c in left if c.values.size == command.values.size
+        ]
+        likely = [item for item in likely if item[0] > least]
+        if signal not in made and likely:
+            column = max(likely)[2]
+            told.append((signal, column, why))
+            left.remove(column)
+    return told
+
+
+def _pressures(alone: list[Column], command: Column | None) -> list[tuple[str, Column, str]]:
+    """Two columns that move against each other and add up to a third, as pressures at the ports do to the supply's."""
+    for k, one in enumerate(alone):
+        for two in alone[k + 1 :]:
+            if one.values.size != two.values.size or min(one.values.min(), two.values.min()) < 0.0:
+                continue
+            total = one.values + two.values
+            if _correlation(one.values, two.values) > -OPPOSED or total.std() > 0.3 * one.values.std():
+                continue
+            others = [c for c in alone if c not in (one, two)]
+            supply = [c for c in others if abs(c.values.mean() - total.mean()) < 0.05 * total.mean()]
+            if len(supply) != 1:
+                continue
+            a, b = one, two
+            if (
+                command is not None
+                and command.values.size == one.values.size
+                and _correlation(command.values, one.values - two.values) < 0.0
+            ):
+                a, b = two, one
+            name = _called(supply[0])
+            return [
+                (
+                    "p_supply",
+                    supply[0],
+                    f"{_called(a)} and {_called(b)} add up to it, as pressures at the ports do",
+                ),
+                ("p_a", a, f"it and {_called(b)} move against each other and add up to {name}"),
+                ("p_b", b, f"it and {_called(a)} move against each other and add up to {name}"),
+            ]
+    return []
+
+
+def following(command: Column, column: Column, rate: bool) -> float:
+    """Correlation of a column, or of its rate of change, with the command, at the lag at which it is largest."""
+    size = max(1, command.values.size // STRETCHES)
+    count = command.values.size // size
+    u, x = (c.values[: count * size].reshape(count, size).mean(axis=1) for c in (command, column))
+    if rate:
+        u, x = 0.5 * (u[1:] + u[:-1]), np.diff(x)
+    return max(
+        (_correlation(u[: u.size - lag], x[lag:]) for lag in range(min(LAGS, u.size // 4))), default=0.0
+    )
+
+
+def _nameless(column: Column) -> bool:
+    """Whether a heading says nothing, as ``Var3``, ``Data_2``, ``ch 1`` or ``5``."""
+    return not {word for word in _words(column) if not word.isdigit()} - GENERIC
+
+
+def _called(column: Column) -> str:
+    """A column as it is spoken of."""
+    name = column.label.alias or column.label.name
+    return f"column {name}" if name.isdigit() else f"'{name}'"
+
+
+def _correlation(a: Array, b: Array) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
+    return float(np.sum(a * b)) / size if size > 0.0 else 0.0
 
 
 def _guess(signal: str, column: Column, why: str) -> Guess:
@@ -157,6 +297,11 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str) -> str:
         f"# Then: cosim info {name} --mapping THIS_FILE    and: cosim diagnose {name} --mapping THIS_FILE",
         f"model = {_quoted(model)}",
         "",
+        *(
+            []
+            if found.header
+            else ["[file]", "header = false    # its first row holds numbers: columns go by their place", ""]
+        ),
         "[time]",
     ]
     clock = found.clock
@@ -178,8 +323,16 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str) -> str:
     rest = [c for c in found.columns if c.index not in used]
     missing = [n for n in NAMES if n not in made and not n.endswith("estimate")]
     if missing:
-        text = "; ".join(f"{n}: {SIGNALS[n].text}" for n in missing)
-        lines += ["", f"# not found among the columns: {text}"]
+        lines += [
+            "",
+            "# not found among the columns; for one that was measured, take the marks away and name its column",
+        ]
+        for name in missing:
+            lines += [
+                f"# [signals.{name}]    # {SIGNALS[name].text}",
+                '# column = "?"',
+                f"# unit = {_quoted(SIGNALS[name].unit)}",
+            ]
     if rest:
         lines += ["", "# other columns; to use one, give it the name of a signal, or a name of your own"]
     for column in rest:
@@ -196,7 +349,7 @@ def _entry(found: Overview, guess: Guess) -> list[str]:
     mark = "    # CHECK" if guess.check else ""
     lines = [
         f"[signals.{guess.signal}]    # {SIGNALS[guess.signal].text}",
-        f"# guessed by {guess.why}; {_range(column)}",
+        f"# guessed: {guess.why}; {_range(column)}",
         f"column = {_column_of(found, column)}",
         f"unit = {_quoted(guess.unit)}{mark}",
     ]

@@ -33,6 +33,10 @@ from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
 
 Column = Annotated[str, Field(min_length=1)] | PositiveInt
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+REMEDIES = {
+    "signals": ": a table such as [signals.u] with 'column' and 'unit' for each signal; 'cosim init LOG' writes what it can",
+    "time": ": a table [time] with 'column' and 'unit', or with 'step' and 'unit'",
+}
 _RESERVED = ("time", "p_load", SYNTHETIC_COLUMN)
 
 
@@ -251,6 +255,6 @@ def _explain(item: dict[str, object]) -> str:
         hint = closest(location[-1], known) or f"; known: {', '.join(known)}"
         return f"'{where}' is not a key of a mapping{hint}"
     if item["type"] == "missing":
-        return f"'{where}' is missing"
+        return f"'{where}' is missing{REMEDIES.get(where, '')}"
     message = str(item["msg"]).removeprefix("Value error, ")
     return f"'{where}': {message}" if where else message

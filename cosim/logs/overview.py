@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import DataError, UsageError
+from cosim.errors import DataError, HeadlessError, UsageError
 from cosim.logs.load import open_source
 from cosim.logs.mapping import Mapping
 from cosim.logs.source import Label, Source
+from cosim.logs.text import TextSource
 from cosim.signals import check_spelling, conversion
 from cosim.units import parse_unit
 
@@ -150,12 +151,14 @@ class Overview:
         columns: all of them, in their order.
         clock: how time is told, None where no column looks like a time.
         warnings: what the reader had to do to the file.
+        header: the columns have headings; without, they are called by their place from 1.
     """
 
     path: Path
     columns: tuple[Column, ...]
     clock: Clock | None
     warnings: tuple[str, ...]
+    header: bool = True
 
     @property
     def samples(self) -> int:
@@ -174,9 +177,13 @@ def overview(path: Path, mapping: Mapping | None = None) -> Overview:
         DataError: the file is missing, of an unknown type, or cannot be read at all.
         MissingExtraError: its type needs an optional dependency.
     """
-    source = open_source(path, mapping)
+    header = True
+    try:
+        source = open_source(path, mapping)
+    except HeadlessError:
+        source, header = TextSource(path, header=False), False
     columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
-    return Overview(path, columns, _clock(source, columns), tuple(source.warnings))
+    return Overview(path, columns, _clock(source, columns), tuple(source.warnings), header)
 
 
 def _values(source: Source) -> list[Array | str]:

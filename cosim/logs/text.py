@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
-from cosim.errors import DataError
+from cosim.errors import DataError, HeadlessError
 from cosim.logs import controldesk
 from cosim.logs.source import Array, Label, Source, parse_label
 from cosim.logs.window import Window, head_text, survey
@@ -90,8 +90,9 @@ class TextSource(Source):
                     " not both there: export it again"
                 )
         if header and cells and all(_is_number(cell, ".") or _is_number(cell, ",") for cell in cells):
-            raise DataError(
-                f"{path}: row 1 holds numbers, not names: a log starts with a header such as 'time [s],slew [deg]'"
+            raise HeadlessError(
+                f"{path}: row 1 holds numbers, not names: put a header such as 'time [s],slew [deg]' before it, or let "
+                f"'cosim init {path}' write a mapping in which columns go by their place"
             )
         labels = [
             parse_label(cell) if header else Label(str(k), str(k), None) for k, cell in enumerate(cells, 1)

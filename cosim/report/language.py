@@ -28,8 +28,10 @@ UNIT = r"[^\W\d_]{1,4}[²³]?"
 NUMBERS = re.compile(rf"{NUMBER}(?: to {NUMBER})?(?: ?[%°]| {UNIT}(?:[ /·]{UNIT}){{0,3}})?")
 
 
-# names of files, connectors, effects and parameters
-IDENTIFIER = re.compile(r"[A-Za-z_]\w*(?:[.\[]\w+\]?)+(?: \[[^\]]*\])?")
+# names of files (with their folders), connectors, effects and parameters
+IDENTIFIER = re.compile(
+    r"[A-Za-z_]\w*(?:[.\[]\w+\]?)+(?: \[[^\]]*\])?|(?:(?:[A-Za-z]:)?[/\\][^\n:]*|[^\s:]+[/\\]\S*)\.[A-Za-z]{2,8}"
+)
 
 
 @dataclass(frozen=True)

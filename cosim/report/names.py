@@ -8,6 +8,7 @@ SIGNAL_NAMES = {
     "p_a": "pressure at port A",
     "p_b": "pressure at port B",
     "u": "command",
+    "slew_external": "external tracker",
 }
 BLOCK_NAMES = {
     "dead_zone": "dead zone",

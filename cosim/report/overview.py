@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.answer.remarks import shown
+from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.residuals.cross_validation import held_windows
 from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise, Part
@@ -15,6 +16,7 @@ from cosim.report.words import CAPTIONS, axis, block_name, by_error, effect_name
 
 Array = NDArray[np.float64]
 
+SAME = 0.05  # of an error: below this a change is that of the noise in the held-out windows
 AROUND = 3.0  # s shown before and after an event, at least
 
 
@@ -26,6 +28,16 @@ def held_out(material: Material) -> list[tuple[float, float]]:
     span = window_span(material.h)
     count = len(material.time) // round(span / material.h)
     return [(k * span, (k + 1) * span) for k in np.flatnonzero(held_windows(count)).tolist()]
+
+
+def nothing_to_extend(answer: Answer) -> bool:
+    """Whether the extended model is the nominal one: nothing was named, and no parameter fitted that changes an error."""
+    return (
+        answer.verdict == "adequate"
+        and not answer.causes
+        and bool(answer.gain)
+        and all(abs(g.rmse_after - g.rmse_before) <= SAME * g.rmse_before for g in answer.gain.values())
+    )
 
 
 def signals(material: Material) -> list[Picture]:
@@ -59,7 +71,7 @@ def _signal(material: Material, signal: str) -> Picture:
         spans.append(Layer("band", "sensor noise, ±2 sd", "noise", ends, -band, band))
     for name, role, kind in (("nominal model", "nominal", NOMINAL), ("extended model", "extended", EXTENDED)):
         simulated = material.series[kind].get(signal)
-        if simulated is None:
+        if simulated is None or (kind == EXTENDED and nothing_to_extend(material.answer)):
             continue
         middle, mean = averaged(simulated * scale, size)
         top.append(Layer("line", name, role, material.at(middle), mean))  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ import hashlib
 import inspect
 import json
 import platform
+import re
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,12 +22,14 @@ from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
 from cosim.report.plain import advice, chain, quiet_blocks, quiet_signals, three_sentences
 from cosim.report.words import (
+    NAMES,
     NOT_MET,
     block_name,
     by_error,
     doubts,
     effect_in_block,
     effect_name,
+    few,
     fit_text,
     kind_of_motion,
     limits_met,
@@ -46,6 +49,7 @@ from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.thresholds import INDISTINGUISHABLE
 
 REPORT = "report.html"
+_CODE = re.compile(r"`([^`]+)`")
 PACKAGES = ("plotly", "jinja2", "pyarrow")
 
 
@@ -153,8 +157,11 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     environment.filters["effect"] = effect_in_block
     environment.filters["block"] = block_name
     environment.filters["prose"] = prose
+    environment.filters["few"] = few
     environment.filters["motion"] = kind_of_motion
     environment.filters["fit"] = fit_text
+    # said here, before the marks of code become elements
+    environment.filters["coded"] = lambda text: Markup(_CODE.sub(r"<code>\1</code>", str(escape(said(text)))))
     environment.filters["four"] = lambda value: number(value)
     # inside a script element only "<" can do harm
     return environment.get_template("page.html.j2").render(
@@ -196,6 +203,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
     return {
         "answer": answer,
         "foreign": False,
+        "clean": overview.nothing_to_extend(answer),
         "log_name": answer.made.get("log") or "a log",
         "told": three_sentences(material),
         "advice": advice(answer),
@@ -234,7 +242,7 @@ def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str
 
     effect = registry.effects().get(cause.effect)
     _, how = phrase(cause, material)
-    title = effect_in_block(cause.effect)
+    title = NAMES.get(cause.effect) or effect_in_block(cause.effect)
     met = limits_met(cause, material)
     rows = [
         (

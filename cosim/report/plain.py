@@ -58,11 +58,16 @@ def three_sentences(material: Material) -> list[tuple[str, str]]:
 
 def _sure(answer: Answer) -> str:
     """Whether another explanation is left, in a sentence."""
-    alike = {NAMES.get(o, o) for cause in answer.causes for o in cause.indistinguishable_from}
-    alike -= {NAMES.get(cause.effect, cause.effect) for cause in answer.causes}
-    if alike:
+    named = {cause.effect for cause in answer.causes}
+    told = []
+    for cause in answer.causes:
+        alike = sorted(NAMES.get(o, o) for o in cause.indistinguishable_from if o not in named)
+        if alike:
+            it = "it" if len(answer.causes) == 1 else NAMES.get(cause.effect, cause.effect)
+            told.append(f"This log cannot tell {it} from {listed(alike)}")
+    if told:
         end = "; the run proposed below would" if answer.next_experiment is not None else ""
-        return f"This log cannot tell it from {listed(sorted(alike))}{end}."
+        return " ".join(f"{text}." for text in [*told[:-1], f"{told[-1]}{end}"])
     if any(cause.rivals for cause in answer.causes):
         return "Every other explanation that was tried fits the log clearly worse."
     return "No other effect of the library comes near."
@@ -124,9 +129,12 @@ def _link(material: Material, part: Part) -> Link:
 
 
 def quiet_signals(answer: Answer) -> set[str]:
-    """Signals whose error is no more than their noise: they stay folded, unless all are."""
-    quiet = {name for name, s in answer.signals.items() if s.rmse <= NOISY * s.noise_floor}
-    return quiet if len(quiet) < len(answer.signals) else set()
+    """Signals whose error is no more than their noise: they stay folded, all but the motion where all are."""
+    quiet = [name for name, s in answer.signals.items() if s.rmse <= NOISY * s.noise_floor]
+    if len(quiet) == len(answer.signals):
+        shown = "slew" if "slew" in quiet else quiet[-1] if quiet else ""
+        quiet = [name for name in quiet if name != shown]
+    return set(quiet)
 
 
 def quiet_blocks(answer: Answer) -> set[tuple[str, str]]:

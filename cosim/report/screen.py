@@ -6,19 +6,25 @@ from pathlib import Path
 
 from cosim.console import stdout_console, table
 from cosim.diagnosis.answer.schema import Answer, NamedCause
+from cosim.lexicon import speaking
+from cosim.report.folder import lexicon_of
 from cosim.report.material import Material
 from cosim.report.words import (
     NAMES,
     NOISY,
     block_name,
+    few,
+    kind_of_motion,
     limits_met,
     listed,
     nominal_of,
     number,
+    phrase,
     signal_name,
     span_of,
     telling,
     unit_text,
+    with_signals,
     words_of,
 )
 
@@ -34,8 +40,8 @@ def known_as(effect: str) -> str:
 
 
 def in_words(text: str) -> str:
-    """A sentence in which every identifier of an effect has its name before it."""
-    return _WORD.sub(lambda found: known_as(found[0]), text)
+    """A sentence in which every identifier of an effect has its name before it, and signals go by their names."""
+    return with_signals(_WORD.sub(lambda found: known_as(found[0]), text))
 
 
 def show(result: Answer, out: Path, verbose: bool = False) -> None:
@@ -56,6 +62,11 @@ def show(result: Answer, out: Path, verbose: bool = False) -> None:
 
 def lines(result: Answer, out: Path) -> list[str]:
     """The answer, a line for each question: what is wrong, how sure, how much better, where the report is, what next."""
+    with speaking(lexicon_of(result)):
+        return _lines(result, out)
+
+
+def _lines(result: Answer, out: Path) -> list[str]:
     kind = "synthetic log" if result.synthetic else "measured log"
     head = f"verdict: {result.verdict.replace('_', ' ')} ({kind}, model {result.model})"
     told = [head, *wrong(result), *sure(result), *better(result), *not_judged(result)]
@@ -75,15 +86,15 @@ def wrong(result: Answer) -> Iterator[str]:
         yield f"Cause: {place(cause)}: {sizes(cause, result)}"
     for rest in result.unexplained:
         yield (
-            f"Unexplained: {block_name(rest.block)}: {rest.what}; no effect of the library explains it "
+            f"Unexplained: {block_name(rest.block)}: {with_signals(rest.what)}; no effect of the library explains it "
             f"({rest.residual_rms:.2g} {unit_text(rest.unit)})".replace(" )", ")")
         )
     for item in result.refused:
-        yield f"Refused: {in_words(item.effect)}: {item.why}"
+        yield f"Refused: {in_words(item.effect)}: {in_words(item.why)}"
     if result.at_rest:
         yield "Nothing was exercised: the command asks for no motion and none is measured, so no effect is named or excluded"
     elif result.verdict == "adequate":
-        judged = listed([block_name(where.block) for where in result.localisation] or ["model"])
+        judged = listed(list(dict.fromkeys(block_name(w.block) for w in result.localisation)) or ["model"])
         yield (
             f"Nothing is wrong: in {judged}, what the simulation leaves is no more than noise and the tolerance of the "
             "nominal parameters allow"
@@ -104,6 +115,10 @@ def place(cause: NamedCause) -> str:
 def sizes(cause: NamedCause, result: Answer) -> str:
     """The numbers of a cause with their intervals, and the nominal value where one differs from nothing."""
     material = Material(result, 0.0, {}, {})
+    if len(cause.parameters) > 1 and not cause.component:
+        noun, how = phrase(cause, material)
+        if noun == kind_of_motion(words_of(cause)[0]):  # words of its own, not a list of names
+            return f"{how}; intervals of 95 %"
     found = []
     for name in limits_met(cause, material):
         item = cause.parameters[name]
@@ -196,12 +211,12 @@ def next_step(result: Answer, out: Path) -> str:
         what = f"{shape}, {length:.3g} s" if isinstance(length, float) else f"{shape}"
         told = f"{proposed.file} ({what})" if proposed.file else what
         return f"drive the machine with {told}: it {in_words(proposed.why)}"
-    if result.extended is not None:
-        return f"cosim simulate {result.extended.ssp} runs the extended model"
     if result.verdict == "adequate":
         return "use the model as it is"
+    if result.extended is not None:
+        return f"cosim simulate {result.extended.ssp} runs the extended model"
     if result.helpful_signals:
-        return f"log more: {in_words(result.helpful_signals[0])}"
+        return f"log more: {in_words(few(result.helpful_signals[0], MOST))}"
     return (
         f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
     )

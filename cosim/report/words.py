@@ -1,6 +1,7 @@
 """What a person would say: numbers with units, names of effects, and the verdict in a sentence."""
 
 import math
+import re
 import tomllib
 from pathlib import Path
 from string import Formatter
@@ -102,10 +103,31 @@ def effect_in_block(effect: str) -> str:
 
 
 def prose(text: str) -> str:
-    """A sentence with the effects in it called as people call them."""
+    """A sentence with the effects and signals in it called as people call them."""
     for name in registry.effects():
         text = text.replace(name, effect_in_block(name))
-    return text
+    return with_signals(text)
+
+
+# a signal by its identifier, and not the word of everyday ("the spool's speed", "slew sensor") or a part of a longer name
+_SIGNAL = re.compile(
+    r"(?<![\w.])(?<!the )(slew_external|slew|spool|p_load|p_supply|p_a|p_b)(?![\w.'])"
+    r"(?! (?:sensor|angle|speed|position|drive))"
+)
+
+
+def with_signals(text: str) -> str:
+    """A sentence with its signals called as people call them."""
+    return _SIGNAL.sub(lambda found: signal_name(found[1]), text)
+
+
+def few(text: str, most: int = 5) -> str:
+    """A sentence that ends in a list, ``x would show: a, b, c``, with no more than the first of a long one."""
+    head, colon, rest = text.partition(": ")
+    items = rest.split(", ")
+    if len(items) <= most + 1:
+        return text
+    return f"{head}{colon}{', '.join(items[:most])} and {len(items) - most} more"
 
 
 def fit_text(percent: float) -> str:
@@ -120,8 +142,9 @@ def signal_name(signal: str) -> str:
 
 
 def block_name(block: str) -> str:
-    """A block as people call it."""
-    return current().blocks.get(block) or BLOCK_NAMES.get(block, block)
+    """A block as people call it; of several that are judged as one, all of them."""
+    names = block.split("+")
+    return current().blocks.get(block) or " + ".join(BLOCK_NAMES.get(name, name) for name in names)
 
 
 def quantity(of: str) -> tuple[str, str, float]:

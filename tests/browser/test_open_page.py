@@ -44,7 +44,8 @@ class Opened:
 
 
 @pytest.fixture
-def opened(browser, tmp_path) -> Iterator[Opened]:
+def opened(browser, tmp_path, request) -> Iterator[Opened]:
+    """A parameter is the browser's language."""
     temporary = tmp_path / "tmp"
     temporary.mkdir()
     environment = os.environ | {
@@ -58,7 +59,9 @@ def opened(browser, tmp_path) -> Iterator[Opened]:
     )  # fmt: skip
     url = process.stdout.readline().strip()
     assert url.startswith("http://127.0.0.1:"), process.communicate(timeout=30)
-    context = browser.new_context(viewport={"width": 1180, "height": 900})
+    context = browser.new_context(
+        viewport={"width": 1180, "height": 900}, locale=getattr(request, "param", "en-GB")
+    )
     found = Opened(process, context.new_page(), url, temporary, tmp_path / "out")
     found.page.on(
         "console", lambda m: found.errors.append(m.text) if m.type in ("error", "warning") else None
@@ -135,8 +138,48 @@ def test_mapped_by_hand_started_stopped_and_ended(opened, german, tmp_path):
     assert code == 0
     assert str(folder) in out
     assert {r.split("?")[0].removeprefix(opened.url) for r in opened.requests} <= {
-        "", "page.css", "page.js", "state", "file", "diagnose", "stop", "close", "report", "data:,",
+        "", "page.css", "page.js", "state", "file", "diagnose", "stop", "close", "report", "language", "data:,",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("opened", ["de-AT"], indirect=True)
+def test_a_german_browser_and_more_files_of_one_machine(opened, german, tmp_path):
+    page = opened.page
+    page.locator("h1", has_text="Was stimmt in der Simulation nicht?").wait_for()
+    assert page.get_attribute("html", "lang") == "de"
+    second, third = tmp_path / "second.csv", tmp_path / "third.csv"
+    lines = german.read_bytes().splitlines(keepends=True)
+    second.write_bytes(b"".join(lines[:4001]))
+    third.write_bytes(b"".join(lines[:1] + lines[4001:]))
+    tracker = tmp_path / "tracker.csv"
+    rows = (f"{0.0125 * k:.4f},{10 + 0.01 * k:.3f}" for k in range(600))
+    tracker.write_text("\n".join(["time [s],slew_external [deg]", *rows]) + "\n")
+    page.set_input_files("#files", [german, second, tracker])
+    page.locator("#beside-files li", has_text="tracker.csv").wait_for()
+    assert opened.text("#log-facts").startswith("8001 Werte, 8 s, 1000 je Sekunde.")
+    assert opened.text("#summary") == "5 von 8 Signalen haben eine Spalte."
+    choose(opened, "slew", "Lage")
+    page.locator("tr[data-signal=slew] [data-kind=gain]").fill("-1,5")
+    page.set_input_files("#add-held-out", third)
+    page.locator("#beside-files li", has_text="third.csv").wait_for()
+    assert [" ".join(text.split()) for text in page.locator("#beside-files li").all_inner_texts()] == [
+        "second.csv wird mit untersucht, 4000 Werte, 3,999 s Entfernen",
+        "tracker.csv Aufzeichnung des Trackers, 600 Werte, 7,487 s Entfernen",
+        "third.csv an ihr wird geprüft, was gewonnen ist, 4001 Werte, 4 s Entfernen",
+    ]
+    page.get_by_role("button", name="tracker.csv entfernen").click()
+    page.locator("#beside-files li", has_text="tracker.csv").wait_for(state="detached")
+    page.set_input_files("#add-more", tmp_path / "second.csv")
+    page.wait_for_selector("#file-error:not([hidden])")
+    assert opened.text("#file-error") == "second.csv ist dieselbe Aufzeichnung wie second.csv"
+    assert page.evaluate(NAMELESS) == []
+
+    page.select_option("#language", "en")
+    page.locator("h1", has_text="What does the simulation get wrong?").wait_for()
+    assert opened.text("#summary") == "6 of 8 signals have a column."
+    assert page.locator("tr[data-signal=slew] select").input_value() == "6", "what was chosen stays"
+    assert page.locator("tr[data-signal=slew] [data-kind=gain]").input_value() == "-1,5"
+    assert page.input_value("#language") == "en"
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import cosim
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden, read, simulate
+from cosim import rig
 from cosim.browser.form import find, named
 from cosim.browser.mapping import FormError, toml_text
 from cosim.browser.session import Session
@@ -83,7 +84,9 @@ def test_what_cosim_init_guesses_is_filled_in(session, german):
     assert all(0.0 <= x <= 1.0 and 0.0 <= y <= 1.0 for x, y in picture)
     json.dumps(state, allow_nan=False)
     again = session.state(str(state["revision"]))
-    assert again.keys() == state.keys() - {"log", "form"}, "a page that knows them is not sent them again"
+    assert again.keys() == state.keys() - {"log", "form", "beside", "words"}, (
+        "a page that knows them is not sent them again"
+    )
     assert session.state(str(state["revision"] - 1)).keys() == state.keys()
 
 
@@ -208,6 +211,108 @@ def test_a_log_that_replaces_another_takes_its_place(session, german, tmp_path):
     second = drop(session, examples_folder() / "synthetic_demo.csv", "c.csv")
     assert list(session.folder.iterdir()) == [second]
     assert column_of(session)["slew"] is not None
+
+
+def beside(session):
+    return [(b["name"], b["role"]) for b in session.state()["beside"]]
+
+
+def part(german, path, *rows):
+    """Some rows of the German log as a log of its own."""
+    lines = german.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([lines[0], *(line for first, last in rows for line in lines[first:last])]))
+    return path
+
+
+@pytest.fixture
+def tracker(tmp_path):
+    file = tmp_path / "tracker.csv"
+    rows = (f"{0.0125 * k:.4f},{10 + 0.01 * k:.3f}" for k in range(600))
+    file.write_text("\n".join(["time [s],slew_external [deg]", *rows]) + "\n")
+    return file
+
+
+def add(session, file, role):
+    copy = session.folder / f"{time.monotonic_ns():016x}{file.suffix}"
+    shutil.copy(file, copy)
+    session.take(copy, file.suffix, file.name, role)
+    return copy
+
+
+def test_more_files_of_one_machine(session, german, tracker, filled, tmp_path):
+    one, two = part(german, tmp_path / "one.csv", (1, 4000)), part(german, tmp_path / "two.csv", (4000, 8000))
+    add(session, tracker, "log")  # whatever the page calls it, and before the log
+    add(session, german, "log")
+    add(session, one, "more")
+    kept = add(session, two, "held_out")
+    assert beside(session) == [("tracker.csv", "external"), ("one.csv", "more"), ("two.csv", "held_out")]
+    other = tmp_path / "other.csv"
+    other.write_text("time [s],level [m]\n0,1\n1,2\n2,3\n")
+    for file, role, why in (
+        (other, "more", r"other\.csv has other columns than Messung März\.csv"),
+        (german, "held_out", r"Messung März\.csv is the same record as Messung März\.csv"),
+        (two, "../x", "there is no log"),
+    ):
+        with pytest.raises(CosimError, match=why):
+            add(session, file, role)
+    again = tmp_path / "again.csv"
+    again.write_text(tracker.read_text() + "7.5,16\n")
+    add(session, again, "external")
+    assert ("tracker.csv", "external") not in beside(session), "there is one tracker"
+    for place in (3, -1, "0", None):
+        with pytest.raises(UsageError, match="no such file"):
+            session.ask("remove", {"place": place})
+    with pytest.raises(FormError, match="the tracker goes with one log"):
+        session.ask("diagnose", filled(session.state(), slew=LAGE))
+    session.ask("remove", {"place": beside(session).index(("again.csv", "external"))})
+    session.ask("diagnose", filled(session.state(), slew=LAGE))
+    asked = session._asked.get_nowait()
+    assert [f.name for f in asked.logs] == [german.name, "one.csv"]
+    assert [f.name for f in asked.held_out] == ["two.csv"]
+    assert asked.external is None
+    session._work.state = "idle"
+    session.ask("remove", {"place": [name for name, _ in beside(session)].index("two.csv")})
+    assert not kept.exists()
+    drop(session, one)
+    assert beside(session) == [], "another log is another case"
+    assert len(list(session.folder.glob("*.csv"))) == 1
+
+
+def test_the_next_log_of_a_logger_keeps_what_was_chosen(session, german, filled, tmp_path):
+    drop(session, german)
+    session.ask("diagnose", filled(session.state(), slew=LAGE))
+    session._work.state = "done"
+    drop(session, part(german, tmp_path / "next.csv", (1, 4000)))
+    assert column_of(session)["slew"] == LAGE
+    drop(session, examples_folder() / "synthetic_demo.csv")
+    assert column_of(session)["slew"] not in (None, LAGE - 1), "guessed anew"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("roles", [("log", "more", "held_out"), ("log", "held_out")])
+def test_more_files_are_diagnosed_together(session, filled, tmp_path, roles):
+    hidden = ["mechanical.coulomb_friction:tau_c=300 N.m"]
+    for k, role in enumerate(roles, 2):
+        file = tmp_path / f"run{k}.csv"
+        run = rig.make_log("steps", 10.0, hidden, seed=k, tracker=role == "log" and "more" not in roles)
+        rig.write(run, file)
+        add(session, file, role)
+        if run.tracker is not None:
+            rig.write_tracker(run, tmp_path / "tracker.csv")
+            add(session, tmp_path / "tracker.csv", "log")
+    session.ask("diagnose", filled(session.state()))
+    work = finished(session)
+    assert (work["state"], work["error"], work["verdict"]) == ("done", "", "explained")
+    answer = json.loads((Path(work["folder"]) / "diagnosis.json").read_text())
+    made = answer["made"]
+    names = [f"run{k}" for k in range(2, 2 + len(roles))]
+    assert [made.get(key) for key in ("log", "log_2", "log_held_out")] == [
+        names[0],
+        names[1] if "more" in roles else None,
+        names[-1],
+    ]
+    assert ("tracker.clock" in answer["not_exercised"]) == ("more" in roles), "the tracker was heard"
+    assert str(session.folder) not in json.dumps(made)
 
 
 def test_a_file_of_the_command_line_is_read_where_it_lies(session, german):
@@ -355,9 +460,9 @@ def test_a_stranger_s_package_is_mapped_and_diagnosed(session, drive, filled):
     assert work["error"] == ""
     assert work["state"] == "done"
     assert work["verdict"] == "explained"
-    assert any("port.gain" in line and "valve.y" in line for line in work["lines"])
+    assert any("port.gain" in answer and "valve.y" in answer for _, answer in work["lines"])
     folder = Path(work["folder"])
-    assert "model drive.ssp)" in work["lines"][0], "by the name under which it was dropped"
+    assert "model drive.ssp)" in work["lines"][0][1], "by the name under which it was dropped"
     assert str(session.folder) not in (folder / "diagnosis.json").read_text()
     assert tomllib.loads((folder / "mapping.toml").read_text())["signals"]["plant.y"]["column"] == "Weg (1)"
     if work["report"]:

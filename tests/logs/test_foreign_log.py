@@ -56,10 +56,10 @@ def cosim(*words):
 def test_a_german_log_is_shown_guessed_and_read(german, rig):
     shown = cosim("info", german, "--plot")
     assert shown.returncode == 0, shown.stderr
-    assert "time_unit: ms\n" in shown.stdout
-    assert "rate: 1000 samples a second" in shown.stdout
+    first = "samples, 3 s at 1000 a second, no gap; time is 'Zeit (ms)' in ms; 6 of 8 columns look like signals of the crane"
+    assert first in shown.stdout.splitlines()[0]
     assert "Öltemperatur (°C)" in shown.stdout
-    assert "u is probably 'Ventilbefehl (%)' [%], by its name ('Ventilbefehl')" in shown.stdout
+    assert "u is probably 'Ventilbefehl (%)' [%]: its name ('Ventilbefehl')" in shown.stdout
     assert len(re.findall("[▁▂▃▄▅▆▇█]{60}", shown.stdout)) == 8
     assert shown.stdout.splitlines()[-1].startswith(f"Next: cosim init {german}")
     made = cosim("init", german)
@@ -218,3 +218,124 @@ def test_words_and_units():
 def test_init_needs_a_log(tmp_path):
     done = cosim("init", tmp_path / "a.ssp")
     assert (done.returncode, "name the log too" in done.stderr) == (2, True)
+
+
+NAMELESS = ("time", "u", "spool", "p_supply", "p_b", "p_a", "slew")
+UNITS = {
+    "u": 1.0,
+    "spool": 1e3,
+    "p_supply": 1e-5,
+    "p_a": 1e-5,
+    "p_b": 1e-5,
+    "slew": 180.0 / np.pi,
+    "time": 1.0,
+}
+
+
+@pytest.fixture(scope="module")
+def nameless():
+    """Twenty seconds of a drive whose pressures have traded places, in the units that people read."""
+    run = make_log("multisine", 20.0, [], seed=4)
+    columns = {"time": np.arange(run.u.size) * 1e-3, "u": run.u, **run.signals}
+    return np.column_stack([columns[name] * UNITS[name] for name in NAMELESS])
+
+
+def rows(table):
+    return "\n".join(",".join(f"{x:.9g}" for x in row) for row in table) + "\n"
+
+
+@pytest.mark.parametrize("head", ["Time,u,Var3,Var4,Var5,Var6,Var7\n", ""])
+def test_columns_without_names_are_told_by_how_they_move(write, nameless, head):
+    path = write(head + rows(nameless), "export.csv")
+    found = overview(path)
+    made = guesses(found)
+    assert found.header == bool(head)
+    if not head:  # a smooth command among nameless columns is nobody's to guess
+        assert "u" not in made
+        assert {n: g.column.index for n, g in made.items()} == {"p_supply": 3, "p_a": 4, "p_b": 5}
+        return
+    assert {n: g.column.index for n, g in made.items()} == {n: NAMELESS.index(n) for n in made}
+    assert set(made) == set(NAMELESS) - {"time"}
+    assert [made[n].unit for n in ("spool", "p_a", "slew")] == ["mm", "bar", "deg"]
+    assert all(guess.check for guess in made.values())
+
+
+def test_a_file_without_a_header_is_mapped_by_place(write, nameless):
+    path = write(rows(nameless), "export.csv")
+    shown = cosim("info", path)
+    assert shown.returncode == 0, shown.stderr
+    assert "time is column 1, taken to count s" in shown.stdout.splitlines()[0]
+    refused = cosim("diagnose", path)
+    assert (refused.returncode, f"'cosim init {path}' write a mapping" in refused.stderr) == (3, True)
+    assert cosim("init", path).returncode == 0
+    mapping = path.with_suffix(".toml")
+    mapping.write_text(mapping.read_text() + '[signals.u]\ncolumn = 2\nunit = "1"\n')
+    log = load_log(path, mapping)
+    assert set(log.signals) == {"u", "p_supply", "p_a", "p_b"}
+    np.testing.assert_allclose(log["u"], nameless[:, 1], atol=1e-8)
+
+
+def test_columns_that_move_otherwise_are_left_alone(write):
+    time = np.arange(4000) / 100
+    rng = np.random.default_rng(1)
+    command = np.repeat(rng.uniform(-1, 1, 40), 100)
+    columns = [
+        time,
+        command,
+        rng.normal(size=4000).cumsum(),
+        20 + 5 * np.sin(time),
+        40 + rng.normal(size=4000),
+    ]
+    found = guesses(overview(write("t,u,Data_1,Data_2,Data_3\n" + rows(np.column_stack(columns)))))
+    assert list(found) == ["u"]
+    mirrored = [
+        time,
+        command,
+        85 + 5 * command,
+        85 - 5 * command,
+        np.full(4000, 170.0) + rng.normal(size=4000),
+    ]
+    table = rows(np.column_stack(mirrored))
+    assert list(guesses(overview(write("t,u,oil,air,water\n" + table)))) == ["u"], (
+        "names that say something else"
+    )
+    assert set(guesses(overview(write("t,u,ch1,ch2,ch3\n" + table)))) == {"u", "p_a", "p_b", "p_supply"}
+
+
+def test_the_command_of_the_axis_whose_angle_is_there(write):
+    moving = np.sin(np.arange(50.0))
+    lines = "".join(f"{k / 20},{x},{0.5 * x},{x},{x}\n" for k, x in enumerate(moving))
+    made = guesses(overview(write(f"Time,Boom Cmd,Swing Cmd,Boom Ms,Swing Ms\n{lines}")))
+    assert {n: g.column.label.name for n, g in made.items()} == {"u": "Swing Cmd", "slew": "Swing Ms"}
+    lines = "".join(f"{k / 20},0,{x}\n" for k, x in enumerate(moving))
+    made = guesses(overview(write(f"Time,Arm duty,Boom duty\n{lines}")))
+    assert made["u"].column.label.name == "Boom duty", "one that moves is the likelier one"
+
+
+def test_a_log_of_which_nothing_is_known_ends_with_what_to_do(write):
+    path = write(
+        "t,qm,vir\n"
+        + rows(np.column_stack([np.arange(50) / 100, *np.random.default_rng(3).normal(size=(2, 50))]))
+    )
+    made = cosim("init", path)
+    assert made.returncode == 0, made.stderr
+    *_, written, missing, last = made.stdout.splitlines()
+    mapping = path.with_suffix(".toml")
+    assert written == f"written to {mapping}: complete it"
+    assert missing.startswith("Missing: a column for u (slew valve command")
+    assert "one for what was measured, such as slew" in missing
+    assert (
+        last == f"Next: complete {mapping} in an editor, or choose the columns on a page: cosim open {path}"
+    )
+    refused = cosim("diagnose", path, "--mapping", mapping)
+    assert refused.returncode == 3
+    assert "'signals' is missing: a table such as [signals.u] with 'column' and 'unit'" in refused.stderr
+    text = mapping.read_text()
+    assert "# [signals.u]" in text
+    text = text.replace("# [signals.slew]", "[signals.slew]").replace(
+        '# column = "?"\n# unit = "deg"', 'column = "qm"\nunit = "deg"', 1
+    )
+    mapping.write_text(text)
+    assert set(load_log(path, mapping).signals) == {"slew"}, (
+        "what is marked is taken by taking the marks away"
+    )

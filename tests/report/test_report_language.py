@@ -94,7 +94,7 @@ def test_a_german_report_of_a_diagnosis_has_no_english_left(german, diagnosed):
 def test_what_is_left_unexplained_is_said_in_german(german):
     text = page(friction_with_rest())
     assert "Etwas anderes bleibt unerklärt (Mechanik)." in text
-    what = "a missing torque that depends on theta is left in slew"
+    what = "a missing torque that depends on theta is left in slew angle"
     assert german.missing <= {what, f"Unexplained in the mechanics: {what}."}, "which no diagnosis writes"
 
 

@@ -44,7 +44,7 @@ def test_the_report_says_what_was_found(diagnosed):
         "Measured against simulated",
         "Where it goes wrong",
         "Causes",
-        "What stays unexplained",
+        "Nothing else is noticeable",
         "How it was made",
     ):
         assert heading in text

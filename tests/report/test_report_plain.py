@@ -6,6 +6,7 @@ from report_helpers import empty_answer, named
 
 from cosim.diagnosis.answer.schema import Location, Signal, SignalGain
 from cosim.report.material import Material, Noise, Part
+from cosim.report.overview import nothing_to_extend
 from cosim.report.plain import ADVICE, advice, chain, ordered, quiet_signals, three_sentences
 from fmus import registry
 
@@ -82,8 +83,28 @@ def test_a_loop_has_an_order_too():
     assert {p.name for p in ordered(loop)} == {"a", "b"}
 
 
-@pytest.mark.parametrize(("errors", "quiet"), [((1.0, 5.0), {"spool"}), ((1.0, 1.0), set())])
-def test_signals_within_noise_are_folded_unless_all_are(errors, quiet):
+def test_each_of_several_causes_says_what_it_cannot_be_told_from():
+    told = friction().model_copy(update={"indistinguishable_from": ["continuity.cracking_pressure"]})
+    other = named("mechanical.inertia", {"J": 900.0})
+    text = dict(three_sentences(material(causes=[other, told])))["How sure"]
+    assert text == "This log cannot tell dry friction from cracking pressure of the counterbalance valve."
+    alone = dict(three_sentences(material(causes=[told])))["How sure"]
+    assert alone == "This log cannot tell it from cracking pressure of the counterbalance valve."
+
+
+def test_where_nothing_is_wrong_there_is_no_extended_model():
+    gain = {"rmse_before": 1.0, "noise_floor": 1.0, "unit": "deg", "ci95_of_ratio": (1.0, 1.0)}
+    gain |= {"fit_percent_before": 90.0, "fit_percent_after": 90.0}
+    same, better = (SignalGain(**gain, rmse_after=after) for after in (1.004, 0.8))
+    clean = material(verdict="adequate", gain={"slew": same}).answer
+    assert nothing_to_extend(clean)
+    fitted = clean.model_copy(update={"gain": {"slew": better}})
+    assert not nothing_to_extend(fitted), "nominal parameters were fitted, and that is worth showing"
+    assert not nothing_to_extend(clean.model_copy(update={"causes": [friction()]}))
+
+
+@pytest.mark.parametrize(("errors", "quiet"), [((1.0, 5.0), {"spool"}), ((1.0, 1.0), {"spool"})])
+def test_signals_within_noise_are_folded_but_for_the_motion_where_all_are(errors, quiet):
     signals = {
         name: Signal(rmse=error, fit_percent=0.0, unit="1", noise_floor=1.0)
         for name, error in zip(("spool", "slew"), errors, strict=True)

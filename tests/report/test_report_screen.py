@@ -21,7 +21,7 @@ from cosim.diagnosis.answer.schema import (
 from cosim.report.earlier import FILES, Earlier
 from cosim.report.material import Material
 from cosim.report.screen import in_words, known_as, lines, show, tables
-from cosim.report.words import NAMES, phrase
+from cosim.report.words import NAMES, phrase, with_signals
 from cosim.system.effects import EFFECTS as PORT_EFFECTS
 from fmus import registry
 
@@ -101,6 +101,24 @@ def test_a_changed_parameter_stands_beside_its_nominal_value():
     assert "How sure: no other effect of the library comes near" in told
 
 
+def test_a_cause_of_two_numbers_is_told_in_words():
+    told = lines(empty_answer(causes=[named("dead_zone.mismatch", {"b_r": 0.5, "b_l": -0.42})]), OUT)
+    assert told[1].startswith("Cause: a dead zone of another width (dead_zone.mismatch): it ends at 50")
+    assert told[1].endswith("instead of 45 % and -40 %; intervals of 95 %")
+    assert "b_r" not in told[1]
+
+
+def test_blocks_judged_as_one_and_signals_have_names():
+    why = "it gains 9 in log-likelihood on the fitted data, but on held-out data the error of p_load rises"
+    rest = Unexplained(block="dcv+continuity", what="slew is off", residual_rms=0.64, unit="deg")
+    refused = [{"effect": "dcv.delay", "block": "dcv", "why": why}]
+    told = lines(empty_answer(verdict="unexplained", unexplained=[rest], refused=refused), OUT)
+    assert told[1].startswith("Unexplained: valve + hydraulics: slew angle is off; no effect")
+    assert told[2].endswith("the error of load pressure rises")
+    for text in ("the spool's speed", "slew sensor", "sensor.slew", "the spool travels", "slew_rate"):
+        assert with_signals(text) == text
+
+
 def test_the_place_of_a_cause_in_any_system():
     ends = {
         "low": Parameter(value=-0.199, unit="1", ci95=(-0.201, -0.197)),
@@ -127,6 +145,12 @@ def test_no_cause_is_told_where_none_was_named():
         open_[1] == "Unexplained: mechanics: a missing torque; no effect of the library explains it (0.1 deg)"
     )
     label = DataFinding(signal="slew", finding="slew looks like deg labelled rad", remedy="label it deg.")
+    twice = [where, where.model_copy(update={"signal": "p_load"})]
+    assert "in valve, what" in lines(empty_answer(verdict="adequate", localisation=twice), OUT)[1]
+    package = Packages(ssp="results/extended.ssp", ssv="x")
+    assert (
+        lines(empty_answer(verdict="adequate", extended=package), OUT)[-1] == "Next: use the model as it is"
+    )
     labels = lines(empty_answer(verdict="implausible_data", data=[label]), OUT)
     assert (
         labels[1]

@@ -12,6 +12,7 @@ from cosim.report.words import (
     PHYSICAL,
     doubts,
     effect_in_block,
+    few,
     fit_text,
     number,
     phrase,
@@ -112,6 +113,12 @@ def test_an_unexplained_rest_names_its_block_and_no_cause():
     assert "friction" not in told
     both = sentence(material(verdict="partly_explained", causes=[friction()], unexplained=[rest]))
     assert both.endswith("Something else in the mechanics stays unexplained.")
+
+
+def test_a_long_list_is_cut():
+    assert few("x would show: a, b, c") == "x would show: a, b, c"
+    assert few("x would show: " + ", ".join("abcdefgh")) == "x would show: a, b, c, d, e and 3 more"
+    assert few("no list at all") == "no list at all"
 
 
 def test_doubt_is_said():

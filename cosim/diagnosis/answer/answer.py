@@ -176,9 +176,12 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         if told.next_log_ci95 is not None:
             within["next_log_ci95"] = (max(low, told.next_log_ci95[0]), min(high, told.next_log_ci95[1]))
         parameters[parameter] = told.model_copy(update=within)
+    nearest: dict[str, float] = {}  # an effect may have been tried in several sets of causes
+    for effect, behind in cause.rivals:
+        nearest[effect.name] = min(behind, nearest.get(effect.name, behind))
     rivals = [
-        Rival(effect=e.name, why_not=reason(behind, e.name in cause.indistinguishable))
-        for e, behind in cause.rivals[:8]
+        Rival(effect=name, why_not=reason(behind, name in cause.indistinguishable))
+        for name, behind in list(nearest.items())[:8]
     ]
     low, high = cause.held_out.ci95
     evidence = {
@@ -244,7 +247,11 @@ def reason(behind: float, indistinguishable: bool) -> str:
             "this log cannot tell the two apart"
         )
     if indistinguishable:
+        if behind < 0.0:
+            return f"{-behind:.1f} in log-likelihood ahead on the fitted data: this log cannot tell the two apart"
         return f"only {behind:.1f} in log-likelihood behind: this log cannot tell the two apart"
+    if behind < 0.0:  # what is named was chosen with other data, or with the other causes, in view
+        return f"is ahead by {-behind:.0f} in log-likelihood on the fitted data, which alone does not decide"
     return f"explains the log worse by {behind:.0f} in log-likelihood (less the price of its parameters)"
 
 

@@ -69,11 +69,14 @@ def behind_one_another(diagnosis: Diagnosis, logs: Sequence[Log], grid: Pieces) 
         f"{len(logs)} logs, one behind the other: {begins}; times and pictures count from the start of the first, each log "
         "has a start and a noise of its own, and the packages play the command of the first"
     ]
-    for finding in diagnosis.findings.values():
-        for signal, rule in finding.task.rules.items():
-            if rule.scales:
-                sizes = ", ".join(f"{scale:.2g}" for scale in rule.scales)
-                found.append(f"noise of {signal} in each log, over that of all: {sizes}")
+    noise = [
+        f"{signal} {', '.join(f'{scale:.2g}' for scale in rule.scales)}"
+        for finding in diagnosis.findings.values()
+        for signal, rule in finding.task.rules.items()
+        if rule.scales
+    ]
+    if noise:
+        found.append(f"noise of each log over that of all together: {'; '.join(noise)}")
     return found
 
 
@@ -123,7 +126,8 @@ def turned_down(item: Refused) -> RefusedCause:
     unit, scale = shown(item.signal)
     without, with_it = item.without * scale, item.with_it * scale
     where = "in a free run over them" if item.in_fitted else "on held-out data"
-    error = f"{where} the error of {item.signal} goes from {without:.4g} to {with_it:.4g} {unit} with it"
+    way = "falls only" if with_it < without else "rises"
+    error = f"{where} the error of {item.signal} {way} from {without:.4g} to {with_it:.4g} {unit} with it"
     why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
     if item.instead:
         why = (
