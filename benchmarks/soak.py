@@ -1,8 +1,9 @@
-"""Whether memory and descriptors stay flat: ``python benchmarks/soak.py --diagnoses 20 --runs 1000 --hours 1 [--json]``.
+"""Whether memory and descriptors stay flat: ``python benchmarks/soak.py --diagnoses 200 --runs 1000 --hours 1 [--json]``.
 
 Three things that a user does for long: the chain simulated piece by piece in one process, one diagnosis after the other in
-one process, and a batch whose worker processes are killed now and then. Of each the resident memory and the open
-descriptors are read again and again; growth is from the second third on, when what is loaded once is loaded.
+one process, every fifth with its extended FMUs run and its report written, and a batch whose worker processes are killed
+now and then. Of each the resident memory and the open descriptors are read again and again; growth is from the second third
+on, when what is loaded once is loaded, and is also given as the slope of a straight line.
 """
 
 import argparse
@@ -28,7 +29,8 @@ from cosim.rig.write import as_log
 
 TOP = Path(__file__).resolve().parent.parent
 PIECE = 300.0  # s of the chain simulated at once
-LOG = 21.0  # s, of each log diagnosed
+LOG = 5.0  # s, of each log diagnosed
+WHOLE = 5  # every so many diagnoses go the whole way, with FMUs and report
 BETWEEN_KILLS = 10.0  # s: a new worker takes seconds to begin
 
 
@@ -38,12 +40,18 @@ def used(process: psutil.Process) -> tuple[float, int]:
 
 
 def watched(things: Iterable[Callable[[], object]]) -> list[tuple[float, int]]:
-    """Memory and descriptors of this process after each of these."""
+    """Memory and descriptors of this process after each of these, every tenth told on stderr."""
     process, found = psutil.Process(), []
     for thing in things:
         thing()
         gc.collect()
         found.append(used(process))
+        if len(found) % 10 == 0:
+            print(
+                f"{len(found)}: {found[-1][0]:.0f} MiB, {found[-1][1]} descriptors",
+                file=sys.stderr,
+                flush=True,
+            )
     return found
 
 
@@ -55,6 +63,7 @@ def told(seen: list[tuple[float, int]]) -> dict[str, Any]:
         "readings": len(rows),
         "MiB_first": float(half[0, 0]),
         "MiB_last": float(half[-1, 0]),
+        "kB_each": 1024.0 * float(np.polyfit(np.arange(len(half)), half[:, 0], 1)[0]),
         "descriptors_first": int(half[0, 1]),
         "descriptors_last": int(half[-1, 1]),
     }
@@ -72,10 +81,20 @@ def chain(hours: float, systems: Path) -> dict[str, Any]:
 
 def diagnoses(count: int) -> dict[str, Any]:
     """So many diagnoses of short logs, every third one clean, in this process."""
+    import cosim
+
     hidden = ([], ["mechanical.coulomb_friction:tau_c=100"], ["continuity.leakage:c_l=0.3"])
 
     def one(k: int) -> Callable[[], object]:
-        return lambda: diagnose(as_log(make_log("mixed", LOG, hidden[k % 3], seed=k)))
+        log = as_log(make_log("multisine", LOG, hidden[k % 3], seed=k))
+        if k % WHOLE:
+            return lambda: diagnose(log)
+
+        def whole() -> None:
+            with tempfile.TemporaryDirectory() as folder:
+                cosim.diagnose(log, out=folder)
+
+        return whole
 
     return told(watched(one(k) for k in range(count)))
 
@@ -118,7 +137,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--hours", type=float, default=1.0, help="of the chain, simulated")
-    parser.add_argument("--diagnoses", type=int, default=20)
+    parser.add_argument("--diagnoses", type=int, default=200)
     parser.add_argument("--runs", type=int, default=1000, help="of the batch")
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
@@ -138,8 +157,8 @@ def main() -> int:
         return 0
     for name, row in found.items():
         print(
-            f"{name}: {row['MiB_first']:.0f} to {row['MiB_last']:.0f} MiB, {row['descriptors_first']} to "
-            f"{row['descriptors_last']} descriptors over {row['readings']} readings"
+            f"{name}: {row['MiB_first']:.0f} to {row['MiB_last']:.0f} MiB ({row['kB_each']:.0f} kB each), "
+            f"{row['descriptors_first']} to {row['descriptors_last']} descriptors over {row['readings']} readings"
         )
     return 0
 

@@ -4,7 +4,6 @@ import io
 import tempfile
 import zipfile
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 from lxml import etree
@@ -16,6 +15,7 @@ from cosim.ssp.archive import open_archive, read_entry
 from cosim.ssp.write import (
     NAMESPACES,
     STIMULUS,
+    Kept,
     Values,
     changed,
     structure_bytes,
@@ -31,10 +31,8 @@ from fmus.compose import Composed
 PYTHON_TOOL = "slew-cosim with pythonfmu"
 
 
-@lru_cache(maxsize=64)
-def native_bytes(
-    stem: str, starts: tuple[tuple[str, float], ...] = (), stimulus: bytes | None = None
-) -> bytes:
+@Kept
+def native_bytes(stem: str, starts: tuple[tuple[str, float], ...], stimulus: bytes | None) -> bytes:
     """The native FMU of a component, as `cosim.ssp.write.fmu_bytes` makes that of pythonfmu.
 
     Args:

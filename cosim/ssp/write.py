@@ -8,7 +8,7 @@ import io
 import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, update_wrapper
 from pathlib import Path, PurePosixPath
 
 from lxml import etree
@@ -135,8 +135,28 @@ def changed(composed: Composed, starts: Mapping[str, float]) -> tuple[tuple[str,
     return tuple((n, starts[n]) for n in declared if n in starts and starts[n] != declared[n].start)
 
 
-@lru_cache(maxsize=64)
-def fmu_bytes(stem: str, starts: tuple[tuple[str, float], ...] = (), stimulus: bytes | None = None) -> bytes:
+class Kept:
+    """A maker of FMUs that keeps the last it made; few of those that play a command, each as large as its log."""
+
+    def __init__(self, make: FmuMaker) -> None:
+        update_wrapper(self, make)
+        self._still = lru_cache(maxsize=32)(make)
+        self._playing = lru_cache(maxsize=2)(make)
+
+    def __call__(
+        self, stem: str, starts: tuple[tuple[str, float], ...] = (), stimulus: bytes | None = None
+    ) -> bytes:
+        """As the maker."""
+        return (self._still if stimulus is None else self._playing)(stem, starts, stimulus)
+
+    def cache_clear(self) -> None:
+        """Forget all."""
+        self._still.cache_clear()
+        self._playing.cache_clear()
+
+
+@Kept
+def fmu_bytes(stem: str, starts: tuple[tuple[str, float], ...], stimulus: bytes | None) -> bytes:
     """The FMU of a component, built once for the same content.
 
     Args:

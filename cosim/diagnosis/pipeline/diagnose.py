@@ -63,6 +63,7 @@ from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
 from cosim.inference.held_out import gain_of_errors
 from cosim.logs import Log, Tracker, listed
+from cosim.memory import returned
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -496,7 +497,7 @@ def diagnose(
     watch, found.budget = watch or Watch(), budget or Budget()
     try:
         # small matrices: more threads only wait for one another
-        with threadpool_limits(1), watched_by(watch), within_budget(found.budget):
+        with threadpool_limits(1), watched_by(watch), within_budget(found.budget), returned():
             stages(found, logs, parts, tracker, trust, folder, watch)
     except KeyboardInterrupt:
         raise Interrupted(found) from None
