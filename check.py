@@ -26,8 +26,17 @@ def steps(fix: bool, slow: bool, pytest_arguments: list[str]) -> dict[str, list[
         "format": ["ruff", "format", *([] if fix else ["--check"]), "."],
         "lint": ["ruff", "check", *(["--fix"] if fix else []), "."],
         "types": ["mypy"],
-        # two workers: a file's fixtures (built FMUs, compiled loops) stay with one of them
-        "tests": ["pytest", "-n", "2", "--dist", "loadfile", *selection, *pytest_arguments],
+        # a file stays with one of the two workers, as do its fixtures; tests/conftest.py orders the files
+        "tests": [
+            "pytest",
+            "-n",
+            "2",
+            "--dist",
+            "loadfile",
+            "--no-loadscope-reorder",
+            *selection,
+            *pytest_arguments,
+        ],
     }
 
 
