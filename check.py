@@ -51,6 +51,8 @@ def main() -> int:
     failed: list[str] = []
     # small matrices beside another worker: more threads only wait for one another
     environment = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"} | os.environ
+    # tests begin hundreds of processes: each module is compiled once for all of them
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     for name, command in steps(options.fix, options.slow, rest).items():
         if name == "tests" and failed:
             print(f"== failed before the tests: {', '.join(failed)}", flush=True)
