@@ -85,6 +85,34 @@ def write_ssp(
                 f"{destination.name}: a closed package needs a stimulus, or write it with open=True"
             )
         set_stop_time(document, stop_time(stimulus))
+    return _packed(document, ssd_path, destination, values, stimulus, make or fmu_bytes)
+
+
+def write_as_wired(ssd_path: Path, destination: Path, values: Values | None = None) -> Path:
+    """Write the package of a wiring that needs neither a stimulus nor connectors beside its own.
+
+    Args:
+        ssd_path: the wiring; the sources of its parameter bindings are relative to it.
+        destination: the .ssp file to write.
+        values: as `write_ssp` takes them.
+
+    Returns:
+        `destination`.
+
+    Raises:
+        UsageError, ModelError: as `write_ssp`.
+    """
+    return _packed(read_xml(ssd_path), ssd_path, destination, values, None, fmu_bytes)
+
+
+def _packed(
+    document: etree._Element,
+    ssd_path: Path,
+    destination: Path,
+    values: Values | None,
+    stimulus: bytes | None,
+    make: FmuMaker,
+) -> Path:
     components = document.findall(".//ssd:Component", NAMESPACES)
     wanted = {name: dict(parameters) for name, parameters in (values or {}).items()}
     known = [component.get("name", "") for component in components]
@@ -93,8 +121,7 @@ def write_ssp(
             raise UsageError(f"{ssd_path.name} has no component '{name}'; {registry.suggestion(name, known)}")
     entries: dict[str, bytes] = {}
     for component in components:
-        own = wanted.get(component.get("name", ""), {})
-        add_component(entries, component, ssd_path, own, stimulus, make or fmu_bytes)
+        add_component(entries, component, ssd_path, wanted.get(component.get("name", ""), {}), stimulus, make)
     entries["SystemStructure.ssd"] = structure_bytes(document)
     return write_archive(entries, destination)
 

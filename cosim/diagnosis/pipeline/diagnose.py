@@ -13,7 +13,7 @@ from cosim.diagnosis.at_rest import nothing_moves, off_at_rest
 from cosim.diagnosis.budget import Budget, current
 from cosim.diagnosis.budget import within as within_budget
 from cosim.diagnosis.extension.estimate import estimate, gain_by_fmus, worse, write_packages
-from cosim.diagnosis.fitting.bounds import absurd, greatest_torque
+from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.chain import Known, task_for
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.propagated import propagated
@@ -378,7 +378,7 @@ def concluded(found: Diagnosis) -> None:
         found.verdict = "partly_explained" if found.causes else "interrupted"
 
 
-def not_physical(found: Diagnosis, trust: float) -> bool:
+def impossible_taken_back(found: Diagnosis, trust: float) -> bool:
     """Take the causes of a group back of which one has a size that cannot be; True if there was any."""
     taken = False
     for name, finding in list(found.findings.items()):
@@ -388,10 +388,8 @@ def not_physical(found: Diagnosis, trust: float) -> bool:
             {p: found.values.get(f"{c.effect.component}.{p}", v) for p, (v, _) in c.parameters.items()}
             for c in own
         ]
-        off = [{p: model.nominal(f"{c.effect.component}.{p}") for p in c.parameters} for c in own]
         torque = greatest_torque(model, finding.chosen.fit.values)
-        each = zip(own, sizes, off, strict=True)
-        if not any(absurd(c.effect, size, nominal, torque) for c, size, nominal in each):
+        if not any(cannot_be(c.effect, size, model, torque) for c, size in zip(own, sizes, strict=True)):
             continue
         taken = True
         finding = replace(finding.accept(finding.null, found.record), rivals={}, confirmed=False)
@@ -582,12 +580,12 @@ def stages(
             raise DataError(f"{logs[0].source}: no block can be judged: {next(iter(found.sparse.values()))}")
         raise DataError(f"{logs[0].source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
-    not_physical(found, trust)
+    impossible_taken_back(found, trust)
     current().allow(1.0)
     enter(found, watch, "extended", "extended model")
     with part_of(found.notes, "the fit of all blocks together"):
         estimate(found, found.groups, trust, constants)
-        while not_physical(found, trust):  # what is left stands without them
+        while impossible_taken_back(found, trust):  # what is left stands without them
             estimate(found, found.groups, trust, constants)
     concluded(found)
     rest = [p for log, part in zip(logs, parts, strict=True) if part is not log for p in others(log, part)]
