@@ -46,13 +46,15 @@ def watched(things: Iterable[Callable[[], object]]) -> list[tuple[float, int]]:
         thing()
         gc.collect()
         found.append(used(process))
-        if len(found) % 10 == 0:
-            print(
-                f"{len(found)}: {found[-1][0]:.0f} MiB, {found[-1][1]} descriptors",
-                file=sys.stderr,
-                flush=True,
-            )
+        tell(found)
     return found
+
+
+def tell(readings: list[tuple[float, int]]) -> None:
+    """Every tenth reading on stderr."""
+    if len(readings) % 10 == 0:
+        memory, descriptors = readings[-1]
+        print(f"{len(readings)}: {memory:.0f} MiB, {descriptors} descriptors", file=sys.stderr, flush=True)
 
 
 def told(seen: list[tuple[float, int]]) -> dict[str, Any]:
@@ -100,9 +102,13 @@ def diagnoses(count: int) -> dict[str, Any]:
 
 
 def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
-    """A batch whose workers are killed now and then: a run whose process died has failed, all others are done."""
+    """A batch whose workers are killed now and then: a run whose process died has failed, all others are done.
+
+    Readings are those of the process that conducts it, while there are workers; table, cube and picture of all runs come
+    after that, and what they take at most is told apart.
+    """
     rng = np.random.default_rng(seed)
-    killed, seen = 0, []
+    killed, at_end, seen = 0, 0.0, []
     with tempfile.TemporaryDirectory() as scratch:
         words = ["batch", "--model", str(systems / "simplified.ssp"), "--engine", "fmu", "--stop-time", "5 s"]
         words += ["--vary", "simplified.a=2:4 1/s", "--samples", str(runs), "--workers", "2", "--json"]
@@ -117,9 +123,12 @@ def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
         while process.poll() is None:
             time.sleep(0.5)
             try:
-                reading = used(parent)
-                seen += [reading] if reading[0] else []  # of one that has just ended nothing is left
-                workers = parent.children(recursive=True)
+                reading, workers = used(parent), parent.children(recursive=True)
+                if workers:
+                    seen.append(reading)
+                    tell(seen)
+                else:
+                    at_end = max(at_end, reading[0])
                 if workers and time.monotonic() > at + BETWEEN_KILLS:
                     at = time.monotonic()
                     workers[int(rng.integers(len(workers)))].kill()
@@ -128,7 +137,7 @@ def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
                 continue
         said = json.loads(process.stdout.read()) if process.stdout is not None else {}
     counts = {name: said.get(name) for name in ("runs", "done", "failed", "workers_replaced")}
-    return told(seen) | {"killed": killed, "code": process.returncode} | counts
+    return told(seen) | {"MiB_at_end": at_end, "killed": killed, "code": process.returncode} | counts
 
 
 def main() -> int:

@@ -398,5 +398,5 @@ def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
         data.h,
         data.length,
         residuals,
-        left_out(np.concatenate([residuals, -states * gains]), jacobian, data.block),
+        left_out(residuals, jacobian, data.block),
     )
