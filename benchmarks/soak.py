@@ -31,6 +31,8 @@ TOP = Path(__file__).resolve().parent.parent
 PIECE = 300.0  # s of the chain simulated at once
 LOG = 5.0  # s, of each log diagnosed
 WHOLE = 5  # every so many diagnoses go the whole way, with FMUs and report
+WORKERS = 2  # of the batch
+CLOSING = 2  # readings from which the last runs are done
 BETWEEN_KILLS = 10.0  # s: a new worker takes seconds to begin
 
 
@@ -104,14 +106,22 @@ def diagnoses(count: int) -> dict[str, Any]:
 def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
     """A batch whose workers are killed now and then: a run whose process died has failed, all others are done.
 
-    Readings are those of the process that conducts it, while there are workers; table, cube and picture of all runs come
-    after that, and what they take at most is told apart.
+    Readings are those of the process that conducts it, while it has all its workers; table, cube and picture of all runs
+    come after that, and what they take at most is told apart.
     """
     rng = np.random.default_rng(seed)
     killed, at_end, seen = 0, 0.0, []
     with tempfile.TemporaryDirectory() as scratch:
         words = ["batch", "--model", str(systems / "simplified.ssp"), "--engine", "fmu", "--stop-time", "5 s"]
-        words += ["--vary", "simplified.a=2:4 1/s", "--samples", str(runs), "--workers", "2", "--json"]
+        words += [
+            "--vary",
+            "simplified.a=2:4 1/s",
+            "--samples",
+            str(runs),
+            "--workers",
+            str(WORKERS),
+            "--json",
+        ]
         process = subprocess.Popen(
             [sys.executable, "-m", "cosim", *words, "--out", str(Path(scratch, "out"))],
             cwd=TOP,
@@ -123,8 +133,10 @@ def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
         while process.poll() is None:
             time.sleep(0.5)
             try:
-                reading, workers = used(parent), parent.children(recursive=True)
-                if workers:
+                reading = used(parent)
+                helper = "multiprocessing.resource_tracker"  # its process outlives the workers
+                workers = [c for c in parent.children(recursive=True) if helper not in " ".join(c.cmdline())]
+                if len(workers) == WORKERS:
                     seen.append(reading)
                     tell(seen)
                 else:
@@ -137,7 +149,9 @@ def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
                 continue
         said = json.loads(process.stdout.read()) if process.stdout is not None else {}
     counts = {name: said.get(name) for name in ("runs", "done", "failed", "workers_replaced")}
-    return told(seen) | {"MiB_at_end": at_end, "killed": killed, "code": process.returncode} | counts
+    return (
+        told(seen[:-CLOSING]) | {"MiB_at_end": at_end, "killed": killed, "code": process.returncode} | counts
+    )
 
 
 def main() -> int:
