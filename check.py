@@ -26,8 +26,17 @@ def steps(fix: bool, slow: bool, pytest_arguments: list[str]) -> dict[str, list[
         "format": ["ruff", "format", *([] if fix else ["--check"]), "."],
         "lint": ["ruff", "check", *(["--fix"] if fix else []), "."],
         "types": ["mypy"],
-        # two workers: a file's fixtures (built FMUs, compiled loops) stay with one of them
-        "tests": ["pytest", "-n", "2", "--dist", "loadfile", *selection, *pytest_arguments],
+        # a file stays with one of the two workers, as do its fixtures; tests/conftest.py orders the files
+        "tests": [
+            "pytest",
+            "-n",
+            "2",
+            "--dist",
+            "loadfile",
+            "--no-loadscope-reorder",
+            *selection,
+            *pytest_arguments,
+        ],
     }
 
 
@@ -42,6 +51,8 @@ def main() -> int:
     failed: list[str] = []
     # small matrices beside another worker: more threads only wait for one another
     environment = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"} | os.environ
+    # tests begin hundreds of processes: each module is compiled once for all of them
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     for name, command in steps(options.fix, options.slow, rest).items():
         if name == "tests" and failed:
             print(f"== failed before the tests: {', '.join(failed)}", flush=True)

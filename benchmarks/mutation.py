@@ -41,7 +41,9 @@ TESTS = {
     "fmus/continuity.py": (f"{FMUS}continuity.py",),
     "fmus/dcv.py": (f"{FMUS}dcv.py",),
     "fmus/dead_zone.py": (f"{FMUS}dead_zone.py",),
-    "fmus/mechanical.py": (f"{FMUS}mechanical.py",),
+    "fmus/mechanical.py": tuple(
+        f"{FMUS}{name}.py" for name in ("mechanical", "friction", "friction_forms", "travel_ends")
+    ),
     "fmus/sensor.py": (f"{FMUS}sensor.py",),
 }
 TURNED: dict[type[ast.cmpop], type[ast.cmpop]] = {

@@ -1,8 +1,9 @@
-"""Whether memory and descriptors stay flat: ``python benchmarks/soak.py --diagnoses 20 --runs 1000 --hours 1 [--json]``.
+"""Whether memory and descriptors stay flat: ``python benchmarks/soak.py --diagnoses 200 --runs 1000 --hours 1 [--json]``.
 
 Three things that a user does for long: the chain simulated piece by piece in one process, one diagnosis after the other in
-one process, and a batch whose worker processes are killed now and then. Of each the resident memory and the open
-descriptors are read again and again; growth is from the second third on, when what is loaded once is loaded.
+one process, every fifth with its extended FMUs run and its report written, and a batch whose worker processes are killed
+now and then. Of each the resident memory and the open descriptors are read again and again; growth is from the second third
+on, when what is loaded once is loaded, and is also given as the slope of a straight line.
 """
 
 import argparse
@@ -28,7 +29,10 @@ from cosim.rig.write import as_log
 
 TOP = Path(__file__).resolve().parent.parent
 PIECE = 300.0  # s of the chain simulated at once
-LOG = 21.0  # s, of each log diagnosed
+LOG = 5.0  # s, of each log diagnosed
+WHOLE = 5  # every so many diagnoses go the whole way, with FMUs and report
+WORKERS = 2  # of the batch
+CLOSING = 2  # readings from which the last runs are done
 BETWEEN_KILLS = 10.0  # s: a new worker takes seconds to begin
 
 
@@ -38,13 +42,21 @@ def used(process: psutil.Process) -> tuple[float, int]:
 
 
 def watched(things: Iterable[Callable[[], object]]) -> list[tuple[float, int]]:
-    """Memory and descriptors of this process after each of these."""
+    """Memory and descriptors of this process after each of these, every tenth told on stderr."""
     process, found = psutil.Process(), []
     for thing in things:
         thing()
         gc.collect()
         found.append(used(process))
+        tell(found)
     return found
+
+
+def tell(readings: list[tuple[float, int]]) -> None:
+    """Every tenth reading on stderr."""
+    if len(readings) % 10 == 0:
+        memory, descriptors = readings[-1]
+        print(f"{len(readings)}: {memory:.0f} MiB, {descriptors} descriptors", file=sys.stderr, flush=True)
 
 
 def told(seen: list[tuple[float, int]]) -> dict[str, Any]:
@@ -55,6 +67,7 @@ def told(seen: list[tuple[float, int]]) -> dict[str, Any]:
         "readings": len(rows),
         "MiB_first": float(half[0, 0]),
         "MiB_last": float(half[-1, 0]),
+        "kB_each": 1024.0 * float(np.polyfit(np.arange(len(half)), half[:, 0], 1)[0]),
         "descriptors_first": int(half[0, 1]),
         "descriptors_last": int(half[-1, 1]),
     }
@@ -72,21 +85,43 @@ def chain(hours: float, systems: Path) -> dict[str, Any]:
 
 def diagnoses(count: int) -> dict[str, Any]:
     """So many diagnoses of short logs, every third one clean, in this process."""
+    import cosim
+
     hidden = ([], ["mechanical.coulomb_friction:tau_c=100"], ["continuity.leakage:c_l=0.3"])
 
     def one(k: int) -> Callable[[], object]:
-        return lambda: diagnose(as_log(make_log("mixed", LOG, hidden[k % 3], seed=k)))
+        log = as_log(make_log("multisine", LOG, hidden[k % 3], seed=k))
+        if k % WHOLE:
+            return lambda: diagnose(log)
+
+        def whole() -> None:
+            with tempfile.TemporaryDirectory() as folder:
+                cosim.diagnose(log, out=folder)
+
+        return whole
 
     return told(watched(one(k) for k in range(count)))
 
 
 def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
-    """A batch whose workers are killed now and then: a run whose process died has failed, all others are done."""
+    """A batch whose workers are killed now and then: a run whose process died has failed, all others are done.
+
+    Readings are those of the process that conducts it, while it has all its workers; table, cube and picture of all runs
+    come after that, and what they take at most is told apart.
+    """
     rng = np.random.default_rng(seed)
-    killed, seen = 0, []
+    killed, at_end, seen = 0, 0.0, []
     with tempfile.TemporaryDirectory() as scratch:
         words = ["batch", "--model", str(systems / "simplified.ssp"), "--engine", "fmu", "--stop-time", "5 s"]
-        words += ["--vary", "simplified.a=2:4 1/s", "--samples", str(runs), "--workers", "2", "--json"]
+        words += [
+            "--vary",
+            "simplified.a=2:4 1/s",
+            "--samples",
+            str(runs),
+            "--workers",
+            str(WORKERS),
+            "--json",
+        ]
         process = subprocess.Popen(
             [sys.executable, "-m", "cosim", *words, "--out", str(Path(scratch, "out"))],
             cwd=TOP,
@@ -99,8 +134,13 @@ def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
             time.sleep(0.5)
             try:
                 reading = used(parent)
-                seen += [reading] if reading[0] else []  # of one that has just ended nothing is left
-                workers = parent.children(recursive=True)
+                helper = "multiprocessing.resource_tracker"  # its process outlives the workers
+                workers = [c for c in parent.children(recursive=True) if helper not in " ".join(c.cmdline())]
+                if len(workers) == WORKERS:
+                    seen.append(reading)
+                    tell(seen)
+                else:
+                    at_end = max(at_end, reading[0])
                 if workers and time.monotonic() > at + BETWEEN_KILLS:
                     at = time.monotonic()
                     workers[int(rng.integers(len(workers)))].kill()
@@ -109,7 +149,9 @@ def batch(runs: int, systems: Path, seed: int = 1) -> dict[str, Any]:
                 continue
         said = json.loads(process.stdout.read()) if process.stdout is not None else {}
     counts = {name: said.get(name) for name in ("runs", "done", "failed", "workers_replaced")}
-    return told(seen) | {"killed": killed, "code": process.returncode} | counts
+    return (
+        told(seen[:-CLOSING]) | {"MiB_at_end": at_end, "killed": killed, "code": process.returncode} | counts
+    )
 
 
 def main() -> int:
@@ -118,7 +160,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--hours", type=float, default=1.0, help="of the chain, simulated")
-    parser.add_argument("--diagnoses", type=int, default=20)
+    parser.add_argument("--diagnoses", type=int, default=200)
     parser.add_argument("--runs", type=int, default=1000, help="of the batch")
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
@@ -138,8 +180,8 @@ def main() -> int:
         return 0
     for name, row in found.items():
         print(
-            f"{name}: {row['MiB_first']:.0f} to {row['MiB_last']:.0f} MiB, {row['descriptors_first']} to "
-            f"{row['descriptors_last']} descriptors over {row['readings']} readings"
+            f"{name}: {row['MiB_first']:.0f} to {row['MiB_last']:.0f} MiB ({row['kB_each']:.0f} kB each), "
+            f"{row['descriptors_first']} to {row['descriptors_last']} descriptors over {row['readings']} readings"
         )
     return 0
 

@@ -1,8 +1,11 @@
-"""What tests of several parts share: our packages, built once."""
+"""What tests of several parts share: our packages and what takes long, made once for all processes of a run."""
 
+import os
 import shutil
 import signal
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -21,6 +24,52 @@ CHROMIUM = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-backgr
             "--disable-component-update", "--disable-sync"]  # fmt: skip
 
 
+# files of a few long tests: begun last, one of them would keep one process busy while the other waits
+LONG = (
+    "diagnosis/test_blind.py",
+    "diagnosis/test_computed_logs.py",
+    "diagnosis/test_forms.py",
+    "test_tutorials.py",
+    "test_notebooks.py",
+    "test_closed_loop.py",
+    "test_compiled.py",
+)
+SLOWEST = 600.0  # s that one process waits for what another makes
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first; the processes of a run take files in this order (`--no-loadscope-reorder`)."""
+    tests = Path(__file__).parent
+    items.sort(key=lambda item: item.path.relative_to(tests).as_posix() not in LONG)
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """A folder that `make` fills, made by the first process that asks for this name; each process has a copy of its own."""
+    own = tmp_path_factory.getbasetemp()
+    common = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+    def folder(name: str, make: Callable[[Path], object]) -> Path:
+        whole, begun = common / f"{name}_made", common / f"{name}_begun"
+        until = time.monotonic() + SLOWEST
+        while not whole.is_dir():
+            try:
+                begun.mkdir()
+            except FileExistsError:
+                assert time.monotonic() < until, f"{name} is not made in {SLOWEST} s"
+                time.sleep(0.1)
+                continue
+            try:
+                make(begun)
+            except BaseException:
+                shutil.rmtree(begun)
+                raise
+            begun.rename(whole)
+        return Path(shutil.copytree(whole, tmp_path_factory.mktemp(name) / name))
+
+    return folder
+
+
 @pytest.fixture(scope="session", autouse=True)
 def heeds_interrupts() -> Iterator[None]:
     """Children get Ctrl-C even where the tests run in a shell's background, which ignores it and hands that on."""
@@ -32,13 +81,16 @@ def heeds_interrupts() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def packages(tmp_path_factory):
+def packages(made_once):
     """The open packages by name."""
-    folder = tmp_path_factory.mktemp("packages")
-    return {
-        name: write_ssp(ssp_folder() / f"{name}.ssd", folder / f"{name}_open.ssp", open=True)
-        for name in ("simplified", "full_order", "physical")
-    }
+    names = ("simplified", "full_order", "physical")
+
+    def make(folder):
+        for name in names:
+            write_ssp(ssp_folder() / f"{name}.ssd", folder / f"{name}_open.ssp", open=True)
+
+    folder = made_once("packages", make)
+    return {name: folder / f"{name}_open.ssp" for name in names}
 
 
 @pytest.fixture

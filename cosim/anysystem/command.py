@@ -22,6 +22,7 @@ from cosim.interrupts import stoppable
 from cosim.logs import Log
 from cosim.logs.load import open_source
 from cosim.logs.mapping import load_mapping
+from cosim.memory import returned
 from cosim.report.deliver import make_folder
 from cosim.report.earlier import Earlier
 from cosim.ssp.fmu import MENDED
@@ -112,7 +113,7 @@ def diagnose_any(
         CosimError: as `cosim.anysystem.pipeline.diagnose_system`.
     """
     allowed = Budget(budget)
-    with read_system(model) as system, threadpool_limits(1), stoppable(allowed.end):
+    with returned(), read_system(model) as system, threadpool_limits(1), stoppable(allowed.end):
         recordings, options, others = read([*logs, *held_out], system, mapping)
         for recording in recordings:
             for text in recording.warnings:

@@ -5,15 +5,7 @@ from pathlib import Path
 from cosim.errors import ModelError, UsageError
 from cosim.paths import build_folder, ssp_folder
 from cosim.ssp.build import SYSTEMS
-from cosim.ssp.write import (
-    STIMULUS,
-    add_component,
-    fmu_bytes,
-    read_xml,
-    structure_bytes,
-    write_archive,
-    write_ssp,
-)
+from cosim.ssp.write import STIMULUS, read_xml, write_as_wired, write_ssp
 
 NAMES = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
 
@@ -61,18 +53,4 @@ def build_wiring(wiring: Path) -> Path:
     components = document.findall(".//ssd:Component", NAMES)
     if any(component.get("name") == STIMULUS for component in components):
         return write_ssp(wiring, build_folder() / "ssp" / f"{wiring.stem}_open.ssp", open=True)
-    return package_of(wiring, build_folder() / "ssp" / f"{wiring.stem}.ssp")
-
-
-def package_of(wiring: Path, destination: Path) -> Path:
-    """Write the package of an .ssd of our blocks that has inputs of its own; returns `destination`.
-
-    Raises:
-        ModelError: the wiring or an .ssv file is bad.
-    """
-    document = read_xml(wiring)
-    entries: dict[str, bytes] = {}
-    for component in document.findall(".//ssd:Component", NAMES):
-        add_component(entries, component, wiring, {}, None, fmu_bytes)
-    entries["SystemStructure.ssd"] = structure_bytes(document)
-    return write_archive(entries, destination)
+    return write_as_wired(wiring, build_folder() / "ssp" / f"{wiring.stem}.ssp")

@@ -55,7 +55,7 @@ def steps_without(rows: Array, slopes: Array, block: NDArray[np.int64]) -> Array
     """(blocks, k) how far the estimate moves when each block is left out, in the units of the slopes.
 
     Args:
-        rows: (n + p,) whitened residuals of n values, then those of p priors.
+        rows: (n,) whitened residuals of n values; those of p priors may follow, and move nothing.
         slopes: (n + p, k) their slopes in the k estimates.
         block: (n,) number of the block to which each value belongs, from 0.
     """

@@ -181,6 +181,8 @@ def block(
 
     None stands for no section at all: the input itself.
     """
+    if section is not None and not cuts:
+        return responses(section, delayed(u, delay, h), h, length)
     parts = np.split(u, cuts)
     if section is None:
         each = [delayed(part, delay, h, float(part[0])) for part in parts]
@@ -264,21 +266,21 @@ class Data:
         step, and nothing else is. So an initial state is as large as the output moves, as a prior against which each
         block counts as one observation with the model's error.
         """
-        matrix = self.regressors(sections).T
-        sizes = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
+        rows = self.regressors(sections)
+        gram, goal = rows @ rows.T, rows @ target
+        sizes = np.sqrt(np.diag(gram))
         sizes[sizes < 1e-12 * max(float(sizes.max()), 1e-300)] = np.inf
-        scaled = matrix / sizes
-        gram, goal = scaled.T @ scaled, scaled.T @ target
+        gram, goal = gram / np.outer(sizes, sizes), goal / sizes
         gram[np.diag_indices_from(gram)] += 1e-10
-        residuals = target - scaled @ np.linalg.solve(gram, goal)
+        residuals = target - (np.linalg.solve(gram, goal) / sizes) @ rows
         moved = float(np.ptp(self.y))
         # an output that never moves has no initial state, and nothing is left of it
         weight = float(residuals @ residuals) / self.blocks / moved**2 if moved**2 > 0.0 else 0.0
         states = np.zeros(sizes.size)
         states[max(sections.order, 1) : -1] = np.sqrt(weight)
         gram[np.diag_indices_from(gram)] += (states / sizes) ** 2
-        gains = np.linalg.solve(gram, goal)
-        return gains / sizes, matrix, target - scaled @ gains, states
+        gains = np.linalg.solve(gram, goal) / sizes
+        return gains, rows.T, target - gains @ rows, states
 
 
 def reference(data: Data, highest: int = HIGHEST_ORDER) -> LinearModel:
@@ -396,5 +398,5 @@ def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
         data.h,
         data.length,
         residuals,
-        left_out(np.concatenate([residuals, -states * gains]), jacobian, data.block),
+        left_out(residuals, jacobian, data.block),
     )

@@ -6,6 +6,7 @@ samples are missing (Foreman-Mackey, Agol, Ambikasaran, Angus: Fast and scalable
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -47,10 +48,16 @@ class Noise:
             )
         return float(count**2 * (self.white + sum(self.sizes)) / total)
 
-    def _matters(self, kind: int, w: float) -> bool:
-        at = np.array([w])
-        parts = [size * float(density(tau, at)[0]) for tau, size in zip(self.times, self.sizes, strict=True)]
-        return parts[kind] > NEGLIGIBLE * (self.white + sum(parts))
+    @cached_property
+    def _correlated(self) -> tuple[Array, Array]:
+        """Rates, 1/samples, and variances of the parts that are more than negligible at their own rate."""
+        rates = 1.0 / np.array(self.times)
+        parts = np.array(
+            [size * density(tau, rates) for tau, size in zip(self.times, self.sizes, strict=True)]
+        )
+        parts = parts.reshape(rates.size, rates.size)
+        kept = np.diag(parts) > NEGLIGIBLE * (self.white + parts.sum(axis=0))
+        return rates[kept], np.array(self.sizes)[kept]
 
     def whiten(self, rows: Array, places: NDArray[np.int64]) -> Array:
         """Rows (m, n) in the signal's unit as rows whose noise is independent and of unit size.
@@ -60,9 +67,7 @@ class Noise:
             places: (n,) sample numbers, increasing; gaps are allowed.
         """
         total = self.white + sum(self.sizes)
-        kept = [k for k, tau in enumerate(self.times) if self._matters(k, 1.0 / tau)]
-        rates = np.array([1.0 / self.times[k] for k in kept])
-        sizes = np.array([self.sizes[k] for k in kept])
+        rates, sizes = self._correlated
         gaps = np.diff(places, prepend=places[:1]).astype(np.float64)
         white = max(self.white, LEAST_WHITE * total)
         return _whiten(np.ascontiguousarray(rows, dtype=np.float64), gaps, white, rates, sizes)

@@ -300,8 +300,9 @@ class Problem:
         found = []
         for k in range(x.size):
             step = difference if x[k] + difference <= high[k] else -difference
-            if x[k] + step < low[k]:
-                step = 0.5 * (high[k] - low[k]) or difference
+            if x[k] + step < low[k]:  # a range narrower than that: half of it, to where there is room
+                half = 0.5 * (high[k] - low[k])
+                step = (half if x[k] <= low[k] + half else -half) or difference
             moved = x.copy()
             moved[k] += step
             found.append((moved, step))

@@ -224,11 +224,11 @@ def write_machine(mapping: Path, folder: Path, log: Log | None = None) -> tuple[
     Raises:
         DataError, UsageError, ModelError: as `made_for`, or the folder cannot be written to.
     """
-    from cosim.compare.model import package_of
+    from cosim.ssp.write import write_as_wired
 
     try:
         made = made_for(mapping, log, folder)
-        package = package_of(made.ssd, folder / f"{made.ssd.stem}.ssp")
+        package = write_as_wired(made.ssd, folder / f"{made.ssd.stem}.ssp")
     except OSError as error:
         raise UsageError(
             f"cannot write into '{folder}' ({error.strerror or error}); name another folder"

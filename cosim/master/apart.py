@@ -34,8 +34,8 @@ from cosim.master import marks
 from cosim.master.child import MARKS, ROWS, send
 from cosim.master.engine import pieces
 from cosim.master.host import Progress, Task
-from cosim.master.instance import search_path
 from cosim.master.limits import Limits
+from cosim.master.modules import search_path
 from cosim.ssp.system import System
 
 Array = NDArray[np.float64]

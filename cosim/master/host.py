@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.master import modules
 from cosim.master.engine import Engine, EngineName, Room
 from cosim.master.inputs import Sampler
 from cosim.master.instance import WARNING, Instance
@@ -89,6 +90,7 @@ class Host:
         for instance in self._instances.values():
             instance.close()
         self._instances.clear()
+        modules.give_up()
 
 
 def _initialise(loop: Engine, settings: Mapping[Port, Value]) -> None:

@@ -5,13 +5,10 @@ Calls go to the C functions of the FMU's library by address; fmpy loads the libr
 
 import atexit
 import ctypes
-import hashlib
-import importlib.util
 import itertools
 import os
-import sys
 import threading
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,9 +23,9 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 from cosim.errors import ModelError, SimulationError
-from cosim.master import marks
+from cosim.master import marks, modules
 from cosim.master.dialect import CODES, FMI2, TYPES, dialect_of
-from cosim.ssp.system import Component, Fmu, Value, Variable
+from cosim.ssp.system import Component, Value, Variable
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 WARNING, DISCARD, FATAL = 1, 2, 4
@@ -46,9 +43,6 @@ DoStep = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes
 DoStep3 = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_void_p] * 4
 )
-
-# Python shares modules by name: which content each pythonfmu module of this process has
-_modules: dict[str, str] = {}
 
 
 def status_name(status: int) -> str:
@@ -74,10 +68,6 @@ _numbers = itertools.count(1)
 
 # a library is loaded in its own folder, and threads share the working directory: one at a time, or another's folder stays
 _loading = threading.Lock()
-
-
-# how many open instances each FMU's folder has
-_folders: Counter[Path] = Counter()
 
 
 # pythonfmu 0.7.0 releases the same memory twice when the process ends, which now and then aborts it; its own release
@@ -169,14 +159,14 @@ class Instance:
         self.dialect = dialect_of(fmu.version)
         self.renew = not fmu.ours and fmu.module is None
         self._state: ctypes.c_void_p | None = None
-        _claim_module(fmu)
+        modules.claim(fmu)
         self._load()
         self._number = next(_numbers)
         _listeners[self._number] = self.messages
         # must outlive the instance
         self._callbacks = _callbacks(self._number) if self.dialect is FMI2 else None
         _remember(self._number, self._slave.dll)
-        _folders[fmu.folder] += 1
+        modules.entered(fmu)
         self._instantiate()
 
     def _load(self) -> None:
@@ -239,7 +229,7 @@ class Instance:
         except Exception:  # fmpy raises a bare Exception for a null pointer
             raise SimulationError(self.report("could not be instantiated")) from None
         self.alive, self._used = True, False
-        _keep_module(self.component.fmu)
+        modules.keep(self.component.fmu)
         self.pointer = int(self._slave.component)
         self._state = None
         if self.component.fmu.restarts:
@@ -405,7 +395,7 @@ class Instance:
         """Free the instance and its library; one that broke is abandoned, since freeing it could crash."""
         if _listeners.pop(self._number, None) is None:
             return
-        _forget(self.component.fmu.folder)
+        modules.left(self.component.fmu)
         settle = _unsettled.pop(self._number, None)
         if self.alive:
             self._free()
@@ -414,60 +404,3 @@ class Instance:
             self._slave.freeLibrary()
         elif settle is not None:
             settle()
-
-
-def _claim_module(fmu: Fmu) -> None:
-    """Refuse a pythonfmu FMU whose module name another module of this process already has."""
-    if fmu.module is None:
-        return
-    name, digest = fmu.module
-    if _modules.get(name, digest) != digest:
-        raise ModelError(
-            f"{fmu.source}: another FMU of this process brought a Python module '{name}' with other code, which would run "
-            "in its place: give the scripts different names, or simulate in a process of its own"
-        )
-    if name not in _modules:
-        origin = _origin(name)
-        if origin is not None and hashlib.sha256(origin.read_bytes()).hexdigest() != digest:
-            raise ModelError(
-                f"{fmu.source}: the module {origin} of this Python would run in place of the FMU's own '{name}': "
-                "start from another folder, or clear PYTHONPATH"
-            )
-    _modules[name] = digest
-
-
-def _keep_module(fmu: Fmu) -> None:
-    """Make up for pythonfmu 0.7.0, which drops one reference too many to a module's globals at each instantiation.
-
-    Without this the process crashes at its end, or when old classes are collected (seen with valid FMUs of others).
-    """
-    module = sys.modules.get(fmu.module[0]) if fmu.module is not None else None
-    if module is not None:
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(module.__dict__))
-
-
-def search_path() -> list[str]:
-    """Python's search path without what FMUs of this process added to it."""
-    added = {str(folder / "resources") for folder in _folders}
-    return [entry for entry in sys.path if entry not in added]
-
-
-def _forget(folder: Path) -> None:
-    """Take an FMU's folder off Python's search path with its last instance; pythonfmu 0.7.0 adds it for each."""
-    _folders[folder] -= 1
-    if _folders[folder] <= 0:
-        del _folders[folder]
-        added = str(folder / "resources")
-        sys.path[:] = [entry for entry in sys.path if entry != added]
-        sys.path_importer_cache.pop(added, None)
-
-
-def _origin(name: str) -> Path | None:
-    """File that ``import name`` would load or has loaded in this process, or None."""
-    try:
-        loaded = sys.modules.get(name)
-        spec = loaded.__spec__ if loaded is not None else importlib.util.find_spec(name)
-    except (ImportError, ValueError):
-        return None
-    origin = Path(spec.origin) if spec is not None and spec.origin else None
-    return origin if origin is not None and origin.is_file() else None

@@ -4,7 +4,6 @@ import io
 import tempfile
 import zipfile
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 from lxml import etree
@@ -16,6 +15,7 @@ from cosim.ssp.archive import open_archive, read_entry
 from cosim.ssp.write import (
     NAMESPACES,
     STIMULUS,
+    Kept,
     Values,
     changed,
     structure_bytes,
@@ -31,7 +31,7 @@ from fmus.compose import Composed
 PYTHON_TOOL = "slew-cosim with pythonfmu"
 
 
-@lru_cache(maxsize=64)
+@Kept
 def native_bytes(
     stem: str, starts: tuple[tuple[str, float], ...], stimulus: bytes | None, fmi: str, /
 ) -> bytes:

@@ -8,7 +8,7 @@ import io
 import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, update_wrapper
 from pathlib import Path, PurePosixPath
 
 from lxml import etree
@@ -85,6 +85,34 @@ def write_ssp(
                 f"{destination.name}: a closed package needs a stimulus, or write it with open=True"
             )
         set_stop_time(document, stop_time(stimulus))
+    return _packed(document, ssd_path, destination, values, stimulus, make or fmu_bytes)
+
+
+def write_as_wired(ssd_path: Path, destination: Path, values: Values | None = None) -> Path:
+    """Write the package of a wiring that needs neither a stimulus nor connectors beside its own.
+
+    Args:
+        ssd_path: the wiring; the sources of its parameter bindings are relative to it.
+        destination: the .ssp file to write.
+        values: as `write_ssp` takes them.
+
+    Returns:
+        `destination`.
+
+    Raises:
+        UsageError, ModelError: as `write_ssp`.
+    """
+    return _packed(read_xml(ssd_path), ssd_path, destination, values, None, fmu_bytes)
+
+
+def _packed(
+    document: etree._Element,
+    ssd_path: Path,
+    destination: Path,
+    values: Values | None,
+    stimulus: bytes | None,
+    make: FmuMaker,
+) -> Path:
     components = document.findall(".//ssd:Component", NAMESPACES)
     wanted = {name: dict(parameters) for name, parameters in (values or {}).items()}
     known = [component.get("name", "") for component in components]
@@ -93,8 +121,7 @@ def write_ssp(
             raise UsageError(f"{ssd_path.name} has no component '{name}'; {registry.suggestion(name, known)}")
     entries: dict[str, bytes] = {}
     for component in components:
-        own = wanted.get(component.get("name", ""), {})
-        add_component(entries, component, ssd_path, own, stimulus, make or fmu_bytes)
+        add_component(entries, component, ssd_path, wanted.get(component.get("name", ""), {}), stimulus, make)
     entries["SystemStructure.ssd"] = structure_bytes(document)
     return write_archive(entries, destination)
 
@@ -135,8 +162,32 @@ def changed(composed: Composed, starts: Mapping[str, float]) -> tuple[tuple[str,
     return tuple((n, starts[n]) for n in declared if n in starts and starts[n] != declared[n].start)
 
 
-@lru_cache(maxsize=64)
-def fmu_bytes(stem: str, starts: tuple[tuple[str, float], ...] = (), stimulus: bytes | None = None) -> bytes:
+class Kept:
+    """A maker of FMUs that keeps the last it made; few of those that play a command, each as large as its log."""
+
+    def __init__(self, make: Callable[..., bytes]) -> None:
+        update_wrapper(self, make)
+        self._still = lru_cache(maxsize=32)(make)
+        self._playing = lru_cache(maxsize=2)(make)
+
+    def __call__(
+        self,
+        stem: str,
+        starts: tuple[tuple[str, float], ...] = (),
+        stimulus: bytes | None = None,
+        *further: str,
+    ) -> bytes:
+        """As the maker."""
+        return (self._still if stimulus is None else self._playing)(stem, starts, stimulus, *further)
+
+    def cache_clear(self) -> None:
+        """Forget all."""
+        self._still.cache_clear()
+        self._playing.cache_clear()
+
+
+@Kept
+def fmu_bytes(stem: str, starts: tuple[tuple[str, float], ...], stimulus: bytes | None) -> bytes:
     """The FMU of a component, built once for the same content.
 
     Args:

@@ -48,7 +48,7 @@ def test_a_true_ripple_is_not_at_a_bound() -> None:
 
 
 def test_an_effect_that_ends_at_its_off_value_is_only_absent() -> None:
-    finding = diagnosed(seed=3, seconds=25.0).findings["mechanical"]
+    finding = diagnosed(seed=3, seconds=25.0, blocks=("mechanical",)).findings["mechanical"]
     friction = registry.effects()["mechanical.coulomb_friction"]
     trial = tried(finding.task, (friction,), 0.01, finding.null.fit)
     assert np.isfinite(trial.fit.log_likelihood)
@@ -57,7 +57,10 @@ def test_an_effect_that_ends_at_its_off_value_is_only_absent() -> None:
 
 def test_friction_that_is_nearly_nothing_in_motion_is_another_law() -> None:
     found = diagnosed(
-        "mechanical.stribeck_friction:tau_c=0 N.m,tau_s=150 N.m,omega_s=0.01", seed=12, seconds=25.0
+        "mechanical.stribeck_friction:tau_c=0 N.m,tau_s=150 N.m,omega_s=0.01",
+        seed=12,
+        seconds=25.0,
+        blocks=("mechanical",),
     )
     assert "mechanical.stribeck_friction" not in [c.effect.name for c in found.causes]
     finding = found.findings["mechanical"]

@@ -13,9 +13,11 @@ from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
 
 
-def told_without_noise(*hidden: str, seed: int = 31, seconds: float = 30.0):
+def told_without_noise(*hidden: str, model="full_order"):
     """Diagnosis of a log without noise."""
-    return diagnose(as_log(make_log("mixed", seconds, list(hidden), seed=seed, noise=Noise(scale=0.0))))
+    return diagnose(
+        as_log(make_log("mixed", 30.0, list(hidden), seed=31, noise=Noise(scale=0.0))), model=model
+    )
 
 
 def test_a_clean_log_without_noise_is_adequate() -> None:
@@ -34,7 +36,9 @@ def test_a_clean_log_without_noise_is_adequate() -> None:
     ],
 )
 def test_an_effect_without_noise_is_found_alone_and_exactly(effect: str, parameter: str, size: float) -> None:
-    found = told_without_noise(f"{effect}:{parameter}={float(size)!r}")
+    # what drives the block is the same log as without the effect
+    block = effect.partition(".")[0]
+    found = told_without_noise(f"{effect}:{parameter}={float(size)!r}", model=only(block))
     (cause,) = found.causes
     assert cause.effect.name == effect
     assert cause.parameters[parameter][0] == pytest.approx(size, rel=1e-3)

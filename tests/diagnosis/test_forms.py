@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden_logs import off
+from hidden_logs import off, only
 from scipy.integrate import solve_ivp
 
 from cosim.diagnosis.pipeline.diagnose import diagnose
@@ -21,7 +21,7 @@ def diagnosed_of(effect: str, friction: str, seed: int):
     """Diagnosis of a log with friction of that form."""
     hidden = f"{effect}:" + ",".join(f"{n}={v}" for n, v in SIZES[effect].items())
     run = make_log("mixed", 30.0, [hidden], seed=seed, settings=off(seed), friction=friction)
-    return diagnose(as_log(run))
+    return diagnose(as_log(run), model=only("mechanical"))
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_leakage_through_an_orifice_is_leakage(root, named, noise_scale) -> None
     signals = {n: v for n, v in log.signals.items() if n != "slew"}
     signals["p_a"] = 0.5 * (run.true["p_supply"] + p_load) + noise
     signals["p_b"] = 0.5 * (run.true["p_supply"] - p_load) - noise
-    found = diagnose(replace(log, signals=signals))
+    found = diagnose(replace(log, signals=signals), model=only("continuity"))
     (cause,) = found.causes
     assert cause.effect.name == "continuity.leakage"
     assert not found.rests

@@ -1,5 +1,6 @@
 """A machine that measures its speed: a gyroscope alone, or beside the angle."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,9 +44,14 @@ def files(
 
 
 def diagnosed(folder: Path, columns: tuple[str, ...], *hidden: str, bias: float = 0.0) -> Diagnosis:
+    """Diagnosis of the mechanics, alone where the pressures that drive them were measured."""
     path, mapping = files(folder, columns, *hidden, bias=bias)
     log = load_log(path, mapping)
-    return diagnose(log, model=machine_of("full_order", log, mapping))
+    machine = machine_of("full_order", log, mapping)
+    if set(PRESSURES) <= set(columns):
+        machine = replace(machine, groups=machine.groups[-1:])
+        assert machine.groups[0].name == "mechanical"
+    return diagnose(log, model=machine)
 
 
 def mechanics(folder: Path, columns: tuple[str, ...]) -> Group:

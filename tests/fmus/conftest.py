@@ -1,4 +1,4 @@
-"""FMUs of all blocks, built once a session (and once a worker of pytest-xdist)."""
+"""FMUs of all blocks, built once a run."""
 
 from pathlib import Path
 
@@ -11,10 +11,10 @@ from fmus.build import build_blocks
 
 
 @pytest.fixture(scope="session")
-def fmu_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def fmu_files(made_once) -> dict[str, Path]:
     """Every block's .fmu by name."""
-    folder = tmp_path_factory.mktemp("fmus")
-    return {path.stem: path for path in build_blocks(folder, STIMULUS)}
+    folder = made_once("fmus", lambda folder: build_blocks(folder, STIMULUS))
+    return {name: folder / f"{name}.fmu" for name in registry.BLOCKS}
 
 
 @pytest.fixture(scope="session")

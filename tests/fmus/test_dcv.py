@@ -155,6 +155,25 @@ def test_one_step_equals_many_with_events(
     assert whole == pytest.approx(tuple(parts), abs=3e-8 * K * np.array([1.0, W0]).max())
 
 
+@pytest.mark.parametrize(("limit", "peak"), [("x_max", math.pi), ("v_max", math.acos(ZETA))])
+def test_a_limit_met_between_two_samples_that_lie_within_it(limit: str, peak: float) -> None:
+    """By half of what the free motion rises there: its position peaks at pi / w, its speed at acos(zeta) / w."""
+    at = peak / (W0 * math.sqrt(1 - ZETA**2))
+    h = at / (round(at * W0 / 0.85) + 0.5)  # the peak is in the middle of a step shorter than 1 / w0
+    before = round(at / h - 0.5)
+    k = 0 if limit == "x_max" else 1
+    free = run(BLOCK, h / 2, [0.0], {"x_max": 1.0}).play([[1.0]] * (2 * before + 2))[:, k]
+    ends = max(free[2 * before - 1], free[2 * before + 1]) if before else free[1]
+    most = 0.5 * (ends + free[2 * before])
+    assert ends < most < free[2 * before]
+    found = run(BLOCK, h, [0.0], {limit: most}).play([[1.0]] * (before + 1))
+    assert found[before, k] < most
+    assert found[before] == pytest.approx(reference(1.0, (before + 1) * h, **{limit: most}), abs=1e-9 * K)
+    # it is seen: without the limit the spool would be elsewhere
+    other = run(BLOCK, h, [0.0], {"x_max": 1.0}).play([[1.0]] * (before + 1))
+    assert np.abs(found[before] - other[before])[0] > 1e-6 * K
+
+
 def test_pressed_against_the_stop_it_leaves_when_the_demand_turns() -> None:
     r = run(BLOCK, 0.01, [0.0])
     r.play([[2.0]] * 50)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from fmus import registry
+from fmus import mechanical, registry
 from fmus.compose import compose
 
 BLOCK = bare("mechanical")
@@ -87,6 +87,19 @@ def test_without_drive_the_motion_dies_out(form, omega, tau_c, h) -> None:
     speeds = np.abs(np.concatenate([[omega], found[:, 1]]))
     spring = 0.0 if "omega_v" in form else form["z_s"] * math.sqrt(tau_c / form["z_s"] / J)
     assert np.all(speeds[1:] <= speeds[:-1] + spring + 1e-12)
+
+
+@given(
+    st.floats(-0.1, 0.1), st.floats(-3000.0, 3000.0), st.floats(-3000.0, 3000.0), st.sampled_from([1e-3, 0.05])
+)  # fmt: skip
+def test_friction_at_the_mean_speed_of_a_step_solves_its_equation(omega, old, new, h) -> None:
+    """Mean speed = that without friction less what the level times tanh takes of it."""
+    p = run(BLOCK, h, [0.0], {"tau_c": LEVEL, "omega_v": 1e-3}).p
+    c = mechanical.coefficients(p, h)
+    friction = mechanical.with_smooth_friction(omega, old, new, None, p, c)
+    _, free = mechanical.slid(0.0, omega, old, new, h, c.J, c.w_w, c.phi1, c.phi2, c.phi3)
+    mean = 0.5 * (omega + free) - 0.5 * h / c.J * c.phi1 * friction
+    assert friction == pytest.approx(LEVEL * math.tanh(mean / 1e-3), abs=1e-6 * LEVEL)
 
 
 def test_bristles_give_way_and_hold() -> None:

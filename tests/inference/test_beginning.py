@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
-from cosim.inference.beginning import level, speed
+from cosim.inference.beginning import level, parabola, speed
+from cosim.inference.thresholds import START_LACK, START_SPAN
 
 TIME = np.arange(500) * 1e-3
 
@@ -25,6 +27,38 @@ def test_the_speed_of_a_parabola_is_its_slope_at_the_first_sample(v: float, a: f
 @pytest.mark.parametrize("late", [0.0, 0.02, 0.05])
 def test_a_motion_that_only_begins_starts_at_rest(power: int, late: float) -> None:
     assert speed(TIME, np.maximum(TIME - late, 0.0) ** power + noise(1e-6)) == 0.0
+
+
+def test_a_parabola_s_slope_and_error_are_those_of_least_squares() -> None:
+    values = 0.3 - 2.0 * TIME[:7] + noise(1e-3)[:7]
+    t, slope, error, left = parabola(TIME[:7], values)
+    found, covariance = np.polyfit(t, values, 2, cov=True)
+    assert (slope, error) == pytest.approx((found[1], np.sqrt(covariance[1, 1])))
+    assert left == pytest.approx(np.sqrt(np.sum((values - np.polyval(found, t)) ** 2) / (7 - 3)))
+
+
+def test_the_span_stays_whole_where_all_but_a_parabola_is_noise() -> None:
+    """The speeds found scatter as the slope of the whole span does: of half of it they would scatter three times as much."""
+    size, count = 1e-3, round(START_SPAN * 1e3)
+    found = [speed(TIME, 2.0 * TIME + noise(size, seed)) for seed in range(200)]
+    matrix = np.vander(TIME[:count], 3, increasing=True)
+    error = size * np.sqrt(np.linalg.inv(matrix.T @ matrix)[1, 1])
+    assert np.std(found) == pytest.approx(error, rel=0.15)
+
+
+@pytest.mark.parametrize(("share", "whole"), [(0.85, True), (1.15, False)])
+def test_the_span_is_halved_where_a_parabola_leaves_more_than_so_many_times_the_noise(share, whole) -> None:
+    t = TIME[: round(START_SPAN * 1e3)]
+    values, cubic = 2.0 * t + noise(1e-4)[: t.size], t**3 - 0.1 * t**2
+    size = np.sqrt(np.mean(np.diff(values, 3) ** 2) / 20.0)  # of white noise, by its third differences
+
+    def left(bend: float) -> float:
+        return parabola(t, values + bend * cubic)[3] / size
+
+    bend = brentq(lambda b: left(b) - share * START_LACK, 0.0, 100.0)
+    bent = np.concatenate([values + bend * cubic, np.zeros(400)])
+    slope = parabola(t, bent[: t.size])[1] / (t[-1] - t[0])
+    assert (speed(TIME, bent) == pytest.approx(slope)) == whole
 
 
 def test_noise_is_no_speed() -> None:

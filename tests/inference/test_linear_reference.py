@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from cosim.inference.linear import Data, reference
+from cosim.inference.linear import Data, LinearModel, Sections, reference
 
 Array = NDArray[np.float64]
 H = 0.02
@@ -61,6 +61,15 @@ def test_order_and_poles_are_those_of_the_system(
     assert np.allclose(
         sorted(found.sections.poles, key=lambda p: (abs(p), p.imag)), poles, atol=0.02 * abs(poles[-1])
     )
+
+
+@pytest.mark.parametrize(("slowness", "integrates"), [(2.0, True), (0.5, False)])
+def test_a_pole_slower_than_the_data_are_long_is_an_integrator(slowness: float, integrates: bool) -> None:
+    made = data(command(2), np.zeros(COUNT))
+    assert made.length == COUNT * H
+    sections = Sections((1.0 / (slowness * made.length), 5.0))
+    empty = np.zeros(0)
+    assert LinearModel(sections, empty, H, made.length, empty, empty).integrates == integrates
 
 
 def test_a_delay_and_an_integrator_are_found() -> None:

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from cosim.inference.noise import Noise, correlation_times, quietest
-from cosim.inference.spectrum import bands, learn
+from cosim.inference.spectrum import LOWEST, bands, learn
 from cosim.rig import Noise as RigNoise
 
 
@@ -86,6 +86,18 @@ def test_noise_of_sensors_counts_as_it_is(scale: float, kind: str) -> None:
     still = np.empty((0, noise.size))
     plain, filled = bands(noise, still), bands(noise, still, quietest(noise + np.linspace(0.0, 1e3, 4000)))
     assert np.array_equal(plain.power, filled.power)
+
+
+@pytest.mark.parametrize("place", [0, 1, 40, -1])
+def test_the_power_of_a_sine_is_in_its_band(place: int) -> None:
+    """All of it but what the taper spreads beyond the lowest frequency: a sine of unit size has a variance of a half."""
+    n = 4000
+    count = bands(np.zeros(n), np.zeros((1, n))).count
+    edges = LOWEST + np.concatenate([[0.0], np.cumsum(count)])
+    k = round(0.5 * (edges[:-1] + edges[1:])[place] - 0.5)
+    found = bands(np.sin(2.0 * np.pi * k * np.arange(n) / n), np.zeros((1, n)))
+    assert np.argmax(found.power) == place % count.size
+    assert found.power.sum() == pytest.approx(0.25 * n, rel=0.35 if place == 0 else 0.01)
 
 
 def test_what_a_fit_absorbs_is_put_back() -> None:

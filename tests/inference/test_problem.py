@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from cosim.errors import SimulationError
 from cosim.inference.freeform import explained
@@ -56,6 +57,39 @@ def test_a_nuisance_is_taken_out_within_its_bounds_only() -> None:
         left = made.residuals({})["y"]
         assert (float(np.std(left)) < 2e-3) is gone
         assert made.rows({})[-1] == pytest.approx(min(shift, 1.0) / 0.7, rel=0.1)
+
+
+def test_nuisances_beside_one_at_its_bound_are_those_of_bounded_least_squares() -> None:
+    rng = np.random.default_rng(6)
+    slopes = np.stack([np.sin(T), np.sin(T) + 0.3 * np.cos(2.0 * T), np.ones(N)])
+    noise = 0.01
+    y = U + np.array([0.9, 0.4, -0.2]) @ slopes + noise * rng.standard_normal(N)
+    made = Problem({"y": y}, {"y": FITTED}, {"y": WINDOW}, model, {"y": 1e-4})
+    made.noise["y"] = Noise(noise**2)
+    bounds = [(-0.5, 0.5), (-2.0, 2.0), (-2.0, 2.0)]  # the first is wanted beyond
+    prior = 3.0
+    made.share([Unknown(f"n{k}", *b, 1.0, prior) for k, b in enumerate(bounds)], {"y": slopes})
+    rows = np.concatenate([slopes[:, FITTED].T / noise, np.eye(3) / prior])
+    target = np.concatenate([(y - U)[FITTED] / noise, np.zeros(3)])
+    best = lsq_linear(rows, target, tuple(np.transpose(bounds)), tol=1e-12).x
+    assert best[0] == pytest.approx(0.5)
+    assert prior * made.rows({})[-3:] == pytest.approx(best, abs=1e-6)
+
+
+@pytest.mark.parametrize(("low", "high"), [(-5.0, 1.1), (1.3, 5.0), (0.999, 1.001)])
+def test_the_model_is_never_run_beyond_the_bounds_of_an_unknown(low: float, high: float) -> None:
+    """The estimate ends at a bound: its slope is taken on the other side, over half of a range that is narrower."""
+    tried = []
+
+    def watched(values):
+        tried.append(values["gain"])
+        return model(values)
+
+    made = problem(np.random.default_rng(7))
+    made.model = watched
+    fit = made.fit([Unknown("gain", low, high, 0.3)], {"gain": 1.0})
+    assert fit.values["gain"] == pytest.approx(np.clip(1.2, low, high), abs=1e-3)
+    assert low <= min(tried) < max(tried) <= high
 
 
 def test_held_out_windows_bear_a_true_gain_out_and_not_one_of_chance() -> None:

@@ -8,12 +8,10 @@ import pytest
 from lxml import etree
 
 from cosim.anysystem.extend import write_package
-from cosim.compare.model import package_of
-from cosim.diagnosis.extension.packages import write_open
 from cosim.native.package import swapped
 from cosim.paths import examples_folder
 from cosim.ssp.read import read_system
-from cosim.ssp.write import NAMESPACES, write_archive
+from cosim.ssp.write import NAMESPACES, write_archive, write_as_wired
 from fmus.build import build_fmu
 
 SWING = examples_folder() / "models" / "swing.ssd"  # a machine of five components
@@ -30,7 +28,7 @@ def types(package: Path) -> set[str | None]:
 def without(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A package whose components have no type, as older ones and those of others."""
     folder = tmp_path_factory.mktemp("types")
-    with zipfile.ZipFile(package_of(SWING, folder / "swing.ssp")) as archive:
+    with zipfile.ZipFile(write_as_wired(SWING, folder / "swing.ssp")) as archive:
         entries = {n: archive.read(n) for n in archive.namelist()}
     entries["SystemStructure.ssd"] = entries["SystemStructure.ssd"].replace(
         b' type="application/x-fmu-sharedlibrary"', b""
@@ -41,8 +39,8 @@ def without(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_packages_of_machines_and_extended_ones_have_types(without: Path, tmp_path: Path) -> None:
     known = {"application/x-fmu-sharedlibrary"}
     assert types(without) == {None}
-    assert types(package_of(SWING, tmp_path / "machine.ssp")) == known
-    assert types(write_open(SWING, tmp_path / "extended.ssp", {"dcv": {"K": 3e-3}})) == known
+    assert types(write_as_wired(SWING, tmp_path / "machine.ssp")) == known
+    assert types(write_as_wired(SWING, tmp_path / "extended.ssp", {"dcv": {"K": 3e-3}})) == known
     with read_system(without) as system:
         assert len(system.components) == 5
         assert types(write_package(system, [], {"dcv.K": 3e-3}, tmp_path / "any.ssp", build_fmu)) == known

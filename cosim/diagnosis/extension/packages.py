@@ -7,17 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.files import write_bytes
-from cosim.ssp.write import (
-    NAMESPACES,
-    STIMULUS,
-    add_component,
-    fmu_bytes,
-    read_xml,
-    structure_bytes,
-    values_xml,
-    write_archive,
-    write_ssp,
-)
+from cosim.ssp.write import NAMESPACES, STIMULUS, read_xml, values_xml, write_as_wired, write_ssp
 from fmus import registry
 from fmus.build import composed_block
 from fmus.contract import Variable
@@ -53,14 +43,16 @@ def write_extended(
     """Write the extended packages: open (for our runner), and closed with the log's command inside.
 
     Args:
-        wiring: the .ssd of the model.
+        wiring: the .ssd of the model; with a stimulus inside, or with inputs of its own.
         values: ``component.parameter`` -> SI that differs from what it binds.
         folder: where they go.
         stimulus: what plays the command; None, or a system without a stimulus, gives no closed package.
     """
     grouped = by_component(values)
     if not closed(wiring):
-        paths = {"open": write_open(wiring, folder / "extended.ssp", grouped)}
+        # a sensor may have been judged for which this system has no component
+        own = {name: grouped[name] for name in components(wiring) if name in grouped}
+        paths = {"open": write_as_wired(wiring, folder / "extended.ssp", own)}
     else:
         paths = {"open": write_ssp(wiring, folder / "extended_open.ssp", values=grouped, open=True)}
         if stimulus is not None:
@@ -78,15 +70,9 @@ def stems(wiring: Path) -> dict[str, str]:
 
 def closed(wiring: Path) -> bool:
     """True for a system with a stimulus inside, from which a closed and an open package can be made."""
-    components = read_xml(wiring).findall(".//ssd:Component", NAMESPACES)
-    return any(component.get("name") == STIMULUS for component in components)
+    return STIMULUS in components(wiring)
 
 
-def write_open(wiring: Path, destination: Path, values: Mapping[str, Mapping[str, float]]) -> Path:
-    """The package of a system that has inputs of its own."""
-    document = read_xml(wiring)
-    entries: dict[str, bytes] = {}
-    for component in document.findall(".//ssd:Component", NAMESPACES):
-        add_component(entries, component, wiring, values.get(component.get("name", ""), {}), None, fmu_bytes)
-    entries["SystemStructure.ssd"] = structure_bytes(document)
-    return write_archive(entries, destination)
+def components(wiring: Path) -> list[str]:
+    """Names of a system's components."""
+    return [c.get("name", "") for c in read_xml(wiring).findall(".//ssd:Component", NAMESPACES)]

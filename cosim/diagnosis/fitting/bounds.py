@@ -106,6 +106,19 @@ def absurd(
     )
 
 
+def cannot_be(effect: Effect, sizes: Mapping[str, float], model: GroupModel, torque: float) -> bool:
+    """True if a fit gives an effect a size that is `absurd` beside what the group's model has before anything was estimated.
+
+    Args:
+        effect: the effect.
+        sizes: its parameters -> estimate, SI.
+        model: the group over the log.
+        torque: its `greatest_torque`.
+    """
+    nominal = {parameter: model.nominal(f"{effect.component}.{parameter}") for parameter in sizes}
+    return absurd(effect, sizes, nominal, torque)
+
+
 def greatest_torque(model: GroupModel, values: Mapping[str, float]) -> float:
     """The greatest torque with which a log drives a group's mechanics, N m; NaN where the group has none.
 

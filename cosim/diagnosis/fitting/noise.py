@@ -351,6 +351,12 @@ def centred(rule: Whitener, residual: Array) -> Array:
     return rows - (rows.mean(axis=1, keepdims=True) if rule.demean else 0.0)
 
 
+def off_mean(covariance: Array) -> Array:
+    """Covariance (window, window) of noise without its mean over the window."""
+    rows = covariance - covariance.mean(axis=0)
+    return np.asarray(rows - rows.mean(axis=1, keepdims=True))
+
+
 def behind(q: Array, demean: bool, covariances: Iterable[Array], shapes: Iterable[Array]) -> Array:
     """(kinds, frequencies) mean tapered periodogram of each kind of noise behind the projection off `q`.
 
@@ -360,17 +366,18 @@ def behind(q: Array, demean: bool, covariances: Iterable[Array], shapes: Iterabl
         covariances: (window, window) of each kind.
         shapes: (frequencies,) periodogram of each before the projection.
     """
-    window = q.shape[1]
+    windows, window, count = q.shape
     taper = hann(window, sym=False)[None, :, None]
     seen = np.fft.rfft(q * taper, axis=1)[:, 1:]  # (windows, frequencies, k)
+    flat = q.reshape(-1, count)
+    parts = np.concatenate([seen.real, seen.imag]).transpose(1, 0, 2)  # (frequencies, 2 windows, k)
+    pairs = parts.transpose(0, 2, 1) @ parts  # of two columns at a frequency, the same for every kind
     found = []
-    centre = np.eye(window) - (1.0 / window if demean else 0.0)
     for base, kind in zip(shapes, covariances, strict=True):
-        covariance = centre @ kind @ centre
-        moved = covariance @ q  # (windows, window, k)
+        moved = (off_mean(kind) if demean else kind) @ q  # (windows, window, k)
         cross = np.fft.rfft(moved * taper, axis=1)[:, 1:]
-        inner = np.tensordot(q, moved, axes=([0, 1], [0, 1]))
-        less = 2.0 * np.einsum("wfk,wfk->f", cross, seen.conj()).real
-        more = np.einsum("wfk,kl,wfl->f", seen, inner, seen.conj(), optimize=True).real
-        found.append(np.maximum(base + (more - less) / q.shape[0], 1e-9 * base))
+        inner = flat.T @ moved.reshape(-1, count)
+        less = 2.0 * ((cross.real * seen.real).sum(axis=(0, 2)) + (cross.imag * seen.imag).sum(axis=(0, 2)))
+        more = np.tensordot(pairs, inner, axes=2)
+        found.append(np.maximum(base + (more - less) / windows, 1e-9 * base))
     return np.stack(found)

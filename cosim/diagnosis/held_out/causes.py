@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.budget import current
-from cosim.diagnosis.fitting.bounds import absurd, greatest_torque
+from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Whitener
@@ -250,7 +250,7 @@ def stepper(
             for e in effects
             if e.name in apart
             or not worth_naming(trial, e, model, tolerance)
-            or not_physical(e, fit_, model, torque)
+            or cannot_be(e, sizes_in(fit_, e), model, torque)
         )
         if held.in_turn:
             each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
@@ -317,10 +317,9 @@ def cancelling(effects: tuple[Effect, ...], fit_: Fit, model: GroupModel) -> set
     return found
 
 
-def not_physical(effect: Effect, fit_: Fit, model: GroupModel, torque: float) -> bool:
-    """True if a fit gives an effect a size that cannot be: another law, then, whatever it gains."""
-    sizes = {p: fit_.values[f"{effect.component}.{p}"] for p in effect.free}
-    return absurd(effect, sizes, {p: model.nominal(f"{effect.component}.{p}") for p in sizes}, torque)
+def sizes_in(fit_: Fit, effect: Effect) -> dict[str, float]:
+    """What a fit says of an effect's parameters, SI."""
+    return {p: fit_.values[f"{effect.component}.{p}"] for p in effect.free}
 
 
 def left_out_errors(

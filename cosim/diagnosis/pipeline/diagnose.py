@@ -13,7 +13,7 @@ from cosim.diagnosis.at_rest import nothing_moves, off_at_rest
 from cosim.diagnosis.budget import Budget, current
 from cosim.diagnosis.budget import within as within_budget
 from cosim.diagnosis.extension.estimate import estimate, gain_by_fmus, worse, write_packages
-from cosim.diagnosis.fitting.bounds import absurd, greatest_torque
+from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.chain import Known, task_for
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.propagated import propagated
@@ -71,6 +71,7 @@ from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
 from cosim.inference.held_out import gain_of_errors
 from cosim.logs import Log, Tracker, listed
+from cosim.memory import returned
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -385,7 +386,7 @@ def concluded(found: Diagnosis) -> None:
         found.verdict = "partly_explained" if found.causes else "interrupted"
 
 
-def not_physical(found: Diagnosis, trust: float) -> bool:
+def impossible_taken_back(found: Diagnosis, trust: float) -> bool:
     """Take causes back whose size cannot be, or may be none in the next log, and what was named beside; True if any was.
 
     What held-out data bear out by itself stays, fitted anew without them.
@@ -395,13 +396,13 @@ def not_physical(found: Diagnosis, trust: float) -> bool:
         model = finding.task.model
         torque = greatest_torque(model, finding.chosen.fit.values)
 
-        def cannot_be(cause: Cause, model: GroupModel = model, torque: float = torque) -> bool:
+        def impossible(cause: Cause, model: GroupModel = model, torque: float = torque) -> bool:
             of = cause.effect.component
             sizes = {p: found.values.get(f"{of}.{p}", v) for p, (v, _) in cause.parameters.items()}
-            return absurd(cause.effect, sizes, {p: model.nominal(f"{of}.{p}") for p in sizes}, torque)
+            return cannot_be(cause.effect, sizes, model, torque)
 
         own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
-        gone = [c.effect for c in own if cannot_be(c) or none_between_logs(found, c, model)]
+        gone = [c.effect for c in own if impossible(c) or none_between_logs(found, c, model)]
         if not gone:
             continue
         taken = True
@@ -525,7 +526,7 @@ def diagnose(
     watch, found.budget = watch or Watch(), budget or Budget()
     try:
         # small matrices: more threads only wait for one another
-        with threadpool_limits(1), watched_by(watch), within_budget(found.budget):
+        with threadpool_limits(1), watched_by(watch), within_budget(found.budget), returned():
             stages(found, logs, parts, tracker, trust, folder, watch)
     except KeyboardInterrupt:
         raise Interrupted(found) from None
@@ -610,12 +611,12 @@ def stages(
             raise DataError(f"{logs[0].source}: no block can be judged: {next(iter(found.sparse.values()))}")
         raise DataError(f"{logs[0].source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
-    not_physical(found, trust)
+    impossible_taken_back(found, trust)
     current().allow(1.0)
     enter(found, watch, "extended", "extended model")
     with part_of(found.notes, "the fit of all blocks together"):
         estimate(found, found.groups, trust, constants)
-        while not_physical(found, trust):  # what is left stands without them
+        while impossible_taken_back(found, trust):  # what is left stands without them
             estimate(found, found.groups, trust, constants)
     concluded(found)
     rest = [p for log, part in zip(logs, parts, strict=True) if part is not log for p in others(log, part)]
