@@ -524,6 +524,13 @@ SAME_IN_ALL: Annotated[
     "likewise",
     "500 draws each: 95 % intervals hold in 89 to 100 %",
 ] = 0.25
+SAYS_NOTHING: Annotated[
+    float,
+    "share of the information",
+    "least share in what all logs tell of a parameter with which a log is a repetition of it",
+    "what a log draws is divided by its share: of next to nothing that is noise",
+    "not measured by itself",
+] = 0.02
 REFERENCE_WINDOWS: Annotated[
     int,
     "windows",

@@ -39,7 +39,7 @@ class OfLog(Model):
 
 
 class Parameter(Model):
-    """An estimate with its 95 % interval; of several logs each one's own, and what another log would give."""
+    """An estimate with its 95 % interval; of several logs where each one draws it, and what another log would give."""
 
     value: float
     unit: str

@@ -24,12 +24,11 @@ from scipy.special import erf
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.record.record import is_start
 from cosim.diagnosis.residuals.cross_validation import moving
-from cosim.diagnosis.thresholds import BETWEEN_LOGS, SAME_IN_ALL
+from cosim.diagnosis.thresholds import BETWEEN_LOGS, SAME_IN_ALL, SAYS_NOTHING
 
 Array = NDArray[np.float64]
 
 SCATTERS = np.linspace(0.0, 4.0, 401)  # of that prior: where it is summed
-SAYS_NOTHING = 0.02  # of the information on a parameter, of which a log has less
 
 
 @dataclass(frozen=True)
