@@ -41,6 +41,15 @@ def test_an_estimate_lies_in_its_interval_as_often_as_it_says() -> None:
     assert 33 <= inside <= 40  # 95 % of 40 is 38
 
 
+def test_the_likelihood_is_that_of_the_fitted_part_and_of_what_is_believed() -> None:
+    made = problem(np.random.default_rng(8))
+    rows = made.rows({"gain": 1.1})
+    plain = -0.5 * float(np.sum(rows[FITTED] ** 2))
+    assert made.log_likelihood(rows, {"gain": 1.1}, [GAIN]) == pytest.approx(plain)
+    believed = Unknown("gain", -5.0, 5.0, 0.3, 0.02)  # of zero, unless another centre is named
+    assert made.log_likelihood(rows, {"gain": 1.1}, [believed]) == pytest.approx(plain - 0.5 * 55.0**2)
+
+
 def test_a_value_at_which_the_model_fails_is_refused_with_its_words() -> None:
     made = problem(np.random.default_rng(1))
     assert made.rows({"gain": 4.0}) is None
