@@ -259,6 +259,7 @@ def test_a_set_that_leaves_more_than_a_part_of_it_is_fitted_from_there(monkeypat
     monkeypatch.setattr(held_out, "worth_naming", lambda *_: True)
     model = SimpleNamespace(group=replace(MODELS["full_order"][2], absolute=("slew",)), cuts=(), stages=())
     monkeypatch.setattr(held_out, "cannot_be", lambda *_: False)
+    monkeypatch.setattr(held_out, "sizes_in", lambda *_: {})
     rule = SimpleNamespace(bins=1, window=6)
     finding = SimpleNamespace(
         task=SimpleNamespace(model=model, rules={"slew": rule}), chosen=SimpleNamespace(fit=FIT)

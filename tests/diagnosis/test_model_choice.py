@@ -4,14 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from cosim.diagnosis.extension.packages import write_open
 from cosim.diagnosis.model.choice import chosen
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.errors import ModelError, UsageError
 from cosim.paths import ssp_folder
 from cosim.rig import as_log, make_log
-from cosim.ssp.write import write_ssp
+from cosim.ssp.write import write_as_wired, write_ssp
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +41,7 @@ def test_the_physical_structure_is_known(tmp_path: Path) -> None:
 
 def test_a_package_of_another_structure_is_refused(tmp_path: Path) -> None:
     axis = Path(__file__).parents[2] / "examples" / "models" / "emps.ssd"
-    other = write_open(axis, tmp_path / "p.ssp", {})
+    other = write_as_wired(axis, tmp_path / "p.ssp")
     with pytest.raises(ModelError, match="not those of a model"):
         chosen(str(other), None)
     with pytest.raises(ModelError):
