@@ -191,17 +191,20 @@ class Range:
     Attributes:
         low, high: its edges, SI, or in parts of what `of` says.
         reason: why it ends there.
-        of: "nominal": in parts of its nominal value; "torque": of the greatest torque with which the log drives the machine.
+        of: "nominal": in parts of its nominal value; "torque": of the greatest torque with which the log drives the machine;
+            "travel": of the spool's travel at full command.
     """
 
     low: float
     high: float
     reason: str
-    of: Literal["", "nominal", "torque"] = ""
+    of: Literal["", "nominal", "torque", "travel"] = ""
 
-    def edges(self, nominal: float, torque: float = math.nan) -> tuple[float, float]:
-        """Lowest and highest value, SI, by the nominal value and the greatest torque; NaN where the latter is not known."""
-        whole = {"": 1.0, "nominal": nominal, "torque": torque}[self.of]
+    def edges(
+        self, nominal: float, torque: float = math.nan, travel: float = math.nan
+    ) -> tuple[float, float]:
+        """Lowest and highest value, SI, by the nominal value, the greatest torque and the travel; NaN where these are not known."""
+        whole = {"": 1.0, "nominal": nominal, "torque": torque, "travel": travel}[self.of]
         low, high = sorted((self.low * whole, self.high * whole))
         return low, high
 

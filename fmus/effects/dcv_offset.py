@@ -1,6 +1,6 @@
 """The spool's neutral is shifted."""
 
-from fmus.contract import Effect, Free
+from fmus.contract import Effect, Free, Range
 
 EFFECT = Effect(
     name="dcv.offset",
@@ -10,4 +10,12 @@ EFFECT = Effect(
     key="x_0",
     free={"x_0": Free(starts=(-1e-4, 1e-4), scale=1e-4, floor=4e-6)},
     sole_form=True,
+    ranges={
+        "x_0": Range(
+            -1.0,
+            1.0,
+            "shifted by all of its travel a spool has no neutral, and no command stops the drive",
+            of="travel",
+        )
+    },
 )

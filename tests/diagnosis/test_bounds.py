@@ -85,14 +85,15 @@ def test_friction_that_is_nearly_nothing_in_motion_is_another_law() -> None:
         ("mechanical.coulomb_friction", {"tau_c": 14670.0}, {"tau_c": 0.0}, True),
         ("mechanical.coulomb_friction", {"tau_c": 280.0}, {"tau_c": 0.0}, False),
         ("dcv.offset", {"x_0": 0.01}, {"x_0": 0.0}, True),
-        ("dcv.offset", {"x_0": 0.0099}, {"x_0": 0.0}, False),
+        ("dcv.offset", {"x_0": 0.0099}, {"x_0": 0.0}, True),
+        ("dcv.offset", {"x_0": 0.0015}, {"x_0": 0.0}, False),
         ("mechanical.linkage", {"e_l": -0.8, "theta_l": 0.3}, {"e_l": 0.0, "theta_l": 0.0}, True),
         ("dead_zone.mismatch", {"b_r": 0.0, "b_l": -0.4}, {"b_r": 0.45, "b_l": -0.4}, False),
         ("dcv.stroke_limit", {"x_max": 1.0, "x_min": -1e-3}, {"x_max": 1.0, "x_min": -1.0}, False),
     ],
 )
 def test_a_size_beyond_or_at_the_end_of_what_it_can_be_is_another_law(name, sizes, nominal, wanted) -> None:
-    assert absurd(registry.effects()[name], sizes, nominal, torque=470.0) == wanted
+    assert absurd(registry.effects()[name], sizes, nominal, torque=470.0, travel=2.4e-3) == wanted
 
 
 @pytest.mark.parametrize(("at_rest", "wanted"), [(0.0, False), (500.0, False), (899.0, False), (900.0, True)])

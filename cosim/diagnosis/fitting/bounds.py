@@ -69,7 +69,11 @@ def edges(effect: Effect, parameter: str, model: GroupModel) -> tuple[list[float
 
 
 def absurd(
-    effect: Effect, values: Mapping[str, float], nominal: Mapping[str, float], torque: float = math.nan
+    effect: Effect,
+    values: Mapping[str, float],
+    nominal: Mapping[str, float],
+    torque: float = math.nan,
+    travel: float = math.nan,
 ) -> bool:
     """True if a parameter lies beyond its physical range, or at an edge of it that is not its off value.
 
@@ -81,12 +85,13 @@ def absurd(
         values: its parameters -> estimate, SI.
         nominal: the same -> value before anything was estimated, SI.
         torque: greatest torque of the drive, N m; NaN where it is not known: nothing is held against it then.
+        travel: of the spool at full command, m; likewise.
     """
     for parameter, allowed in effect.ranges.items():
         if parameter not in values or parameter not in nominal:
             continue
         value, off = values[parameter], nominal[parameter]
-        low, high = allowed.edges(off, torque)
+        low, high = allowed.edges(off, torque, travel)
         near = RANGE_EDGE * (high - low)
         if value < low - near or value > high + near:
             return True
@@ -116,7 +121,8 @@ def cannot_be(effect: Effect, sizes: Mapping[str, float], model: GroupModel, tor
         torque: its `greatest_torque`.
     """
     nominal = {parameter: model.nominal(f"{effect.component}.{parameter}") for parameter in sizes}
-    return absurd(effect, sizes, nominal, torque)
+    travel = model.nominal("dcv.K") if "dcv" in model.group.components else math.nan
+    return absurd(effect, sizes, nominal, torque, travel)
 
 
 def greatest_torque(model: GroupModel, values: Mapping[str, float]) -> float:
