@@ -140,8 +140,8 @@ S, N, T, H, V, P, E, U = (
 SIZES = (N + "accepted", H + "worth_naming", E + "worth_naming")
 SURE = dict.fromkeys((N + "worth_naming", *SIZES[1:]), yes)
 PRESSED = dict.fromkeys((N + "impossible", P + "impossible"), empty)
-STANDS = dict.fromkeys((V + "stands", E + "stands"), yes)
-ANSWERS = (S + "causes", S + "rests", U + "causes", U + "rests", E + "rests", E + "stands")
+STANDS = {V + "stands": yes}
+ANSWERS = (S + "causes", S + "rests", U + "causes", U + "rests", E + "rests", E + "what_stands")
 RULES = (
     Rule("labels first", "a log is held against its own labels", {S + "contradictions": empty, S + "clock": empty}),
     Rule("not one number", "what free parameters make up for is no candidate", {N + "identifiable": third}),

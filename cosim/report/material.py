@@ -201,7 +201,7 @@ def gather(
     found: "Diagnosis", answer: Answer, folder: Path | None = None, proposal: "Proposal | None" = None
 ) -> Material:
     """The material of a diagnosis just made."""
-    from cosim.diagnosis.verdict.verdict import names_of, stands
+    from cosim.diagnosis.verdict.verdict import names_of, what_stands
 
     series: dict[str, dict[str, Array]] = {
         MEASURED: dict(found.record.signals),
@@ -212,7 +212,7 @@ def gather(
     }
     parts = {}
     for name, finding in found.findings.items():
-        extended = finding.chosen if stands(finding) else finding.null
+        extended = what_stands(finding)
         series[BLOCK_NOMINAL] |= finding.task.predicted(finding.null.fit)
         series[BLOCK_EXTENDED] |= finding.task.predicted(extended.fit)
         parts[name] = part_of(name, finding)

@@ -207,12 +207,13 @@ def unmoved(diagnosis: Diagnosis, cause: Cause) -> set[str]:
         return set()
     nominal = {p: finding.task.model.nominal(n) for p, n in names_of(cause.effect).items()}
     still = {p for p, off in nominal.items() if cause.parameters[p] == (off, 0.0)}
-    for p, n in names_of(cause.effect).items():
-        # an interval that reaches over where the limit is out of reach
-        off, free = nominal[p], cause.effect.free.get(p)
-        value, deviation = (found.get(n, 0.0) for found in (diagnosis.values, diagnosis.deviations))
-        if free is not None and free.limits and abs(value - off) <= deviation:
-            still.add(p)
+    limits = {p: n for p, n in names_of(cause.effect).items() if (f := cause.effect.free.get(p)) and f.limits}
+    # an interval that reaches over where the limit is out of reach
+    still |= {
+        p
+        for p, n in limits.items()
+        if abs(diagnosis.values.get(n, 0.0) - nominal[p]) <= diagnosis.deviations.get(n, 0.0)
+    }
     return still if len(still) < len(cause.parameters) else set()
 
 

@@ -29,7 +29,7 @@ from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.cross_validation import errs_less, held_windows, log_numbers, repetitions
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
-from cosim.diagnosis.verdict.verdict import rests, stands
+from cosim.diagnosis.verdict.verdict import rests, what_stands
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
 
@@ -45,7 +45,6 @@ def estimate(
         for seen in finding.signatures:
             name = f"{seen.effect.partition('.')[0]}.{seen.parameter}"
             diagnosis.values[name], diagnosis.deviations[name] = seen.value, seen.deviation
-            diagnosis.between.pop(name, None)
 
 
 def fit_all(
@@ -65,7 +64,7 @@ def fit_all(
     start: dict[str, float] = {}
     rules: dict[str, Whitener] = {}
     for finding in findings.values():
-        fit = (finding.chosen if stands(finding) else finding.null).fit
+        fit = what_stands(finding).fit
         start |= {n: v for n, v in finding.task.model.fixed.items() if is_start(n)}
         near |= fit.values
         deviations |= fit.deviations
@@ -80,7 +79,7 @@ def fit_all(
         return
     if diagnosis.rests or diagnosis.unjudged or diagnosis.sparse or not findings:
         for finding in findings.values():
-            fit = (finding.chosen if stands(finding) else finding.null).fit
+            fit = what_stands(finding).fit
             diagnosis.between |= over_logs(fit, repetitions(finding.task), off) if cuts else {}
         return
     count = min(whole_run(r).windows(diagnosis.record.signals[s]).shape[0] for s, r in rules.items())
@@ -115,7 +114,7 @@ def estimate_alone(
     record, held, task = diagnosis.record, diagnosis.held, finding.task
     signal, rule = next(iter(task.rules.items()))
     mask = ~held_windows(rule.windows(record.signals[signal]).shape[0]) if held is None else None
-    near = (finding.chosen if stands(finding) else finding.null).fit
+    near = what_stands(finding).fit
     free, walked = partial(refitted, mask=mask), False
     best = free(finding, effects, tolerance, near)
     plain = free(finding, (), tolerance, finding.null.fit)
@@ -187,7 +186,7 @@ def vanished(
             return True
         return effect not in needed and not worth_naming(trial, effect, model, tolerance)
 
-    return next((e for e in effects if e.name not in SAMPLED and gone(e)), None)
+    return next((e for e in effects if gone(e)), None)
 
 
 def turn_down(

@@ -48,17 +48,17 @@ def write_extended(
         folder: where they go.
         stimulus: what plays the command; None, or a system without a stimulus, gives no closed package.
     """
-    grouped = by_component(values)
-    if not closed(wiring):
+    grouped, runs = by_component(values), stems(wiring)
+    if STIMULUS not in runs:
         # a sensor may have been judged for which this system has no component
-        own = {name: grouped[name] for name in components(wiring) if name in grouped}
+        own = {name: grouped[name] for name in runs if name in grouped}
         paths = {"open": write_as_wired(wiring, folder / "extended.ssp", own)}
     else:
         paths = {"open": write_ssp(wiring, folder / "extended_open.ssp", values=grouped, open=True)}
         if stimulus is not None:
             paths["closed"] = write_ssp(wiring, folder / "extended.ssp", values=grouped, stimulus=stimulus)
     if grouped:
-        paths["ssv"] = write_values(grouped, stems(wiring), folder / "extended.ssv")
+        paths["ssv"] = write_values(grouped, runs, folder / "extended.ssv")
     return paths
 
 
@@ -70,9 +70,4 @@ def stems(wiring: Path) -> dict[str, str]:
 
 def closed(wiring: Path) -> bool:
     """True for a system with a stimulus inside, from which a closed and an open package can be made."""
-    return STIMULUS in components(wiring)
-
-
-def components(wiring: Path) -> list[str]:
-    """Names of a system's components."""
-    return [c.get("name", "") for c in read_xml(wiring).findall(".//ssd:Component", NAMESPACES)]
+    return STIMULUS in stems(wiring)

@@ -145,16 +145,6 @@ class Whitener:
         """(windows, 1) size of the noise in each window of `count` samples, over that of all."""
         return np.asarray(self.scales)[self.log_of(count), None]
 
-    def of_log(self, log: int) -> "Whitener":
-        """The rule for one of the logs by itself."""
-        if not self.cuts:
-            return self
-        by = self.scales[log] ** 2 if self.scales else 1.0
-        propagated = None if self.propagated is None else by * self.propagated
-        return replace(
-            self, cuts=(), scales=(), sizes=tuple(by * s for s in self.sizes), propagated=propagated
-        )
-
     def of_any_log(self) -> "Whitener":
         """The rule for a log with the noise that these have on average."""
         return replace(self, cuts=(), scales=())

@@ -140,6 +140,11 @@ def stands(finding: Finding) -> bool:
     return not any(local(finding, s, e) and e.gain > gain for s, e in listed)
 
 
+def what_stands(finding: Finding) -> Trial:
+    """The chosen effects where they stand, the nominal model where they do not."""
+    return finding.chosen if stands(finding) else finding.null
+
+
 def of_signatures(finding: Finding) -> list[Cause]:
     """Causes seen in the raw samples."""
     effects, group = registry.effects(), finding.task.model.group.name
@@ -275,7 +280,7 @@ def missing_dynamics(finding: Finding) -> Rest:
 
 def strained(finding: Finding, tolerance: float) -> list[Rest]:
     """Trusted parameters that only a value far beyond their trust makes fit, although no named cause frees them."""
-    chosen = finding.chosen if stands(finding) else finding.null
+    chosen = what_stands(finding)
     freed = {n for e in chosen.effects for n in names_of(e).values()}
     signal = next(iter(finding.after))
     # a single cause whose law is known only nearly bends the parameters beside it
