@@ -128,8 +128,8 @@ class Step:
         held: RMSE on held-out data, SI.
         unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, or
             of which two make up for each other.
-        squares: (parts,) mean square of the error in each part of the held-out data, SI; of logs left out in turn
-            over that of the signal in the log, so that each log counts as much. Where the axis drifts, the prediction
+        squares: (parts,) mean square of the error in each part of the held-out data, SI, at least that of the sensor's
+            noise: a machine that stands is predicted to the last digit. Of logs left out in turn over that of the signal in the log, so that each log counts as much. Where the axis drifts, the prediction
             begins in each part where the machine stands, and `fitted` and `held` are of the same.
         placed: the parts are those of one run of an axis whose place counts.
     """
@@ -237,6 +237,7 @@ def stepper(
         done: sets judged already: the error of a free run does not depend on what the noise is held to be; it grows.
     """
     done = {} if done is None else done
+    quiet = held.record.noise(signal) ** 2
 
     def judged(effects: tuple[Effect, ...], near: Fit) -> Step:
         model, rule = finding.task.model, finding.task.rules[signal]
@@ -257,12 +258,13 @@ def stepper(
             spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
             # each log counts as much; few logs are cut into as many parts as make an interval
             count = -(-FEWEST_PARTS // len(each))
-            own = [mean_squares(e, count, anew) for e in each]
+            own = [np.maximum(mean_squares(e, count, anew), quiet) for e in each]
             square = np.concatenate(own)
             squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
         else:
             gone = errors(finding, fit_, held.record)[signal][held.first :]
-            square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
+            cuts = tuple(c - held.first for c in held.record.cuts)
+            square = squares = np.maximum(parts_of(gone, rule, anew, cuts), quiet)
         placed = model.group.integrates and not anew
         error = float(np.sqrt(np.mean(square)))
         return Step(effects, fit_, fitted, error, unsure, squares, placed)

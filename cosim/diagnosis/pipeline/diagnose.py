@@ -457,7 +457,8 @@ def beside_the_whole(found: Diagnosis, constants: Mapping[str, float]) -> dict[s
     if held is None:
         return of_whole(found.record, drive, signals, after, found.window)
     judged = found.held_after or by_twin(found, held.record, values)
-    return across(found.record, held.record, held.first, drive, signals, judged, found.window)
+    anew = [s for s, gain in found.gains.items() if np.isfinite(gain.horizon)]
+    return across(found.record, held.record, held.first, drive, signals, judged, found.window, anew)
 
 
 def verdict_of(named: list[Cause], left: list[Rest]) -> str:
