@@ -401,23 +401,27 @@ def reconsider(
         able = [e for e in turned_down if not hopeless(finding, effect, e, tolerance)]
         others = dict.fromkeys([*able, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
         bare = step(rest)
-        undecided = []
+        undecided: list[Effect] = []
+        proven: list[Effect] = []
         for other in others:
             if current().over:
                 break
             instead = step((*rest, other))
             more = at.gain_over(instead).gain / min(at.squares.size, MOST_BLOCKS)
             about_as_well = more < np.log(AS_WELL) or not at.clearly_better(instead)
-            gains = instead.gain_over(bare).sure
+            gained = instead.gain_over(bare)
+            # what describes the fitting log better is no worse a name for that the held-out log shows it too rarely
+            gains = gained.sure or (gained.gain > 0.0 and instead.fitted < at.fitted)
             if other.name not in instead.unsure and gains and about_as_well:
                 undecided.append(other)
+                proven += [other] if gained.sure else []
         told[effect.name] = kept_apart[effect.name] = [e.name for e in undecided]
         known = {e.name for (e,) in beside}
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
         listed[effect.name] = [*listed.get(effect.name, ()), *found]
         # one that has taken another's place already cannot take this one's, too
-        other = likeliest(effect, [e for e in undecided if e not in taken], order)
+        other = likeliest(effect, [e for e in proven if e not in taken], order)
         if other != effect:
             taken = tuple(other if e == effect else e for e in taken)
             told[other.name] = [effect.name]
