@@ -129,8 +129,9 @@ class Step:
         unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, or
             of which two make up for each other.
         squares: (parts,) mean square of the error in each part of the held-out data, SI, at least that of the sensor's
-            noise: a machine that stands is predicted to the last digit. Of logs left out in turn over that of the signal in the log, so that each log counts as much. Where the axis drifts, the prediction
-            begins in each part where the machine stands, and `fitted` and `held` are of the same.
+            noise: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
+            signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
+            where the machine stands, and `fitted` and `held` are of the same.
         placed: the parts are those of one run of an axis whose place counts.
     """
 
@@ -545,21 +546,17 @@ def shrunk(
 ) -> Step:
     """The set without what held-out data do not bear out, or with something simpler in its place.
 
-    On the way lie sets whose sizes are unsure. Each effect by itself may be no loss and all together one: what this leads
-    to must not be clearly worse than any set on the way, and the last one that it is worse than stands.
+    Each effect that is left is clearly borne out beside the others. On the way lie sets whose sizes are unsure: what they
+    lead to must not be clearly worse than the last one that was sure.
     """
-    passed = [at] if at.sure else []
+    sure = at
     while at.effects and not current().over:
         smaller = next_smaller(finding, at, step, losses)
-        if smaller is None:
+        if smaller is None or (smaller.sure and sure.clearly_better(smaller)):
             break
         at = smaller
-        if at.sure:
-            better = [s for s in passed if s.clearly_better(at)]
-            if better:
-                return better[-1]
-            passed.append(at)
-    return passed[-1] if passed else at
+        sure = at if at.sure or not sure.sure else sure
+    return sure
 
 
 def next_smaller(
