@@ -273,5 +273,5 @@ def worse(diagnosis: Diagnosis) -> bool:
     gains = diagnosis.gains.values()
     ratio = np.prod([g.after / max(g.before, 1e-300) for g in gains])
     if diagnosis.held is None and diagnosis.causes:
-        return ratio > 1.0 and any(g.ratio_ci95[0] > 1.0 for g in gains)
+        return bool(ratio > 1.0 and any(g.ratio_ci95[0] > 1.0 for g in gains))
     return bool(ratio > 1.0)
