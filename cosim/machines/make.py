@@ -180,7 +180,8 @@ def completed(
             else ("simplified.k", "simplified.a")
         )
         stated += pair
-    found.setdefault("trusted", list(dict.fromkeys(stated)))
+    if not {"trusted", "free"} & found.keys():
+        found["free" if told.from_log else "trusted"] = list(dict.fromkeys(stated))
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
     found["units"] = {**machine.units, **scale_free(machine, inner), **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}

@@ -187,7 +187,7 @@ def better(result: Answer) -> Iterator[str]:
     noise = f"{gain.noise_floor:.2g}{unit}"
     near = gain.rmse_after <= NOISY * gain.noise_floor
     text += f", the sensor's noise ({noise})" if near else f"; the sensor's noise is {noise}"
-    if signal in result.linear and gain.horizon is None:
+    if signal in result.linear:
         text += f"; a linear model leaves {result.linear[signal].rmse:.2g}{unit}"
     yield f"Better: {text}"
 

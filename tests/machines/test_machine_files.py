@@ -1,5 +1,6 @@
 """A machine in one file: its wiring, its values, and what the log tells of it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,10 @@ from scipy.signal import lfilter
 
 from cosim.compare import Comparator, load_mapping, open_model
 from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.model.options import Options, options_of
+from cosim.diagnosis.pipeline import diagnose as steps
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.thresholds import GUESSED_TRUST, NOMINAL_TRUST
 from cosim.errors import DataError, UsageError
 from cosim.logs import load_log
 from cosim.machines import made_for, write_machine
@@ -93,6 +98,26 @@ def test_a_stated_speed_and_lag_need_no_log(tmp_path):
     values = made_for(mapping).numbers.values
     assert values["mechanical.b"] == pytest.approx(1.0 / np.radians(48.0))
     assert values["mechanical.J"] == pytest.approx(0.15 / np.radians(48.0))
+
+
+def test_what_the_log_tells_is_fitted_to_every_log(drive, tmp_path, monkeypatch):
+    """A guess is no nominal value: with and without --calibrate it is free; what is stated is trusted to 1 %."""
+    mapping, log = drive
+    logged = load_log(log, mapping)
+    guessed = machine_of(None, logged, mapping)
+    assert guessed.options.free == ("mechanical.J", "mechanical.b")
+    stated = written(tmp_path, DRIVE + 'speed = "0.8 rad/s"\nlag = "150 ms"\n', {"t": [0.0, 1.0]})[0]
+    known = replace(guessed, options=Options(trusted=tuple(made_for(stated).diagnose["trusted"])))
+    trusts = []
+    monkeypatch.setattr(steps, "stages", lambda found, logs, parts, tracker, trust, *_: trusts.append(trust))
+    for machine, calibrate in ((guessed, False), (guessed, True), (known, False), (known, True)):
+        diagnose(logged, model=machine, calibrate=calibrate)
+    assert trusts == [GUESSED_TRUST, GUESSED_TRUST, NOMINAL_TRUST, GUESSED_TRUST]
+
+
+def test_a_parameter_is_trusted_or_free():
+    with pytest.raises(DataError, match="give 'trusted' or 'free', not both"):
+        options_of({"trusted": ["mechanical.J"], "free": ["mechanical.b"]}, "axis.toml")
 
 
 def test_an_axis_is_told_in_kilograms_and_newtons(axis):

@@ -128,9 +128,10 @@ class Step:
         held: RMSE on held-out data, SI.
         unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, or
             of which two make up for each other.
-        squares: (parts,) mean square of the error in each part of the held-out data, SI; of logs left out in turn
-            over that of the signal in the log, so that each log counts as much. Where the axis drifts, the prediction
-            begins in each part where the machine stands, and `fitted` and `held` are of the same.
+        squares: (parts,) mean square of the error in each part of the held-out data, SI, at least that of the sensor's
+            noise: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
+            signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
+            where the machine stands, and `fitted` and `held` are of the same.
         placed: the parts are those of one run of an axis whose place counts.
     """
 
@@ -237,6 +238,7 @@ def stepper(
         done: sets judged already: the error of a free run does not depend on what the noise is held to be; it grows.
     """
     done = {} if done is None else done
+    quiet = held.record.noise(signal) ** 2
 
     def judged(effects: tuple[Effect, ...], near: Fit) -> Step:
         model, rule = finding.task.model, finding.task.rules[signal]
@@ -257,12 +259,13 @@ def stepper(
             spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
             # each log counts as much; few logs are cut into as many parts as make an interval
             count = -(-FEWEST_PARTS // len(each))
-            own = [mean_squares(e, count, anew) for e in each]
+            own = [np.maximum(mean_squares(e, count, anew), quiet) for e in each]
             square = np.concatenate(own)
             squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
         else:
             gone = errors(finding, fit_, held.record)[signal][held.first :]
-            square = squares = parts_of(gone, rule, anew, tuple(c - held.first for c in held.record.cuts))
+            cuts = tuple(c - held.first for c in held.record.cuts)
+            square = squares = np.maximum(parts_of(gone, rule, anew, cuts), quiet)
         placed = model.group.integrates and not anew
         error = float(np.sqrt(np.mean(square)))
         return Step(effects, fit_, fitted, error, unsure, squares, placed)
@@ -399,23 +402,27 @@ def reconsider(
         able = [e for e in turned_down if not hopeless(finding, effect, e, tolerance)]
         others = dict.fromkeys([*able, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
         bare = step(rest)
-        undecided = []
+        undecided: list[Effect] = []
+        proven: list[Effect] = []
         for other in others:
             if current().over:
                 break
             instead = step((*rest, other))
             more = at.gain_over(instead).gain / min(at.squares.size, MOST_BLOCKS)
             about_as_well = more < np.log(AS_WELL) or not at.clearly_better(instead)
-            gains = instead.gain_over(bare).sure
+            gained = instead.gain_over(bare)
+            # what describes the fitting log better is no worse a name for that the held-out log shows it too rarely
+            gains = gained.sure or (gained.gain > 0.0 and instead.fitted < at.fitted)
             if other.name not in instead.unsure and gains and about_as_well:
                 undecided.append(other)
+                proven += [other] if gained.sure else []
         told[effect.name] = kept_apart[effect.name] = [e.name for e in undecided]
         known = {e.name for (e,) in beside}
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
         listed[effect.name] = [*listed.get(effect.name, ()), *found]
         # one that has taken another's place already cannot take this one's, too
-        other = likeliest(effect, [e for e in undecided if e not in taken], order)
+        other = likeliest(effect, [e for e in proven if e not in taken], order)
         if other != effect:
             taken = tuple(other if e == effect else e for e in taken)
             told[other.name] = [effect.name]
@@ -539,21 +546,17 @@ def shrunk(
 ) -> Step:
     """The set without what held-out data do not bear out, or with something simpler in its place.
 
-    On the way lie sets whose sizes are unsure. Each effect by itself may be no loss and all together one: what this leads
-    to must not be clearly worse than any set on the way, and the last one that it is worse than stands.
+    Each effect that is left is clearly borne out beside the others. On the way lie sets whose sizes are unsure: what they
+    lead to must not be clearly worse than the last one that was sure.
     """
-    passed = [at] if at.sure else []
+    sure = at
     while at.effects and not current().over:
         smaller = next_smaller(finding, at, step, losses)
-        if smaller is None:
+        if smaller is None or (smaller.sure and sure.clearly_better(smaller)):
             break
         at = smaller
-        if at.sure:
-            better = [s for s in passed if s.clearly_better(at)]
-            if better:
-                return better[-1]
-            passed.append(at)
-    return passed[-1] if passed else at
+        sure = at if at.sure or not sure.sure else sure
+    return sure
 
 
 def next_smaller(

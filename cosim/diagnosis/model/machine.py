@@ -109,12 +109,12 @@ def machine_for(
         raise UsageError(f"'{path}' with a mapping's signals: give the wiring (.ssd) or the name of a model")
     wiring = wiring_of(path)
     signals = bound(wiring, table, log.units)
-    trusted = options.trusted if options.trusted is not None else TRUSTED
+    trusted = options.named if options.named is not None else TRUSTED
     values: dict[str, float] = {}
     for file in table.parameter_files:
         values |= read_values(file)
     own = [n for n in options.scale if n.partition(".")[0] in wiring.blocks]  # the others are units
-    check_names(wiring, [*values, *own, *(options.trusted or ())], path)
+    check_names(wiring, [*values, *own, *(options.named or ())], path)
     groups = [
         replace(
             group,

@@ -8,9 +8,9 @@ consider = ["mechanical.constant_load"]
 "N.m" = 0.1
 """
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from cosim.diagnosis.thresholds import READ_AT_START
 from cosim.errors import UsageError
@@ -28,6 +28,8 @@ class Options(BaseModel):
     Attributes:
         trusted: parameters that are trusted to the tolerance only, and freed by ``--calibrate``; by default those of our
             models (CONTRACT section 4) that the machine has.
+        free: parameters of which nothing is known: they are fitted to every log, as with ``--calibrate``. A cause named on
+            top of a guess would only make up for it. With these there are no trusted ones.
         consider: effects that are candidates on request only, and are requested.
         exclude: effects that this machine cannot have.
         absolute: signals of which a constant error counts; elsewhere each window has an offset of its own.
@@ -45,6 +47,7 @@ class Options(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     trusted: tuple[str, ...] | None = None
+    free: tuple[str, ...] = ()
     consider: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
     absolute: tuple[str, ...] = ()
@@ -69,6 +72,19 @@ class Options(BaseModel):
         if not found > 0.0:
             raise ValueError("a time must be positive")
         return found
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if self.free and self.trusted:
+            raise ValueError(
+                "give 'trusted' or 'free', not both: where one parameter is free, all that are named are"
+            )
+        return self
+
+    @property
+    def named(self) -> tuple[str, ...] | None:
+        """Parameters that may be fitted; None where the mapping names none."""
+        return self.free or self.trusted
 
     @field_validator("consider", "exclude")
     @classmethod

@@ -457,7 +457,8 @@ def beside_the_whole(found: Diagnosis, constants: Mapping[str, float]) -> dict[s
     if held is None:
         return of_whole(found.record, drive, signals, after, found.window)
     judged = found.held_after or by_twin(found, held.record, values)
-    return across(found.record, held.record, held.first, drive, signals, judged, found.window)
+    anew = [s for s, gain in found.gains.items() if np.isfinite(gain.horizon)]
+    return across(found.record, held.record, held.first, drive, signals, judged, found.window, anew)
 
 
 def verdict_of(named: list[Cause], left: list[Rest]) -> str:
@@ -492,7 +493,8 @@ def diagnose(
         held_out: another log of the machine, or several: gains are measured on it, and a cause that does
             not help there is refused.
         tolerance: standard deviation of the trust in each nominal parameter, relative.
-        calibrate: fit the nominal parameters freely, so that only missing structure is a cause.
+        calibrate: fit the nominal parameters freely, so that only missing structure is a cause; so it is done without
+            where the mapping says that parameters are `free`.
         folder: where the extended packages go; without one they are not written and the FMUs are not run.
         watch: told about each stage.
         budget: the time it may take; searches then end with the best so far. Unlimited by default.
@@ -503,8 +505,8 @@ def diagnose(
         Interrupted: Ctrl-C, once the log is prepared.
     """
     machine = our_machine(model, base) if isinstance(model, str) else model
-    free = CALIBRATED_TRUST if isinstance(model, str) or not machine.options.trusted else GUESSED_TRUST
-    trust = free if calibrate else tolerance
+    free = CALIBRATED_TRUST if isinstance(model, str) or not machine.options.named else GUESSED_TRUST
+    trust = free if calibrate or machine.options.free else tolerance
     logs = listed(log)
     if len(logs) > 1 and (tracker is not None or machine.options.held_out_from is not None):
         what = (

@@ -4,7 +4,7 @@ Where it beats the extended model on data held out, linear dynamics are missing,
 them would only stand in for these.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -287,7 +287,7 @@ def over_logs(task: Task, record: Record, held: Record, first: int, squares: Arr
     if signal not in held.signals or drive not in held.signals:
         return None
     model, left = free_run(record, held, first, drive, signal, squares.size, task.model.group.drifts)
-    return Reference(model, left, squares)
+    return Reference(model, np.maximum(left, held.noise(signal) ** 2), squares)
 
 
 def free_run(
@@ -332,6 +332,7 @@ def across(
     signals: Iterable[str],
     after: Mapping[str, Array],
     window: int,
+    anew: Collection[str] = (),
 ) -> dict[str, Reference]:
     """The reference from the command to each signal, fitted to one log and judged on held-out data, as free runs.
 
@@ -343,13 +344,15 @@ def across(
         signals: those of which a reference is wanted.
         after: signal -> (n,) what the extended model makes of it over the held-out record, SI.
         window: samples in a window.
+        anew: signals that are predicted over a window at a time, from where the machine stands.
     """
     found = {}
+    cuts = tuple(c - first for c in held.cuts)
     for signal in (s for s in signals if s in held.signals and s in after):
-        error = held.signals[signal] - after[signal]
-        parts = max(1, round((held.time.size - first) / window), enough_parts(error[first:]))
-        model, left = free_run(record, held, first, drive, signal, parts)
-        ours = mean_squares(error, parted(held.time.size, first, parts), False)
+        error, begins = (held.signals[signal] - after[signal])[first:], signal in anew
+        parts = max(1, round(error.size / window), 0 if begins else enough_parts(error))
+        model, left = free_run(record, held, first, drive, signal, parts, begins)
+        ours = begun_anew(error, parts, begins, cuts)
         found[signal] = Reference(model, left, ours)
     return found
 
