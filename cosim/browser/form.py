@@ -131,7 +131,8 @@ def crane_form(found: Overview) -> Form:
         row = Row(name, said(name), needed=name == DRIVE, unit=SIGNALS[name].unit)
         if name in made:
             guess = made[name]
-            row.column, row.unit, row.gain, row.why = guess.column.index, guess.unit, guess.gain, guess.why
+            row.column, row.unit, row.why = guess.column.index, guess.unit, guess.why
+            row.gain, row.zero = guess.gain, guess.zero
             if guess.check:
                 row.check = (
                     "full command is taken to be the largest reading" if guess.gain != 1.0 else "the unit"

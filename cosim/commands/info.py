@@ -178,6 +178,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
                 "column": g.column.label.alias or g.column.label.text,
                 "unit": g.unit,
                 "gain": g.gain,
+                "zero": g.zero,
                 "why": g.why,
             }
             for name, g in made.items()

@@ -26,6 +26,9 @@ def init(
         str | None,
         typer.Option(help="full_order, simplified, or any .ssp or .fmu [default: full_order]."),
     ] = None,
+    machine: Annotated[
+        bool, typer.Option("--machine", help="Another machine than the crane: its log tells speed and lag.")
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Mapping file [default: LOG with .toml].", metavar="FILE"),
@@ -43,10 +46,12 @@ def init(
     target = out or log.with_suffix(".toml")
     if target.exists() and not force:
         raise UsageError(f"{target} exists: name another file (--out), or write over it (--force)")
+    if machine and (model is not None or second is not None):
+        raise UsageError("--machine makes a model of its own: give no other beside it")
     if asked.lower().endswith(MODELS):
         (text, told, left), needed = _of_connectors(Path(asked), log, target), ""
     else:
-        text, told, left, needed = _of_signals(asked, log)
+        text, told, left, needed = _of_signals(None if machine else asked, log)
     write_text(target, text)
     if as_json:
         console.emit_json({"mapping": str(target), "matched": told, "open": left})
@@ -108,8 +113,12 @@ def _lacking(made: Collection[str]) -> str:
     return " and ".join(lacks)
 
 
-def _of_signals(model: str, log: Path) -> tuple[str, list[str], list[str], str]:
-    """A mapping for the crane's signals, and what it lacks; raises as `cosim.logs.overview.overview`."""
+def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str], str]:
+    """A mapping for the signals of the crane or of a machine of its own (None), and what it lacks.
+
+    Raises:
+        DataError: as `cosim.logs.overview.overview`.
+    """
     from cosim.logs.guess import guesses, mapping_text
     from cosim.logs.overview import overview
 

@@ -4,7 +4,7 @@ A guess is a line for a person to check: it is written into a mapping with its r
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,11 +49,25 @@ GENERIC = {
     "port",
     "ai",
 }
+RESTING, OFF_ZERO, STILL = (
+    0.2,
+    0.05,
+    0.2,
+)  # a neutral command: share of samples, part of the range, of the motion
 OPPOSED, FOLLOWS, DRIVEN = 0.9, 0.8, 0.6  # correlations from which on columns are said to move together
 STRETCHES, LAGS = (
     2000,
     60,
 )  # a log is averaged in so many stretches; a spool or angle may lag by so many of them
+
+
+MACHINE = (
+    "[machine]    # a drive of its own: docs/machines.md",
+    'chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]',
+    'speed = "?"    # at a command of 1, as "48 deg/s"; "?": from the log',
+    'lag = "?"    # as "150 ms"',
+)
+OTHER = "another machine than the crane? delete the line 'model' and take these marks away (or: cosim init --machine)"
 
 
 @dataclass(frozen=True)
@@ -67,6 +81,7 @@ class Guess:
         gain: factor on the reading.
         why: the reason, in words.
         check: whether the unit or scale is a guess as well.
+        zero: reading that counts as none.
     """
 
     signal: str
@@ -75,6 +90,7 @@ class Guess:
     gain: float
     why: str
     check: bool
+    zero: float = 0.0
 
 
 def guesses(found: Overview) -> dict[str, Guess]:
@@ -106,7 +122,34 @@ def guesses(found: Overview) -> dict[str, Guess]:
         taken.add(column.index)
     for signal, column, why in by_motion([c for c in free if c.index not in taken], made):
         made[signal] = _guess(signal, column, why)
+    if "u" in made and "slew" in made and (zero := neutral(made["u"].column, made["slew"].column)):
+        largest = float(np.max(np.abs(made["u"].column.finite - zero)))
+        why = f"{made['u'].why.removesuffix('; unit by its range')}; the machine stands at {zero:g}"
+        made["u"] = replace(
+            made["u"], unit="1", gain=float(f"{1.0 / largest:.4g}"), why=why, check=True, zero=zero
+        )
     return {signal: made[signal] for signal in SIGNALS if signal in made}
+
+
+def neutral(command: Column, motion: Column) -> float:
+    """The reading of a command, most often there, at which the machine stands; 0 without one, or where it is near 0.
+
+    A servo's pulse of 7.5 % or a joystick of 2.5 V is no command. A level held while the machine moves is none of these.
+    """
+    if not command.finite.size or command.missing:
+        return 0.0
+    levels, counts = np.unique(command.values, return_counts=True)
+    level = float(levels[np.argmax(counts)])
+    low, high = float(levels[0]), float(levels[-1])
+    if counts.max() < RESTING * command.values.size or abs(level) < OFF_ZERO * (high - low):
+        return 0.0
+    if min(level - low, high - level) < OFF_ZERO * (high - low):  # a valve goes both ways
+        return 0.0
+    moved = np.abs(np.diff(motion.values))
+    there = command.values[:-1] == level
+    still, moving = moved[there], moved[~there]
+    stands = np.nanmean(still) < STILL * np.nanmean(moving) if still.size and moving.size else False
+    return level if stands else 0.0
 
 
 def _score(column: Column, signal: str) -> float:
@@ -282,20 +325,20 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
     return Guess(signal, column, unit, 1.0, f"{why}; unit by its range", check=True)
 
 
-def mapping_text(found: Overview, made: dict[str, Guess], model: str) -> str:
+def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> str:
     """A mapping with the guesses, each with its reason, and the other columns in comments.
 
     Args:
         found: the file.
         made: the guesses.
-        model: name or path of the model.
+        model: name or path of the model; None for a machine of its own, of which the log tells speed and lag.
     """
     name = found.path.name
     lines = [
         f"# Which column of {name} is which signal, as guessed by 'cosim init'. Check each line; a value is",
         "#   sign * gain * (reading - zero) + offset   in `unit`.",
         f"# Then: cosim info {name} --mapping THIS_FILE    and: cosim diagnose {name} --mapping THIS_FILE",
-        f"model = {_quoted(model)}",
+        *([] if model is None else [f"model = {_quoted(model)}"]),
         "",
         *(
             []
@@ -319,6 +362,8 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str) -> str:
         ]
     for guess in made.values():
         lines += ["", *_entry(found, guess)]
+    own = ["", *MACHINE] if model is None else ["", *(f"# {line}" for line in (OTHER, *MACHINE))]
+    lines += own if "u" in made and "slew" in made else []
     used = {guess.column.index for guess in made.values()} | ({clock.column} if clock else set())
     rest = [c for c in found.columns if c.index not in used]
     missing = [n for n in NAMES if n not in made and not n.endswith("estimate")]
@@ -353,6 +398,8 @@ def _entry(found: Overview, guess: Guess) -> list[str]:
         f"column = {_column_of(found, column)}",
         f"unit = {_quoted(guess.unit)}{mark}",
     ]
+    if guess.zero:
+        lines.append(f"zero = {guess.zero!r}    # CHECK: the most frequent reading; the machine stands there")
     if guess.gain != 1.0:
         lines.append(f"gain = {guess.gain!r}    # CHECK: full command for the largest reading")
     return lines

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cosim.compare.binding import DEFAULTS, START_PARAMETER, START_SIGNAL, gain_between
 from cosim.compare.mapping import CompareTable, Target, load_mapping
 from cosim.errors import DataError, UsageError
@@ -18,6 +20,8 @@ from cosim.paths import build_folder
 from cosim.units import parse_quantity
 from fmus import registry
 
+SHORTEST_STEP = 1e-3  # s that the step of a simulation needs at most to be
+STEPS_A_SAMPLE, STEPS_A_LAG = 5.0, 10.0  # steps of a simulation between two samples, and in a lag, at least
 # effects that change one gain; between two signals only the last block's gain is asked for
 GAINS = {
     "dcv": ("dcv.gain",),
@@ -86,7 +90,22 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
     table = given.model_copy(update={"signals": signals, "start": start})
     sizes = Sizes.of(machine, told, inner, gains, log, sample, rates)
     diagnose = completed(plain.diagnose, machine, told, inner, sizes)
+    if log is not None and told.lag > 0.0:
+        diagnose.setdefault("step", longest_step(log, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
+
+
+def longest_step(log: Log, lag: float, sample: float) -> str:
+    """Step in which the diagnosis simulates a machine, as a mapping says it: fine beside its lag and its log, and no finer.
+
+    Args:
+        log: the log.
+        lag: of the chain, s.
+        sample: what one unit of the log's time counts as, s.
+    """
+    interval = float(np.median(np.diff(log.time))) * sample
+    fine = min(interval / STEPS_A_SAMPLE, lag / STEPS_A_LAG)
+    return f"{float(max(fine, SHORTEST_STEP)):.6g} s"
 
 
 def known_signals(log: Log | None) -> dict[str, str]:

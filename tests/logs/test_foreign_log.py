@@ -14,6 +14,7 @@ from cosim.errors import ColumnsError
 from cosim.logs import load_log
 from cosim.logs.guess import NAMES, guesses, mapping_text
 from cosim.logs.overview import overview, plain, spelled
+from cosim.machines import made_for
 from cosim.rig import make_log
 from cosim.signals import SIGNALS
 
@@ -273,6 +274,41 @@ def test_a_file_without_a_header_is_mapped_by_place(write, nameless):
     log = load_log(path, mapping)
     assert set(log.signals) == {"u", "p_supply", "p_a", "p_b"}
     np.testing.assert_allclose(log["u"], nameless[:, 1], atol=1e-8)
+
+
+@pytest.fixture
+def servo():
+    """(n, 3) time, pulse of a valve servo in % (7.5 is none) and angle of the drive: it stands between its strokes."""
+    rng = np.random.default_rng(4)
+    command = np.repeat(np.where(np.arange(60) % 3 == 1, rng.uniform(-1.0, 1.0, 60), 0.0), 40)
+    command[[200, 900]] = 1.0, -1.0
+    time = np.arange(command.size) / 20
+    return np.column_stack([time, 7.5 + 2.5 * command, np.cumsum(0.8 * command / 20)])
+
+
+def test_a_command_that_rests_where_the_machine_stands_has_its_zero_there(write, servo):
+    made = guesses(overview(write("t,Swing Cmd,Swing angle\n" + rows(servo))))
+    assert (made["u"].zero, made["u"].unit, made["u"].gain) == (7.5, "1", 0.4)
+    assert "the machine stands at 7.5" in made["u"].why
+
+
+def test_a_level_that_is_held_while_the_machine_moves_is_no_zero(write, servo):
+    servo[:, 1] = np.where(servo[:, 1] == 7.5, 5.2, servo[:, 1])
+    servo[:, 2] = np.cumsum(np.where(servo[:, 1] == 5.2, -0.05, 0.02))
+    assert guesses(overview(write("t,Swing Cmd,Swing angle\n" + rows(servo))))["u"].zero == 0.0
+
+
+def test_init_makes_a_machine_of_its_own(write, servo):
+    path = write("t,Swing Cmd,Swing angle\n" + rows(servo))
+    done = cosim("init", path, "--machine")
+    assert done.returncode == 0, done.stderr
+    made = made_for(path.with_suffix(".toml"), load_log(path, path.with_suffix(".toml")))
+    assert made.numbers.speed == pytest.approx(0.8, rel=0.05)
+    assert made.diagnose["free"] == ["mechanical.J", "mechanical.b"]
+    # a machine as slow as its log is not simulated in milliseconds
+    assert made.diagnose["step"] == f"{min(0.05 / 5, made.numbers.lag / 10):.6g} s"
+    refused = cosim("init", path, "--machine", "--model", "simplified", "--force")
+    assert (refused.returncode, "--machine makes a model of its own" in refused.stderr) == (2, True)
 
 
 def test_columns_that_move_otherwise_are_left_alone(write):

@@ -105,11 +105,12 @@ def answer(
 
 
 def words(diagnosis: Diagnosis) -> Words:
-    """Units and words of a machine that is not the crane, for whoever makes the report again."""
+    """Units, words and values of a machine that is not the nominal crane, for whoever makes the report again."""
     lexicon = diagnosis.machine.lexicon
     shown_ = {n: ShownSignal(unit=s.unit, scale=s.scale, text=s.text) for n, s in lexicon.signals.items()}
-    values = diagnosis.machine.base if lexicon.signals else {}
-    return Words(signals=shown_, units=lexicon.units, blocks=lexicon.blocks, values=values)
+    return Words(
+        signals=shown_, units=lexicon.units, blocks=lexicon.blocks, values=dict(diagnosis.machine.base)
+    )
 
 
 def signals(diagnosis: Diagnosis) -> dict[str, Signal]:
