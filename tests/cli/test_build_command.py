@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.cli import main
-from cosim.ssp.build import LOOPS, SYSTEMS
+from cosim.ssp.build import CLOSED, SYSTEMS
 from fmus.registry import BLOCKS
 
 
@@ -35,7 +35,7 @@ def test_builds_what_the_contract_names(capsys, tmp_path):
     assert code == 0
     fmus = {f"{name}.fmu" for name in BLOCKS}
     packages = {f"{name}{suffix}.ssp" for name in SYSTEMS for suffix in ("", "_open")} | {
-        f"{name}.ssp" for name in LOOPS
+        f"{name}.ssp" for name in CLOSED
     }
     assert {p.name for p in (tmp_path / "fmus").iterdir()} == {Path(f).name for f in result["fmus"]} == fmus
     assert {p.name for p in (tmp_path / "ssp").iterdir()} == {Path(f).name for f in result["ssp"]} == packages
