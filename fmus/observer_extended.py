@@ -9,7 +9,7 @@
 A reading of the tracker, taken `external_age` before the end of a step, moves the estimate by
 K (slew_external - theta + omega external_age). PL is measured, or comes from a model of valve and pressure: these have no
 noise of their own there, so that Kalman's gain on their states is zero. The gains are those of the stationary Kalman filter
-(`cosim identify observer --extended`).
+(`cosim identify kalman`).
 Over a step PL moves on a straight line and the motion is exact for it; the correction is made at its end. T = 0: no such state.
 """
 
