@@ -11,9 +11,9 @@ from cosim.errors import UsageError
 from cosim.ssp.system import Value
 
 if TYPE_CHECKING:
+    from cosim.beside.extended import ExtendedRun
     from cosim.beside.tracker import TrackerRun
     from cosim.calibrate import Calibration
-    from cosim.compare.extended import ExtendedRun
     from cosim.compare.observer import ObserverRun
     from cosim.logs import Mapping
 
@@ -65,9 +65,9 @@ class Extras:
         """Run the extended observer, with the tracker's readings where there are some.
 
         Raises:
-            UsageError, DataError, SimulationError: as `cosim.compare.extended.run_extended`.
+            UsageError, DataError, SimulationError: as `cosim.beside.extended.run_extended`.
         """
-        from cosim.compare.extended import MECHANICAL, run_extended
+        from cosim.beside.extended import MECHANICAL, run_extended
 
         if MECHANICAL not in self.comparator.system.components:
             return
@@ -90,7 +90,7 @@ class Extras:
 
             found["observer"] = of_observer(self.observer)
         if self.extended is not None:
-            from cosim.compare.extended_present import as_data as of_extended
+            from cosim.beside.extended_present import as_data as of_extended
 
             found["extended_observer"] = of_extended(self.extended)
         if self.tracker is not None:
@@ -122,7 +122,7 @@ class Extras:
             for text in observer_present.lines(self.observer):
                 output.print(text, markup=False, soft_wrap=True)
         if self.extended is not None:
-            from cosim.compare import extended_present
+            from cosim.beside import extended_present
 
             for text in extended_present.lines(self.extended):
                 output.print(text, markup=False, soft_wrap=True)
@@ -150,7 +150,7 @@ class Extras:
 
                 written["observer"] = draw_observer(self.observer, folder / "observer.png")
             if self.extended is not None:
-                from cosim.compare import extended_present
+                from cosim.beside import extended_present
 
                 written["extended_observer"] = extended_present.write_picture(
                     self.extended, folder / "extended_observer.png"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compare.extended import Readings
+from cosim.beside.extended import Readings
 from cosim.compare.metrics import rms
 from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
 from cosim.diagnosis.fitting.fit import Fit

@@ -25,7 +25,7 @@ def test_the_block_s_defaults_are_the_filter_of_the_default_noises():
 
 
 def test_valve_and_pressure_have_no_gain_in_the_filter_of_the_whole_drive():
-    """Their states have no noise of their own, so the filter of all six states is the one of three, and the model for the rest."""
+    """Their states have no noise of their own: the filter of all six states is the one of three behind the model."""
     noises = Noises(p_load=0.0)
     m = MECHANICS
     w0, zeta, T = KNOWN["dcv.w0"], KNOWN["dcv.zeta"], KNOWN["continuity.T"]

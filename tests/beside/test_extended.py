@@ -1,4 +1,4 @@
-"""The extended observer on rig logs, against the truth: consistent (NEES, NIS), better than the simple one, honest about friction."""
+"""The extended observer on rig logs, against the truth: consistent (NEES, NIS), and better than the simple one."""
 
 import dataclasses
 
@@ -8,9 +8,9 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
+from cosim.beside.extended import DEG, Readings, consistency, filtered, innovations, run_extended
 from cosim.beside.tracker import readings_of, run_tracker
 from cosim.compare.comparator import Comparator
-from cosim.compare.extended import DEG, Readings, consistency, filtered, innovations, run_extended
 from cosim.compare.observer import run_observer
 from cosim.errors import UsageError
 from cosim.identify.kalman import Mechanics, Noises, design
@@ -138,7 +138,7 @@ def test_a_filter_told_a_third_of_the_disturbance_is_found_out(crane):
 
 
 def test_innovations_are_white(crane):
-    """What a sample tells is new: correlation with the one before within 3.3 standard deviations, where the filter is right."""
+    """What a sample tells is new: its correlation with those before lies within 3.3 standard deviations of none."""
     _, p_load, slew, _ = record(crane, Noises(), 3)
     found = design(MECHANICS, Noises())
     e, _ = innovations(found, H, slew, filtered(found, H, p_load, slew), None)

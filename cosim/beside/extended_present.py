@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.compare.extended import Consistency, ExtendedRun
+from cosim.beside.extended import Consistency, ExtendedRun
 from cosim.compare.observer import SETTLING
 from cosim.compare.picture import BAND, SIMULATED, STYLE
 from cosim.files import whole
