@@ -49,6 +49,8 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
         raise UsageError(
             f"'{model}' has no input: its controller drives it; build it with --with-stimulus for another"
         )
+    if with_input and model in CLOSED:
+        raise UsageError(f"'{model}' has no input: build it with --with-stimulus for another command")
     built = build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
     if not built.is_file():
         raise ModelError(
