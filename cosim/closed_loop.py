@@ -24,6 +24,7 @@ from cosim.compare.observer import lag_of
 from cosim.results import Result
 from cosim.ssp.system import Port, System
 from fmus import controller, dead_zone, observer
+from fmus.contract import fields
 
 BLOCKS = ("controller", "dcv", "continuity", "mechanical", "observer")
 DEG = math.pi / 180.0
@@ -45,7 +46,8 @@ def drive(system: System) -> Any:
 def feedback(system: System) -> Any:
     """Transfer function of the controller from angle [rad] to minus the command [1], the observer within."""
     gains, own = values(system, "controller"), values(system, "observer")
-    p = observer.Parameters(**{name: own[name] for name in observer.Parameters._fields})
+    declared = fields(observer.Parameters)  # a package of an earlier version lacks some
+    p = observer.Parameters(*(own.get(name, v.start) for name, v in declared.items()))
     estimated = Port("observer", "slew_estimate") in {
         w.source for w in system.wires if w.target == Port("controller", "slew")
     }

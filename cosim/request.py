@@ -12,7 +12,7 @@ from cosim.master.inputs import Series
 from cosim.paths import build_folder, ssp_folder
 from cosim.signals import LOG_SIGNALS
 from cosim.ssp import System, read_ssv
-from cosim.ssp.build import LOOPS, SYSTEMS
+from cosim.ssp.build import CLOSED, LOOPS, SYSTEMS
 from cosim.ssp.fmu import parse_value
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import fitted
@@ -33,7 +33,7 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
         ModelError: our systems are not built.
     """
     path = Path(model)
-    known = (*SYSTEMS, *LOOPS)
+    known = (*SYSTEMS, *CLOSED)
     if model not in known:
         if path.suffix.lower() in (".ssp", ".fmu"):
             return path
@@ -49,6 +49,8 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
         raise UsageError(
             f"'{model}' has no input: its controller drives it; build it with --with-stimulus for another"
         )
+    if with_input and model in CLOSED:
+        raise UsageError(f"'{model}' has no input: build it with --with-stimulus for another command")
     built = build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
     if not built.is_file():
         raise ModelError(

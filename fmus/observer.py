@@ -4,8 +4,9 @@
     x2' =    x1       + L2 (y - c x2)
     slew estimate = c x2,   velocity estimate = c x1
 
-L places the observer's poles at p1 and p2: L2 = -(p1 + p2 + a)/c, L1 = (p1 p2 - a c L2)/c. The command is held over a
-step, the measured slew moves on a straight line; the solution is exact for that.
+L places the observer's poles at p1 and p2: L2 = -(p1 + p2 + a)/c, L1 = (p1 p2 - a c L2)/c. The error e = x - x^ of a plant
+that is the model follows e' = (A - L C) e (2.16). The command is held over a step, the measured slew moves on a straight
+line; the solution is exact for that. It starts standing at the measured angle, or at slew_0 and rate_0: zero in the source.
 """
 
 import sys
@@ -47,6 +48,9 @@ class Parameters(NamedTuple):
     c: Annotated[float, Variable("rad", "Output gain C2", 0.04363323129985824, 1e-9, 1e6, display="deg", source="(4.37): 2.5 deg")]  # fmt: skip
     p1: Annotated[float, Variable("1/s", "First observer pole", -13.2, -1e6, -1e-6, nominal=10.0, source="(2.15): -3 times 4.4")]  # fmt: skip
     p2: Annotated[float, Variable("1/s", "Second observer pole", -6.6, -1e6, -1e-6, nominal=10.0, source="(2.15): -1.5 times 4.4")]  # fmt: skip
+    at_reading: Annotated[float, Variable("1", "Start: 1 standing at the measured angle, 0 at slew_0 and rate_0", 1.0, 0.0, 1.0, kind="integer", source="CONTRACT section 6: starts where the log does; 0 with slew_0 = rate_0 = 0: the source")]  # fmt: skip
+    slew_0: Annotated[float, Variable("rad", "Estimated angle at the start, where at_reading is 0", 0.0, -1e6, 1e6, display="deg", source="(2.15): the source starts at zero")]  # fmt: skip
+    rate_0: Annotated[float, Variable("rad/s", "Estimated velocity at the start, where at_reading is 0", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="(2.15): the source starts at zero")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):
@@ -81,8 +85,10 @@ def solve2(m11: float, m12: float, m21: float, m22: float, b1: float, b2: float)
 
 @equation
 def start(u: Input, p: Parameters) -> State:
-    """Standing at the measured angle."""
-    return State(0.0, u.slew / p.c, u.slew)
+    """Standing at the measured angle, or where it is told to."""
+    if p.at_reading == 1.0:
+        return State(0.0, u.slew / p.c, u.slew)
+    return State(p.rate_0 / p.c, p.slew_0 / p.c, u.slew)
 
 
 @equation

@@ -20,11 +20,13 @@ BLOCKS = (
     "simplified",
     "sensor",
     "observer",
+    "observer_extended",
     "reference",
     "controller",
 )
 FMU_OF_COMPONENT = {"compensator": "dead_zone"}  # components that run another block's FMU
-COMPONENT_OF = {"continuity_physical": "continuity"}  # blocks that run under another component's name
+# blocks that run under another component's name
+COMPONENT_OF = {"continuity_physical": "continuity", "observer_extended": "observer"}
 
 
 def block(name: str) -> Block:

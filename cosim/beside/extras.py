@@ -11,6 +11,7 @@ from cosim.errors import UsageError
 from cosim.ssp.system import Value
 
 if TYPE_CHECKING:
+    from cosim.beside.extended import ExtendedRun
     from cosim.beside.tracker import TrackerRun
     from cosim.calibrate import Calibration
     from cosim.compare.observer import ObserverRun
@@ -24,6 +25,7 @@ class Extras:
         comparator: log and model.
         given: start values by name; after a calibration, those without what was free.
         calibration, observer, tracker: what was found, or None where it was not asked for.
+        extended: what the extended observer found, or None without `observer` or in a model without mechanics.
     """
 
     def __init__(self, comparator: Comparator, given: dict[str, Value]) -> None:
@@ -31,6 +33,7 @@ class Extras:
         self.calibration: Calibration | None = None
         self.observer: ObserverRun | None = None
         self.tracker: TrackerRun | None = None
+        self.extended: ExtendedRun | None = None
 
     def calibrate(
         self, options: dict[str, Any], table: CompareTable, names: "Mapping | None"
@@ -58,6 +61,23 @@ class Extras:
 
         self.tracker = run_tracker(self.comparator.log, file)
 
+    def extend(self) -> None:
+        """Run the extended observer, with the tracker's readings where there are some.
+
+        Raises:
+            UsageError, DataError, SimulationError: as `cosim.beside.extended.run_extended`.
+        """
+        from cosim.beside.extended import MECHANICAL, run_extended
+
+        if MECHANICAL not in self.comparator.system.components:
+            return
+        readings = None
+        if self.tracker is not None:
+            from cosim.beside.tracker import readings_of
+
+            readings = readings_of(self.tracker)
+        self.extended = run_extended(self.comparator, self.given, readings)
+
     def as_data(self, comparison: Comparison) -> dict[str, Any]:
         """What was found as plain data, under ``calibration``, ``observer``, ``tracker``."""
         found: dict[str, Any] = {}
@@ -69,6 +89,10 @@ class Extras:
             from cosim.compare.observer_present import as_data as of_observer
 
             found["observer"] = of_observer(self.observer)
+        if self.extended is not None:
+            from cosim.beside.extended_present import as_data as of_extended
+
+            found["extended_observer"] = of_extended(self.extended)
         if self.tracker is not None:
             from cosim.beside.tracker import as_data as of_tracker
 
@@ -97,6 +121,11 @@ class Extras:
             output.print(console.table("Observer FMU on the log", observer_present.HEADS, rows))
             for text in observer_present.lines(self.observer):
                 output.print(text, markup=False, soft_wrap=True)
+        if self.extended is not None:
+            from cosim.beside import extended_present
+
+            for text in extended_present.lines(self.extended):
+                output.print(text, markup=False, soft_wrap=True)
         if self.tracker is not None:
             from cosim.beside import tracker
 
@@ -120,6 +149,15 @@ class Extras:
                 from cosim.compare.observer_present import write_picture as draw_observer
 
                 written["observer"] = draw_observer(self.observer, folder / "observer.png")
+            if self.extended is not None:
+                from cosim.beside import extended_present
+
+                written["extended_observer"] = extended_present.write_picture(
+                    self.extended, folder / "extended_observer.png"
+                )
+                written["estimates"] = extended_present.write_estimates(
+                    self.extended, folder / "estimates.csv"
+                )
             if self.tracker is not None:
                 from cosim.beside.tracker import write_picture as draw_tracker
 

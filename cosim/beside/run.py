@@ -128,6 +128,8 @@ def beside(
             extras.observe()
         if external is not None:
             extras.track(external)
+        if observer:
+            extras.extend()
         with console.progress(f"comparing with {comparator.system.name}", 1.0):
             comparison = comparator.run(given)
         results = check_limits(comparison, limits)

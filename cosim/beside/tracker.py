@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.beside.extended import Readings
 from cosim.compare.metrics import rms
 from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
 from cosim.diagnosis.fitting.fit import Fit
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 DEG = float(np.pi / 180.0)
 NORMAL = 1.959964
+NEAR = 5.0  # times the noise of a reading within which the seam leaves its side open
 BIAS, TOGETHER = "sensor.bias", "tracker.seam - sensor.bias"
 # parameter: unit people read, factor to it, what it is
 SHOWN = {
@@ -84,6 +86,20 @@ def run_tracker(log: Log, file: Path) -> TrackerRun:
     return TrackerRun(
         finding, (log.source, file), time, sensor, finding.measured, finding.measured - finding.predicted
     )
+
+
+def readings_of(run: TrackerRun) -> Readings:
+    """The tracker's readings on the log's clock, its seam taken out, for the extended observer.
+
+    On which side of the seam a reading lies is told by the slew sensor less its errors; those too near to it are left out.
+    """
+    found = run.finding.fit.values
+    seam, time = found.get(SEAM, 0.0), run.finding.time
+    drift = found.get("sensor.drift", 0.0) * time
+    true = (run.sensor - found.get(BIAS, 0.0) - drift) / found.get("sensor.gain", 1.0)
+    sure = np.abs(true - SEAM_ANGLE) > NEAR * run.finding.noise if seam else np.ones(true.size, dtype=bool)
+    angle = run.reading - np.where(true < SEAM_ANGLE, seam, 0.0)
+    return Readings(time[sure], angle[sure], run.finding.noise)
 
 
 def estimates(run: TrackerRun) -> dict[str, tuple[float, float, bool]]:

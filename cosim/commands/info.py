@@ -315,8 +315,9 @@ def _ssp_facts(path: Path) -> dict[str, Any]:
 
 
 def _loop_facts(path: Path) -> dict[str, Any]:
-    """Margins of a position loop, in one line and as numbers; nothing of any other package."""
+    """Margins of a position loop, or the linearised physical hydraulics, in lines and as numbers; else nothing."""
     from cosim.closed_loop import is_loop, limit_cycle, margins
+    from cosim.hydraulics import facts, is_physical
     from cosim.ssp.read import read_system
 
     try:
@@ -324,6 +325,8 @@ def _loop_facts(path: Path) -> dict[str, Any]:
     except ModelError:
         return {}  # a package that no master would run can still be looked at
     try:
+        if is_physical(system):
+            return facts(system)
         if not is_loop(system):
             return {}
         loop, cycle = margins(system), limit_cycle(system)

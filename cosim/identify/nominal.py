@@ -29,6 +29,9 @@ def declared(name: str) -> Variable:
         raise UsageError(f"'{name}': {registry.suggestion(component, COMPONENTS)}")
     found = composed_block(registry.FMU_OF_COMPONENT.get(component, component)).parameters
     if parameter not in found:
+        for other in registry.blocks_of(component)[1:]:
+            if parameter in registry.block(other).parameters:
+                return registry.block(other).parameters[parameter]
         raise UsageError(
             f"'{name}': {component} has no '{parameter}'; {registry.suggestion(parameter, list(found))}"
         )

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cosim.errors import UsageError
+from cosim.errors import DataError, UsageError
 from cosim.identify import picture
 from cosim.identify.answer import COLUMNS, Answer, parameter_table
 from cosim.identify.blocks import form, parameters
@@ -12,6 +12,7 @@ from cosim.identify.candidates import HELD_OUT, Choice, compare_structures
 from cosim.identify.data import Record, record
 from cosim.identify.dead_zone import DeadZone, identify_dead_zone
 from cosim.identify.estimate import Quantity
+from cosim.identify.smooth_dead_zone import SmoothDeadZone, smooth_dead_zone
 from cosim.identify.transfer_function import Structure, TransferFunction, fit_records
 from cosim.logs import Log
 
@@ -119,8 +120,31 @@ def dead_zone_answer(
     answer.lines.append(
         f"lag {found.lag.value * 1e3:.4g} ms ({low * 1e3:.4g} to {high * 1e3:.4g}), nominal {found.nominal_lag * 1e3:.4g} ms"
     )
+    try:
+        _add_smooth(answer, smooth_dead_zone(found))
+    except DataError as error:
+        data["smooth"], data["no_smooth"] = None, str(error)
     answer.draw = lambda: picture.dead_zone_figure(found)
     return answer
+
+
+def _add_smooth(answer: Answer, curve: SmoothDeadZone) -> None:
+    """What the tanh family (2.5), (4.9) makes of the measured curve."""
+    half = [1.96 * deviation for deviation in curve.deviations]
+    answer.data["smooth"] = {
+        "d_plus": Quantity(curve.d_plus, curve.deviations[0], 1e6, "1").as_data(),
+        "d_minus": Quantity(curve.d_minus, curve.deviations[1], 1e6, "1").as_data(),
+        "S": None if curve.sharp else Quantity(curve.S, curve.deviations[2], 1e6, "1").as_data(),
+        "rmse": curve.rmse,
+        "rmse_of_sharp_edges": curve.rmse_sharp,
+        "unit": "of the largest response",
+    }
+    sharpness = "sharper than the family can be" if curve.sharp else f"S {curve.S:.4g} +- {half[2]:.2g}"
+    answer.lines.append(
+        f"smooth family (2.5), (4.9): d_plus {curve.d_plus * 100:.4g} +- {half[0] * 100:.2g} %, d_minus "
+        f"{curve.d_minus * 100:.4g} +- {half[1] * 100:.2g} %, {sharpness}; off by {curve.rmse * 100:.2g} % of the largest "
+        f"response, sharp edges (2.2) by {curve.rmse_sharp * 100:.2g} %"
+    )
 
 
 def dead_zone_parameters(found: DeadZone) -> dict[str, Quantity]:

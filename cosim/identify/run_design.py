@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
 from cosim.identify import picture
@@ -26,8 +27,11 @@ from cosim.identify.scaling import (
 from cosim.identify.state_space import (
     Observer,
     RootLocus,
+    StateSpace,
     design_observer,
     drive,
+    error_dynamics,
+    modal_form,
     observer_values,
     root_locus,
 )
@@ -35,6 +39,7 @@ from cosim.identify.transfer_function import fit_records
 from cosim.logs import Log
 from cosim.logs.load import open_source
 
+Array = NDArray[np.float64]
 DEGREE = np.pi / 180.0
 FULL_ORDER = ((4.582e5,), (1.0, 71.5, 2164.0, 3.673e4, 2.02e5, 0.0))  # (5.12), degrees
 CHAIN = ("dcv", "continuity", "mechanical")
@@ -113,6 +118,7 @@ def observer_answer(
         "plant_poles": plant.poles,
         "observer_poles": list(observer.poles),
         "L": observer.gain,
+        "modal_form": {"plant": _modal(plant), "error": _modal(error_dynamics(observer))},
         "root_locus": {
             name: {
                 "stable_below": locus.limit,
@@ -139,6 +145,14 @@ def _observer_lines(observer: Observer, loci: Mapping[str, RootLocus]) -> list[s
         f"rank of controllability {plant.controllability}, of observability {plant.observability}, of 2 states",
         f"observer poles {poles[0]:.5g} and {poles[1]:.5g} 1/s: L = [{gain[0]:.5g}, {gain[1]:.5g}]",
     ]
+    for name, system in (("plant", plant), ("error (2.16)", error_dynamics(observer))):
+        try:
+            modes = modal_form(system)
+        except UsageError:
+            continue  # two poles coincide
+        rows = ", ".join(f"{p + 0.0:.4g}" for p in modes.poles)
+        b, c = (", ".join(f"{x:.4g}" for x in part.ravel()) for part in (modes.B, modes.C))
+        lines.append(f"modal form of the {name}: poles {rows} 1/s, B = [{b}], C = [{c}]")
     for name, locus in loci.items():
         limit = (
             f"stable below a gain of {locus.limit:.4g} /deg"
@@ -149,6 +163,14 @@ def _observer_lines(observer: Observer, loci: Mapping[str, RootLocus]) -> list[s
             f"proportional control of {name}: {limit}, phase margin {locus.margins[1]:.3g} deg at 1 /deg"
         )
     return lines
+
+
+def _modal(system: StateSpace) -> dict[str, Array] | None:
+    try:
+        found = modal_form(system)
+    except UsageError:
+        return None  # two poles coincide
+    return {"poles": found.poles, "T": found.T, "B": found.B, "C": found.C}
 
 
 def _unit(name: str) -> str:

@@ -58,6 +58,23 @@ class StateSpace:
 
 
 @dataclass(frozen=True)
+class ModalForm:
+    """The same system with a state for each pole: ``x = T z``, ``z' = diag(poles) z + T^-1 B u``, ``y = C T z``.
+
+    Attributes:
+        poles: (n,) [1/s], the slowest first.
+        T: (n, n) its modes, each scaled so that its entry in the last state is 1.
+        B: (n, 1) how strongly the input drives each mode.
+        C: (1, n) how much of each mode the output shows.
+    """
+
+    poles: Array
+    T: Array
+    B: Array
+    C: Array
+
+
+@dataclass(frozen=True)
 class Observer:
     """An observer.
 
@@ -110,6 +127,34 @@ def design_observer(plant: StateSpace, poles: Sequence[float] = ()) -> Observer:
         gain = np.asarray(control.acker(plant.A.T, plant.C.T, list(wanted))).ravel()
     placed = np.sort(np.linalg.eigvals(plant.A - np.outer(gain, plant.C)).real)
     return Observer(plant, (float(wanted[0]), float(wanted[1])), gain, placed)
+
+
+def modal_form(plant: StateSpace) -> ModalForm:
+    """The modal form of a system with distinct real poles.
+
+    Raises:
+        UsageError: two poles coincide or are complex: there is no such form.
+    """
+    import control
+
+    poles, T = np.linalg.eig(plant.A)
+    near = min((abs(p - q) for i, p in enumerate(poles) for q in poles[:i]), default=np.inf)
+    if np.iscomplexobj(poles) or near <= 1e-6 * float(np.max(np.abs(poles))):
+        raise UsageError(
+            f"poles {poles.tolist()} are not real and distinct: there is no modal form of real modes"
+        )
+    order = np.argsort(np.abs(poles))
+    T = T[:, order] / T[-1, order]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # PendingDeprecationWarning of np.matrix inside python-control
+        found = control.similarity_transform(control.ss(plant.A, plant.B, plant.C, 0.0), np.linalg.inv(T))
+    return ModalForm(poles[order], T, np.asarray(found.B), np.asarray(found.C))
+
+
+def error_dynamics(observer: Observer) -> StateSpace:
+    """(2.16): ``e' = (A - L C) e``, driven by noise of the measured angle through -L and seen through C."""
+    plant = observer.plant
+    return StateSpace(plant.A - np.outer(observer.gain, plant.C), -observer.gain[:, None], plant.C)
 
 
 def observer_values(observer: Observer) -> dict[str, float]:

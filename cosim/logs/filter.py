@@ -18,6 +18,8 @@ from cosim.logs.log import Log
 Array = NDArray[np.float64]
 
 ORDER = 2  # (2.1), (3.1)
+CARD_RATE, CARD_CUTOFF = 250e3, 1e3  # Hz, of the input card: 2 Fc/Fs = 0.008 (2.1), (3.1)
+PIECE = 4000  # samples at a time: a log of hours is not held at 250 kHz
 
 
 def low_pass(values: Array, step: float, cutoff: float, order: int = ORDER) -> Array:
@@ -45,6 +47,39 @@ def low_pass(values: Array, step: float, cutoff: float, order: int = ORDER) -> A
     settled = sosfilt_zi(sections).reshape(sections.shape[0], *([1] * (data.ndim - 1)), 2)
     found, _ = sosfilt(sections, data, zi=settled * data[..., :1])
     return np.asarray(found)
+
+
+def input_card(values: Array, step: float) -> Array:
+    """What the input card passes of a channel: its Butterworth filter in samples at 250 kHz (2.1), (3.1).
+
+    The channel moves on straight lines between its values and stands still before the first. What comes out is what the card
+    hands on at the same instants; it trails by sqrt(2)/(2 pi 1 kHz), 0.225 ms. The block `sensor` has the same filter in
+    continuous time (`sensor.f_c`).
+
+    Args:
+        values: (n,), one every `step` s.
+        step: [s], a whole number of periods of 250 kHz.
+
+    Raises:
+        UsageError: it is not.
+    """
+    times = round(step * CARD_RATE)
+    if times < 1 or abs(step * CARD_RATE - times) > 1e-6 * times:
+        raise UsageError(
+            f"a step of {step:g} s is no whole number of the card's samples of {1.0 / CARD_RATE:g} s"
+        )
+    sections = butter(ORDER, CARD_CUTOFF, fs=CARD_RATE, output="sos")
+    data = np.asarray(values, dtype=np.float64)
+    state = sosfilt_zi(sections) * data[0]
+    found = np.empty(data.size)
+    found[0] = data[0]
+    for first in range(0, data.size - 1, PIECE):
+        last = min(first + PIECE, data.size - 1)
+        at = np.arange(1, (last - first) * times + 1) / times
+        fine = np.interp(at, np.arange(last - first + 1), data[first : last + 1])
+        passed, state = sosfilt(sections, fine, zi=state)
+        found[first + 1 : last + 1] = passed[times - 1 :: times]
+    return found
 
 
 def low_pass_without_shift(values: Array, step: float, cutoff: float, order: int) -> Array:

@@ -10,7 +10,7 @@ from cosim.native.build import compiler, write_fmu
 from cosim.native.container import container
 from cosim.native.package import native_bytes, write_native_ssp
 from cosim.paths import ssp_folder
-from cosim.ssp.build import LOOPS, SYSTEMS, write_file
+from cosim.ssp.build import CLOSED, SYSTEMS, write_file
 from cosim.ssp.write import STIMULUS
 from fmus.registry import BLOCKS
 
@@ -73,7 +73,7 @@ def build_everything_native(
         wiring = ssp_folder() / f"{name}.ssd"
         done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}.ssp", stimulus=stimulus, fmi=fmi))
         done("ssp", write_native_ssp(wiring, top / "ssp" / f"{name}_open.ssp", open=True, fmi=fmi))
-    for name in LOOPS:
+    for name in CLOSED:
         done(
             "ssp",
             write_native_ssp(

@@ -215,7 +215,7 @@ def response(of: Campaign) -> Item:
     verdict = (
         f"The points lie within {apart['(5.12)']:.1f} dB of (5.12) and within {apart['(4.15)']:.1f} dB of (4.15), which is "
         f"furthest off at the highest frequency. Two poles fitted to them are "
-        f"{gain.value / DEG:.1f}/(s(s + {pole.value:.1f})); (4.15) lies {'within' if near else 'beside'} their intervals."
+        f"{gain.value / DEG:.1f}/(s(s + {pole.value:.1f})); (4.15) lies {'within' if near else 'outside'} their intervals."
     )
     return Item(
         "frf",
@@ -242,7 +242,7 @@ def slew_fits(of: Campaign) -> Item:
         "Two poles without a zero and three with one fit as well as in the source; three poles without a zero fit "
         f"{fits['3 poles, no zero']:.1f} %, not 68.9 %: adding a pole cannot make a best fit worse, so the source's "
         "search ended "
-        f"in a local minimum. {others + ' beside. ' if others else ''}The choice by held-out data is "
+        f"in a local minimum. {'Beside it: ' + others + '. ' if others else ''}The choice by held-out data is "
         f"{found.data['chosen']}: {found.data['why']}."
     )
     return Item(

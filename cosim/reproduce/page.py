@@ -97,6 +97,7 @@ def page(data: dict[str, Any], items: list[Item]) -> str:
         lstrip_blocks=True,
     )
     environment.filters["number"] = number
+    environment.filters["percent"] = percent
     digest = hashlib.sha256(figures.encode()).hexdigest()
     # inside a script element only "<" can do harm
     return environment.get_template("page.html.j2").render(
@@ -109,3 +110,10 @@ def number(value: float | None) -> str:
     if value is None:
         return "–"
     return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.3e}"
+
+
+def percent(value: float | None) -> str:
+    """With its sign to a tenth, without one where that is nothing; empty for none."""
+    if value is None:
+        return ""
+    return f"{value:+.1f} %" if round(value, 1) else "0.0 %"

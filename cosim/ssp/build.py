@@ -1,4 +1,4 @@
-"""Build everything: the FMU of each block, closed and open packages of the three systems, the loops (CONTRACT section 1)."""
+"""Build everything: the FMU of each block, packages of the three systems and of those that are closed only."""
 
 import os
 from collections.abc import Callable
@@ -12,8 +12,9 @@ from cosim.ssp.write import STIMULUS, fmu_bytes, write_ssp
 from fmus.registry import BLOCKS
 
 SYSTEMS = ("simplified", "full_order", "physical")
-# closed only: what a controller drives has no command of its own
+# closed only: what a controller drives has no command of its own; the extended observer takes a pressure beside it
 LOOPS = ("position_loop", "position_loop_observer")
+CLOSED = (*LOOPS, "full_order_extended")
 Report = Callable[[Path], None]
 
 
@@ -55,8 +56,8 @@ def _build(out: Path, stimulus: bytes, report: Report, files: dict[str, list[Pat
         for name, fmu in fmus.items():
             files["fmus"].append(write_file(out / "fmus" / f"{name}.fmu", fmu))
             report(files["fmus"][-1])
-    for name in (*SYSTEMS, *LOOPS):
-        for suffix, is_open in (("", False), ("_open", True))[: 1 if name in LOOPS else 2]:
+    for name in (*SYSTEMS, *CLOSED):
+        for suffix, is_open in (("", False), ("_open", True))[: 1 if name in CLOSED else 2]:
             package = out / "ssp" / f"{name}{suffix}.ssp"
             write_ssp(
                 ssp_folder() / f"{name}.ssd", package, stimulus=None if is_open else stimulus, open=is_open

@@ -161,6 +161,19 @@ def observer(ax: Axes) -> None:
     axes_cross(ax, "t", "angle and its estimate")
 
 
+def observer_extended(ax: Axes) -> None:
+    """A torque that comes from nowhere, and its estimate."""
+    h = 1e-3
+    t = np.arange(0, 1.6, h)
+    torque = np.where((t > 0.3) & (t < 1.0), 100.0, 0.0)
+    slew = play("mechanical", (torque / 8.4193e-4)[:, None], h)[:, 0]
+    found = play("observer_extended", np.column_stack([0 * t, slew, 0 * t, 0 * t - 1.0]), h)[:, 2]
+    ax.plot(t, torque, color=INK, lw=1.2, ls="--")
+    ax.plot(t, found, color=ACCENT, lw=2.4)
+    ax.set_ylim(-12.0, 125.0)
+    axes_cross(ax, "t", "torque and its estimate")
+
+
 def reference(ax: Axes) -> None:
     """A target that jumps, and the reference that goes there."""
     h = 2e-3
@@ -197,6 +210,7 @@ DRAWINGS: dict[str, Callable[[Axes], None]] = {
         simplified,
         sensor,
         observer,
+        observer_extended,
         reference,
         controller,
     )

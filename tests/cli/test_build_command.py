@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.cli import main
-from cosim.ssp.build import LOOPS, SYSTEMS
+from cosim.ssp.build import CLOSED, SYSTEMS
 from fmus.registry import BLOCKS
 
 
@@ -35,7 +35,7 @@ def test_builds_what_the_contract_names(capsys, tmp_path):
     assert code == 0
     fmus = {f"{name}.fmu" for name in BLOCKS}
     packages = {f"{name}{suffix}.ssp" for name in SYSTEMS for suffix in ("", "_open")} | {
-        f"{name}.ssp" for name in LOOPS
+        f"{name}.ssp" for name in CLOSED
     }
     assert {p.name for p in (tmp_path / "fmus").iterdir()} == {Path(f).name for f in result["fmus"]} == fmus
     assert {p.name for p in (tmp_path / "ssp").iterdir()} == {Path(f).name for f in result["ssp"]} == packages
@@ -48,7 +48,7 @@ def test_plays_the_command_of_a_log(capsys, tmp_path):
     log.write_text("time [ms],u [%],slew [deg]\n5,10,0\n6,20,0\n7,-30,0.1\n8,-30,0.1\n")
     code, out, _ = run(capsys, "--out", tmp_path / "out", "--with-stimulus", log)
     assert code == 0
-    assert "19 files" in out
+    assert "21 files" in out
     rows = played(tmp_path / "out" / "ssp" / "full_order.ssp")
     np.testing.assert_allclose(rows[:, 0], [0.0, 1e-3, 2e-3, 3e-3], rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(rows[:, 1], [0.1, 0.2, -0.3, -0.3], rtol=1e-15)

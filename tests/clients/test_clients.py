@@ -25,6 +25,7 @@ CHAIN = ("dcv.spool", "continuity.p_load", "continuity.p_supply", "mechanical.th
 SIGNALS = {
     "full_order": (*DRIVE, *CHAIN, *SENSED),
     "physical": (*DRIVE, *CHAIN, *SENSED),
+    "full_order_extended": (*DRIVE, *CHAIN, *SENSED, "observer.disturbance"),
     "simplified": (*DRIVE, "simplified.theta", *SENSED),
     "position_loop": ("reference.reference", "controller.u", *DRIVE, *CHAIN, *SENSED),
     "position_loop_observer": ("reference.reference", "controller.u", *DRIVE, *CHAIN, *SENSED),

@@ -37,7 +37,6 @@ CANCELS = {
     "continuity": {("p_a", "k_s"), ("p_b", "k_s"), ("p_supply", "k_s")},
     "continuity_physical": {("p_load", "p_s"), ("p_load", "p_t")},
     "mechanical": {("theta", "gap")},
-    "observer": {("slew_rate_estimate", "c")},
 }
 
 

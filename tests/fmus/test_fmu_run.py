@@ -136,8 +136,12 @@ def test_jitter_of_a_masters_clock_changes_nothing(unpacked, name) -> None:
 
 @pytest.mark.parametrize(
     "block",
-    # the last two are sampled: what they do depends on how often they are asked
-    [n for n in registry.BLOCKS if n not in ("stimulus", "continuity_physical", "reference", "controller")],
+    # the last three are sampled: what they do depends on how often they are asked
+    [
+        n
+        for n in registry.BLOCKS
+        if n not in ("stimulus", "continuity_physical", "observer_extended", "reference", "controller")
+    ],
 )
 def test_steps_of_any_length_in_turn(unpacked, block) -> None:
     """A constant input: the state after 0.6 s does not depend on how the time was cut."""

@@ -81,6 +81,30 @@ def test_a_wrong_estimate_decays_with_the_chosen_poles() -> None:
     assert np.log(late[1:] / late[:-1]) / (100 * h) == pytest.approx(-6.6, rel=1e-2)
 
 
+def test_it_starts_at_zero_as_in_the_source_and_the_error_follows_2_16() -> None:
+    """Plant and observer see the same command; the plant starts turning at 2 deg, the estimate at rest at zero."""
+    h, n = 1e-3, 1500
+    rng = np.random.default_rng(3)
+    u = np.repeat(rng.uniform(-1, 1, 15), 101)[: n + 1]
+    x0 = np.array([0.4, 0.8])
+    plant = ramp_response(A, B[:, None], x0, u[:, None], h, [True])
+    slew = C_RAD[1] * np.concatenate([[x0[1]], plant[:, 1]])
+    start = {"at_reading": 0.0, "slew_0": 0.0, "rate_0": 0.0}
+    r = run(BLOCK, h, [u[0], slew[0]], start)
+    assert r.x[:2] == (0.0, 0.0)
+    found = r.play(np.column_stack([u[1:], slew[1:]]))
+    e = C_RAD[1] * plant[:, ::-1] - found
+    closed = A - np.outer(L_SOURCE, C)
+    for k in (1, 50, 200, 700):
+        # the plant's angle bends where the block takes chords: (h/2)^2/3 of its acceleration, held by the slowest pole
+        assert e[k - 1] == pytest.approx(C_RAD[1] * (expm(closed * h * k) @ x0)[::-1], abs=2e-7)
+
+
+def test_a_start_of_its_own_is_where_it_begins() -> None:
+    first = run(BLOCK, 1e-3, [0.0, 0.5], {"at_reading": 0.0, "slew_0": 0.2, "rate_0": -0.1})
+    assert BLOCK.module.output(first.x, None, None, first.p) == pytest.approx((0.2, -0.1))
+
+
 def test_it_finds_the_plant_it_was_made_for() -> None:
     """Plant (4.35)-(4.37) under a stepped command, observer started at a wrong velocity: the error dies out."""
     h, n = 1e-3, 3000

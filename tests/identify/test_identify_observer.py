@@ -39,6 +39,7 @@ def test_values_give_the_observer_block_the_same_gain():
 
     found = design_observer(drive(12.0, 5.0), [-20.0, -9.0])
     values = {name.partition(".")[2]: value for name, value in observer_values(found).items()}
+    values |= {"at_reading": 1.0, "slew_0": 0.0, "rate_0": 0.0}
     assert np.deg2rad(gains(Parameters(**values))) == pytest.approx(found.gain)
 
 

@@ -8,7 +8,9 @@ from scipy.signal import butter, freqz, lfilter
 
 from cosim.errors import DataError, UsageError
 from cosim.logs import load_log
-from cosim.logs.filter import filter_log, low_pass
+from cosim.logs.filter import filter_log, input_card, low_pass
+from fmus import sensor
+from fmus.contract import NoMemory, fields
 
 STEP = 1e-3
 
@@ -74,3 +76,28 @@ def test_uneven_sampling_and_missing_signals_are_refused(log):
         filter_log(dataclasses.replace(log, time=time), 8.0)
     with pytest.raises(DataError, match="no signal 'spool'"):
         filter_log(log, 8.0, signals=["spool"])
+
+
+def test_the_input_card_at_250_khz_is_the_sensor_s_own_filter():
+    """2 Fc/Fs = 0.008 (3.1): on straight lines within the bilinear transform's error of the continuous filter."""
+    rng = np.random.default_rng(2)
+    channel = np.cumsum(rng.normal(0.0, 1e-3, 9000))  # more than two pieces
+    found = input_card(channel, STEP)
+    p = sensor.Parameters(*(v.start for v in fields(sensor.Parameters).values()))._replace(f_c=1e3)
+    c, x, expected = sensor.coefficients(p, STEP), sensor.start(sensor.Input(channel[0]), p), [channel[0]]
+    for value in channel[1:]:
+        x = sensor.step(x, sensor.Input(value), NoMemory(), p, c)
+        expected.append(x.slew)
+    # half a sample of 4 us, for what moves some 1e-3 a millisecond
+    assert np.abs(found - np.array(expected)).max() < 5e-6
+    assert np.abs(found - channel).max() > 1e-4
+
+
+def test_the_input_card_trails_a_ramp_by_a_quarter_of_a_millisecond():
+    found = input_card(np.arange(50) * STEP, STEP)
+    assert np.arange(50)[-1] * STEP - found[-1] == pytest.approx(np.sqrt(2.0) / (2e3 * np.pi), abs=2.1e-6)
+
+
+def test_a_step_that_the_card_does_not_know_is_refused():
+    with pytest.raises(UsageError, match=r"no whole number of the card's samples of 4e-06 s"):
+        input_card(np.zeros(5), 1.0003e-3)

@@ -11,8 +11,8 @@ from fmu_raw import ERROR, OK, Instance
 
 from fmus import registry
 
-# reference and controller are sampled: no order of accuracy in the step
-DRIVEN = [n for n in registry.BLOCKS if n not in ("stimulus", "reference", "controller")]
+# these are sampled: no order of accuracy in the step
+DRIVEN = [n for n in registry.BLOCKS if n not in ("stimulus", "observer_extended", "reference", "controller")]
 W, END = 9.0, 0.48
 
 

@@ -160,7 +160,7 @@ def test_build_native_builds_blocks_chains_and_packages(tmp_path) -> None:
     assert "native/fmus/dcv.fmu" in names
     assert "native/fmus/full_order_chain.fmu" in names
     assert "native/ssp/physical_open.ssp" in names
-    assert len(names) == 11 + 3 + 8
+    assert len(names) == 12 + 3 + 9
     for name in names:
         assert (tmp_path / name).stat().st_size > 10000
 

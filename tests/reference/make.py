@@ -80,6 +80,16 @@ INPUTS: dict[str, Rows] = {
         (3.0, 1.0, 10 * DEG),
         (4.0, 0.0, 10.5 * DEG),
     ],
+    # a torque that the model lacks, and a reading of a tracker, 20 ms old, that differs from the sensor
+    "observer_extended": [
+        (0.0, 0.0, 5 * DEG, 0.0, -1.0),
+        (0.5, 8 * BAR, 5 * DEG, 0.0, -1.0),
+        (2.0, 8 * BAR, 7 * DEG, 7 * DEG, -1.0),
+        (2.0, 8 * BAR, 7 * DEG, 6.9 * DEG, 0.02),
+        (2.01, 8 * BAR, 7.01 * DEG, 6.9 * DEG, 0.02),
+        (2.01, 8 * BAR, 7.01 * DEG, 6.9 * DEG, -1.0),
+        (3.0, -2 * BAR, 8 * DEG, 0.0, -1.0),
+    ],
     # there and back at full rate, while the measured angle lags behind
     "reference": [
         (0.0, 0.0, 0.0),

@@ -10,7 +10,7 @@ from cosim.reproduce import chapter4, chapter5
 from cosim.reproduce.campaign import STEP, STEPS, Campaign, step_of
 from cosim.reproduce.campaign import families as family_command
 from cosim.reproduce.item import Item, Row
-from cosim.reproduce.page import as_data, makers, page
+from cosim.reproduce.page import as_data, makers, page, percent
 
 
 def ours(item: Item) -> dict[str, float]:
@@ -99,6 +99,16 @@ def test_what_cannot_be_hidden_is_said_before_the_work(command) -> None:
     code, _, err = command("reproduce", "--hide", "none", "--hide", "dcv.delay")
     assert code == 2
     assert "stands alone" in err
+
+
+def test_a_difference_of_nothing_has_no_sign() -> None:
+    assert [percent(v) for v in (-0.03, 0.04, -0.06, 12.34, None)] == [
+        "0.0 %",
+        "0.0 %",
+        "-0.1 %",
+        "+12.3 %",
+        "",
+    ]
 
 
 @pytest.mark.slow

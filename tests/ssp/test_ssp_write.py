@@ -12,7 +12,7 @@ from lxml import etree
 
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.paths import ssp_folder
-from cosim.ssp.build import LOOPS, SYSTEMS
+from cosim.ssp.build import CLOSED, LOOPS, SYSTEMS
 from cosim.ssp.stimulus import default_command, stimulus_csv
 from cosim.ssp.write import NAMESPACES, OUTPUTS, fmu_bytes, write_ssp
 from fmus import registry
@@ -42,6 +42,7 @@ COMPONENTS = {
     ],
     "simplified": ["stimulus", "compensator", "dead_zone", "simplified", "sensor", "observer"],
 }
+COMPONENTS["full_order_extended"] = COMPONENTS["full_order"]
 for loop in LOOPS:
     COMPONENTS[loop] = ["stimulus", "reference", "controller", *COMPONENTS["full_order"][1:]]
 # where a component is meant to differ from the declarations of its block
@@ -50,10 +51,16 @@ ON_PURPOSE = {
     "physical/mechanical.ssv": {"b": 33102.35190191385},
     "position_loop/controller.ssv": {"k_f": 0.0, "k_d": 0.0},
 }
-BLOCK_OF = {"nominal/compensator.ssv": "dead_zone", "physical/continuity.ssv": "continuity_physical"}
+BLOCK_OF = {
+    "nominal/compensator.ssv": "dead_zone",
+    "physical/continuity.ssv": "continuity_physical",
+    "extended/observer.ssv": "observer_extended",
+}
 
 
-EVERY = [(name, is_open) for name in SYSTEMS for is_open in (False, True)] + [(name, False) for name in LOOPS]
+EVERY = [(name, is_open) for name in SYSTEMS for is_open in (False, True)] + [
+    (name, False) for name in CLOSED
+]
 
 
 @pytest.fixture(scope="module", params=EVERY, ids=[f"{n}-{'open' if o else 'closed'}" for n, o in EVERY])
@@ -103,7 +110,7 @@ def test_nominal_values_are_the_declared_ones_but_for_those_on_purpose(file):
         assert parameters[n].type == "Integer" or parameters[n].unit == variable.unit
 
 
-@pytest.mark.parametrize("name", [*SYSTEMS, *LOOPS])
+@pytest.mark.parametrize("name", [*SYSTEMS, *CLOSED])
 def test_wiring_as_committed_is_valid_and_complete(name):
     root = etree.parse(ssp_folder() / f"{name}.ssd").getroot()
     validate_tree(root, "SystemStructureDescription.xsd")

@@ -19,6 +19,7 @@ def register(app: typer.Typer) -> None:
     group.command("mechanics")(of_logs.mechanics)
     group.command("drive")(of_logs.drive)
     group.command("observer")(of_logs.observer)
+    group.command("kalman")(prepare.kalman)
     group.command("scaling")(prepare.scaling)
     group.command("linearisation")(prepare.linearisation)
     group.command("experiment")(prepare.experiment)

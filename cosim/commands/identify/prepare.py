@@ -1,4 +1,4 @@
-"""``cosim identify experiment`` and ``scaling``: what comes before a log can be identified."""
+"""The subcommands of ``cosim identify`` that need no log: scaling, linearisation, kalman, experiment."""
 
 from pathlib import Path
 from typing import Annotated
@@ -59,6 +59,49 @@ def linearisation(
     from cosim.identify.linearisation import linearisation_answer
 
     finish(linearisation_answer((start_a, start_b), point or [], full), out, as_json)
+
+
+def kalman(
+    disturbance: Annotated[
+        str, typer.Option(help="Standard deviation of the torque that the model lacks; 0: none.")
+    ] = "100 N.m",
+    disturbance_time: Annotated[str, typer.Option(help="Its correlation time.")] = "1 s",
+    sensor_error: Annotated[
+        str, typer.Option(help="Standard deviation of the slew sensor's slow error; needs --tracker-noise.")
+    ] = "0 deg",
+    sensor_error_time: Annotated[str, typer.Option(help="Its correlation time.")] = "10 s",
+    slew_noise: Annotated[str, typer.Option(help="Of a sample of the slew sensor.")] = "0.01 deg",
+    pressure_noise: Annotated[
+        str, typer.Option(help="Of a sample of the load pressure; 0: it comes from the model.")
+    ] = "0.1414 bar",
+    tracker_noise: Annotated[str, typer.Option(help="Of a reading of the tracker; 0: none.")] = "0 deg",
+    tracker_step: Annotated[str, typer.Option(help="Between two readings of the tracker.")] = "12.5 ms",
+    step_size: Annotated[str, typer.Option(help="Between two samples.")] = "1 ms",
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
+    ] = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Gains of the extended observer: the stationary Kalman filter of slew, velocity, disturbance and sensor error."""
+    from cosim.identify.answer import finish
+    from cosim.identify.kalman import Noises
+    from cosim.identify.nominal import nominal
+    from cosim.identify.run_kalman import kalman_answer
+    from cosim.units import parse_quantity
+
+    noises = Noises(
+        slew=parse_quantity(slew_noise, "rad"),
+        p_load=parse_quantity(pressure_noise, "Pa"),
+        disturbance=parse_quantity(disturbance, "N.m"),
+        T_tau=parse_quantity(disturbance_time, "s"),
+        sensor_error=parse_quantity(sensor_error, "rad"),
+        T_beta=parse_quantity(sensor_error_time, "s"),
+        tracker=parse_quantity(tracker_noise, "rad"),
+        tracker_step=parse_quantity(tracker_step, "s"),
+        step=parse_quantity(step_size, "s"),
+    )
+    finish(kalman_answer(nominal(settings or []), noises), out, as_json)
 
 
 def experiment(
