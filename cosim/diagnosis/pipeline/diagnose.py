@@ -377,8 +377,8 @@ def settle(model: GroupModel, constants: Mapping[str, float]) -> None:
 def concluded(found: Diagnosis) -> None:
     """Order of the causes, and the verdict."""
     found.causes.sort(key=lambda c: -c.gain)
-    # the last word on each: an earlier search may have refused what a later one bears out
-    named = {(c.group, c.effect.name) for c in found.causes}
+    # the last word on each: an earlier search may have refused what a later one bears out, or cannot tell from that
+    named = {(c.group, n) for c in found.causes for n in (c.effect.name, *c.indistinguishable)}
     last = {(r.group, r.effect.name): r for r in found.refused}
     found.refused = [r for key, r in last.items() if key not in named]
     found.verdict = verdict_of(found.causes, found.rests)
