@@ -20,6 +20,7 @@ from typer.core import TyperGroup
 import cosim.commands
 from cosim import console
 from cosim.errors import CosimError, UsageError
+from cosim.interrupts import ended_in_order
 
 INTERNAL_ERROR = 4
 INTERRUPTED = 130
@@ -94,9 +95,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def _run(words: list[str], as_json: bool) -> int:
     """Runs one command line and returns its exit code; no exception leaves."""
+    struck: list[int] = []
     debug = "--debug" in words or os.environ.get("COSIM_DEBUG", "0") not in ("", "0")
     try:
-        with console.on_screen():
+        with console.on_screen(), ended_in_order(struck):
             result = typer.main.get_command(make_app()).main(words, prog_name="cosim", standalone_mode=False)
         return result if isinstance(result, int) else 0
     except SystemExit as stop:
@@ -112,6 +114,8 @@ def _run(words: list[str], as_json: bool) -> int:
             _system_message(error), UsageError.exit_code, as_json, traceback.format_exc() if debug else None
         )
     except Exception as error:
+        if struck:  # in the middle of an import, which makes another error of it
+            return _failed("interrupted", INTERRUPTED, as_json)
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # typer's own usage errors
             return _usage_failed(error, as_json)
         text = f"internal error, please report: {type(error).__name__}: {error}"

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 HANDLED = (signal.SIGINT, signal.SIGTERM)
+AGAIN = 0.02  # s between looks whether an import has ended
 
 
 class _Struck:
@@ -86,3 +87,47 @@ def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
         _Struck.waits = _Struck.came = False
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
+    """Within this context SIGTERM is a Ctrl-C, so that temporary folders and halves of files are cleared up.
+
+    Neither strikes within an import, where libraries in C make another error of it and print it, but right after. The
+    second SIGTERM ends the process at once. A signal that is ignored or handled already stays so.
+
+    Args:
+        came: takes the number of what came.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def struck(number: int, frame: FrameType | None) -> None:
+        if _importing(frame):
+            again = threading.Timer(AGAIN, signal.raise_signal, (number,))
+            again.daemon = True
+            again.start()
+            return
+        if number == signal.SIGTERM:
+            signal.signal(number, signal.SIG_DFL)
+        if came is not None:
+            came.append(number)
+        raise KeyboardInterrupt
+
+    usual = (signal.SIG_DFL, signal.default_int_handler)
+    before = {s: signal.signal(s, struck) for s in HANDLED if signal.getsignal(s) in usual}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    """Whether an import is going on in a frame or one that called it."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False

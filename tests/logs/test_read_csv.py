@@ -196,7 +196,7 @@ except DataError as error:
 
 
 def test_what_arrow_still_reads_ahead_does_not_abort_the_process_that_ends(write):
-    # with a file of Python's the threads of arrow called Python while it ended: "terminate called without an active exception"
+    # with a file of Python's, arrow's threads called Python while it ended: "terminate called without an active exception"
     lines = ["0,x", *(f"{k / 1000},1.5" for k in range(1, 20_000))]
     path = write("time [s],slew [deg]\n" + "\n".join(lines) + "\n")
     done = subprocess.run(
