@@ -63,6 +63,7 @@ class Row:
     old: int = 0  # files
     new: int = 0
     timed: int = 0  # whole, of the kind that differs between two runs
+    partial: int = 0  # whole, of a diagnosis that says that it was interrupted
     left_over: int = 0  # files beside, which the killed writer meant to rename
     wrong: list[str] = field(default_factory=list)
 
@@ -204,19 +205,26 @@ def files(name: str, command: Command, kills: int, folder: Path, chance: random.
         row.kills += 1
         row.early += process.returncode == 0
         row.wrong += manners(process, said, how, scratch)
-        found = digests(out)
+        found, stopped = digests(out), _interrupted(out)
         for item, digest in found.items():
             kind = "old" if digest == before.get(item) else "new" if digest == after.get(item) else ""
-            if not kind and item in timed and is_whole(out / item):
-                kind = "timed"
+            if not kind and (stopped or item in timed) and is_whole(out / item):
+                kind = "partial" if stopped else "timed"
             if kind:
                 setattr(row, kind, getattr(row, kind) + 1)
             else:
                 row.wrong.append(f"{item} is neither old nor new")
         # what the new run does not write may be taken away before it, what both write is always there
-        row.wrong += [f"{item} is gone" for item in before if item in after and item not in found]
+        gone = [item for item in before if item in after and item not in found]
+        row.wrong += [f"{item} is gone" for item in gone if not stopped]
         row.left_over += sum(is_left_over(item) for item in out.rglob("*"))
     return row
+
+
+def _interrupted(folder: Path) -> bool:
+    """Whether the diagnosis in a folder says of itself that it was ended before all was judged."""
+    answer = folder / "diagnosis.json"
+    return answer.exists() and bool(json.loads(answer.read_text())["interrupted"])
 
 
 def table(folder: Path) -> Any:
@@ -299,9 +307,11 @@ def main() -> int:
             made = batches if name == "batch" else lambda *words, name=name: files(name, *words)
             rows[name] = row = made(every[name], count, place_of_it, chance)
             if not asked.json:
+                kinds = {"old": row.old, "new": row.new, "new but for times": row.timed}
+                kinds |= {"of interrupted diagnoses": row.partial, "left over": row.left_over}
+                counted = ", ".join(f"{count} {kind}" for kind, count in kinds.items() if count)
                 print(
-                    f"{name}: {row.kills} kills ({row.early} too late), files: {row.old} old, {row.new} new, "
-                    f"{row.timed} new but for times, {row.left_over} left over; {len(row.wrong)} wrong",
+                    f"{name}: {row.kills} kills ({row.early} too late), files: {counted}; {len(row.wrong)} wrong",
                     flush=True,
                 )
                 for text in dict.fromkeys(row.wrong):

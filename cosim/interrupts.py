@@ -11,7 +11,9 @@ from contextlib import contextmanager
 from types import FrameType
 
 HANDLED = (signal.SIGINT, signal.SIGTERM)
-AGAIN = 0.02  # s between looks whether an import has ended
+AGAIN = 0.02  # s between looks whether an import or an FMU's call has ended
+POSTPONING: set[str] = set()
+"""Files of Python from which FMUs are called."""
 
 
 class _Struck:
@@ -93,8 +95,8 @@ def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
 def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
     """Within this context SIGTERM is a Ctrl-C, so that temporary folders and halves of files are cleared up.
 
-    Neither strikes within an import, where libraries in C make another error of it and print it, but right after. The
-    second SIGTERM ends the process at once. A signal that is ignored or handled already stays so.
+    Neither strikes within an import or a call of an FMU, whose C makes another error of it, but right after. The second
+    SIGTERM ends the process at once. A signal that is ignored or handled already stays so.
 
     Args:
         came: takes the number of what came.
@@ -104,7 +106,7 @@ def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
         return
 
     def struck(number: int, frame: FrameType | None) -> None:
-        if _importing(frame):
+        if _untimely(frame):
             again = threading.Timer(AGAIN, signal.raise_signal, (number,))
             again.daemon = True
             again.start()
@@ -124,10 +126,11 @@ def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _importing(frame: FrameType | None) -> bool:
-    """Whether an import is going on in a frame or one that called it."""
+def _untimely(frame: FrameType | None) -> bool:
+    """Whether an import or a call of an FMU is going on in a frame or one that called it."""
     while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
+        name = frame.f_code.co_filename
+        if name.startswith("<frozen importlib") or name in POSTPONING:
             return True
         frame = frame.f_back
     return False

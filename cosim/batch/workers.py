@@ -21,6 +21,7 @@ from typing import Any, Protocol
 from cosim.batch.job import Job, Outcome, Run
 from cosim.batch.task import execute, hello
 from cosim.errors import MissingExtraError, SimulationError, UsageError
+from cosim.interrupts import uninterrupted
 from cosim.ssp.archive import scratch_folder
 
 Outcomes = list[Outcome]
@@ -87,8 +88,9 @@ class _Lane:
             before = set(multiprocessing.active_children())
             # spawned, not forked: the parent has threads of its own
             context = multiprocessing.get_context("spawn")
-            self.pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin, initargs=(folder,))
-            self.future = self.pool.submit(execute, job, runs)
+            with uninterrupted():  # a process that is told half of how it begins prints a traceback
+                self.pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin, initargs=(folder,))
+                self.future = self.pool.submit(execute, job, runs)
             made = [child for child in multiprocessing.active_children() if child not in before]
             self.process, self.runs = (made[0] if made else None), 0
             self.begun += START

@@ -23,6 +23,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 from cosim.errors import ModelError, SimulationError
+from cosim.interrupts import POSTPONING
 from cosim.master import marks, modules
 from cosim.master.dialect import CODES, FMI2, TYPES, dialect_of
 from cosim.ssp.system import Component, Value, Variable
@@ -32,6 +33,7 @@ WARNING, DISCARD, FATAL = 1, 2, 4
 ENDED, EARLY = 100, 101
 """In place of a status: a step of FMI 3.0 that asks for the end of the simulation, or that came back before its end."""
 MOST_MESSAGES = 200
+POSTPONING.add(__file__)
 
 SetGetReal = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p
