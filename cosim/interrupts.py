@@ -107,7 +107,7 @@ def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
 
     def struck(number: int, frame: FrameType | None) -> None:
         if _untimely(frame):
-            again = threading.Timer(AGAIN, signal.raise_signal, (number,))
+            again = threading.Timer(AGAIN, _send, (number,))
             again.daemon = True
             again.start()
             return
@@ -124,6 +124,15 @@ def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _send(number: int) -> None:
+    """Send a signal to the main thread, which may be asleep: one that comes to another thread does not wake it."""
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)
+    else:
+        signal.raise_signal(number)
 
 
 def _untimely(frame: FrameType | None) -> bool:
