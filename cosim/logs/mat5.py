@@ -1,4 +1,4 @@
-"""What the library for MAT files of version 5 to 7 does not check: a wrong type of numbers in a damaged file ends the process.
+"""What the library for MAT files of version 5 to 7 does not check: a wrong type of numbers ends the process.
 
 It looks the type up in a table by the number that stands in the file. Here the file is walked before the library sees it,
 in the order in which it reads ("MAT-File Level 5 File Format", The MathWorks).
