@@ -8,6 +8,7 @@ import contextlib
 import importlib
 import os
 import pkgutil
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -141,8 +142,19 @@ def _usage_failed(error: Any, as_json: bool) -> int:
         return int(error.exit_code)
     context = getattr(error, "ctx", None)
     if context is not None:
+        message += _meant(message, context.command)
         message += f" (see '{context.command_path} --help')"
     return _failed(message, int(error.exit_code), as_json)
+
+
+def _meant(message: str, command: Any) -> str:
+    """For a word that is no argument, the option whose help names it as a value."""
+    found = re.fullmatch(r"Got unexpected extra argument.*? \((\S+?)(?: .*)?\)", message)
+    word = re.escape(found[1]) if found else ""
+    for option in command.params if word else ():
+        if option.opts[0].startswith("--") and re.search(rf"(?<![\w-]){word}(?![\w-])", option.help or ""):
+            return f"; its option is meant: {option.opts[0]} {found[1] if found else ''}"
+    return ""
 
 
 def _failed(message: str, code: int, as_json: bool, trace: str | None = None) -> int:
