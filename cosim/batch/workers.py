@@ -91,6 +91,8 @@ class _Lane:
             with uninterrupted():  # a process that is told half of how it begins prints a traceback
                 self.pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin, initargs=(folder,))
                 self.future = self.pool.submit(execute, job, runs)
+            # what a process writes that is killed within its answer has an end only where nobody else holds the pipe
+            self.pool._result_queue._writer.close()  # type: ignore[attr-defined]
             made = [child for child in multiprocessing.active_children() if child not in before]
             self.process, self.runs = (made[0] if made else None), 0
             self.begun += START
