@@ -106,10 +106,12 @@ def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
         return
 
     def struck(number: int, frame: FrameType | None) -> None:
+        if leaving:
+            return
         if _untimely(frame):
-            again = threading.Timer(AGAIN, _send, (number,))
-            again.daemon = True
-            again.start()
+            waiting.append(threading.Timer(AGAIN, _send, (number,)))
+            waiting[-1].daemon = True
+            waiting[-1].start()
             return
         if number == signal.SIGTERM:
             signal.signal(number, signal.SIG_DFL)
@@ -117,11 +119,16 @@ def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
             came.append(number)
         raise KeyboardInterrupt
 
+    waiting: list[threading.Timer] = []
+    leaving: list[bool] = []
     usual = (signal.SIG_DFL, signal.default_int_handler)
     before = {s: signal.signal(s, struck) for s in HANDLED if signal.getsignal(s) in usual}
     try:
         yield
     finally:
+        leaving.append(True)  # what comes from here on, or was still to come again, strikes nobody
+        for again in waiting:
+            again.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
 
