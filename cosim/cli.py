@@ -8,6 +8,7 @@ import contextlib
 import importlib
 import os
 import pkgutil
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from typer.core import TyperGroup
 import cosim.commands
 from cosim import console
 from cosim.errors import CosimError, UsageError
+from cosim.interrupts import ended_in_order
 
 INTERNAL_ERROR = 4
 INTERRUPTED = 130
@@ -94,9 +96,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def _run(words: list[str], as_json: bool) -> int:
     """Runs one command line and returns its exit code; no exception leaves."""
+    struck: list[int] = []
     debug = "--debug" in words or os.environ.get("COSIM_DEBUG", "0") not in ("", "0")
     try:
-        with console.on_screen():
+        with console.on_screen(), ended_in_order(struck):
             result = typer.main.get_command(make_app()).main(words, prog_name="cosim", standalone_mode=False)
         return result if isinstance(result, int) else 0
     except SystemExit as stop:
@@ -112,6 +115,8 @@ def _run(words: list[str], as_json: bool) -> int:
             _system_message(error), UsageError.exit_code, as_json, traceback.format_exc() if debug else None
         )
     except Exception as error:
+        if struck:  # in the middle of an import, which makes another error of it
+            return _failed("interrupted", INTERRUPTED, as_json)
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # typer's own usage errors
             return _usage_failed(error, as_json)
         text = f"internal error, please report: {type(error).__name__}: {error}"
@@ -137,8 +142,19 @@ def _usage_failed(error: Any, as_json: bool) -> int:
         return int(error.exit_code)
     context = getattr(error, "ctx", None)
     if context is not None:
+        message += _meant(message, context.command)
         message += f" (see '{context.command_path} --help')"
     return _failed(message, int(error.exit_code), as_json)
+
+
+def _meant(message: str, command: Any) -> str:
+    """For a word that is no argument, the option whose help names it as a value."""
+    found = re.fullmatch(r"Got unexpected extra argument.*? \((\S+?)(?: .*)?\)", message)
+    word = re.escape(found[1]) if found else ""
+    for option in command.params if word else ():
+        if option.opts[0].startswith("--") and re.search(rf"(?<![\w-]){word}(?![\w-])", option.help or ""):
+            return f"; its option is meant: {option.opts[0]} {found[1] if found else ''}"
+    return ""
 
 
 def _failed(message: str, code: int, as_json: bool, trace: str | None = None) -> int:

@@ -9,6 +9,7 @@ import datetime
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
@@ -21,6 +22,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 Advance = Callable[[float], None]
 """Tells a progress bar how much is done by now, from 0 to its total."""
@@ -237,7 +240,8 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
         numeric = bool(cells) and all(isinstance(row[index], (int, float)) for row in cells)
         result.add_column(escape(name), justify="right" if numeric else "left")
     for row in cells:
-        result.add_row(*(escape(f"{cell:.4g}" if isinstance(cell, float) else str(cell)) for cell in row))
+        shown = (f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row)
+        result.add_row(*(escape(printable(cell)) for cell in shown))
     return result
 
 
@@ -255,7 +259,12 @@ def fail(message: str) -> None:
     _line("error:", "red", message)
 
 
+def printable(text: str) -> str:
+    """The text with its control characters as a sign: of a file of others they would move a terminal's cursor."""
+    return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text.replace("\r\n", "\n"))
+
+
 def _line(label: str, colour: str, message: str) -> None:
     from rich.text import Text
 
-    stderr_console().print(Text.assemble((label, f"bold {colour}"), " ", message), soft_wrap=True)
+    stderr_console().print(Text.assemble((label, f"bold {colour}"), " ", printable(message)), soft_wrap=True)

@@ -11,6 +11,9 @@ from contextlib import contextmanager
 from types import FrameType
 
 HANDLED = (signal.SIGINT, signal.SIGTERM)
+AGAIN = 0.02  # s between looks whether an import or an FMU's call has ended
+POSTPONING: set[str] = set()
+"""Files of Python from which FMUs are called."""
 
 
 class _Struck:
@@ -86,3 +89,64 @@ def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
         _Struck.waits = _Struck.came = False
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
+    """Within this context SIGTERM is a Ctrl-C, so that temporary folders and halves of files are cleared up.
+
+    Neither strikes within an import or a call of an FMU, whose C makes another error of it, but right after. The second
+    SIGTERM ends the process at once. A signal that is ignored or handled already stays so.
+
+    Args:
+        came: takes the number of what came.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def struck(number: int, frame: FrameType | None) -> None:
+        if leaving:
+            return
+        if _untimely(frame):
+            waiting.append(threading.Timer(AGAIN, _send, (number,)))
+            waiting[-1].daemon = True
+            waiting[-1].start()
+            return
+        if number == signal.SIGTERM:
+            signal.signal(number, signal.SIG_DFL)
+        if came is not None:
+            came.append(number)
+        raise KeyboardInterrupt
+
+    waiting: list[threading.Timer] = []
+    leaving: list[bool] = []
+    usual = (signal.SIG_DFL, signal.default_int_handler)
+    before = {s: signal.signal(s, struck) for s in HANDLED if signal.getsignal(s) in usual}
+    try:
+        yield
+    finally:
+        leaving.append(True)  # what comes from here on, or was still to come again, strikes nobody
+        for again in waiting:
+            again.cancel()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _send(number: int) -> None:
+    """Send a signal to the main thread, which may be asleep: one that comes to another thread does not wake it."""
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)
+    else:
+        signal.raise_signal(number)
+
+
+def _untimely(frame: FrameType | None) -> bool:
+    """Whether an import or a call of an FMU is going on in a frame or one that called it."""
+    while frame is not None:
+        name = frame.f_code.co_filename
+        if name.startswith("<frozen importlib") or name in POSTPONING:
+            return True
+        frame = frame.f_back
+    return False

@@ -1,17 +1,20 @@
 """Ctrl-C waits for compiled code, and is not lost."""
 
+import importlib
 import os
 import signal
 import subprocess
 import sys
 import threading
+import time
 from importlib.machinery import SourceFileLoader
+from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 from cosim.compiled import CompiledBlock, load_compiled
-from cosim.interrupts import stoppable, uninterrupted
+from cosim.interrupts import ended_in_order, stoppable, uninterrupted
 from fmus import registry
 from fmus.compose import compose
 
@@ -122,4 +125,46 @@ def test_the_first_signal_asks_and_the_second_ends_once_compiled_code_has(first:
         struck_again_within_compiled_code(first, reached)
     assert reached == ["goes on", "inside"]
     assert len(asked) == 2
+    assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+TERMINATED = """
+import tempfile, time
+import typer
+from cosim import cli
+def stuck():
+    with tempfile.TemporaryDirectory() as folder:
+        print(folder, flush=True)
+        time.sleep(60)
+cli.make_app = lambda: app
+app = typer.Typer(cls=cli._Group)
+app.command()(stuck)
+app.command("other")(lambda: None)
+cli.main(["stuck"])
+"""
+
+
+def test_sigterm_ends_a_command_in_order() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", TERMINATED], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    folder = Path(process.stdout.readline().strip())
+    assert folder.is_dir()
+    process.terminate()
+    _, said = process.communicate(timeout=60)
+    assert (process.returncode, said) == (130, "error: interrupted\n")
+    assert not folder.exists()
+
+
+def test_a_signal_within_an_import_waits_for_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "struck_module.py").write_text(
+        "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nos.kill(os.getpid(), signal.SIGTERM)\nwhole = True\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    before = [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)]
+    came: list[int] = []
+    with pytest.raises(KeyboardInterrupt), ended_in_order(came):
+        time.sleep(10.0 * importlib.import_module("struck_module").whole)
+    assert came
     assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == before

@@ -7,7 +7,9 @@ its own run and no other, and one that has grown is replaced between two runs.
 import math
 import multiprocessing
 import os
+import shutil
 import signal
+import tempfile
 import threading
 import time as clock
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -19,10 +21,13 @@ from typing import Any, Protocol
 from cosim.batch.job import Job, Outcome, Run
 from cosim.batch.task import execute, hello
 from cosim.errors import MissingExtraError, SimulationError, UsageError
+from cosim.interrupts import uninterrupted
+from cosim.ssp.archive import scratch_folder
 
 Outcomes = list[Outcome]
 CONNECT = 10.0  # s until a scheduler must answer
 ARRIVE = 30.0  # s until it must have a worker
+GONE = 5.0  # s until a process that was killed is gone
 START = 60.0  # s that a process may take to begin, beside the time limit of its first run
 
 
@@ -72,7 +77,7 @@ class _Lane:
         self.runs = 0
         self.begun, self.late, self.together = 0.0, False, 0
 
-    def submit(self, job: Job, runs: list[Run]) -> "Future[Outcomes]":
+    def submit(self, job: Job, runs: list[Run], folder: str) -> "Future[Outcomes]":
         self.begun, self.late, self.together = clock.monotonic(), False, len(runs)
         if self.pool is not None:
             try:
@@ -83,8 +88,11 @@ class _Lane:
             before = set(multiprocessing.active_children())
             # spawned, not forked: the parent has threads of its own
             context = multiprocessing.get_context("spawn")
-            self.pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
-            self.future = self.pool.submit(execute, job, runs)
+            with uninterrupted():  # a process that is told half of how it begins prints a traceback
+                self.pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin, initargs=(folder,))
+                self.future = self.pool.submit(execute, job, runs)
+            # what a process writes that is killed within its answer has an end only where nobody else holds the pipe
+            self.pool._result_queue._writer.close()  # type: ignore[attr-defined]
             made = [child for child in multiprocessing.active_children() if child not in before]
             self.process, self.runs = (made[0] if made else None), 0
             self.begun += START
@@ -98,6 +106,7 @@ class _Lane:
             self.pool.shutdown(wait=False, cancel_futures=True)
             if at_once and self.process is not None and self.process.is_alive():
                 self.process.kill()
+                self.process.join(GONE)
         self.pool, self.process = None, None
 
 
@@ -118,13 +127,15 @@ class Processes:
         self.most_memory, self.most_runs = most_memory, most_runs
         self.retired, self.tight = 0, False
         self._lanes = [_Lane() for _ in range(count)]
+        # what a process that is killed has unpacked goes with this folder
+        self._folder, _ = scratch_folder()
         self._growth = 0.0
         self._resident: dict[_Lane, int] = {}
 
     def submit(self, job: Job, runs: list[Run]) -> "Future[Outcomes]":
         """Hand runs to a process that has none."""
         lane = next(lane for lane in self._lanes if lane.future is None)
-        return lane.submit(job, runs)
+        return lane.submit(job, runs, self._folder.name)
 
     def settle(self, future: "Future[Outcomes]") -> str:
         """Free the future's process for the next run, or replace it."""
@@ -159,6 +170,7 @@ class Processes:
         """Kill all processes: what they had in hand is lost."""
         for lane in self._lanes:
             lane.retire(at_once=lane.future is not None)
+        self._folder.cleanup()
 
     def _replace(self, lane: _Lane) -> None:
         lane.retire()
@@ -166,8 +178,13 @@ class Processes:
         self.retired += 1
 
 
-def _begin() -> None:
-    """First thing in a process: Ctrl-C is the parent's to handle, and without the parent there is nothing to do."""
+def _begin(folder: str) -> None:
+    """First thing in a process: Ctrl-C is the parent's to handle, and without the parent there is nothing to do.
+
+    Args:
+        folder: for its temporary files.
+    """
+    tempfile.tempdir = folder
     if hasattr(os, "setsid"):
         os.setsid()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -176,6 +193,7 @@ def _begin() -> None:
 
         def follow() -> None:
             wait([parent.sentinel])
+            shutil.rmtree(folder, ignore_errors=True)
             os._exit(1)
 
         threading.Thread(target=follow, daemon=True).start()

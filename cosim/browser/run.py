@@ -1,13 +1,11 @@
 """`cosim open` from its start to its end."""
 
-import contextlib
 import os
-import signal
 import sys
 import tempfile
 import threading
 import webbrowser
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ from cosim.browser.language import words
 from cosim.browser.server import serving
 from cosim.browser.session import HELD_OUT, LOG, MORE, SYSTEMS, TABLE, TRACKER, Session
 from cosim.console import warn
+from cosim.interrupts import ended_in_order
 from cosim.report.language import ENGLISH
 
 
@@ -52,7 +51,7 @@ def run(
     """
     with (
         tempfile.TemporaryDirectory(prefix="cosim-open-", ignore_cleanup_errors=True) as folder,
-        ended_by_sigterm(),
+        ended_in_order(),
     ):
         words(language or ENGLISH)
         session = Session(Path(folder), out, language)
@@ -79,18 +78,6 @@ def run(
                         warn(f"interrupted: {item['folder']} holds what was found until then")
                     raise
         return session.done
-
-
-@contextlib.contextmanager
-def ended_by_sigterm() -> Iterator[None]:
-    """Within this context SIGTERM is a Ctrl-C, so that folders are cleared up; one that is ignored stays so."""
-    before = signal.getsignal(signal.SIGTERM)
-    if before is not signal.SIG_IGN:
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def start_browser(url: str) -> None:

@@ -10,6 +10,8 @@ import numpy as np
 from cosim.errors import DataError, MissingExtraError
 from cosim.logs.source import Array, Label, Source, parse_label, translated
 
+DEFLATE = 1032  # times that its data can be longer than what is compressed
+
 
 class MdfSource(Source):
     """An MDF file (.mf4, .mdf), through asammdf.
@@ -30,6 +32,7 @@ class MdfSource(Source):
         with translated(path, "MDF", notes):
             opened: Any = MDF(path)  # its groups' attributes are set at run time
             with opened as file:
+                _check_sizes(path, file)
                 self._places = [
                     (g, c)
                     for g, group in enumerate(file.groups)
@@ -61,6 +64,23 @@ class MdfSource(Source):
         if index not in self._clocks:
             self.read([index])
         return self._clocks[index]
+
+
+def _check_sizes(path: Path, file: Any) -> None:
+    """Refuses a group that claims more than its file can hold: the library would first make room for it, for minutes.
+
+    Raises:
+        DataError: so it is.
+    """
+    most = DEFLATE * path.stat().st_size
+    for number, group in enumerate(file.groups, 1):
+        about = group.channel_group
+        record = about.samples_byte_nr + getattr(about, "invalidation_bytes_nr", 0)
+        if record * max(about.cycles_nr, 1) > most:
+            raise DataError(
+                f"{path}: cannot be read as an MDF file: group {number} claims {about.cycles_nr} records of {record} bytes,"
+                " more than the file can hold"
+            )
 
 
 def _mdf_unit(file: Any, group: int, channel: int) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 
 from cosim.errors import DataError
 from cosim.logs.hdf5 import check_heaps
+from cosim.logs.mat5 import check_elements
 from cosim.logs.source import Array, Label, Source, parse_label, translated
 
 _NAMES = ("names", "columns", "headers", "labels", "signals")
@@ -43,6 +44,7 @@ class MatSource(Source):
             import matio
         notes: list[str] = []
         check_heaps(path)
+        check_elements(path)
         with translated(path, "MAT", notes):
             content = matio.load_from_mat(str(path))
             constants: dict[str, float] = {}

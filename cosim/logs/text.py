@@ -144,9 +144,11 @@ class TextSource(Source):
         wanted = [names[k] for k in dict.fromkeys(indices)]
         columns = {name: np.empty(self._survey.lines + 1) for name in wanted}
         filled = 0
-        with self._window() as file:
+        # arrow reads ahead in threads of its own that outlive the reader: a file of Python's would have them call Python
+        # while it ends, which aborts the process
+        with pa.OSFile(str(self.path)) as file:
             reader = arrow_csv.open_csv(
-                pa.PythonFile(file, mode="r"),
+                file.get_stream(self._survey.start, self._end - self._survey.start),
                 read_options=arrow_csv.ReadOptions(
                     column_names=names,
                     skip_rows=self._survey.header_lines if self._header else 0,

@@ -111,8 +111,11 @@ class Apart:
                 try:
                     answer = self._answer(progress)
                 except _DeathError as death:
-                    if self._marks[marks.PHASE] == marks.LOOP:
-                        count = self._steps(stop - start) + 1
+                    # what was recorded of the piece is there also where the process died right after
+                    made = self._steps(stop - start)
+                    phase = self._marks[marks.PHASE]
+                    if phase == marks.LOOP or (phase == marks.OURS and made):
+                        count = made + 1
                         yield self._piece(task, rows, columns, start, stop, new, count)
                     raise SimulationError(str(death)) from None
                 if "piece" not in answer:
@@ -363,6 +366,8 @@ def _way(code: int) -> str:
 
 def _refused(answer: dict[str, Any]) -> CosimError:
     """The error that a child reports."""
+    if "error" not in answer:
+        return SimulationError("the process of the foreign FMUs overwrote what its process says")
     kind = getattr(errors, str(answer.get("error")), None)
     text = str(answer.get("text"))
     if isinstance(kind, type) and issubclass(kind, CosimError) and kind is not errors.MissingExtraError:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import SimulationError
+from cosim.interrupts import HANDLED
 from cosim.master import marks
 from cosim.master.dialect import FMI2, put, taken
 from cosim.master.inputs import Sampler
@@ -239,7 +240,7 @@ class Engine:
 
     @contextmanager
     def _interruptible(self) -> Iterator[None]:
-        """Ctrl-C only sets a flag: raised inside an FMU it would break the FMU instead of ending the run."""
+        """Ctrl-C, and SIGTERM where it is one, only set a flag: raised inside an FMU they would break it."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -247,11 +248,13 @@ class Engine:
         def ask_to_stop(_number: int, _frame: FrameType | None) -> None:
             self.stop[0] = 1
 
-        previous = signal.signal(signal.SIGINT, ask_to_stop)
+        # what is ignored (nohup) or ends the process stays so
+        before = {s: signal.signal(s, ask_to_stop) for s in HANDLED if callable(signal.getsignal(s))}
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, previous if previous is not None else signal.default_int_handler)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     @contextmanager
     def _marked(self) -> Iterator[None]:

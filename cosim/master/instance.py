@@ -22,7 +22,9 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
+from cosim.console import printable
 from cosim.errors import ModelError, SimulationError
+from cosim.interrupts import POSTPONING
 from cosim.master import marks, modules
 from cosim.master.dialect import CODES, FMI2, TYPES, dialect_of
 from cosim.ssp.system import Component, Value, Variable
@@ -32,6 +34,8 @@ WARNING, DISCARD, FATAL = 1, 2, 4
 ENDED, EARLY = 100, 101
 """In place of a status: a step of FMI 3.0 that asks for the end of the simulation, or that came back before its end."""
 MOST_MESSAGES = 200
+MOST_BYTES = 1990  # of a message
+POSTPONING.add(__file__)
 
 SetGetReal = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p
@@ -100,10 +104,16 @@ def _listen(environment: int | None, name: bytes, status: int, category: bytes, 
         if environment is None:  # an FMU that fmpy itself runs in this process
             printLogMessage(environment, name, status, category, text)
         return
-    decoded = [(part or b"").decode("utf-8", "replace") for part in (category, text)]
+    decoded = [_shown(part or b"") for part in (category, text)]
     messages.append(Message(status, *decoded))
     if hear is not None:
         hear(name, Message(status, *decoded))
+
+
+def _shown(text: bytes) -> str:
+    """What an FMU says, as it may be shown: no longer than anyone reads, and without what moves a terminal's cursor."""
+    cut = text[:MOST_BYTES].decode("utf-8", "replace") + (" ..." if len(text) > MOST_BYTES else "")
+    return printable(cut)
 
 
 _logger = fmi2CallbackLoggerTYPE(_listen)

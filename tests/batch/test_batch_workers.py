@@ -6,7 +6,10 @@ import os
 import signal
 import threading
 import time
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -42,6 +45,34 @@ def test_a_process_that_dies_between_two_runs_is_replaced(rogue: Path, tmp_path:
         second = crew.submit(batch.job, batch.runs[1:]).result()
         assert (second[0].status, second[0].number) == ("done", 1)
         assert second[0].worker != outcome.worker
+    finally:
+        crew.close()
+
+
+def dies_while_it_answers(*_: object) -> list[object]:
+    def half(connection: Any, data: bytes) -> None:
+        os.write(connection.fileno(), data[:2])
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    Connection._send = half  # type: ignore[attr-defined]
+    return []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_a_process_killed_within_its_answer_is_known_to_be_dead(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pool waited for ever for the other half of the answer."""
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1,2"}), tmp_path)
+    crew = Processes(1, 1e12)
+    try:
+        with monkeypatch.context() as patched:
+            patched.setattr("cosim.batch.workers.execute", dies_while_it_answers)
+            lost = crew.submit(batch.job, batch.runs[:1])
+        assert isinstance(lost.exception(timeout=60.0), BrokenProcessPool)
+        assert crew.settle(lost) == "its process died (SIGKILL)"
+        (outcome,) = crew.submit(batch.job, batch.runs[1:]).result(timeout=60.0)
+        assert outcome.status == "done"
     finally:
         crew.close()
 

@@ -206,3 +206,10 @@ def test_bare_cosim_shows_the_help_and_no_error(run) -> None:
     assert done.returncode == 2
     assert "Usage" in done.stdout + done.stderr
     assert "error:" not in done.stderr
+
+
+def test_a_value_without_its_option_names_the_option(command) -> None:
+    code, _, error = command("rig", "small_steps")
+    assert code == 2
+    assert "its option is meant: --excitation small_steps" in error
+    assert "its option" not in command("rig", "small")[2]

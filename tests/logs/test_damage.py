@@ -2,11 +2,13 @@
 
 import math
 import re
+import time
 
 import numpy as np
 import pytest
 from log_files import HEADER, rows
 
+from benchmarks.damage_corpus import READERS
 from cosim.errors import DataError
 from cosim.logs import Gap, load_log
 
@@ -225,3 +227,17 @@ def test_a_remark_of_two_lines_is_read(load):
     log = load([*lines[:80], "", *lines[80:]], "time [s],u [1],slew [deg],remark\n")
     assert len(log) == 100
     assert log.warnings == ("ignored columns: 'remark'",)
+
+
+@pytest.mark.parametrize(("place", "size"), [(96, 0x8E238F13), (100, 0xF577119E), (80, 1 << 40)])
+def test_an_mdf_file_that_claims_more_than_it_holds_is_refused_at_once(tmp_path, place, size):
+    pytest.importorskip("asammdf", reason="an extra is not installed")
+    path = READERS["mf4_zip"][1](tmp_path / "log.mf4")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"##CG") + place  # bytes of a record, of its marks, number of records
+    data[at : at + (8 if place == 80 else 4)] = size.to_bytes(8 if place == 80 else 4, "little")
+    path.write_bytes(data)
+    begun = time.process_time()
+    with pytest.raises(DataError, match=r"group 1 claims .* more than the file can hold"):
+        load_log(path)
+    assert time.process_time() - begun < 5.0

@@ -1,6 +1,8 @@
 """CSV files that are whole: encodings, separators, units, unknown columns, the mark of a synthetic log."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -162,3 +164,43 @@ def test_values_out_of_range_are_told_with_their_place(load):
     assert len(log.warnings) == 1
     assert "slew: values from 0 to 4000 deg, plausible are -30 to 280" in log.warnings[0]
     assert "row 14" in log.warnings[0]
+
+
+ENDS_EARLY = """
+import sys, time
+from pathlib import Path
+from cosim.errors import DataError
+from cosim.logs import load_log, text
+from cosim.logs.window import Window
+
+plain = Window.readinto
+
+def slow(window, buffer):
+    time.sleep(0.05)
+    return plain(window, buffer)
+
+text._BLOCK = 1 << 12
+fast = text.TextSource._read_fast
+def one(*words):
+    Window.readinto = slow
+    try:
+        return fast(*words)
+    finally:
+        Window.readinto = plain
+text.TextSource._read_fast = one
+try:
+    load_log(Path(sys.argv[1]))
+except DataError as error:
+    sys.exit(str(error))
+"""
+
+
+def test_what_arrow_still_reads_ahead_does_not_abort_the_process_that_ends(write):
+    # with a file of Python's, arrow's threads called Python while it ended: "terminate called without an active exception"
+    lines = ["0,x", *(f"{k / 1000},1.5" for k in range(1, 20_000))]
+    path = write("time [s],slew [deg]\n" + "\n".join(lines) + "\n")
+    done = subprocess.run(
+        [sys.executable, "-c", ENDS_EARLY, path], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1, done.stderr
+    assert "row 2, column 'slew [deg]': 'x' is not a number" in done.stderr

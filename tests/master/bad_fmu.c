@@ -17,7 +17,7 @@ typedef struct {
     void *environment;
 } Callbacks;
 
-enum { NONE, EXIT, ABORT, SEGV, BUS, LOOP, HOG, NEGATIVE, UNKNOWN, AT_LOAD, AT_INSTANTIATE, AT_INITIALISE, AT_END, SAYS, CHATTER };
+enum { NONE, EXIT, ABORT, SEGV, BUS, LOOP, HOG, NEGATIVE, UNKNOWN, AT_LOAD, AT_INSTANTIATE, AT_INITIALISE, AT_END, SAYS, CHATTER, SHOUTS, CLOSES, FORKS };
 
 static double y, u;
 static const Callbacks *calls;
@@ -62,6 +62,16 @@ static Status harm(void) {
         }
     case NEGATIVE: return -1;
     case UNKNOWN: return 77;
+    case SHOUTS: {
+        char *text = malloc(1 << 20);
+        memset(text, 'x', 1 << 20);
+        memcpy(text, "\033[2J", 4);
+        text[(1 << 20) - 1] = 0;
+        calls->logger(calls->environment, "bad", 3, "error", text);
+        return 3;
+    }
+    case CLOSES: for (int i = 0; i < 1024; i++) close(i); break;
+    case FORKS: fork(); break;
     case CHATTER: printf("{\"piece\": 0, \"count\": 1}\n"); fflush(stdout); break;
     }
     return 0;

@@ -117,6 +117,35 @@ def test_a_death_outside_the_loop_says_where(system: Any, mischief: str, where: 
 
 
 @needs_compiler
+@pytest.mark.parametrize(
+    ("mischief", "what"),
+    [("CLOSES", "stranger.*between their calls"), ("FORKS", "overwrote what its process says")],
+)
+def test_a_process_that_dies_after_its_steps_leaves_them(system: Any, mischief: str, what: str) -> None:
+    with (
+        Runner(system(mischief), limits=LIMITS) as runner,
+        pytest.raises(SimulationError, match=what) as caught,
+    ):
+        runner.run(1.0, 0.01)
+    partial = caught.value.partial
+    assert partial is not None
+    assert not partial.complete
+    assert partial.time[-1] >= 0.99 - 1e-9
+    assert np.allclose(partial["stranger.y"], partial.time)
+
+
+@needs_compiler
+def test_what_a_stranger_says_is_cut_and_moves_no_cursor(system: Any) -> None:
+    with Runner(system("SHOUTS"), limits=LIMITS) as runner, pytest.raises(SimulationError) as caught:
+        runner.run(1.0, 0.01)
+    text = str(caught.value)
+    assert "\N{REPLACEMENT CHARACTER}[2Jxxx" in text
+    assert "\033" not in text
+    assert len(text) < 10_000
+    assert text.endswith("x ...")
+
+
+@needs_compiler
 def test_a_stranger_s_numbers_are_those_of_the_same_fmu_in_this_process(system: Any, toys: Any) -> None:
     path = system("NONE")
     with Runner(path, apart=False) as inside, Runner(path) as outside:

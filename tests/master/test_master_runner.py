@@ -5,6 +5,7 @@ import gc
 import signal
 import subprocess
 import sys
+import threading
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import ModelError, SimulationError, UsageError
+from cosim.interrupts import ended_in_order
 from cosim.master import Runner, engine, time_grid
 from cosim.master.engine import EngineName
 from cosim.master.instance import _unsettled
@@ -180,6 +182,22 @@ def test_progress_comes_every_thousand_steps(toys: Any) -> None:
     with Runner(toys.fmu("wave")) as runner:
         runner.run(2.5, 1e-3, progress=seen.append)
     assert seen == pytest.approx([1.0, 2.0, 2.5])
+
+
+def test_sigterm_that_is_a_ctrl_c_ends_the_run_between_two_calls(toys: Any) -> None:
+    """Raised within the Python of an FMU it was a fatal error of the FMU."""
+    with ended_in_order(), Runner(toys.fmu("wave")) as runner:
+        threading.Timer(0.3, signal.raise_signal, (signal.SIGTERM,)).start()
+        with pytest.raises(KeyboardInterrupt):
+            runner.run(3000.0, 1e-3)
+        assert len(runner.run(1.0, 0.1).time) == 11
+    with Runner(toys.fmu("wave")) as runner:  # a job in the background ignores Ctrl-C, and goes on
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            result = runner.run(10.0, 1e-3, progress=lambda t: signal.raise_signal(signal.SIGINT))
+        finally:
+            signal.signal(signal.SIGINT, before)
+        assert len(result.time) == 10_001
 
 
 @pytest.mark.parametrize("engine", ["compiled", "python"])

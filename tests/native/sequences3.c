@@ -12,8 +12,8 @@ static void logger(fmi3InstanceEnvironment environment, fmi3Status status, fmi3S
     snprintf(text, sizeof text, "%s", message); /* read, so that a bad pointer shows */
 }
 
-static fmi3Instance any_instance(char **words) {
-    const fmi3String token = below(16) ? words[2] : "{wrong}", resources = below(16) ? words[1] : below(2) ? "nowhere/" : NULL;
+static fmi3Instance any_instance(const char *folder, const char *right) {
+    const fmi3String token = below(16) ? right : "{wrong}", resources = below(16) ? folder : below(2) ? "nowhere/" : NULL;
     const fmi3ValueReference r[] = {0};
     switch (below(12)) {
     case 0: return fmi3InstantiateScheduledExecution("a", token, resources, false, true, NULL, logger, NULL, NULL, NULL);
@@ -24,21 +24,16 @@ static fmi3Instance any_instance(char **words) {
     }
 }
 
-int main(int count, char **words) {
+static unsigned long sequence(const char *resources, const char *token, unsigned long most) {
     fmi3Instance slaves[SLAVES] = {NULL};
     fmi3FMUState states[STATES] = {NULL};
     fmi3Instance owner[STATES] = {NULL}; /* a state belongs to the instance that gave it */
     fmi3Byte bytes[sizeof(Saved) + 8];
-    unsigned long calls, most;
+    unsigned long calls;
     size_t size;
     unsigned k;
-    if (count != 5) {
-        return 2;
-    }
-    seed = strtoull(words[3], NULL, 10);
-    most = strtoul(words[4], NULL, 10);
     memset(bytes, 0, sizeof bytes);
-    for (calls = 0; calls < most; calls++) {
+    for (calls = 0; another(calls, most); calls++) {
         const unsigned at = below(SLAVES), s = below(STATES), n = below(MOST + 1);
         const size_t m = below(8) ? n : below(MOST + 1); /* as many values as references, most often */
         fmi3Instance c = slaves[at];
@@ -53,7 +48,7 @@ int main(int count, char **words) {
             wholes[k] = below(2) ? (fmi3Int32)below(5) : (fmi3Int32)drawn();
         }
         if (!c && below(8)) { /* NULL is refused by every function; most often an instance is made */
-            slaves[at] = any_instance(words);
+            slaves[at] = any_instance(resources, token);
             continue;
         }
         switch (below(30)) {
@@ -128,7 +123,7 @@ int main(int count, char **words) {
             size = below(4) ? N_STATES : below(N_STATES + 3);
             fmi3SetTime(c, reals[0]);
             if (!fmi3GetContinuousStates(c, x, size)) {
-                x[0] = below(4) && N_STATES ? x[0] : any_number();
+                x[0] = below(4) && N_STATES > 0 ? x[0] : any_number();
                 fmi3SetContinuousStates(c, x, size);
             }
             fmi3GetContinuousStateDerivatives(c, x, size);
@@ -157,6 +152,5 @@ int main(int count, char **words) {
     for (k = 0; k < SLAVES; k++) {
         fmi3FreeInstance(slaves[k]);
     }
-    printf("%lu\n", calls);
-    return 0;
+    return calls;
 }
