@@ -22,7 +22,8 @@ from fmus.contract import Buffer
 BUILT_IN = frozenset((
     "abs", "acos", "acosh", "activeState", "actualStream", "asin", "atan", "atan2", "backSample", "cardinality",
     "cat", "ceil", "change", "cos", "cosh", "cross", "delay", "diagonal", "div", "edge", "exp", "fill", "floor",
-    "getInstanceName", "hold", "homotopy", "identity", "initial", "inStream", "integer", "interval", "linspace", "log", "log10", "matrix", "max", "min",
+    "getInstanceName", "hold", "homotopy", "identity", "initial", "inStream", "integer", "interval", "linspace", "log",
+    "log10", "matrix", "max", "min",
     "mod", "ndims", "noClock", "noEvent", "ones", "outerProduct", "pre", "previous", "product", "promote", "reinit", "rem",
     "rooted", "sample", "scalar", "semiLinear", "shiftSample", "sign", "sin", "sinh", "size", "skew", "smooth",
     "spatialDistribution", "sqrt", "String", "subSample", "sum", "superSample", "symmetric", "tan", "tanh", "terminal",

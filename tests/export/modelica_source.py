@@ -1,8 +1,8 @@
 """Runs an exported package of plain Modelica without a Modelica tool: pymoca parses, what follows checks and evaluates.
 
-No tool on PyPI simulates it (Rumoca 0.10 and modelica 0.0.205 know no functions with loops that end early). So functions are
-checked against the types of their declarations on every path, each expression, and become Python; models are evaluated by data
-flow, as a tool does at an event: each equation once what it needs is known, `pre` as at the event before.
+No tool on PyPI simulates it (Rumoca 0.10 and modelica 0.0.205 know no functions with loops that end early). So functions
+are checked against the types of their declarations on every path, each expression, and become Python; models are evaluated
+by data flow, as a tool does at an event: each equation once what it needs is known, `pre` as at the event before.
 """
 
 import math
