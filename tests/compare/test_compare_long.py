@@ -124,6 +124,13 @@ def test_a_thinned_line_keeps_every_peak():
     assert np.array_equal(few[1], values[:1000])
 
 
+@pytest.mark.parametrize("width", [1, 2, 7, 100])
+def test_a_moving_sum_is_a_convolution(width):
+    values = np.random.default_rng(width).normal(size=100)
+    wanted = np.convolve(values, np.ones(width), "same")
+    np.testing.assert_allclose(picture._moving_sum(values, width), wanted, rtol=0.0, atol=1e-12)
+
+
 PEAK = """
 import json, resource, sys
 from pathlib import Path
