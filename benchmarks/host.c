@@ -1,4 +1,4 @@
-/* A co-simulation master in plain C, without Python and without libraries: host PLAN STEPS STEP_SIZE
+/* A co-simulation master in plain C for Linux and Windows, without Python and without libraries: host PLAN STEPS STEP_SIZE
 
    The plan is text, one item a line, numbers in SI units:
      component NAME LIBRARY RESOURCES GUID     in stepping order
@@ -7,7 +7,13 @@
      output COMPONENT REFERENCE
    Writes one row of outputs for the start and one for each step, with all digits.
    With -DFMI=3 its FMUs are of FMI 3.0 (RESOURCES a path with its last slash, GUID the instantiation token), else of 2.0. */
+#ifdef _WIN32
+#include <windows.h>
+#define symbol(library, name) ((void *)(size_t)GetProcAddress(library, name))
+#else
 #include <dlfcn.h>
+#define symbol(library, name) dlsym(library, name)
+#endif
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -58,8 +64,13 @@ static void check(int status, const char *what)
 
 static void *opened(const char *path)
 {
+#ifdef _WIN32
+    void *library = LoadLibraryA(path);
+    if (!library) { fprintf(stderr, "%s cannot be loaded: error %lu\n", path, GetLastError()); exit(2); }
+#else
     void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
     if (!library) { fprintf(stderr, "%s\n", dlerror()); exit(2); }
+#endif
     return library;
 }
 
@@ -74,15 +85,15 @@ static void load(Fmu *fmu, const char *name, const char *path, const char *resou
 {
     void *library = opened(path);
     void *(*instantiate)(const char *, const char *, const char *, bool, bool, bool, bool, const unsigned *, size_t, void *,
-                         void (*)(void *, int, const char *, const char *), void *) = dlsym(library, "fmi3InstantiateCoSimulation");
-    fmu->enter = dlsym(library, "fmi3EnterInitializationMode");
-    fmu->leave = dlsym(library, "fmi3ExitInitializationMode");
-    fmu->step = dlsym(library, "fmi3DoStep");
-    fmu->terminate = dlsym(library, "fmi3Terminate");
-    fmu->release = dlsym(library, "fmi3FreeInstance");
-    fmu->set_real = dlsym(library, "fmi3SetFloat64");
-    fmu->get_real = dlsym(library, "fmi3GetFloat64");
-    fmu->set_integer = dlsym(library, "fmi3SetInt32");
+                         void (*)(void *, int, const char *, const char *), void *) = symbol(library, "fmi3InstantiateCoSimulation");
+    fmu->enter = symbol(library, "fmi3EnterInitializationMode");
+    fmu->leave = symbol(library, "fmi3ExitInitializationMode");
+    fmu->step = symbol(library, "fmi3DoStep");
+    fmu->terminate = symbol(library, "fmi3Terminate");
+    fmu->release = symbol(library, "fmi3FreeInstance");
+    fmu->set_real = symbol(library, "fmi3SetFloat64");
+    fmu->get_real = symbol(library, "fmi3GetFloat64");
+    fmu->set_integer = symbol(library, "fmi3SetInt32");
     fmu->slave = instantiate(name, token, resources, false, true, false, false, NULL, 0, NULL, logger, NULL);
     if (!fmu->slave) { fprintf(stderr, "%s cannot be instantiated\n", name); exit(3); }
 }
@@ -138,16 +149,16 @@ static const Callbacks callbacks = {logger, calloc, free, NULL, NULL};
 static void load(Fmu *fmu, const char *name, const char *path, const char *resources, const char *guid)
 {
     void *library = opened(path);
-    void *(*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int) = dlsym(library, "fmi2Instantiate");
-    fmu->setup = dlsym(library, "fmi2SetupExperiment");
-    fmu->enter = dlsym(library, "fmi2EnterInitializationMode");
-    fmu->leave = dlsym(library, "fmi2ExitInitializationMode");
-    fmu->step = dlsym(library, "fmi2DoStep");
-    fmu->terminate = dlsym(library, "fmi2Terminate");
-    fmu->release = dlsym(library, "fmi2FreeInstance");
-    fmu->set_real = dlsym(library, "fmi2SetReal");
-    fmu->get_real = dlsym(library, "fmi2GetReal");
-    fmu->set_integer = dlsym(library, "fmi2SetInteger");
+    void *(*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int) = symbol(library, "fmi2Instantiate");
+    fmu->setup = symbol(library, "fmi2SetupExperiment");
+    fmu->enter = symbol(library, "fmi2EnterInitializationMode");
+    fmu->leave = symbol(library, "fmi2ExitInitializationMode");
+    fmu->step = symbol(library, "fmi2DoStep");
+    fmu->terminate = symbol(library, "fmi2Terminate");
+    fmu->release = symbol(library, "fmi2FreeInstance");
+    fmu->set_real = symbol(library, "fmi2SetReal");
+    fmu->get_real = symbol(library, "fmi2GetReal");
+    fmu->set_integer = symbol(library, "fmi2SetInteger");
     fmu->slave = instantiate(name, 1, guid, resources, &callbacks, 0, 1);
     if (!fmu->slave) { fprintf(stderr, "%s cannot be instantiated\n", name); exit(3); }
 }

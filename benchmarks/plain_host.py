@@ -16,9 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.export import ExportedModel
+from cosim.native.build import PLATFORMS, MissingCompilerError, cross_compiler
 
 Array = NDArray[np.float64]
 TIMEOUT = 120.0
+# what runs a program for another platform here, and what a path of ours begins with there
+LAUNCHERS = {
+    "win64": (("wine",), "Z:"),
+    "aarch64-linux": (("qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"), ""),
+}
 
 
 class EndError(RuntimeError):
@@ -30,9 +36,15 @@ class EndError(RuntimeError):
 
 
 def run_host(
-    host: Path, model: ExportedModel, steps: int, h: float, signals: Sequence[str], preload: Path | None
+    host: Path,
+    model: ExportedModel,
+    steps: int,
+    h: float,
+    signals: Sequence[str],
+    preload: Path | None,
+    platform: str | None = None,
 ) -> dict[str, Array]:
-    """Run a system in the plain C host; each signal of shape (steps + 1,).
+    """Run a system in the plain C host, or in that of another platform; each signal of shape (steps + 1,).
 
     Raises:
         EndError: the process crashed after its last row.
@@ -40,11 +52,12 @@ def run_host(
     """
     with tempfile.TemporaryDirectory(prefix="host_") as scratch:
         plan = Path(scratch, "plan.txt")
-        plan.write_text(_plan(model, signals), encoding="utf-8")
+        plan.write_text(_plan(model, signals, platform), encoding="utf-8")
         variables = dict(os.environ)
         if preload is not None:
             variables |= {"LD_PRELOAD": str(preload), "PYTHONPATH": sysconfig.get_paths()["purelib"]}
-        words = [str(host), str(plan), str(steps), repr(h)]
+        launcher, root = LAUNCHERS[platform] if platform else ((), "")
+        words = [*launcher, str(host), root + str(plan), str(steps), repr(h)]
         done = subprocess.run(
             words, env=variables, cwd=scratch, capture_output=True, text=True, timeout=TIMEOUT, check=False
         )
@@ -59,7 +72,7 @@ def run_host(
     return found
 
 
-def _plan(model: ExportedModel, signals: Sequence[str]) -> str:
+def _plan(model: ExportedModel, signals: Sequence[str], platform: str | None) -> str:
     system = model.system
     place = {name: k for k, name in enumerate(model.order)}
     lines = []
@@ -67,9 +80,11 @@ def _plan(model: ExportedModel, signals: Sequence[str]) -> str:
         component = system.components[name]
         fmu = component.fmu
         third = fmu.version != "2.0"
-        platform = "x86_64-linux" if third else "linux64"
-        library = fmu.folder / "binaries" / platform / f"{fmu.identifier}.so"
-        resources = f"{fmu.folder}/resources/" if third else f"file://{fmu.folder}/resources"
+        known = PLATFORMS[platform or "linux64"]
+        root = LAUNCHERS[platform][1] if platform else ""
+        library = f"{root}{fmu.folder}/binaries/{known.folders[fmu.version]}/{fmu.identifier}{known.suffix}"
+        uri = f"file:///{root}{fmu.folder}" if root else f"file://{fmu.folder}"
+        resources = f"{root}{fmu.folder}/resources/" if third else f"{uri}/resources"
         lines.append(f"component {name} {library} {resources} {fmu.guid}")
         for key, value in component.starts.items():
             declared = fmu.variables[key]
@@ -91,14 +106,22 @@ def libpython() -> Path | None:
     return library if library.is_file() and ".so" in library.name else None
 
 
-def compiled_host(folder: Path, fmi: int = 2) -> Path | None:
-    """The plain C host for FMI 2.0 or 3.0, compiled, or None where that is not possible."""
-    compiler = shutil.which("cc")
-    if compiler is None or not sys.platform.startswith("linux"):
+def compiled_host(folder: Path, fmi: int = 2, platform: str | None = None) -> Path | None:
+    """The plain C host for FMI 2.0 or 3.0, for this or another platform, compiled, or None where that is not possible."""
+    if not sys.platform.startswith("linux"):
         return None
-    host = folder / f"host{fmi}"
+    if platform is not None:
+        try:
+            command = cross_compiler(platform)
+        except MissingCompilerError:
+            return None
+    else:
+        command = [shutil.which("cc") or ""]
+    if not command[0]:
+        return None
+    host = folder / f"host{fmi}{'.exe' if platform == 'win64' else ''}"
     source = Path(__file__).with_name("host.c")
-    subprocess.run(
-        [compiler, "-std=gnu99", "-O1", f"-DFMI={fmi}", "-o", str(host), str(source), "-ldl"], check=True
-    )
+    libraries = [] if platform == "win64" else ["-ldl"]
+    options = ["-std=gnu99", "-O1", "-Wall", f"-DFMI={fmi}", "-o", str(host), str(source), *libraries]
+    subprocess.run([*command, *options], check=True)
     return host

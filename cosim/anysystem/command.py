@@ -13,6 +13,7 @@ from cosim.anysystem.page import write_page
 from cosim.anysystem.pipeline import diagnose_system
 from cosim.anysystem.read import read
 from cosim.console import stderr_console, told, warn
+from cosim.diagnosis.answer.credibility import credited
 from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.model.groups import MODELS
@@ -159,6 +160,8 @@ def diagnose_any(
             file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
             result = answer(found, package, file)
             write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
+            if package is not None:
+                credited([Path(package.ssp), folder / "extended_native.ssp"], result)
             if not allowed.ended:
                 write_page(found, result, folder)
             earlier.clear()  # only now: a write that fails must leave the old or the new

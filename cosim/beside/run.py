@@ -1,7 +1,8 @@
 """A model beside a log, with calibration, observer and tracker where they are asked for: one call for command and Python."""
 
+from collections.abc import Iterator, Sequence
 from collections.abc import Mapping as Named
-from collections.abc import Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,16 @@ from cosim.compare import Comparator, CompareTable, Comparison, load_mapping, op
 from cosim.compare.limits import check_limits, read_limits
 from cosim.compare.picture import write_pictures
 from cosim.compare.present import answer, as_data, write_series
-from cosim.errors import UsageError
+from cosim.errors import ModelError, UsageError
 from cosim.logs import Log, load_log
 from cosim.logs.mapping import Mapping
 from cosim.report.earlier import COMPARED, Earlier
 from cosim.request import parameters
+from cosim.ssp.archive import scratch_folder
 from cosim.units import parse_quantity
 
 DEFAULT_MODEL = "full_order"
+LONG = 500_000  # samples: Python FMUs take some 20 s for them, to compile native ones takes five, once
 
 
 @dataclass(frozen=True)
@@ -118,7 +121,10 @@ def beside(
     loaded = log if isinstance(log, Log) else load_log(log, names)
     source, table = _source(model, mapping, names, table, loaded)
     step = parse_quantity(step_size, "s") if step_size else None
-    with Comparator(loaded, source, table=table, step=step) as comparator:
+    with (
+        fast_enough(source, len(loaded)) as runs,
+        Comparator(loaded, runs, table=table, step=step) as comparator,
+    ):
         limits = read_limits(list(thresholds), comparator)
         given = parameters(comparator.system, [*table.parameter_files, *parameter_sets], list(settings))
         extras = Extras(comparator, given)
@@ -140,6 +146,32 @@ def beside(
             written |= extras.write(comparison, out)
             earlier.clear()
     return Beside(comparison, source, extras, results, written)
+
+
+@contextmanager
+def fast_enough(source: Path, samples: int) -> Iterator[Path]:
+    """The model file; for a long log a copy of it with native FMUs, which give the same numbers, where they can be made.
+
+    Args:
+        source: an .ssp or .fmu file.
+        samples: of the log.
+    """
+    if samples < LONG:
+        yield source
+        return
+    from cosim.native.build import MissingCompilerError
+    from cosim.native.package import swapped
+
+    folder, _ = scratch_folder()
+    with folder:
+        try:
+            swift = swapped(source, Path(folder.name, source.name))
+        except (
+            MissingCompilerError,
+            ModelError,
+        ):  # no compiler; an FMU that is not ours, or is bad, as will be said
+            swift = source
+        yield swift
 
 
 def _source(

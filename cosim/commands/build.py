@@ -37,6 +37,15 @@ def build(
             help="Version of FMI, 2.0 or 3.0; 3.0 needs --native and goes into the folder native_fmi3."
         ),
     ] = "2.0",
+    platforms: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--platform",
+            help="With --native: another platform whose binary each FMU gets too, win64 or aarch64-linux; needs its C "
+            "compiler; repeatable.",
+            metavar="NAME",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Build the FMU of each block and the packages of the systems, closed and open.
@@ -52,6 +61,10 @@ def build(
         raise UsageError(f"--fmi {fmi}: FMUs of FMI 2.0 and 3.0 can be built")
     if fmi == "3.0" and not native:
         raise UsageError("--fmi 3.0 needs --native: the FMUs that run in Python are of FMI 2.0")
+    if platforms and not native:
+        raise UsageError(
+            "--platform needs --native: the FMUs that run in Python hold the binaries of pythonfmu"
+        )
     began = time.perf_counter()
     folder = (out or build_folder()).absolute()
     stimulus = stimulus_of(with_stimulus, mapping)
@@ -64,7 +77,7 @@ def build(
     if native:
         from cosim.native.everything import build_everything_native
 
-        files = build_everything_native(folder, stimulus, report, fmi)
+        files = build_everything_native(folder, stimulus, report, fmi, platforms or ())
     else:
         files = build_everything(folder, stimulus, report)
     seconds = time.perf_counter() - began

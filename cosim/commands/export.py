@@ -1,6 +1,7 @@
 """``cosim export-simulink`` and ``cosim export-modelica``: a system for tools that cannot read an SSP."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -72,17 +73,23 @@ def export_modelica(
     step_size: StepSize = None,
     stop_time: StopTime = None,
     overwrite: Overwrite = False,
+    source: Annotated[
+        bool,
+        typer.Option(
+            "--source", help="Write the blocks' equations as Modelica; no FMU is needed to run them."
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a Modelica package that runs the system's FMUs, and a script for OpenModelica.
 
-    The package has a model for each FMU and the system with its connections and parameters; a tool needs a C compiler.
+    The package has a model for each FMU and the system with its connections and parameters; a tool needs a C compiler. With
+    --source the blocks are plain Modelica, from the equations that the FMUs run, effects included.
     """
     from cosim.export import write_modelica
 
-    files = _export(
-        write_modelica, model, out, open_package, parameter_set, settings, step_size, stop_time, overwrite
-    )
+    write = partial(write_modelica, equations=source)
+    files = _export(write, model, out, open_package, parameter_set, settings, step_size, stop_time, overwrite)
     _tell(files, f"in OpenModelica: cd {out.absolute()} && omc simulate.mos", as_json)
 
 

@@ -156,11 +156,17 @@ def drawn(time: Array, values: Array) -> tuple[Array, Array]:
 def _smoothed(values: Array, step: float) -> Array:
     """Moving average over `SMOOTH` that leaves missing samples out."""
     width = min(max(1, round(SMOOTH / step)), len(values))
-    kernel = np.ones(width)
     known = np.isfinite(values)
-    count = np.convolve(known.astype(np.float64), kernel, "same")
-    total = np.convolve(np.where(known, values, 0.0), kernel, "same")
+    count = _moving_sum(known.astype(np.float64), width)
+    total = _moving_sum(np.where(known, values, 0.0), width)
     return np.divide(total, count, out=np.full(len(values), np.nan), where=count > 0.0)
+
+
+def _moving_sum(values: Array, width: int) -> Array:
+    """Sum of the `width` values about each one, zeros beyond both ends; as a difference of sums, whatever the width."""
+    sums = np.pad(values, (width // 2 + 1, (width - 1) // 2))
+    np.cumsum(sums, out=sums)
+    return sums[width:] - sums[:-width]
 
 
 def _block_title(block: BlockOutcome, outcome: SignalOutcome) -> str:

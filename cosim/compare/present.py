@@ -236,5 +236,6 @@ def _table_writer(path: Path, schema: Any) -> Any:
     import pyarrow.parquet
 
     if path.suffix == ".parquet":
-        return pyarrow.parquet.ParquetWriter(path, schema, write_page_checksum=True)
+        # measured numbers hardly repeat: a dictionary of them costs time and saves no room
+        return pyarrow.parquet.ParquetWriter(path, schema, write_page_checksum=True, use_dictionary=False)
     return pyarrow.csv.CSVWriter(path, schema)

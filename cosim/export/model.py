@@ -47,6 +47,11 @@ class ExportedFmu:
         return self.fmu.module is not None
 
     @property
+    def exported(self) -> list[Variable]:
+        """What a model of it has: parameters, inputs, outputs."""
+        return [*self.parameters, *self.inputs, *self.outputs]
+
+    @property
     def parameters(self) -> tuple[Variable, ...]:
         """Its parameters that can be set, in the order of the declarations."""
         return tuple(

@@ -13,6 +13,7 @@ from cosim.errors import ModelError
 from cosim.export.model import ExportedFmu, ExportedModel, refuse_other_versions, write_files
 from cosim.export.names import MODELICA_KEYWORDS, Names, identifier
 from cosim.export.render import modelica_text, number, render, template_bytes
+from cosim.export.source import SourceBlock, is_stimulus, modifiers, played, source_block
 from cosim.packages import project_version
 from cosim.ssp.archive import open_archive
 from cosim.ssp.system import Component, Value, Variable, Wire
@@ -24,28 +25,36 @@ RESERVED = (
 """Names that the component models use themselves."""
 
 
-def write_modelica(model: ExportedModel, folder: Path, overwrite: bool = False) -> list[Path]:
-    """Write the package with its unpacked FMUs, and a script for OpenModelica.
+def write_modelica(
+    model: ExportedModel, folder: Path, overwrite: bool = False, *, equations: bool = False
+) -> list[Path]:
+    """Write the package with its unpacked FMUs, or with the blocks' equations, and a script for OpenModelica.
 
     Args:
         model: the prepared system.
         folder: receives ``<package>/package.mo``, ``<package>/Resources`` and ``simulate.mos``.
         overwrite: see `write_files`.
+        equations: write the blocks themselves, which needs no FMUs; all have to be ours.
 
     Raises:
-        ModelError: a name, type or value cannot be expressed in Modelica.
+        ModelError: a name, type or value cannot be expressed in Modelica, or a block's equations are not known.
         UsageError: the folder holds other files, or cannot be written to.
     """
     refuse_other_versions(model)
     name = identifier(model.system.name or model.system.path.stem, MODELICA_KEYWORDS)
-    context = _context(model, name)
+    context = _context(model, name, equations)
+    template = "source.mo.j2" if equations else "package.mo.j2"
     files = {
-        f"{name}/package.mo": render("package.mo.j2", **context).encode(),
+        f"{name}/package.mo": render(template, **context).encode(),
         "simulate.mos": render("simulate.mos.j2", **context).encode(),
-        f"{name}/Resources/Include/cosim_fmi2.h": template_bytes("cosim_fmi2.h"),
     }
     if model.system.inputs:
         files[f"{name}/Resources/inputs.txt"] = _table(model).encode()
+    if equations:
+        for stimulus in context["stimuli"]:
+            files[f"{name}/Resources/{stimulus['file']}"] = stimulus["table"].encode()
+        return write_files(folder, files, overwrite)
+    files[f"{name}/Resources/Include/cosim_fmi2.h"] = template_bytes("cosim_fmi2.h")
     for item in model.fmus.values():
         with open_archive(item.data, item.stem) as archive:
             for entry in archive.namelist():
@@ -54,15 +63,28 @@ def write_modelica(model: ExportedModel, folder: Path, overwrite: bool = False) 
     return write_files(folder, files, overwrite)
 
 
-def _context(model: ExportedModel, name: str) -> dict[str, Any]:
+def _context(model: ExportedModel, name: str, equations: bool) -> dict[str, Any]:
     system = model.system
     package = Names("the Modelica package", MODELICA_KEYWORDS)
-    for word in ("Internal", "System", "Driven", "begin", "step"):
+    for word in ("Internal", "Equations", "System", "Driven", "begin", "step"):
         package.reserve(word, "a part of every export")
-    models = {
-        source: package.give(f"{item.stem}_cs_FMU", f"FMU '{source}'") for source, item in model.fmus.items()
-    }
     scopes = {source: _Scope(item) for source, item in model.fmus.items()}
+    blocks: dict[str, SourceBlock] = {}
+    stimuli: list[dict[str, Any]] = []
+    models = {}
+    for source, item in model.fmus.items():
+        if not equations:
+            models[source] = package.give(f"{item.stem}_cs_FMU", f"FMU '{source}'")
+        elif is_stimulus(item):
+            models[source] = package.give(item.stem.capitalize(), f"FMU '{source}'")
+            ports = {v.name: scopes[source].port(v) for v in item.exported}
+            stimuli.append({
+                "name": models[source], "file": f"{item.stem}.txt", "table": played(item),
+                "hold": ports["hold"]["value"], "gain": ports["gain"]["value"], "output": ports["u"]["name"],
+            })  # fmt: skip
+        else:
+            blocks[source] = source_block(model, source, item, scopes[source].names, package)
+            models[source] = blocks[source].name
     scope = Names("Modelica", MODELICA_KEYWORDS)
     instances = {c: scope.give(c, f"component '{c}'") for c in model.order}
     inputs = {n: scope.give(n, f"system input '{n}'") for n in system.inputs}
@@ -78,7 +100,9 @@ def _context(model: ExportedModel, name: str) -> dict[str, Any]:
         "intervals": round((model.stop - model.start) / model.step),
         "fmus": [scopes[s].described(models[s]) for s in model.fmus],
         "components": [
-            _instance(model, system.components[c], scopes, models, instances[c], k)
+            _instance(
+                model, system.components[c], scopes, models, instances[c], k, blocks if equations else None
+            )
             for k, c in enumerate(model.order)
         ],
         "inputs": [{"name": inputs[n], "unit": _unit(i.unit)} for n, i in system.inputs.items()],
@@ -87,6 +111,10 @@ def _context(model: ExportedModel, name: str) -> dict[str, Any]:
         "connections": wiring.connections,
         "equations": wiring.equations,
         "references": lambda ports: _array([str(p["reference"]) for p in ports]),
+        "blocks": [block.described() for block in blocks.values()],
+        "stimuli": stimuli,
+        "pre": lambda names: ", ".join(f"pre({n})" for n in names.split(", ")),
+        "assigned_names": _assigned,
         "names": lambda ports: _array([p["name"] for p in ports], "0.0"),
         "wholes": lambda ports: _array([p["name"] for p in ports]),
         "flags": lambda ports: _array([f"(if {p['name']} then 1 else 0)" for p in ports]),
@@ -118,7 +146,7 @@ class _Scope:
     def __init__(self, item: ExportedFmu) -> None:
 
         self.item = item
-        self.exported = [*item.parameters, *item.inputs, *item.outputs]
+        self.exported = item.exported
         for variable in self.exported:
             _refuse(variable, item.fmu.source)
         if not item.outputs:
@@ -187,12 +215,18 @@ def _instance(
     models: dict[str, str],
     name: str,
     place: int,
+    blocks: dict[str, SourceBlock] | None,
 ) -> dict[str, Any]:
-    names = scopes[component.fmu.source].names
+    source = component.fmu.source
+    names = scopes[source].names
+    values = model.values(component)
+    if blocks is not None:
+        values = modifiers(blocks.get(source), values)
+    given = [(names[key], _literal(value)) for key, value in values.items()]
     return {
         "name": name,
-        "model": models[component.fmu.source],
-        "modifiers": [(names[key], _literal(value)) for key, value in model.values(component).items()],
+        "model": models[source],
+        "modifiers": given if blocks is not None else [*given, ("instanceName", modelica_text(name))],
         "x": -100 + 40 * place,
     }
 

@@ -6,10 +6,10 @@ import os
 import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -19,7 +19,7 @@ from lxml import etree
 from lxml.builder import E
 
 from cosim import trust
-from cosim.errors import CosimError, ModelError
+from cosim.errors import CosimError, ModelError, UsageError
 from cosim.files import whole, write_bytes
 from cosim.native import fmi3
 from cosim.native.exchange import extended
@@ -42,6 +42,44 @@ VERSIONS = {
 }
 FLAGS = ("-std=c99", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-fPIC")
 OPTIMISED = "-O2"
+
+
+@dataclass(frozen=True)
+class Platform:
+    """Another platform than this one, for which a cross compiler makes a binary.
+
+    Attributes:
+        folders: its folder of binaries by version of FMI; 2.0 takes the name of 3.0 for what it has none for (2.0.4, 2.3).
+        suffix: of a shared library.
+        compilers: commands that are tried.
+        variable: environment variable that names another one.
+        package: Debian package that has it.
+        flags: what it needs beside `FLAGS`.
+    """
+
+    folders: Mapping[str, str]
+    suffix: str
+    compilers: tuple[str, ...]
+    variable: str
+    package: str
+    flags: tuple[str, ...] = ()
+
+
+PLATFORMS = {
+    "linux64": Platform(
+        {"2.0": "linux64", "3.0": "x86_64-linux"}, ".so", ("x86_64-linux-gnu-gcc",), "CC_LINUX64", "gcc-x86-64-linux-gnu",
+    ),
+    # no time of the build in the file, and no library beside those that every Windows has
+    "win64": Platform(
+        {"2.0": "win64", "3.0": "x86_64-windows"}, ".dll", ("x86_64-w64-mingw32-gcc",), "CC_WIN64", "gcc-mingw-w64-x86-64",
+        ("-s", "-static-libgcc", "-Wl,--no-insert-timestamp"),
+    ),
+    "aarch64-linux": Platform(
+        {"2.0": "aarch64-linux", "3.0": "aarch64-linux"}, ".so", ("aarch64-linux-gnu-gcc",), "CC_AARCH64_LINUX",
+        "gcc-aarch64-linux-gnu",
+    ),
+}  # fmt: skip
+ALIASES = {"x86_64-linux": "linux64", "x86_64-windows": "win64"}
 
 
 class MissingCompilerError(CosimError):
@@ -70,6 +108,44 @@ def compiler() -> list[str]:
     )
 
 
+def cross_compiler(platform: str) -> list[str]:
+    """The command of a C compiler for another platform, a key of `PLATFORMS`.
+
+    Raises:
+        MissingCompilerError: there is none.
+    """
+    known = PLATFORMS[platform]
+    named = os.environ.get(known.variable)
+    tried = [shlex.split(named)] if named else [[name] for name in known.compilers]
+    for command in tried:
+        if shutil.which(command[0]) is not None:
+            return command
+    raise MissingCompilerError(
+        f"binaries for {platform} need a C compiler for it, and there is none (tried {', '.join(c[0] for c in tried)}): "
+        f"install one, such as Debian's {known.package}, or name it in {known.variable}"
+    )
+
+
+def further(platforms: Sequence[str]) -> tuple[str, ...]:
+    """Platforms as keys of `PLATFORMS`, without this machine's own, each once.
+
+    Raises:
+        UsageError: one is not known.
+        MissingCompilerError: there is no compiler for one.
+    """
+    found: list[str] = []
+    for name in platforms:
+        key = ALIASES.get(name, name)
+        if key not in PLATFORMS:
+            raise UsageError(
+                f"'{name}' is no platform that can be built for; known are {', '.join(PLATFORMS)}"
+            )
+        if PLATFORMS[key].folders["3.0"] != fmpy.platform_tuple and key not in found:
+            cross_compiler(key)
+            found.append(key)
+    return tuple(found)
+
+
 @cache
 def release(command: tuple[str, ...]) -> str:
     """What a compiler calls itself."""
@@ -86,25 +162,33 @@ def sources(model: Model, guid: str, fmi: str = "2.0") -> dict[str, bytes]:
     return own | standard | {"model.h": header(model, guid, fmi).encode()}
 
 
-def compiled(content: Mapping[str, bytes], optimise: str | None = None) -> bytes:
-    """The library of these sources for this platform; kept in the cache folder, since only they and the compiler count.
+def compiled(content: Mapping[str, bytes], optimise: str | None = None, platform: str | None = None) -> bytes:
+    """The library of these sources; kept in the cache folder, since only they and the compiler count.
+
+    Args:
+        content: files by name.
+        optimise: the compiler's options for speed; by default `OPTIMISED`.
+        platform: a key of `PLATFORMS`; by default this machine's own.
 
     Raises:
         MissingCompilerError: there is no compiler.
         ModelError: it could not compile them; the message holds its words.
     """
-    command = [*compiler(), *FLAGS, *shlex.split(optimise or OPTIMISED)]
-    known = hashlib.sha256("\0".join([*command, release(tuple(compiler()))]).encode())
+    given = compiler() if platform is None else cross_compiler(platform)
+    suffix = fmpy.sharedLibraryExtension if platform is None else PLATFORMS[platform].suffix
+    flags = FLAGS if platform is None else (*FLAGS, *PLATFORMS[platform].flags)
+    command = [*given, *flags, *shlex.split(optimise or OPTIMISED)]
+    known = hashlib.sha256("\0".join([*command, release(tuple(given))]).encode())
     for name, data in sorted(content.items()):
         known.update(name.encode() + b"\0" + data)
-    kept = cache_folder() / "native" / f"{known.hexdigest()[:32]}{fmpy.sharedLibraryExtension}"
+    kept = cache_folder() / "native" / f"{known.hexdigest()[:32]}{suffix}"
     if kept.exists():
         return kept.read_bytes()
     with tempfile.TemporaryDirectory(prefix="native_") as scratch:
         for name, data in content.items():
             Path(scratch, name).write_bytes(data)
-        library = Path(scratch, "library" + fmpy.sharedLibraryExtension)
-        last = ["-lm"] if sys.platform != "win32" else []
+        library = Path(scratch, "library" + suffix)
+        last = ["-lm"] if suffix != ".dll" else []
         done = subprocess.run(
             [*command, "fmu.c", "-o", library.name, *last], cwd=scratch, capture_output=True, text=True, check=False
         )  # fmt: skip
@@ -132,9 +216,13 @@ def build_description(model: Model) -> bytes:
 
 
 def entries(
-    model: Model, resources: Mapping[str, bytes], optimise: str | None = None, fmi: str = "2.0"
+    model: Model,
+    resources: Mapping[str, bytes],
+    optimise: str | None = None,
+    fmi: str = "2.0",
+    platforms: Sequence[str] = (),
 ) -> dict[str, bytes]:
-    """Everything in the FMU's archive by name."""
+    """Everything in the FMU's archive by name; arguments as `write_fmu`."""
     plain = sources(model, "", fmi)
     played = b"".join(name.encode() + data for name, data in sorted(resources.items()))
     digested = b"".join(name.encode() + plain[name] for name in sorted(plain)) + played
@@ -156,6 +244,9 @@ def entries(
         library: compiled(content, optimise),
         "sources/buildDescription.xml": build_description(model),
     }
+    for name in further(platforms):
+        other = PLATFORMS[name]
+        found[f"binaries/{other.folders[fmi]}/{model.name}{other.suffix}"] = compiled(content, optimise, name)
     found |= {f"sources/{name}": data for name, data in content.items()}
     found |= {f"resources/{name}": data for name, data in resources.items()}
     picture = PICTURES / f"{model.name}.png"
@@ -170,6 +261,7 @@ def write_fmu(
     resources: Mapping[str, bytes] | None = None,
     optimise: str | None = None,
     fmi: str = "2.0",
+    platforms: Sequence[str] = (),
 ) -> Path:
     """Write a native FMU.
 
@@ -179,15 +271,17 @@ def write_fmu(
         resources: files to put among the FMU's resources, by name.
         optimise: the compiler's options for speed; by default `OPTIMISED`.
         fmi: version of the standard, 2.0 or 3.0.
+        platforms: other platforms whose binaries it gets beside that of this machine, keys of `PLATFORMS`.
 
     Returns:
         `destination`.
 
     Raises:
-        MissingCompilerError: there is no C compiler.
+        MissingCompilerError: there is no C compiler, for this machine or another platform.
         ModelError: an equation has no translation, or the compiler failed.
+        UsageError: a platform is not known.
     """
-    found = entries(model, resources or {}, optimise, fmi)
+    found = entries(model, resources or {}, optimise, fmi, platforms)
     destination.parent.mkdir(parents=True, exist_ok=True)
     with whole(destination) as part, zipfile.ZipFile(part, "w") as archive:
         for name in sorted(found):
@@ -207,15 +301,15 @@ def build_native(
     resources: Mapping[str, bytes] | None = None,
     optimise: str | None = None,
     fmi: str = "2.0",
+    platforms: Sequence[str] = (),
 ) -> Path:
     """Build the native twin of `fmus.build.build_fmu`, with the same arguments, variables and refusals.
 
-    `optimise` and `fmi` are those of `write_fmu`.
+    `optimise`, `fmi` and `platforms` are those of `write_fmu`.
 
     Raises:
         UsageError: a start value is unknown or out of range.
         MissingCompilerError, ModelError: as `write_fmu`.
     """
-    return write_fmu(
-        single(composed, checked_starts(composed, starts or {})), destination, resources, optimise, fmi
-    )
+    model = single(composed, checked_starts(composed, starts or {}))
+    return write_fmu(model, destination, resources, optimise, fmi, platforms)

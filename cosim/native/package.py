@@ -33,7 +33,12 @@ PYTHON_TOOL = "slew-cosim with pythonfmu"
 
 @Kept
 def native_bytes(
-    stem: str, starts: tuple[tuple[str, float], ...], stimulus: bytes | None, fmi: str, /
+    stem: str,
+    starts: tuple[tuple[str, float], ...],
+    stimulus: bytes | None,
+    fmi: str,
+    platforms: tuple[str, ...] = (),
+    /,
 ) -> bytes:
     """The native FMU of a component, as `cosim.ssp.write.fmu_bytes` makes that of pythonfmu.
 
@@ -42,12 +47,15 @@ def native_bytes(
         starts: start values that differ from the declarations, SI.
         stimulus: CSV that a stimulus plays.
         fmi: version of the standard, 2.0 or 3.0.
+        platforms: other platforms whose binaries it gets too (`cosim.native.build.PLATFORMS`).
     """
     resources = {"stimulus.csv": stimulus} if stimulus is not None else None
     composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
     with tempfile.TemporaryDirectory(prefix="native_") as scratch:
         file = Path(scratch, f"{stem}.fmu")
-        return build_native(composed, file, dict(starts), resources, fmi=fmi).read_bytes()
+        return build_native(
+            composed, file, dict(starts), resources, fmi=fmi, platforms=platforms
+        ).read_bytes()
 
 
 def write_native_ssp(
@@ -58,17 +66,19 @@ def write_native_ssp(
     values: Values | None = None,
     open: bool = False,
     fmi: str = "2.0",
+    platforms: tuple[str, ...] = (),
 ) -> Path:
     """Write a package of native FMUs; arguments, result and errors are those of `cosim.ssp.write.write_ssp`.
 
     With `fmi` the FMUs are of another version, in a package of SSP 1.0 all the same: few of its clients take FMI 3.0.
+    `platforms` are those of `cosim.native.build.write_fmu`.
 
     Raises:
         MissingCompilerError: there is no C compiler.
     """
 
     def make(stem: str, starts: tuple[tuple[str, float], ...], played: bytes | None) -> bytes:
-        return native_bytes(stem, starts, played, fmi)
+        return native_bytes(stem, starts, played, fmi, platforms)
 
     return write_ssp(ssd_path, destination, stimulus=stimulus, values=values, open=open, make=make)
 

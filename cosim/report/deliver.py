@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from cosim.console import stderr_console, warn
 from cosim.diagnosis.answer.answer import answer
+from cosim.diagnosis.answer.credibility import credited
 from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.experiment import Proposal, first_of_all, proposal_for, write_command
 from cosim.diagnosis.answer.schema import Answer
@@ -202,6 +203,8 @@ def written(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: 
             warn(
                 "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"
             )
+    with part(found.notes, "what the packages say of themselves"):
+        credited(found.packages.values(), result)
     for note in found.notes:
         warn(note)
     return said(found, log, folder, proposal) if len(found.notes) > known else result

@@ -175,7 +175,7 @@ class Kept:
         stem: str,
         starts: tuple[tuple[str, float], ...] = (),
         stimulus: bytes | None = None,
-        *further: str,
+        *further: object,
     ) -> bytes:
         """As the maker."""
         return (self._still if stimulus is None else self._playing)(stem, starts, stimulus, *further)

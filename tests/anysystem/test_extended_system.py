@@ -1,5 +1,6 @@
 """The extended package: an effect in the wire, the same in Python and native, and nearer to what was measured."""
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from cosim.anysystem.extend import NAMES
 from cosim.logs.source import digest
 from cosim.master import Runner
 from cosim.native.build import build_native
+from cosim.ssp.traceability import embedded
 from cosim.system.effects import EFFECTS
 from fmus.build import build_fmu
 from fmus.compose import compose
@@ -82,3 +84,7 @@ def test_the_extended_package_is_nearer_to_the_log(native: Path, command, tmp_pa
     assert errors["extended.ssp"] < 0.3 * errors[native.name]
     assert errors["extended_native.ssp"] == pytest.approx(errors["extended.ssp"], rel=1e-9)
     assert digest(Path(extended["ssp"])) != digest(native)
+    told = [embedded(Path(extended["ssp"]).with_name(n)) for n in ("extended.ssp", "extended_native.ssp")]
+    assert told[0] == told[1]
+    assert told[0]["data"]["log.csv"] == hashlib.sha256(log.read_bytes()).hexdigest()
+    assert told[0]["diagnosis"]["cause.1"] == "port.dead_zone"

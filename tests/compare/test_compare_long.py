@@ -1,8 +1,10 @@
 """Logs of hours: signals handed out in pieces and laid into a file are the same numbers, in bounded memory."""
 
+import io
 import json
 import subprocess
 import sys
+import zipfile
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,11 +12,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from cosim.beside import run
 from cosim.compare import Comparator, open_model, picture, present, recording
 from cosim.compare.recording import Recording
 from cosim.errors import SimulationError
 from cosim.logs import write_log
 from cosim.master import engine
+from cosim.native.build import MissingCompilerError, compiler
+from cosim.native.package import native_bytes
 
 
 def found(log, folder, name):
@@ -40,6 +45,42 @@ def test_pieces_and_files_change_no_bit(built, clean, tmp_path, monkeypatch, suf
         files = [pq.ParquetFile(path) for path in (whole[2], pieces[2])]
         assert files[1].num_row_groups > files[0].num_row_groups == 1
         assert files[1].read().equals(files[0].read(), check_metadata=True)
+
+
+def test_long_logs_are_run_by_native_fmus_with_the_same_numbers(built, clean, monkeypatch):
+    try:
+        compiler()
+    except MissingCompilerError as error:
+        pytest.skip(str(error))
+    seen = []
+
+    def watched(log, source, **more):
+        seen.append(source)
+        assert is_native(source) == (run.LONG == 1)
+        return Comparator(log, source, **more)
+
+    monkeypatch.setattr(run, "Comparator", watched)
+    by_python = run.beside(clean)
+    monkeypatch.setattr(run, "LONG", 1)
+    by_native = run.beside(clean)
+    assert [f.name for f in seen] == ["full_order_open.ssp"] * 2
+    assert seen[0] == by_python.source == by_native.source
+    assert not seen[1].exists()  # the copy is gone
+    assert by_native.as_data() == by_python.as_data()
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setattr(run, "LONG", 0)
+    native_bytes.cache_clear()
+    assert run.beside(clean).as_data() == by_python.as_data()  # without a compiler by Python
+    assert seen[2] == seen[0]
+
+
+def is_native(package):
+    """Whether the FMUs of a package are native."""
+    with (
+        zipfile.ZipFile(package) as archive,
+        zipfile.ZipFile(io.BytesIO(archive.read("resources/dcv.fmu"))) as fmu,
+    ):
+        return "sources/fmu.c" in fmu.namelist()
 
 
 @pytest.mark.parametrize("most_kept", [0, 100])
@@ -81,6 +122,13 @@ def test_a_thinned_line_keeps_every_peak():
     few = picture.drawn(time[:1000], values[:1000])
     assert few[0] is not None
     assert np.array_equal(few[1], values[:1000])
+
+
+@pytest.mark.parametrize("width", [1, 2, 7, 100])
+def test_a_moving_sum_is_a_convolution(width):
+    values = np.random.default_rng(width).normal(size=100)
+    wanted = np.convolve(values, np.ones(width), "same")
+    np.testing.assert_allclose(picture._moving_sum(values, width), wanted, rtol=0.0, atol=1e-12)
 
 
 PEAK = """

@@ -20,6 +20,7 @@ from cosim.diagnosis.residuals.finding import learn_noise
 from cosim.diagnosis.residuals.freeform import response
 from cosim.diagnosis.thresholds import NOMINAL_TRUST
 from cosim.rig import as_log, make_log
+from cosim.ssp.traceability import embedded
 from fmus import registry
 
 C_L, LEAK = 2.1215307141765915e-12, 3.0  # m3/(s Pa), and the leakage hidden, of it
@@ -118,5 +119,9 @@ def test_causes_of_valve_loop_and_hydraulics_are_named_and_the_extension_runs(tm
     assert low <= 100.0 <= high
     gain = answer["gain"]["slew"]
     assert gain["rmse_after"] < 1.05 * gain["noise_floor"]
+    for name in ("extended.ssp", "extended_open.ssp"):
+        told = embedded(out / name)
+        assert told is not None
+        assert told["data"]["log_sha256"] == answer["made"]["log_sha256"]
     run = runner.invoke(make_app(), ["simulate", str(out / "extended.ssp"), "--stop-time", "2 s", "--json"])
     assert run.exit_code == 0, run.output

@@ -21,6 +21,7 @@ package Modelica "What the exported packages use of the Modelica Standard Librar
         parameter Integer columns[:] = 2:2;
         parameter Types.Smoothness smoothness = Types.Smoothness.LinearSegments;
         parameter Types.Extrapolation extrapolation = Types.Extrapolation.LastTwoPoints;
+        parameter Real shiftTime = 0.0;
         Interfaces.RealOutput y[size(columns, 1)];
       equation
         y = fill(0.0, size(columns, 1));
