@@ -408,20 +408,21 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
     finding = found.findings[name]
     ports = {port: signal for signal, port in finding.model.group.judged}
     for action in finding.named:
-        if (
-            action.where not in ("output", "sensor")
-            or action.port not in ports
-            or action.effect in ("port.drift", "port.quantisation", "port.dropout")
-        ):
-            if action.where == "sensor":
-                found.where[name, action] = "sensor"
-            elif action.where == "input":
+        if action.where not in ("output", "sensor") or action.port not in ports:
+            if action.where == "input":
                 _drive(found, name, action)
             continue
         signal = ports[action.port]
+        reading = action.effect in (
+            "port.drift",
+            "port.quantisation",
+            "port.dropout",
+        )  # they are nowhere else
         for n, user in list(found.findings.items()):  # groups of a loop were judged before
             asked = found.votes.setdefault((name, action), {})
             if n == name or n in asked or all(d.signal != signal for d in user.model.group.drives):
+                continue
+            if reading and not (user.named or user.unexplained):
                 continue
             series = before_effect(finding, action, signal)
             if (
@@ -443,9 +444,11 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
             vote = vote_of(user.problem, user.model, user.null.fit.values, signal, series)
             if vote is not None:
                 asked[n] = vote
-        votes = list(found.votes[name, action].values())
+        votes = list(found.votes.get((name, action), {}).values())
         total = sum(votes)
-        if votes and abs(total) > CLOSE:
+        if reading:
+            found.where[name, action] = "sensor"
+        elif votes and abs(total) > CLOSE:
             found.where[name, action] = "sensor" if total > 0.0 else "output"
         elif signal in finding.model.own:  # both places were looked for
             found.where[name, action] = action.where
