@@ -539,7 +539,6 @@ class Search:
                 self._scored(other)
         best = self._pruned(best)
         self._decide(finding, best, singles)
-        finding.between = self._between(finding.chosen)
         return finding
 
     def _between(self, best: Candidate) -> dict[str, Between]:
@@ -918,7 +917,14 @@ class Search:
         if not best.actions:
             finding.bent = self._at_limits(best)
             finding.instead = singles[0].actions[0] if singles else None
+        # programs differ alike in all logs: that says nothing of what changes from one to the next
+        finding.between = self._between(best)
+        plain = best.fit
         best = self._as_well_as_programs_agree(best)
+        finding.between = {
+            n: replace(b, within=b.within + best.fit.deviation(n) ** 2 - plain.deviation(n) ** 2)
+            for n, b in finding.between.items()
+        }
         finding.chosen, finding.told = best, left
         if not best.actions or finding.fitted is None:
             finding.fitted = best
