@@ -238,7 +238,12 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
     result = Table(title=escape(title) or None, box=SIMPLE_HEAD, title_justify="left")
     for index, name in enumerate(columns):
         numeric = bool(cells) and all(isinstance(row[index], (int, float)) for row in cells)
-        result.add_column(escape(name), justify="right" if numeric else "left")
+        # a name that is cut off cannot be typed
+        result.add_column(
+            escape(name),
+            justify="right" if numeric else "left",
+            overflow="fold" if index == 0 else "ellipsis",
+        )
     for row in cells:
         shown = (f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row)
         result.add_row(*(escape(printable(cell)) for cell in shown))

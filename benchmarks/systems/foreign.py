@@ -365,7 +365,7 @@ MASS = ("one.m1", "one.c1", "one.d1")
 MACHINE = {"machine": "emachine_model.fmu"}
 ELECTRIC = {"w": (0.0, 100.0), "phi": (0.0, 1.0), "U": (0.0, 12.0)}
 CIRCUIT = ("machine.resistor.R", "machine.inductor.L", "machine.emf.k")
-SPRING = {"part": "MassSpringSubSystem1.fmu"}
+SPRING = {"part": "gemseo_fmu/MassSpringSubSystem1.fmu"}
 ROBOT = {"body": "Body_Block.fmu"}
 SERVOS = {"servo_left_input": (0.0, 0.4), "servo_right_input": (0.0, 0.4)}
 CASES: tuple[Case, ...] = (
@@ -401,7 +401,7 @@ CASES: tuple[Case, ...] = (
          constant={"k1": 1.0, "k2": 1.0}, hidden=(Hidden("port.delay", "part.x2", "input", {"delay": 0.3}),)),
     Case("OpenModelica damper", {"part": "Mass_Damper.fmu"}, {"f": (0.0, 100.0)}, ("part.y",), h=0.001, pace=0.2,
          faults={"part.damper.d": 1.3}, trusted=("part.damper.d", "part.spring.c", "part.mass.m")),
-    Case("OpenModelica sum", {"part": "gemseo_fmu__problems__fmu_files__linux__add.fmu"},
+    Case("OpenModelica sum", {"part": "gemseo_fmu/add.fmu"},
          {"u1": (0.0, 1.0), "u2": (0.5, 1.0)}, ("part.y",),
          hidden=(Hidden("port.gain", "part.u2", "input", {"gain": 0.8}),)),
     Case("Reference Dahlquist", {"part": "tests__data__fmi2__Dahlquist.fmu"}, {}, ("part.x",), h=0.1, count=100,
@@ -421,7 +421,7 @@ CASES: tuple[Case, ...] = (
          faults={"wheel.dc": 0.7}, trusted=("wheel.dc", "wheel.kc", "wheel.mass")),
     Case("Hopsan volume", {"oil": "FMU_UQ_interface.fmu"}, {"q_A.out.y": (0.0, 0.001)}, ("oil.p_A.in.y",),
          h=0.01, count=1500, hidden=(Hidden("port.delay", "oil.q_A.out.y", "input", {"delay": 0.1}),)),
-    Case("PythonFMU force", {"part": "examples__DrivingForce.fmu"}, {}, ("part.f[0]", "part.f[1]"), h=0.01, count=1000,
+    Case("PythonFMU force", {"part": "crane_fmu/DrivingForce.fmu"}, {}, ("part.f[0]", "part.f[1]"), h=0.01, count=1000,
          faults={"part.ampl[0]": 1.2}, trusted=("part.ampl[0]", "part.freq[0]")),
 )  # fmt: skip
 

@@ -1,9 +1,10 @@
 """The diagnosis of any system in the contract's form, in the units of the log."""
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from cosim.diagnosis.answer.schema import (
     MissingFunction,
     NamedCause,
     NextExperiment,
+    OfLog,
     Packages,
     Parameter,
     RefusedCause,
@@ -30,7 +32,9 @@ from cosim.diagnosis.answer.schema import (
     SignalGain,
     Unexplained,
 )
+from cosim.diagnosis.held_out.between import Between
 from cosim.inference.held_out import ratio_ci95
+from cosim.inference.unknowns import Unknown
 from cosim.packages import project_version
 from cosim.paths import called
 from cosim.ssp.system import Port
@@ -192,7 +196,8 @@ def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, 
         value = fit.values[name]
         unit = found.system.variable(action.port).unit or "1"
         ends = finding.between[name].ci95 if name in finding.between else (value - reach, value + reach)
-        return {action.port.variable: Parameter(value=value, unit=unit, ci95=ends)}
+        told = over_logs(finding.between.get(name), lambda x: x)
+        return {action.port.variable: Parameter(value=value, unit=unit, ci95=ends, **told)}
     signal, factor, _ = unit_at(found, action)
     for parameter, declared in EFFECTS[action.effect].parameters.items():
         key = action.key(parameter)
@@ -206,13 +211,38 @@ def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, 
         if action.effect == "port.saturation" and not unknown.low < value < unknown.high:
             continue  # beyond what the signal reaches
         ends = finding.between[key].ci95 if key in finding.between else (value - reach, value + reach)
-        low, high = max(ends[0], unknown.low), min(ends[1], unknown.high)
+
+        def shown(
+            x: float, unknown: Unknown = unknown, scale: float = scale, offset: float = offset
+        ) -> float:
+            """In the log's unit, and no further than it can be."""
+            return (min(max(x, unknown.low), unknown.high) - offset) / scale
+
         result[parameter] = Parameter(
             value=(value - offset) / scale,
             unit=EFFECTS[action.effect].unit(parameter, signal),
-            ci95=tuple(sorted(((low - offset) / scale, (high - offset) / scale))),  # type: ignore[arg-type]
+            ci95=ordered(shown(ends[0]), shown(ends[1])),
+            **over_logs(finding.between.get(key), shown),
         )
     return result
+
+
+def ordered(one: float, other: float) -> tuple[float, float]:
+    """Both, the smaller first."""
+    return min(one, other), max(one, other)
+
+
+def over_logs(told: Between | None, shown: Callable[[float], float]) -> dict[str, Any]:
+    """Where each of several logs draws a number, and what another would give; nothing for one log."""
+    if told is None or told.values.size < 2:
+        return {}
+    each = []
+    for own, deviation in zip(told.values, told.deviations, strict=True):
+        reach = 1.96 * deviation
+        ends = ordered(shown(own - reach), shown(own + reach)) if np.isfinite(reach) else None
+        each.append(OfLog(value=shown(own), ci95=ends))
+    low, high = told.next_ci95
+    return {"per_log": each, "next_log_ci95": ordered(shown(low), shown(high))}
 
 
 def read_numbers(found: AnyDiagnosis, action: Action, shown: Grid | Stale) -> dict[str, Parameter]:

@@ -9,9 +9,11 @@ from threadpoolctl import threadpool_limits
 from cosim.anysystem.answer import answer, shown_action
 from cosim.anysystem.experiment import write_inputs
 from cosim.anysystem.extend import write_extended
+from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.page import write_page
-from cosim.anysystem.pipeline import diagnose_system
+from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system
 from cosim.anysystem.read import read
+from cosim.anysystem.start import settable
 from cosim.console import stderr_console, told, warn
 from cosim.diagnosis.answer.credibility import credited
 from cosim.diagnosis.answer.schema import Answer
@@ -155,7 +157,10 @@ def diagnose_any(
                 )
             for text in allowed.warnings:
                 warn(text)
-            found.notes = [*notes, *found.notes, *allowed.warnings]
+            untold = untrusted(found, options)
+            for text in untold:
+                warn(text)
+            found.notes = [*notes, *found.notes, *untold, *allowed.warnings]
             package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
             file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
             result = answer(found, package, file)
@@ -168,6 +173,24 @@ def diagnose_any(
     if allowed.ended:
         raise KeyboardInterrupt
     return result
+
+
+def untrusted(found: AnyDiagnosis, options: AnyOptions) -> list[str]:
+    """What to say where a component stays unexplained and none of its parameters could have been named."""
+    known = {name.partition(".")[0] for name in (*options.trusted, *options.free)}
+    lost = [
+        name
+        for group, finding in found.findings.items()
+        if finding.unexplained and not known & set(finding.model.group.components)
+        for name in finding.model.group.components
+        if any(settable(v) for v in found.system.components[name].fmu.variables.values())
+    ]
+    if not lost:
+        return []
+    return [
+        f"no parameter of {' and '.join(lost)} is trusted or free, so none could be named: list those that you know to a "
+        "tolerance in the mapping, [diagnose] trusted (cosim init writes them as a comment), and diagnose again"
+    ]
 
 
 def unlisted(system: System) -> list[str]:

@@ -17,6 +17,7 @@ from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.diagnosis.answer.schema import Packages
 from cosim.files import write_bytes
 from cosim.native.build import MissingCompilerError, build_native
+from cosim.ssp.flatten import flatten
 from cosim.ssp.system import System
 from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, structure_bytes, write_archive, xml_bytes
 from cosim.ssp.xml import parse
@@ -128,7 +129,9 @@ def opened(system: System) -> tuple[dict[str, bytes], etree._Element]:
     if system.path.suffix.lower() == ".ssp":
         with zipfile.ZipFile(system.path) as archive:
             entries = {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
-        return entries, parse(entries.pop(DESCRIPTION), DESCRIPTION)
+        root = parse(entries.pop(DESCRIPTION), DESCRIPTION)
+        flatten(root.find("ssd:System", NAMESPACES))
+        return entries, root
     (name, component), *_ = system.components.items()
     root = etree.Element(
         f"{{{SSD}}}SystemStructureDescription",

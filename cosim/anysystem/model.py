@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, acted, placed
+from cosim.anysystem.smooth import followed
 from cosim.ssp.system import Port, System
 from cosim.system.graph import CutGroup, Unit
 from cosim.system.runs import Runs
@@ -72,6 +73,7 @@ class GroupModel:
         drives: signal -> what drives instead of the reading.
         off: signal -> (first, last, size): by how much it is taken to be off in this part of each log.
         added: ``port|where`` -> for each log what is added there, behind the effects.
+        own: signals by which the group is judged and which drive it as well.
     """
 
     def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
@@ -82,12 +84,8 @@ class GroupModel:
         self.off: dict[str, tuple[float, float, float]] = {}
         self.added: dict[str, list[Array]] = {}
         self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
-        self._within = {
-            (w.source.component, w.target.component)
-            for u in group.units
-            for w in group.inner
-            if w.source.component in u.components and w.target.component in u.components
-        }
+        judged = {signal for signal, _ in group.judged}
+        self.own = frozenset(d.signal for d in group.drives if d.signal in judged)
 
     def __call__(self, values: Mapping[str, float]) -> dict[str, Array]:
         """The judged signals of all logs, `place`(signal, k) -> (n,)."""
@@ -106,18 +104,42 @@ class GroupModel:
         return np.asarray(reading + series - np.clip(series, reading - half, reading + half))
 
     def ports(self, values: Mapping[str, float], k: int) -> dict[str, Array]:
-        """Readings of the judged signals, and what leaves (``out:port``) and enters (``in:port``) each component."""
-        segment = self.segments[k]
-        h = segment.h
+        """Readings of the judged signals, and what leaves (``out:port``) and enters (``in:port``) each component.
+
+        A reading may be wrong and drive its own group: what it drives then gets the quantity before the reading, as the
+        model has it, brought slowly to the log. Where that goes round through the group, by what the first round gave.
+        """
         everything = {**self.base, **values}
         places = placed(everything)
+        found = self._round(everything, places, k, {})
+        wrong = [s for s, port in self.group.judged if s in self.own and f"{port}|sensor" in places]
+        if not wrong:
+            return found
+        ports = dict(self.group.judged)
+        return self._round(
+            everything,
+            places,
+            k,
+            {s: followed(found[f"out:{ports[s]}"], self.segments[k].signals[s] - found[s]) for s in wrong},
+        )
+
+    def _round(
+        self,
+        everything: Mapping[str, float],
+        places: Mapping[str, Mapping[str, Mapping[str, float]]],
+        k: int,
+        quantities: Mapping[str, Array],
+    ) -> dict[str, Array]:
+        """One run of all units, some drives being these quantities (n,) instead of readings."""
+        segment = self.segments[k]
+        h = segment.h
         parameters = {n.split("|")[1]: v for n, v in everything.items() if n.startswith(PARAMETER)}
         parameters |= {n: v for n, v in everything.items() if "|" not in n and ":" not in n}
         found: dict[str, Array] = {}
         entering: dict[Port, Array] = {}
         early: dict[Port, float] = {}
         for drive in self.group.drives:
-            series = self._driving(drive.signal, k, everything)
+            series = self._driving(drive.signal, k, everything, quantities)
             shift = everything.get(f"{SHIFT}:{drive.signal}>{drive.port}", 0.0)
             whole = round(shift)
             early[drive.port] = shift - whole
@@ -170,10 +192,14 @@ class GroupModel:
         added = self.added.get(f"{port}|{where}")
         return found if added is None else found + added[k]
 
-    def _driving(self, signal: str, k: int, values: Mapping[str, float]) -> Array:
+    def _driving(
+        self, signal: str, k: int, values: Mapping[str, float], quantities: Mapping[str, Array]
+    ) -> Array:
         segment = self.segments[k]
         series = segment.driving.get(signal, segment.signals[signal])
-        if signal in self.drives:
+        if signal in quantities:
+            series = quantities[signal]
+        elif signal in self.drives:
             series = self.drives[signal].series[k]
             for i, slope in enumerate(self.drives[signal].slopes):
                 if value := values.get(f"{DRIVE}:{signal}:{i}", 0.0):

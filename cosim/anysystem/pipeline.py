@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import Action
+from cosim.anysystem.actions import Action, acted, placed
 from cosim.anysystem.experiment import Proposal, propose
 from cosim.anysystem.missing import FEWEST_RUNS, SPENT, Missing, missing
 from cosim.anysystem.model import GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, ends, value_of
-from cosim.anysystem.search import CLOSE, Finding, Search, Trust, worth
+from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, worth
 from cosim.anysystem.smooth import followed, still
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
@@ -28,6 +28,7 @@ Watch = Callable[[str], None]
 WINDOWS = 30  # a log is cut into, of which every third is held out
 SHOWN = 10  # inputs that a sentence lists
 SEARCHED = 0.85  # of the time allowed, until which groups are judged
+NEAR = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
 
@@ -219,6 +220,7 @@ def judge(
         doubted and not found.budget.over and (finding.named or finding.unexplained)
     ):  # the group's own causes may have swayed it: ask it again with them
         search, finding = asked_again(found, search, finding, doubted, trust, options)
+    search, finding = driven_by_itself(found, search, finding, trust, options)
     if group.source and len(found.groups) > 1 and finding.unexplained and not finding.named:
         found.unjudged[group.name] = (
             "nothing enters it, and the log holds something else than it plays: taken as given"
@@ -233,6 +235,7 @@ def judge(
         return
     found.findings[group.name] = finding
     found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
+    found.notes += at_limits(finding)
     if finding.unexplained:
         return
     for signal, _ in group.judged:
@@ -240,9 +243,27 @@ def judge(
             segment.driving[signal] = series
 
 
-def behind(finding: Finding, signal: str) -> list[Array]:
-    """The quantity behind a reading in each log, as a group's model has it, brought slowly to the reading."""
-    values, model = finding.chosen.fit.values, finding.model
+def at_limits(finding: Finding) -> list[str]:
+    """What the user should know of a group that is adequate only if trusted parameters are off by all that is trusted."""
+    if not finding.bent or finding.unexplained:
+        return []
+    other = (
+        f"; if they are surer than that, the nearest cause is {finding.instead.words}"
+        if finding.instead
+        else ""
+    )
+    return [
+        f"{finding.model.group.name} explains the log only with {' and '.join(finding.bent[:SHOWN])} three deviations "
+        f"from what is trusted{other}"
+    ]
+
+
+def behind(finding: Finding, signal: str, candidate: Candidate | None = None) -> list[Array]:
+    """The quantity behind a reading in each log, as a group's model has it, brought slowly to the reading.
+
+    With the causes that are named, or those of a candidate.
+    """
+    values, model = (candidate or finding.chosen).fit.values, finding.model
     left = finding.problem.residuals(values)
     found = []
     for k, segment in enumerate(model.segments):
@@ -354,6 +375,30 @@ def asked_again(
     return search, finding
 
 
+def driven_by_itself(
+    found: AnyDiagnosis, search: Search, finding: Finding, trust: Trust, options: AnyOptions
+) -> tuple[Search, Finding]:
+    """The search again where readings that judge the group drive it as well, now by the model of what they read.
+
+    The noise of such a reading would else go through the components behind it and look like a fault of theirs.
+    """
+    begun = finding.nearest or finding.chosen
+    near = search.model.own - {s for s, _ in search.model.group.judged if search.leaves(s, begun) > NEAR}
+    if not near or found.budget.over or not (finding.named or finding.unexplained):
+        return search, finding
+    before = [dict(segment.driving) for segment in found.segments]
+    for signal in near:
+        for segment, series in zip(found.segments, behind(finding, signal, begun), strict=True):
+            segment.driving[signal] = series
+    other = Search(like(found, search.model), trust, options.exclude, options.causes, found.budget)
+    theirs = other.run()
+    if worth(theirs) > worth(finding) - CLOSE:
+        return other, theirs
+    for segment, driving in zip(found.segments, before, strict=True):
+        segment.driving = driving
+    return search, finding
+
+
 def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) -> None:
     """Whether what shows at an output is the output's or the reading's: what the reading drives knows.
 
@@ -363,20 +408,21 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
     finding = found.findings[name]
     ports = {port: signal for signal, port in finding.model.group.judged}
     for action in finding.named:
-        if (
-            action.where not in ("output", "sensor")
-            or action.port not in ports
-            or action.effect in ("port.drift", "port.quantisation", "port.dropout")
-        ):
-            if action.where == "sensor":
-                found.where[name, action] = "sensor"
-            elif action.where == "input":
+        if action.where not in ("output", "sensor") or action.port not in ports:
+            if action.where == "input":
                 _drive(found, name, action)
             continue
         signal = ports[action.port]
+        reading = action.effect in (
+            "port.drift",
+            "port.quantisation",
+            "port.dropout",
+        )  # they are nowhere else
         for n, user in list(found.findings.items()):  # groups of a loop were judged before
             asked = found.votes.setdefault((name, action), {})
             if n == name or n in asked or all(d.signal != signal for d in user.model.group.drives):
+                continue
+            if reading and not (user.named or user.unexplained):
                 continue
             series = before_effect(finding, action, signal)
             if (
@@ -398,10 +444,14 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
             vote = vote_of(user.problem, user.model, user.null.fit.values, signal, series)
             if vote is not None:
                 asked[n] = vote
-        votes = list(found.votes[name, action].values())
+        votes = list(found.votes.get((name, action), {}).values())
         total = sum(votes)
-        if votes and abs(total) > CLOSE:
+        if reading:
+            found.where[name, action] = "sensor"
+        elif votes and abs(total) > CLOSE:
             found.where[name, action] = "sensor" if total > 0.0 else "output"
+        elif signal in finding.model.own:  # both places were looked for
+            found.where[name, action] = action.where
         else:
             found.where[name, action] = "output"
             found.undecided[name, action] = [Action(action.effect, action.port, "sensor").words]
@@ -442,7 +492,13 @@ def before_effect(finding: Finding, action: Action, signal: str) -> Quantity:
     series: list[Array] = []
     slopes: list[list[Array]] = [[] for _ in own]
     for k, reading in enumerate(behind(finding, signal)):
-        whole, pure = (finding.model.ports(v, k)[signal] for v in (fit.values, before))
+        ports = finding.model.ports(fit.values, k)
+        whole = ports[signal]
+        if action.where == "sensor":
+            h = finding.model.segments[k].h
+            pure = acted(ports[f"out:{action.port}"], h, action.port, "sensor", placed(before))
+        else:
+            pure = finding.model.ports(before, k)[signal]
         # what the model's own slow errors and its timing make out, but not the effect
         series.append(pure - whole + reading)
         for i, name in enumerate(own):

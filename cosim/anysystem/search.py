@@ -1,6 +1,7 @@
 """What is wrong in one group: screening by the shape of each effect, fits, evidence, held-out windows, adequacy."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from cosim.anysystem.model import DRIVE, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
 from cosim.diagnosis.budget import Budget
-from cosim.diagnosis.held_out.between import Between, combined
+from cosim.diagnosis.held_out.between import Between, between_logs, drawn_by_logs
 from cosim.errors import SimulationError
 from cosim.inference.freeform import Explained, explained
 from cosim.inference.held_out import HeldOutGain
@@ -42,19 +43,24 @@ SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
 UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
+ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
 KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
 SCREENED = 7  # candidates fitted at each stage
+SURELY_AGAIN = 4  # of them with the noise that the best leaves
 REPLACED = 10  # causes that are tried in the place of a named one
 OTHERS = 3  # more of them, of effects that are not among these, where they promise
 PROMISE = 0.1  # of what the best does
+AROUND = tuple(np.geomspace(0.02, 1.0, 7))  # of a scale: how far from an estimate a better one is looked for
+AGAIN = 3  # times at most
 SCANNED = 9  # values of a limit over its range
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
 SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause (CONTRACT section 4)
+ALMOST = 0.99  # of that
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
 FAINT = 20.0  # times that, under the white noise alone: what a moderate size does is no more, and is looked at again
 OUTER = 0.5  # of a start's effect: a projection beyond is no small step
@@ -87,6 +93,7 @@ class Finding:
         null: without causes.
         chosen: with those that are named, estimated on the whole log.
         fitted: the same as the fitted windows alone have it, by which gains are measured.
+        nearest: with the causes that explain most, even if they leave too much to be named.
         alike: for each named cause, others that explain the log alike.
         rivals: for each, (action, log-likelihood behind).
         held: for each, what it gains on windows held out.
@@ -102,6 +109,8 @@ class Finding:
         twin_unknowns: (cause, twin) -> what was fitted with the twin.
         never: causes that the log could not have shown even at a moderate size, with that size.
         read: causes that the readings show by themselves.
+        bent: trusted parameters at the limit of what is trusted, where no cause is named.
+        instead: the cause that comes nearest then.
         refused: causes that the fitted windows ask for and the held-out ones do not bear out, with words.
     """
 
@@ -110,6 +119,7 @@ class Finding:
     null: Candidate
     chosen: Candidate
     fitted: Candidate | None = None
+    nearest: Candidate | None = None
     alike: dict[Action, list[Action]] = field(default_factory=dict)
     rivals: dict[Action, list[tuple[Action, float]]] = field(default_factory=dict)
     held: dict[Action, HeldOutGain] = field(default_factory=dict)
@@ -125,6 +135,8 @@ class Finding:
     twin_unknowns: dict[tuple[Action, Action], tuple[Unknown, ...]] = field(default_factory=dict)
     never: dict[Action, dict[str, float]] = field(default_factory=dict)
     read: dict[Action, Grid | Stale] = field(default_factory=dict)
+    bent: tuple[str, ...] = ()
+    instead: Action | None = None
     refused: list[tuple[Action, str]] = field(default_factory=list)
 
     @property
@@ -204,6 +216,7 @@ class Search:
         self.estimated: dict[str, tuple[float, float]] = {}
         self.null = self._null()
         self.learned = False
+        self.on_all = False  # the estimates are of the whole log
         self.tried: list[Candidate] = []  # all sets that were fitted
         self.sizes: dict[
             Action, float
@@ -281,8 +294,12 @@ class Search:
                 found += [Action(e, port, "input") for e, effect in EFFECTS.items() if not effect.reading]
         for port in dict.fromkeys(outputs):
             found += [Action(e, port, "output") for e, effect in EFFECTS.items() if not effect.reading]
-        for port in judged:
+        for signal, port in group.judged:
             found.append(Action("port.drift", port, "sensor"))
+            if (
+                signal in self.model.own
+            ):  # what the reading drives is here: it knows whether the reading alone is off
+                found += [Action(e, port, "sensor") for e, effect in EFFECTS.items() if not effect.reading]
         real = {
             p for p in dict.fromkeys(a.port for a in found) if self.model.system.variable(p).kind == "Real"
         }
@@ -522,56 +539,48 @@ class Search:
                 self._scored(other)
         best = self._pruned(best)
         self._decide(finding, best, singles)
-        finding.between = self._between(finding.chosen)
         return finding
 
     def _between(self, best: Candidate) -> dict[str, Between]:
-        """Each number of the causes estimated in each log by itself: how a machine changes until the next no log says."""
-        count = len(self.model.segments)
-        if count < 2 or not best.actions:
+        """Each number of the causes by where each of the fitted logs draws it: how a machine changes until the next."""
+        if len(self.model.segments) < 2 or not best.actions:
             return {}
         if self.budget.over:
-            self._left_out("the estimates of each log by itself")
+            self._left_out("what each log says of the estimates")
             return {}
-        numbers = [u for a in best.actions for u in self.numbers(a)]
+        logs = [np.full(self.problem.measured[n].size, int(n.rpartition("#")[2])) for n in self.problem.names]
+        numbers = np.concatenate(logs)
+        fit = best.fit
+        with self.problem.whole() if self.on_all else nullcontext():
+            self._scored(best)
+            fit = best.fit
+            numbers = np.where(self.problem.mask[: numbers.size], numbers, -1)
+            slopes = self.problem.slopes(fit)
+        drawn = drawn_by_logs(slopes, fit.rows, numbers, np.array([u.scale for u in fit.unknowns]))
+        if drawn is None:
+            return {}
         nothing = {n: v for a in best.actions for n, v in self._off(a).items()}
-        fits = [self._of_log(k).fit(numbers, best.fit.values, 8) for k in range(count)]
-        found = {}
-        for unknown in numbers:
-            name = unknown.name
-            values = np.array([np.nan if fit is None else fit.values[name] for fit in fits])
-            deviations = np.array([np.inf if fit is None else fit.deviation(name) for fit in fits])
-            value, size = best.fit.values[name], abs(best.fit.values[name] - nothing[name])
-            found[name] = combined(value, best.fit.deviation(name), values, deviations, size)
-        return found
+        return {
+            u.name: between_logs(
+                fit.values[u.name],
+                fit.deviation(u.name),
+                drawn.steps[:, i],
+                drawn.shares[:, i],
+                abs(fit.values[u.name] - nothing[u.name]),
+            )
+            for i, u in enumerate(fit.unknowns)
+        }
+
+    def _none_between(self, action: Action, between: Mapping[str, Between]) -> bool:
+        """Whether several logs, taken as repetitions, do not tell any size of a cause from none."""
+        ends = {n: (between[n].ci95, off) for n, off in self._off(action).items() if n in between}
+        return bool(ends) and all(low <= off <= high for (low, high), off in ends.values())
 
     def _off(self, action: Action) -> dict[str, float]:
         """Values at which a cause is none."""
         if action.effect == PARAMETER:
             return {f"{PARAMETER}|{action.port}": self.trusted[str(action.port)][0]}
         return off(action, self.reach(action))
-
-    def _of_log(self, k: int) -> Problem:
-        """The problem of one log by itself, with the noise and the nuisances of all."""
-        signals = [s for s, _ in self.model.group.judged]
-        names = [place(s, k) for s in signals]
-
-        def model(values: Mapping[str, float]) -> dict[str, Array]:
-            ports = self.model.ports(values, k)
-            return {place(s, k): ports[s] for s in signals}
-
-        every = np.ones(self.model.segments[k].count, dtype=np.bool_)
-        own = Problem(
-            {n: self.problem.measured[n] for n in names},
-            dict.fromkeys(names, every),
-            {n: self.problem.window[n] - self.problem.window[n].min() for n in names},
-            model,
-            {n: self.problem.least[n] for n in names},
-        )
-        own.noise = {n: self.problem.noise[n] for n in names}
-        own.hurried = self.problem.hurried
-        self.problem.hand_nuisances(own)
-        return own
 
     def _left_out(self, what: str) -> None:
         self.budget.leave_out(self.model.group.name, what)
@@ -612,7 +621,17 @@ class Search:
             return True
         residual = self.problem.residuals(candidate.fit.values)
         left = self._told(residual, candidate)
-        return bool(self._wrong(left, residual))
+        return bool(self._wrong(left, residual)) or self._above_noise(candidate.fit)
+
+    def leaves(self, signal: str, candidate: Candidate) -> float:
+        """RMS of what a candidate leaves of a signal, over the noise of its reading."""
+        sizes = dict(zip([s for s, _ in self.model.group.judged], self._rms(candidate.fit), strict=True))
+        return sizes[signal] / max(self._white(signal), 1e-300)
+
+    def _above_noise(self, fit: Fit) -> bool:
+        """Whether a fit leaves more of a signal than its reading's noise."""
+        sizes = zip(self.model.group.judged, self._rms(fit), strict=True)
+        return any(size > ABOVE * self._white(signal) for (signal, _), size in sizes)
 
     def _stage(self, base: Candidate) -> list[Candidate]:
         """The set with each promising cause more."""
@@ -709,6 +728,38 @@ class Search:
         again = None if fit is None else self._scored(Candidate(candidate.actions, fit, candidate.price))
         return again if again is not None and again.score > candidate.score else candidate
 
+    def _elsewhere(self, candidate: Candidate) -> Candidate:
+        """The candidate, or a better estimate of the same causes away from it, where it leaves more than noise.
+
+        What switches within a component (a valve that a level opens, a contact) makes the likelihood jump with a number:
+        slopes then end at the next step of it.
+        """
+        every = [u for a in candidate.actions for u in self.numbers(a)]
+        for _ in range(AGAIN):
+            if self.budget.over or not self._above_noise(candidate.fit):
+                break
+            best, values = candidate.score, candidate.fit.values
+            for unknown in every:
+                for part in (*AROUND, *(-p for p in AROUND)):
+                    at = unknown.within(candidate.fit.values[unknown.name] + part * unknown.scale)
+                    moved = candidate.fit.values | {unknown.name: at}
+                    rows = self.problem.rows(moved)
+                    score = (
+                        -np.inf
+                        if rows is None
+                        else self.problem.log_likelihood(rows, moved, ()) - candidate.price
+                    )
+                    if score > best:
+                        best, values = score, moved
+            if best < candidate.score + 1.0:
+                break
+            fit = self.problem.fit(every, values)
+            again = None if fit is None else self._scored(Candidate(candidate.actions, fit, candidate.price))
+            if again is None or again.score <= candidate.score:
+                break
+            candidate = again
+        return candidate
+
     def _tries(self, action: Action) -> int:
         """Starts from which a cause is fitted: one side of two may hold a search that begins on the other."""
         return 1 if action.effect == PARAMETER or len(EFFECTS[action.effect].parameters) == 1 else 3
@@ -746,8 +797,10 @@ class Search:
             self._settle(best)
             self.learned = True
             again = []
+            near = best.score - PROMISE * (best.score - self._scored(others[0]).score)
             for rank, candidate in enumerate(sorted(found, key=lambda c: -c.score)):
-                if rank < 4:
+                # one that explains nearly as much may be the same: it is judged at its best, as the best is
+                if rank < SURELY_AGAIN or (rank < SCREENED + OTHERS and self._scored(candidate).score > near):
                     numbers = [u for a in candidate.actions for u in self.numbers(a)]
                     fit = self.problem.fit(numbers, candidate.fit.values, 8)
                     candidate = Candidate(candidate.actions, fit or candidate.fit, candidate.price)
@@ -789,19 +842,23 @@ class Search:
         null = self._scored(self.null)
         kept: list[Action] = []
         if best.actions and not self.budget.over:
+            best = self._elsewhere(best)
             fine = problem.fit(
                 [u for a in best.actions for u in self.numbers(a)], best.fit.values, 10, DIFFERENCE * FINE
             )
             if fine is not None and fine.log_likelihood >= best.fit.log_likelihood - 1.0:
                 best = self._scored(Candidate(best.actions, fine, best.price))
             best = self._at_outputs(best, singles)
+        between = self._between(best)
         for action in best.actions:
             poorer = self._without(best, action, null)
             if poorer is None:
                 continue
             gain = problem.held_out(best.fit.rows, self._scored(poorer).fit.rows)
             rows = self._rms(poorer.fit), self._rms(best.fit)
-            matters = any(
+            # without it trusted numbers may have to be where nobody believes them
+            bent = problem.pull(poorer.fit.rows) - problem.pull(best.fit.rows)
+            matters = bent > NAMED or any(
                 np.sqrt(max(a**2 - b**2, 0.0)) > SIZE * self.spreads[s]
                 for (s, _), a, b in zip(self.model.group.judged, *rows, strict=True)
             )
@@ -817,6 +874,10 @@ class Search:
                 )
             elif not matters or self._small(action, best.fit):
                 finding.refused.append((action, "is too small to matter"))
+            elif self._none_between(action, between):
+                finding.refused.append(
+                    (action, "differs from log to log so much that another may have none of it")
+                )
             else:
                 kept.append(action)
         if tuple(kept) != best.actions:
@@ -831,6 +892,7 @@ class Search:
             {id(s) for s in self.model.segments if s.fitted.any()}
         ):
             best = self._on_all(best)
+        finding.nearest = best
         residual = problem.residuals(best.fit.values)
         left = self._told(residual, best)
         wrong = self._wrong(left, residual)
@@ -852,7 +914,17 @@ class Search:
                 residual = problem.residuals(null.fit.values)
                 left = self._told(residual, null)
                 wrong = self._wrong(left, residual) or wrong
+        if not best.actions:
+            finding.bent = self._at_limits(best)
+            finding.instead = singles[0].actions[0] if singles else None
+        # programs differ alike in all logs: that says nothing of what changes from one to the next
+        finding.between = self._between(best)
+        plain = best.fit
         best = self._as_well_as_programs_agree(best)
+        finding.between = {
+            n: replace(b, within=b.within + best.fit.deviation(n) ** 2 - plain.deviation(n) ** 2)
+            for n, b in finding.between.items()
+        }
         finding.chosen, finding.told = best, left
         if not best.actions or finding.fitted is None:
             finding.fitted = best
@@ -865,6 +937,14 @@ class Search:
         finding.floors = {s: self._floor(s, best) for s, _ in self.model.group.judged}
         self._rivals(finding, best, singles, null)
         finding.never = self._never(best)
+
+    def _at_limits(self, candidate: Candidate) -> tuple[str, ...]:
+        """Trusted parameters that an explanation puts at the limit of what is trusted."""
+        at = self.problem.nuisances(candidate.fit.values)
+        prefix = f"{PARAMETER}|"
+        return tuple(
+            n.removeprefix(prefix) for n, v in at.items() if n.startswith(prefix) and abs(v) > ALMOST * SURE
+        )
 
     def _at_outputs(self, best: Candidate, singles: Sequence[Candidate]) -> Candidate:
         """Causes elsewhere, and parameters, moved to a judged output where that is as good: its reading can be asked."""
@@ -920,6 +1000,7 @@ class Search:
             starts = [self._both_sides(best)] if len(best.actions) == 1 else [best]
             fits = [self.problem.fit(numbers, c.fit.values, 10, DIFFERENCE * FINE) for c in starts]
         fit = next((f for f in fits if f is not None), None)
+        self.on_all = fit is not None
         return best if fit is None else self._scored(Candidate(best.actions, fit, best.price))
 
     def _as_well_as_programs_agree(self, best: Candidate) -> Candidate:
@@ -1037,11 +1118,17 @@ class Search:
             alike: list[Action] = []
             fits: dict[Action, Fit] = {}
             rest = tuple(a for a in best.actions if a != action)
-            for rival, values in self._in_place_of(rest, singles).items():
+            begins = self._in_place_of(rest, singles)
+            elsewhere = self._other_place(action, best)
+            for rival, values in (elsewhere | begins).items():
                 single = next((s for s in singles if s.actions == (rival,)), None)
-                if rival == action or rival in rest or (not rest and single is None):
+                if (
+                    rival == action
+                    or rival in rest
+                    or (not rest and single is None and rival not in elsewhere)
+                ):
                     continue
-                if rest:
+                if rest or single is None:
                     numbers = [u for a in (*rest, rival) for u in self.numbers(a)]
                     own = {u.name for u in self.numbers(action)}
                     begin = {n: v for n, v in best.fit.values.items() if n not in own}
@@ -1069,6 +1156,20 @@ class Search:
                 if twin in alike:
                     finding.twins.setdefault(action, []).append((twin, fits[twin].values))
                     finding.twin_unknowns[action, twin] = fits[twin].unknowns
+
+    def _other_place(self, action: Action, best: Candidate) -> dict[Action, dict[str, float]]:
+        """A cause of a reading as one of the quantity, or the other way round, where what it drives tells."""
+        judged = {port: signal for signal, port in self.model.group.judged}
+        if (
+            judged.get(action.port) not in self.model.own
+            or action.where not in ("output", "sensor")
+            or EFFECTS[action.effect].reading
+        ):
+            return {}
+        other = Action(action.effect, action.port, "sensor" if action.where == "output" else "output")
+        return {
+            other: {other.key(p): best.fit.values[action.key(p)] for p in EFFECTS[action.effect].parameters}
+        }
 
     def _in_place_of(
         self, rest: tuple[Action, ...], singles: Sequence[Candidate]

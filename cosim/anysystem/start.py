@@ -1,7 +1,7 @@
 """`cosim init`: a first mapping for a model and a log, columns matched by name and unit, the rest in comments."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from pathlib import Path
@@ -11,10 +11,12 @@ from cosim.errors import DataError
 from cosim.logs.load import open_source
 from cosim.logs.source import Label
 from cosim.ssp.quantities import definition
-from cosim.ssp.system import System
+from cosim.ssp.system import System, Variable
 from cosim.system.graph import connectors, port_of
 
 ALIKE = 0.72  # of two names, from 0 to 1
+SHORTEST = 3  # letters of a word that may be short for another
+SLIP = 0.8  # of two words that are the same but for a slip
 TIMES = ("time", "t", "zeit", "temps", "tid", "timestamp", "seconds")
 
 
@@ -23,20 +25,49 @@ def plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
+def words(name: str) -> list[str]:
+    """The words of a name: ``wheelPos``, ``wheel_pos`` and ``Wheel pos`` are wheel and pos."""
+    return [w.lower() for w in re.findall(r"[A-Z]?[a-z]+\d*|[A-Z]+(?![a-z])\d*|[A-Z]|\d+", name)]
+
+
+def akin(one: str, other: str) -> float:
+    """How well two words fit, from 0 to 1: the same, one short for the other (``pos``, ``cmd``), or a slip of the pen."""
+    if one == other:
+        return 1.0
+    short, long = sorted((one, other), key=len)
+    if len(short) >= SHORTEST and long.startswith(short):
+        return 0.9
+    rest = iter(long)
+    if len(short) >= SHORTEST and short[0] == long[0] and all(c in rest for c in short):
+        return 0.8
+    ratio = SequenceMatcher(None, one, other).ratio()
+    return ratio if ratio >= SLIP else 0.0
+
+
 def likeness(label: Label, connector: str, unit: str) -> float:
     """How well a column fits a connector, from 0 to 1; 0 where the units rule it out."""
-    if label.unit and unit and label.unit != unit:
-        one, other = definition(label.unit, {}), definition(unit, {})
-        if one is not None and other is not None and one.exponents[:7] != other.exponents[:7]:
-            return 0.0
+    if label.unit and unit and not same_dimension(label.unit, unit):
+        return 0.0
     name = plain(label.name)
     component, _, variable = connector.rpartition(".")
-    whole, last = plain(connector), plain(variable)
-    if name == whole:
+    if name == plain(connector):
         return 1.0
-    if name in (last, plain(f"{variable}{component}")):
+    if name in (plain(variable), plain(f"{variable}{component}")):
         return 0.95
-    return max(SequenceMatcher(None, name, text).ratio() for text in (whole, last, plain(component)) if text)
+    own, wanted, beside = words(label.name), words(variable), words(component)
+    if not own or not wanted:
+        return 0.0
+    found = [max(akin(w, o) for o in own) for w in wanted]
+    told = [max(akin(o, w) for w in (*wanted, *beside)) for o in own]
+    return 0.5 * (sum(found) / len(found) + sum(told) / len(told)) if any(found) else 0.0
+
+
+def same_dimension(one: str, other: str) -> bool:
+    """Whether two units may be of the same dimension; what nobody knows may be."""
+    if one == other:
+        return True
+    first, second = definition(one, {}), definition(other, {})
+    return first is None or second is None or first.exponents[:7] == second.exponents[:7]
 
 
 @dataclass(frozen=True)
@@ -48,12 +79,14 @@ class Matches:
         clock: index of the time column, or None.
         taken: index of a column -> connector.
         units: connector -> unit of the FMU's variable, empty where it has none.
+        by_unit: columns of `taken` of which only the unit fits, and that of no other column or connector.
     """
 
     labels: tuple[Label, ...]
     clock: int | None
     taken: dict[int, str]
     units: dict[str, str]
+    by_unit: frozenset[int] = frozenset()
 
 
 def matches(system: System, labels: Sequence[Label]) -> Matches:
@@ -65,7 +98,9 @@ def matches(system: System, labels: Sequence[Label]) -> Matches:
     """
     labels = tuple(heading(label, system) for label in labels)
     clock = next((k for k, label in enumerate(labels) if plain(label.name) in TIMES), None)
-    ports = connectors(system)
+    # an input of the system and what it feeds are one signal
+    fed = {str(wire.target) for item in system.inputs.values() for wire in item.targets}
+    ports = [p for p in connectors(system) if p not in fed]
     units = {p: _unit(system, p) for p in ports}
     pairs = sorted(
         (
@@ -80,7 +115,30 @@ def matches(system: System, labels: Sequence[Label]) -> Matches:
     for score, k, port in pairs:
         if score >= ALIKE and k not in taken and port not in taken.values():
             taken[k] = port
-    return Matches(labels, clock, taken, units)
+    guessed = only_by_unit(labels, clock, taken, units)
+    return Matches(labels, clock, taken | guessed, units, frozenset(guessed))
+
+
+def only_by_unit(
+    labels: Sequence[Label], clock: int | None, taken: Mapping[int, str], units: Mapping[str, str]
+) -> dict[int, str]:
+    """Columns left over of which the unit fits one connector that is left over, and this no other column."""
+    left = [p for p in units if p not in taken.values() and dimensional(units[p])]
+    rest = [
+        k for k, label in enumerate(labels) if k != clock and k not in taken and dimensional(label.unit or "")
+    ]
+    fits = {k: [p for p in left if same_dimension(labels[k].unit or "", units[p])] for k in rest}
+    return {
+        k: ports[0]
+        for k, ports in fits.items()
+        if len(ports) == 1 and sum(ports[0] in others for others in fits.values()) == 1
+    }
+
+
+def dimensional(unit: str) -> bool:
+    """Whether a unit is known and no pure number."""
+    found = definition(unit, {}) if unit else None
+    return found is not None and any(found.exponents[:7])
 
 
 def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[str, list[str], list[str]]:
@@ -122,13 +180,16 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
             port = taken[k]
             unit = label.unit or units[port] or "1"
             note = "" if label.unit else "  # the heading has no unit: check"
+            note = "  # only the unit fits: CHECK" if k in matched.by_unit else note
             lines += [
                 "",
                 f"[signals.{_quoted(port)}]",
                 f"column = {_quoted(label.text)}",
                 f"unit = {_quoted(unit)}{note}",
             ]
-            told.append(f"{label.text} -> {port}")
+            told.append(
+                f"{label.text} -> {port}{' (only the unit fits: CHECK)' if k in matched.by_unit else ''}"
+            )
         else:
             unit = label.unit or "1"
             rest = ", ".join(p for p in ports if p not in taken.values())
@@ -146,10 +207,7 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
         f"{c.name}.{v.name}"
         for c in system.components.values()
         for v in c.fmu.variables.values()
-        if v.kind == "Real"
-        and v.causality == "parameter"
-        and v.can_be_set
-        and value_of(system, f"{c.name}.{v.name}") is not None
+        if settable(v) and value_of(system, f"{c.name}.{v.name}") is not None
     ]
     lines += [
         "",
@@ -161,6 +219,11 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
     )
     lines += ["# parameters that nobody knows: fitted with every cause", "# free = []", ""]
     return "\n".join(lines), told, open_
+
+
+def settable(variable: Variable) -> bool:
+    """Whether it is a parameter that can be trusted or estimated."""
+    return variable.kind == "Real" and variable.causality == "parameter" and variable.can_be_set
 
 
 def _unit(system: System, connector: str) -> str:

@@ -12,6 +12,7 @@ from cosim.options import Verbose
 
 if TYPE_CHECKING:
     from cosim.logs import Log, Tracker
+    from cosim.ssp.system import Port
 
 OTHER = "log with other columns"
 MOST_ROWS = 2000  # of a table for a person; laying out more takes seconds
@@ -42,7 +43,12 @@ def info(
     kind = file.suffix.lower()
     if kind in (".fmu", ".ssp"):
         facts = _fmu_facts(file) if kind == ".fmu" else _ssp_facts(file)
-        rows = facts.get("variables") or facts.get("files") or []
+        rows = (
+            [shortened(row) for row in facts.get("variables", ())]
+            or facts.get("connectors")
+            or facts.get("files")
+            or []
+        )
     else:
         facts = log_or_columns(file, mapping, plot)
         rows = facts.get("signals") or facts["columns"]
@@ -276,7 +282,7 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         "file": path,
         "kind": "fmu",
         "name": model.modelName,
-        "description": model.description,
+        "description": model.description or "",
         "fmi_version": model.fmiVersion,
         "type": "co-simulation" if simulation is not None else "model exchange",
         "guid": model.guid,
@@ -311,7 +317,62 @@ def _ssp_facts(path: Path) -> dict[str, Any]:
         files = [{"file": item.filename, "bytes": item.file_size} for item in package.infolist()]
     if not any(item["file"] == "SystemStructure.ssd" for item in files):
         raise ModelError(f"{path}: holds no SystemStructure.ssd, so it is no SSP package")
-    return {"file": path, "kind": "ssp", **_loop_facts(path), "files": files}
+    return {"file": path, "kind": "ssp", **_loop_facts(path), **_system_facts(path), "files": files}
+
+
+def _system_facts(path: Path) -> dict[str, Any]:
+    """Components and their connectors, as the columns of a log would be called; why they cannot be told of a bad package."""
+    from cosim.ssp.read import read_system
+    from cosim.ssp.system import Port
+    from cosim.system.graph import feeders
+
+    try:
+        with read_system(path) as system:
+            fed = feeders(system)
+            heard: dict[str, list[str]] = {}
+            for target, (source, _, _) in fed.items():
+                heard.setdefault(str(source) if source.component else source.variable, []).append(str(target))
+            connectors = [
+                {
+                    "connector": name,
+                    "kind": variable.causality,
+                    "unit": variable.unit,
+                    "joined with": ", ".join(heard.get(name, ()))
+                    or joined(fed.get(port), variable.causality),
+                }
+                for c in system.components.values()
+                for variable in c.fmu.variables.values()
+                if variable.causality in ("input", "output")
+                for port, name in [(Port(c.name, variable.name), f"{c.name}.{variable.name}")]
+            ]
+            components = [{"component": c.name, "fmu": c.fmu.source} for c in system.components.values()]
+            names = ", ".join(f"{c['component']} ({c['fmu']})" for c in components)
+            return {
+                "components": names,
+                "inputs": ", ".join(system.inputs) or "none",
+                "connectors": connectors,
+                "warnings": list(system.notes),
+                "next": f"Next: cosim init {path} LOG writes a mapping for a log of it; columns called like the connectors "
+                "need none",
+            }
+    except ModelError as error:
+        return {"warnings": [f"it cannot be run here: {error}"]}
+
+
+def joined(source: "tuple[Port, float, float] | None", causality: str) -> str:
+    """What enters a connector, for a table."""
+    if source is None:
+        return "nothing" if causality == "input" else ""
+    port = source[0]
+    return str(port) if port.component else f"{port.variable} (from outside)"
+
+
+def shortened(row: dict[str, Any]) -> dict[str, Any]:
+    """A variable for a table: its start value by what counts of it."""
+    try:
+        return row | {"start": f"{float(row['start']):.8g}"}
+    except ValueError:
+        return row
 
 
 def _loop_facts(path: Path) -> dict[str, Any]:

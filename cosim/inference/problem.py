@@ -7,7 +7,7 @@ linear least squares with their priors (variable projection: Golub and Pereyra 1
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ Model = Callable[[Mapping[str, float]], Mapping[str, Array]]
 DIFFERENCE = 0.02  # of an unknown's scale, for slopes: large enough for what acts on few samples only
 FINE = 0.2  # of that in the last fit
 EVALUATIONS = 14  # of one search
+BOUND = 1e-6  # of a scale: so near to a bound an unknown is at it
 FAILED = 1e6  # whitened residual where the model cannot be run
 
 
@@ -192,6 +193,13 @@ class Problem:
         _, nuisances = self.eliminated(self.whitened(raw)[0], values)
         return {n: raw[n] - nuisances @ self._slopes[n] for n in self.names}
 
+    def nuisances(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The nuisances that go with values, each in its own unit."""
+        series = self.model(values)
+        raw = {n: self.measured[n] - series[n] for n in self.names}
+        _, found = self.eliminated(self.whitened(raw)[0], values)
+        return {u.name: float(v) for u, v in zip(self._nuisances, found, strict=True)}
+
     def rows(self, values: Mapping[str, float]) -> Array | None:
         """(n + k,) whitened residuals, nuisances eliminated, then these over their priors; None where the model fails."""
         try:
@@ -291,6 +299,21 @@ class Problem:
             self.log_likelihood(rows, values, unknowns),
         )
 
+    def slopes(self, fit: Fit, difference: float = DIFFERENCE * FINE) -> Array:
+        """(n + k, u) slopes of a fit's rows in each of its unknowns over its scale, those of one at its bound being zero.
+
+        What is held out has rows of zeros, so that the slopes are those of what was fitted.
+        """
+        low = np.array([u.low / u.scale for u in fit.unknowns])
+        high = np.array([u.high / u.scale for u in fit.unknowns])
+        at = np.array([fit.values[u.name] / u.scale for u in fit.unknowns])
+        found = np.zeros((self.mask.size, at.size))
+        for k, (moved, step) in enumerate(self._moves(at, low, high, difference)):
+            rows = self.rows(fit.values | self._named(fit.unknowns, moved))
+            if rows is not None and low[k] + BOUND < at[k] < high[k] - BOUND:
+                found[self.mask, k] = (rows - fit.rows)[self.mask] / step
+        return found
+
     @staticmethod
     def _named(unknowns: Sequence[Unknown], x: Array) -> dict[str, float]:
         return {u.name: float(v) * u.scale for u, v in zip(unknowns, x, strict=True)}
@@ -324,6 +347,15 @@ class Problem:
         return np.asarray(sandwich * np.outer(own / plain, own / plain) * np.outer(scales, scales))
 
     def held_out(self, richer: Array, poorer: Array) -> HeldOutGain:
-        """What one hypothesis gains over another on the windows that neither was fitted to; rows (n,) of both."""
+        """What one hypothesis gains over another on the windows that neither was fitted to; rows (n + k,) of both.
+
+        How far each bends what is believed of the nuisances counts as well: else trusted numbers at their limits pass for a
+        fault, and no window tells.
+        """
         out = ~self.mask
-        return gain_between(richer[out], poorer[out], self.windows[out])
+        found = gain_between(richer[out], poorer[out], self.windows[out])
+        return replace(found, gain=found.gain + self.pull(poorer) - self.pull(richer))
+
+    def pull(self, rows: Array) -> float:
+        """Log-likelihood that rows (n + k,) lose for how far they bend what is believed of the nuisances."""
+        return 0.5 * float(np.sum(rows[self._data.size :] ** 2))

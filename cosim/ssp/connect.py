@@ -9,7 +9,7 @@ from cosim.errors import ModelError
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import linear
 from cosim.ssp.quantities import UnitDefinition, agree, from_xml
-from cosim.ssp.system import NUMERIC, Component, Port, SystemInput, Variable, Wire
+from cosim.ssp.system import NUMERIC, Component, Port, SystemInput, Variable, Wire, alike
 from cosim.ssp.xml import SSC, SSD
 
 _CAUSALITIES = {
@@ -101,7 +101,7 @@ class _Wiring:
             self.problems.append(
                 f"connector {component}.{name} is of kind {connector.kind}, but the FMU's variable is a {variable.causality}"
             )
-        if connector.type and connector.type != variable.kind:
+        if connector.type and alike(connector.type) != alike(variable.kind):
             self.problems.append(
                 f"connector {component}.{name} is of type {connector.type}, but the FMU's variable is {variable.kind}"
             )
@@ -174,7 +174,7 @@ class _Wiring:
         if source is None or target is None:
             return  # said already, at the connector
         self.numbers(what, source, (factor, offset))
-        if source.kind != target.kind:
+        if alike(source.kind) != alike(target.kind):
             raise ModelError(
                 f"{what} joins the types {source.kind} and {target.kind}: put a component between them that converts"
             )

@@ -44,16 +44,13 @@ _INITIAL = {
 }
 
 
-def load_fmu(
-    archive: zipfile.ZipFile, source: str, folder: Path, implementation: str = "any", ours: bool = False
-) -> Fmu:
+def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, ours: bool = False) -> Fmu:
     """Check an FMU, unpack it and read its description.
 
     Args:
         archive: the checked archive of the FMU.
         source: its name, for messages.
         folder: an empty folder to unpack it to.
-        implementation: what the system asks for: any, CoSimulation or ModelExchange.
         ours: this installation built it.
 
     Raises:
@@ -69,10 +66,6 @@ def load_fmu(
     if co_simulation is None:
         other = "scheduled execution" if root.find("ModelExchange") is None else "model exchange"
         raise ModelError(f"{source} is for {other} only: export it for co-simulation")
-    if implementation == "ModelExchange":
-        raise ModelError(
-            f"{source}: the system asks for model exchange, which is not supported: ask for CoSimulation"
-        )
     units = _units(root, source)
     experiment = _experiment(root, source)
     _check_binary(archive, source, co_simulation.get("modelIdentifier", ""), version)

@@ -2,8 +2,8 @@
 
 import math
 import zipfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -13,8 +13,8 @@ from cosim.errors import ModelError
 from cosim.ssp.archive import read_entry
 from cosim.ssp.fmu import parse_value
 from cosim.ssp.quantities import UnitDefinition, convert, from_xml
-from cosim.ssp.system import Fmu, Value, Variable
-from cosim.ssp.xml import SSC, SSD, SSV, number, parse
+from cosim.ssp.system import Fmu, Value, Variable, alike
+from cosim.ssp.xml import SSC, SSD, SSM, SSV, number, parse
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
         )
         if not name or item is None:
             raise ModelError(f"{what}: the parameter '{name}' has no name or no value")
-        kind = etree.QName(item).localname
+        kind = alike(etree.QName(item).localname)
         if kind not in ("Real", "Integer", "Boolean", "String"):
             raise ModelError(f"{what}: the parameter '{name}' is of type {kind}, which is not supported")
         if name in found:
@@ -65,8 +65,13 @@ def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
             raise ModelError(f"{what}: the parameter '{name}' has a bad value: {error}") from None
         if kind == "Real" and not math.isfinite(float(value)):
             raise ModelError(f"{what}: the parameter '{name}' = {value} is no finite number: correct it")
-        found[name] = ParameterValue(name, kind, value, item.get("unit", ""), units, label)
+        found[name] = ParameterValue(name, kind, value, bare(item.get("unit", "")), units, label)
     return list(found.values())
+
+
+def bare(unit: str) -> str:
+    """A unit without the brackets that some tools write about it."""
+    return unit[1:-1].strip() if unit.startswith("[") and unit.endswith("]") else unit
 
 
 def read_ssv(path: Path) -> list[ParameterValue]:
@@ -97,35 +102,74 @@ def bindings(
         (name of the set, its values with the binding's prefix put before their names) in the order of the file.
 
     Raises:
-        ModelError: a source is missing, remote, of another type, or mapped by an .ssm.
+        ModelError: a source is missing, remote or of another type.
     """
     found = []
     for binding in element.iterfind(f"{SSD}ParameterBindings/{SSD}ParameterBinding"):
         if binding.get("type", "application/x-ssp-parameter-set") != "application/x-ssp-parameter-set":
             raise ModelError(f"{what}: parameter bindings of type {binding.get('type')} are not supported")
-        if binding.find(f"{SSD}ParameterMapping") is not None:
-            raise ModelError(
-                f"{what}: parameter mappings (.ssm) are not supported: write the values under the variables' own names"
-            )
         root, label = _binding_root(binding, archive, fmu, what)
+        values = read_set(root, label)
+        mapping = binding.find(f"{SSD}ParameterMapping")
+        if mapping is not None:
+            values = mapped(values, *_mapping_root(mapping, archive, fmu, what))
         prefix = binding.get("prefix", "")
-        values = [
-            ParameterValue(prefix + v.name, v.kind, v.value, v.unit, v.units, v.set_name)
-            for v in read_set(root, label)
-        ]
-        found.append((root.get("name", ""), values))
+        found.append((root.get("name", ""), [replace(v, name=prefix + v.name) for v in values]))
     return found
+
+
+def mapped(values: Sequence[ParameterValue], root: etree._Element, what: str) -> list[ParameterValue]:
+    """The values under the names that an ``ssm:ParameterMapping`` gives them; one that it does not name is left out.
+
+    Raises:
+        ModelError: it is no mapping, or changes a value otherwise than linearly.
+    """
+    if root.tag != f"{SSM}ParameterMapping":
+        raise ModelError(f"{what} is no parameter mapping: its root element is {root.tag}")
+    known = {v.name: v for v in values}
+    found = []
+    for entry in root.iterfind(f"{SSM}MappingEntry"):
+        value = known.get(entry.get("source", ""))
+        if value is None:
+            continue  # the set need not hold every name
+        factor, offset = linear(entry, f"{what}: '{value.name}'")
+        number_ = value.value
+        if (factor, offset) != (1.0, 0.0):
+            if value.kind != "Real":
+                raise ModelError(f"{what}: '{value.name}' is a {value.kind}: only a Real can be transformed")
+            number_ = factor * float(number_) + offset
+        found.append(replace(value, name=entry.get("target", ""), value=number_))
+    return found
+
+
+def _mapping_root(
+    mapping: etree._Element, archive: zipfile.ZipFile, fmu: zipfile.ZipFile | None, what: str
+) -> tuple[etree._Element, str]:
+    """The mapping of a binding, inline or in a file, and its name for messages."""
+    inline = mapping.find(f"{SSM}ParameterMapping")
+    if mapping.get("source") is None:
+        if inline is None:
+            raise ModelError(f"{what}: a parameter mapping has neither a source nor entries")
+        return inline, f"{what}: inline mapping"
+    return _source_root(mapping, archive, fmu, what)
 
 
 def _binding_root(
     binding: etree._Element, archive: zipfile.ZipFile, fmu: zipfile.ZipFile | None, what: str
 ) -> tuple[etree._Element, str]:
-    source = binding.get("source")
-    if source is None:
+    if binding.get("source") is None:
         inline = binding.find(f"{SSD}ParameterValues/{SSV}ParameterSet")
         if inline is None:
             raise ModelError(f"{what}: a parameter binding has neither a source nor values")
         return inline, f"{what}: inline values"
+    return _source_root(binding, archive, fmu, what)
+
+
+def _source_root(
+    binding: etree._Element, archive: zipfile.ZipFile, fmu: zipfile.ZipFile | None, what: str
+) -> tuple[etree._Element, str]:
+    """The document that a binding or mapping names as its source."""
+    source = binding.get("source", "")
     name = local_source(source, what)
     if binding.get("sourceBase", "SSD") == "component":
         if fmu is None:

@@ -1,4 +1,4 @@
-"""Reads a flat SSP 1.0 system, or a single FMU as a system of one component.
+"""Reads an SSP system (1.0 or 2.0, nested ones made flat), or a single FMU as a system of one component.
 
     with read_ssp(Path("system.ssp")) as system:
         print(system.components, system.wires)
@@ -18,6 +18,7 @@ from lxml import etree
 from cosim.errors import ModelError, UsageError
 from cosim.ssp.archive import Budget, open_archive, read_entry, scratch_folder
 from cosim.ssp.connect import connect
+from cosim.ssp.flatten import flatten
 from cosim.ssp.fmu import load_fmu
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import ParameterValue, bindings, fitted, local_source
@@ -48,7 +49,7 @@ def read_system(path: Path, parameter_set: str | None = None) -> System:
 
 
 def read_ssp(path: Path, parameter_set: str | None = None) -> System:
-    """A flat SSP 1.0 system: components, wires, system connectors, parameter values.
+    """An SSP system: components, wires, system connectors, parameter values.
 
     Args:
         path: the .ssp file.
@@ -124,7 +125,7 @@ class _Reader:
         self.archives: dict[str, tuple[zipfile.ZipFile, bool]] = {}
         self.problems: list[str] = []
         self.notes: list[str] = []
-        self.fmus: dict[tuple[str, str], Fmu] = {}
+        self.fmus: dict[str, Fmu] = {}
         self.set_names: set[str] = set()
 
     def read(self) -> System:
@@ -134,11 +135,15 @@ class _Reader:
                 f"{self.path}: {DESCRIPTION} is no SSP 1.0 system: its root element is {root.tag}"
             )
         version = root.get("version", "")
-        if not version.startswith("1."):
-            raise ModelError(f"{self.path}: SSP version '{version}' is not supported: only 1.x")
+        if not version.startswith(("1.", "2.")):
+            raise ModelError(f"{self.path}: SSP version '{version}' is not supported: only 1.x and 2.x")
         node = root.find(f"{SSD}System")
         if node is None:
             raise ModelError(f"{self.path}: {DESCRIPTION} holds no System")
+        try:
+            flatten(node)
+        except ModelError as error:
+            raise ModelError(f"{self.path}: {error}") from None
         components = self.components(node)
         self.stop_if_bad()
         connected = connect(node, components, self.problems, self.notes)
@@ -171,7 +176,7 @@ class _Reader:
             name, kind = element.get("name", ""), etree.QName(element).localname
             if kind != "Component":
                 self.problems.append(
-                    f"'{name}' is a {kind}; only flat systems of FMUs are supported: flatten it first"
+                    f"'{name}' is a {kind}; only systems of FMUs are supported: put an FMU in its place"
                 )
                 continue
             if name in found:
@@ -189,7 +194,7 @@ class _Reader:
         kind, source = element.get("type", FMU_TYPES[0]), element.get("source", "")
         if kind not in FMU_TYPES or source.lower().endswith((".ssp", ".ssd")):
             raise ModelError(
-                f"component '{name}' is of type {kind or source}; only FMUs are supported: flatten the system first"
+                f"component '{name}' is of type {kind or source}; only FMUs and systems of the same file are supported"
             )
         if "." in name:
             raise ModelError(
@@ -197,13 +202,16 @@ class _Reader:
             )
         entry = local_source(source, f"component '{name}'")
         archive, ours = self.opened(entry, name)
-        implementation = element.get("implementation", "any")
-        fmu = self.fmus.get((entry, implementation))
+        fmu = self.fmus.get(entry)
         if fmu is None:
             folder = Path(self.folder.name, f"c{len(self.fmus)}")
-            fmu = load_fmu(archive, entry, folder, implementation, ours)
-            self.fmus[entry, implementation] = fmu
+            fmu = load_fmu(archive, entry, folder, ours)
+            self.fmus[entry] = fmu
             self.notes += left_out(fmu)
+        if element.get("implementation", "any") == "ModelExchange":
+            self.notes.append(
+                f"component '{name}': model exchange is asked for; the FMU is run for co-simulation, with its own solver"
+            )
         starts: dict[str, Value] = {}
         for value in self.chosen(bindings(element, self.archive, archive, f"component '{name}'")):
             if value.name in fmu.variables:
@@ -300,9 +308,12 @@ def resolve(system: System, name: str) -> tuple[Port, ...]:
         return system.parameters[name]
     if name in system.inputs:
         return tuple(wire.target for wire in system.inputs[name].targets)
-    component, _, variable = name.partition(".")
-    if component in system.components and variable in system.components[component].fmu.variables:
-        return (Port(component, variable),)
+    component, dot, variable = name.partition(".")
+    while dot:  # a component of a nested system: drive.part.K is drive_part.K
+        if component in system.components and variable in system.components[component].fmu.variables:
+            return (Port(component, variable),)
+        more, dot, variable = variable.partition(".")
+        component = f"{component}_{more}"
     return ()
 
 

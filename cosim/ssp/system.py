@@ -14,6 +14,15 @@ Value = float | int | bool | str
 
 
 NUMERIC = ("Real", "Integer", "Enumeration", "Boolean")
+
+
+def alike(kind: str) -> str:
+    """A type by how it is handed on: an Enumeration is a whole number, and SSP 2.0 has the types of FMI 3.0."""
+    if kind in ("Float64", "Float32"):
+        return "Real"
+    return "Integer" if kind == "Enumeration" or "Int" in kind else kind
+
+
 """Kinds of variables whose values are numbers, and can be signals; those that are not Real are held over each step."""
 
 

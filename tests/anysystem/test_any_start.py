@@ -8,6 +8,8 @@ import systems
 
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
+from cosim.anysystem.start import ALIKE, likeness, only_by_unit
+from cosim.logs.source import Label
 from cosim.ssp.read import read_system
 from cosim.system.graph import cut
 from cosim.system.structure import signatures, structure
@@ -81,3 +83,46 @@ def test_a_reading_shows_in_the_groups_on_both_of_its_sides(ring: Path) -> None:
         less = structure(system, ["command", "out.y"])
         assert any("lag.y" in advice for advice in less.advice)
         assert structure(system, ["command", "add.y", "lag.y", "out.y"]).advice == ()
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "connector"),
+    [
+        ("wheel pos", None, "Wheel.position"),
+        ("wheelVel", None, "Wheel.velocity"),
+        ("Cmd", None, "command"),
+        ("Position_mm", "mm", "Wheel.position"),
+        ("U_measured", None, "motor.U"),
+        ("spring force", "N", "Wheel.out_spring_force"),
+    ],
+)
+def test_a_column_is_matched_by_its_words_and_what_they_are_short_for(
+    column: str, unit: str | None, connector: str
+) -> None:
+    units = {
+        "Wheel.position": "m", "Wheel.velocity": "m/s", "Wheel.acceleration": "m/s2", "Wheel.out_spring_force": "N",
+        "in_vel": "m/s", "command": "1", "motor.U": "V", "motor.I": "A",
+    }  # fmt: skip
+    fits = {name: likeness(Label(column, column, unit), name, own) for name, own in units.items()}
+    assert max(fits, key=lambda name: fits[name]) == connector
+    assert fits[connector] >= ALIKE
+    assert sum(fit >= ALIKE for fit in fits.values()) == 1 or column == "wheelVel"
+
+
+def test_a_column_of_a_unit_that_only_one_connector_has_is_guessed_to_be_checked() -> None:
+    labels = [Label("strom", "strom", "mA"), Label("a", "a", "m"), Label("b", "b", "m")]
+    units = {"motor.I": "A", "motor.U": "V", "one.x": "m", "two.x": "m", "part.y": "1"}
+    assert only_by_unit(labels, None, {}, units) == {0: "motor.I"}
+
+
+def test_info_shows_the_connectors_of_a_package_and_what_they_are_joined_with(native: Path, command) -> None:
+    code, out, err = command("info", native, "--json")
+    assert code == 0, err
+    rows = {row["connector"]: row["joined with"] for row in json.loads(out)["connectors"]}
+    assert rows == {
+        "valve.u": "command (from outside)",
+        "valve.y": "plant.u",
+        "plant.u": "valve.y",
+        "plant.y": "",
+    }
+    assert "Next: cosim init" in command("info", native)[1]

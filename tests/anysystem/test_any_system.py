@@ -139,3 +139,4 @@ def test_what_is_not_in_the_vocabulary_stays_unexplained_and_its_port_and_functi
         for x, y in points:
             assert y == pytest.approx(size * x**2, abs=0.05 * reach)
     assert f"added at {port} ({where})" in left["what"]
+    assert any("plant is trusted or free, so none could be named" in text for text in found["warnings"])

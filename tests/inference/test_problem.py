@@ -119,3 +119,27 @@ def test_a_free_function_tells_what_a_residual_depends_on_and_nothing_of_noise()
     assert max(found.by, key=lambda name: found.by[name]) == "u"
     noise = explained(0.02 * rng.standard_normal(N), {"u": U, "v": other}, FITTED, WINDOW, 0.01)
     assert noise.size < 0.2 * noise.before
+
+
+def test_trusted_numbers_bent_to_their_limits_are_no_gain_of_the_poorer_on_windows_held_out() -> None:
+    made = problem(np.random.default_rng(2), gain=1.06)
+    made.share(
+        [Unknown("trusted", -3.0, 3.0, 1.0, 1.0)], {"y": 0.02 * U[None]}
+    )  # it makes up for the gain, at its limit
+    poorer = made.fit((), {"gain": 1.0})
+    richer = made.fit([GAIN], {"gain": 1.0})
+    assert made.nuisances(poorer.values)["trusted"] == pytest.approx(3.0, abs=0.1)
+    assert made.pull(poorer.rows) == pytest.approx(4.5, abs=0.3)
+    gain = made.held_out(richer.rows, poorer.rows)
+    assert gain.sure
+    assert gain.gain == pytest.approx(4.5, abs=1.5)
+
+
+def test_slopes_at_a_fit_are_those_of_what_was_fitted() -> None:
+    made = problem(np.random.default_rng(3))
+    fit = made.fit([GAIN], {"gain": 1.0})
+    slopes = made.slopes(fit)
+    np.testing.assert_allclose(slopes[FITTED, 0], -0.3 * U[FITTED] / 0.01, rtol=1e-6)
+    assert not slopes[~FITTED].any()
+    at_bound = made.fit([Unknown("gain", -5.0, 1.1, 0.3)], {"gain": 1.0})
+    assert not made.slopes(at_bound).any()

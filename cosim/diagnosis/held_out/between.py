@@ -127,26 +127,59 @@ def over_logs(fit: Fit, log: NDArray[np.int64], off: Callable[[str], float]) -> 
         off: ``component.parameter`` -> where it has no effect, SI.
     """
     names, slopes = moving(fit)
-    count = int(log.max(initial=-1)) + 1
-    if not names or fit.rows is None or count < 2:
+    if not names or fit.rows is None:
         return {}
     scales = np.array([fit.scales[n] for n in names])
-    spread = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
-    drawn, shares = np.zeros((count, len(names))), np.zeros((count, len(names)))
-    for one in range(count):
-        mine = np.flatnonzero(log == one)
-        own = slopes[mine]
-        drawn[one] = -(spread @ (own.T @ fit.rows[mine])) * scales
-        shares[one] = np.clip(np.diag(spread @ (own.T @ own)), 0.0, 1.0)
-    told = shares > SAYS_NOTHING
-    weights = np.where(told, shares, 1.0)
+    drawn = drawn_by_logs(slopes, fit.rows, log, scales)
     found = {}
     for i, name in enumerate(names):
-        if is_start(name) or name not in fit.deviations:
+        if is_start(name) or name not in fit.deviations or drawn is None:
             continue
         value, deviation = fit.values[name], fit.deviations[name]
         # a limit out of reach says nothing of one that is met
         size = min(abs(value - off(name)), abs(value))
-        deviations = np.where(told[:, i], deviation / np.sqrt(weights[:, i]), np.inf)
-        found[name] = combined(value, deviation, value + drawn[:, i] / weights[:, i], deviations, size)
+        found[name] = between_logs(value, deviation, drawn.steps[:, i], drawn.shares[:, i], size)
     return found
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Where each of several logs draws the k estimates that all of them gave.
+
+    Attributes:
+        steps: (logs, k) what each adds to the estimate from all, in its unit.
+        shares: (logs, k) its share of what is known of each, from 0 to 1.
+    """
+
+    steps: Array
+    shares: Array
+
+
+def drawn_by_logs(slopes: Array, rows: Array, log: NDArray[np.int64], scales: Array) -> Drawn | None:
+    """The infinitesimal jackknife of a least-squares fit with a log as the unit; None for one log.
+
+    Args:
+        slopes: (n + p, k) of the whitened residuals, and those of priors behind them, in the estimates over their scales.
+        rows: (n + p,) these residuals.
+        log: (n,) number of the log to which each residual belongs, from 0; -1 for none.
+        scales: (k,) of the estimates.
+    """
+    count = int(log.max(initial=-1)) + 1
+    if count < 2:
+        return None
+    spread = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
+    steps, shares = np.zeros((count, scales.size)), np.zeros((count, scales.size))
+    for one in range(count):
+        mine = np.flatnonzero(log == one)
+        own = slopes[mine]
+        steps[one] = -(spread @ (own.T @ rows[mine])) * scales
+        shares[one] = np.clip(np.diag(spread @ (own.T @ own)), 0.0, 1.0)
+    return Drawn(steps, shares)
+
+
+def between_logs(value: float, deviation: float, steps: Array, shares: Array, size: float) -> Between:
+    """One parameter by where each log draws it, (logs,) `steps` and `shares` of `Drawn`; the rest as `combined`."""
+    told = shares > SAYS_NOTHING
+    weights = np.where(told, shares, 1.0)
+    deviations = np.where(told, deviation / np.sqrt(weights), np.inf)
+    return combined(value, deviation, value + steps / weights, deviations, size)

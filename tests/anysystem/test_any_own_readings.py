@@ -1,0 +1,130 @@
+"""Groups that a reading of their own drives, and what is the same as a named cause."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks.any_system import Case, run, score, told
+from benchmarks.systems import parts
+from benchmarks.systems.truth import Hidden
+from cosim.anysystem.actions import Action
+from cosim.anysystem.search import Candidate, Search
+from cosim.diagnosis.budget import Budget
+from cosim.inference.noise import Noise
+from cosim.inference.problem import Problem
+from cosim.inference.unknowns import Unknown
+from cosim.ssp.system import Port
+
+KINDS = {"valve": "lag", "plant": "second", "sum": "sum"}
+VALUES = {
+    "valve": {"K": 1.0, "T": 0.1},
+    "plant": {"K": 0.9, "W": 6.0, "ZETA": 0.6},
+    "sum": {"K": 0.8, "C": 0.6, "T": 0.15},
+}
+# what the valve gives was not measured and drives two: so the reading of the plant drives its own group
+WIRES = [("command", "valve.u"), ("valve.y", "plant.u"), ("plant.y", "sum.u"), ("valve.y", "sum.v2")]
+MEASURED = ["command", "plant.y", "sum.y"]
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    folder = tmp_path_factory.mktemp("parts")
+    return {kind: parts.native(kind, folder) for kind in ("lag", "second", "sum")}
+
+
+def case(kind: str, *hidden: Hidden) -> Case:
+    return Case(5, kind, KINDS, VALUES, WIRES, MEASURED, list(hidden))
+
+
+@pytest.mark.parametrize(
+    ("where", "effect", "values"),
+    [("sensor", "port.rate_limit", {"rate": 1.5}), ("output", "port.gain", {"gain": 0.8})],
+)
+def test_a_reading_that_drives_its_own_group_is_told_from_the_quantity(
+    fmus: dict[str, Path], tmp_path: Path, where: str, effect: str, values: dict[str, float]
+) -> None:
+    hidden = case("port", Hidden(effect, "plant.y", where, values))
+    found, _, _ = run(hidden, fmus, tmp_path)
+    assert all(score(hidden, found).values())
+    (cause,) = found.causes
+    other = "output" if where == "sensor" else "sensor"
+    assert f"{effect} at plant.y ({other})" not in cause.indistinguishable_from
+
+
+def test_numbers_of_which_only_their_sum_counts_are_declared_alike(
+    fmus: dict[str, Path], tmp_path: Path
+) -> None:
+    values = {"sum": {"K": 0.94, "C": -0.88, "T": 0.37}}
+    only = Case(
+        10,
+        "parameter",
+        {"sum": "sum"},
+        values,
+        [("command", "sum.u"), ("command", "sum.v2")],
+        ["command", "sum.y"],
+        parameter=("sum.K", 0.94, 1.59),
+    )
+    found, _, _ = run(only, fmus, tmp_path)
+    (cause,) = found.causes
+    assert {"parameter sum.K", "parameter sum.C"} <= told(cause)
+
+
+def test_a_log_that_bends_what_is_trusted_to_its_limits_says_so(
+    fmus: dict[str, Path], tmp_path: Path
+) -> None:
+    """Two gains of 1 and -0.9 of one signal: 3 % of each change their sum by half."""
+    bent = Case(
+        10,
+        "parameter",
+        {"valve": "lag", "sum": "sum"},
+        {"valve": {"K": 1.2, "T": 0.2}, "sum": {"K": 1.0, "C": -0.85, "T": 0.3}},
+        [("command", "valve.u"), ("valve.y", "sum.u"), ("valve.y", "sum.v2")],
+        ["command", "sum.y"],
+        parameter=("valve.K", 1.2, 1.35),
+    )
+    found, _, _ = run(bent, fmus, tmp_path)
+    assert found.verdict == "adequate"
+    (text,) = (w for w in found.warnings if "three deviations" in w)
+    assert "sum.K" in text
+    assert "valve.K" in text
+
+
+def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better_one() -> None:
+    """A valve that a level opens moves by whole steps of the program: so does the likelihood."""
+    size = Unknown("parameter|tank.r", 0.1, 20.0, 1.4)
+    action = Action("parameter", Port("tank", "r"))
+    time = np.linspace(0.0, 1.0, 1500)
+
+    def model(values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        step = round((values[size.name] - 9.1) / 0.06)
+        held = abs(step) if step != -3 else 0.5  # three steps away it is nearly as good as at none
+        return {"tank.y#0": np.sin(9.0 * time) * (1.0 + 0.1 * held)}
+
+    rng = np.random.default_rng(1)
+    windows = np.arange(1500) // 50
+    measured = np.sin(9.0 * time) + 0.01 * rng.normal(size=1500)
+    problem = Problem(
+        {"tank.y#0": measured},
+        {"tank.y#0": windows % 3 != 1},
+        {"tank.y#0": windows},
+        model,
+        {"tank.y#0": 1e-4},
+    )
+    problem.noise["tank.y#0"] = Noise(1e-4)
+    search = Search.__new__(Search)
+    search.problem, search.budget, search.trusted = problem, Budget(), {"tank.r": (7.0, 0.01)}
+    search.model = SimpleNamespace(  # type: ignore[assignment]
+        group=SimpleNamespace(judged=(("tank.y", Port("tank", "y")),)),
+        segments=[SimpleNamespace(signals={"tank.y": measured})],
+        system=SimpleNamespace(variable=lambda _: SimpleNamespace(low=0.1, high=20.0)),
+    )
+    stuck = problem.fit([size], {size.name: 8.92})
+    assert stuck is not None
+    assert abs(stuck.values[size.name] - 9.1) > 0.1
+    found = search._elsewhere(search._scored(Candidate((action,), stuck, 0.0)))
+    assert abs(found.fit.values[size.name] - 9.1) < 0.03
