@@ -18,6 +18,7 @@ from cosim.native.function import Function
 from cosim.native.kinds import ARRAY, ARRAYS, NONE, NUMBERS, REAL, TRUTH, WHOLE, Kind, Struct, joined
 from cosim.native.translate import Program
 from fmus.contract import Buffer
+from fmus.syntax import parsed
 
 BUILT_IN = frozenset((
     "abs", "acos", "acosh", "activeState", "actualStream", "asin", "atan", "atan2", "backSample", "cardinality",
@@ -281,7 +282,7 @@ class _Translation:
         self.store(node.targets[0], node.value)
 
     def do_AugAssign(self, node: ast.AugAssign) -> None:
-        [target] = ast.parse(ast.unparse(node.target)).body
+        [target] = parsed(ast.unparse(node.target)).body
         assert isinstance(target, ast.Expr)
         self.store(node.target, ast.BinOp(target.value, node.op, node.value))
 

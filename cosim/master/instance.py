@@ -397,8 +397,8 @@ class Instance:
         return f"Set{self.dialect.types[code]}", (self.dialect.ctypes[code] * 1)(number)
 
     def terminate(self) -> None:
-        """End a run; a failure here changes no result and is ignored."""
-        if self.alive:
+        """End a run that has begun; a failure here changes no result and is ignored."""
+        if self.alive and self._used:
             self._status("Terminate")
 
     def close(self) -> None:

@@ -127,3 +127,15 @@ def test_values_out_of_bounds_are_refused_as_the_fmu_would(packages: dict[str, P
             Twin(system).run(0.1, H, parameters={"mechanical.Jx": 1.0})
         with pytest.raises(UsageError, match="shorter last step"):
             Twin(system).run(0.1005, H, partial_step=True)
+
+
+def test_a_run_after_one_that_was_refused_at_once_is_a_first_one(packages: dict[str, Path]) -> None:
+    """Components behind the one that refuses had not begun: they were ended all the same, and refused the next run."""
+    with read_system(packages["full_order_open"]) as system, Runner(system) as runner:
+        with pytest.raises(SimulationError, match="'mechanical' refuses J"):
+            runner.run(0.1, H, parameters={"mechanical.J": -1.0}, inputs={"u": 0.5})
+        found = runner.run(0.1, H, inputs={"u": 0.5})
+        with Runner(system) as other:
+            expected = other.run(0.1, H, inputs={"u": 0.5})
+    for name, values in expected.signals.items():
+        np.testing.assert_array_equal(found.signals[name], values)
