@@ -244,8 +244,8 @@ def test_of_effects_that_cannot_be_told_apart_the_likeliest_is_named() -> None:
     assert likeliest(saturation, [stop], ("mechanical.end_stop", "sensor.saturation")) == stop
 
 
-def stepper_of(monkeypatch, refitted, noise: float = 0.0):
-    """A stepper whose fits are made up, over a log whose sensor has this much noise."""
+def stepper_of(monkeypatch, refitted, rounding: float = 0.0):
+    """A stepper whose fits are made up, over a log whose sensor rounds with this deviation."""
     monkeypatch.setattr(held_out, "refitted", refitted)
     monkeypatch.setattr(held_out, "errors", lambda finding, fit, record: fit.residuals)
     monkeypatch.setattr(held_out, "worth_naming", lambda *_: True)
@@ -256,18 +256,18 @@ def stepper_of(monkeypatch, refitted, noise: float = 0.0):
     finding = SimpleNamespace(
         task=SimpleNamespace(model=model, rules={"slew": rule}), chosen=SimpleNamespace(fit=FIT)
     )
-    record = SimpleNamespace(cuts=(), noise=lambda _: noise)
+    record = SimpleNamespace(cuts=(), rounding=lambda _: rounding)
     return stepper(finding, Held(record, 0), "slew", 0.01)  # type: ignore[arg-type]
 
 
 def test_a_machine_that_stands_does_not_decide(monkeypatch) -> None:
-    """Where it stands one set errs by nothing and another by less than the sensor's noise: neither gains there."""
+    """Where it stands one set errs by nothing and another by less than the sensor's rounding: neither gains there."""
     errors = {1: np.repeat([1e-2, 0.0], [12, 36]), 2: np.repeat([1e-2, 1e-9], [12, 36])}
 
     def refitted(finding, effects, tolerance, near):
         return replace(FIT, residuals={"slew": errors[len(effects)]})
 
-    step = stepper_of(monkeypatch, refitted, noise=1e-4)
+    step = stepper_of(monkeypatch, refitted, rounding=1e-4)
     assert step((COULOMB,)).gain_over(step((COULOMB, BACKLASH))).gain == 0.0
 
 

@@ -129,7 +129,7 @@ class Step:
         unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, or
             of which two make up for each other.
         squares: (parts,) mean square of the error in each part of the held-out data, SI, at least that of the sensor's
-            noise: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
+            rounding: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
             signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
             where the machine stands, and `fitted` and `held` are of the same.
         placed: the parts are those of one run of an axis whose place counts.
@@ -238,7 +238,7 @@ def stepper(
         done: sets judged already: the error of a free run does not depend on what the noise is held to be; it grows.
     """
     done = {} if done is None else done
-    quiet = held.record.noise(signal) ** 2
+    quiet = held.record.rounding(signal) ** 2
 
     def judged(effects: tuple[Effect, ...], near: Fit) -> Step:
         model, rule = finding.task.model, finding.task.rules[signal]
