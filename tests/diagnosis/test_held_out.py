@@ -107,6 +107,23 @@ def test_each_cause_that_is_kept_is_borne_out_beside_the_others() -> None:
     assert balanced(MECHANICS, step(named), named, step, {}).effects == ()  # type: ignore[arg-type]
 
 
+def test_a_cause_does_not_go_by_way_of_a_simpler_one_in_its_place() -> None:
+    """Coulomb friction is hardly worse than Stribeck friction, none hardly worse than Coulomb, but clearly than Stribeck."""
+    rng = np.random.default_rng(3)
+    noise = rng.normal(size=(2, 24))
+    noise = (noise - noise.mean(axis=1, keepdims=True)) / noise.std(axis=1, keepdims=True)
+    simple, none = 0.05 * np.cumsum(1.6 / np.sqrt(24) + noise, axis=0)
+    logs = {(STRIBECK,): np.zeros(24), (COULOMB,): simple, (): none}
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        return Step(effects, FIT, 1.0, 1.0, squares=np.exp(2.0 * logs[effects]))
+
+    assert not step((STRIBECK,)).clearly_better(step((COULOMB,)))
+    assert not step((COULOMB,)).clearly_better(step(()))
+    found = balanced(MECHANICS, step((STRIBECK,)), (STRIBECK,), step, {})  # type: ignore[arg-type]
+    assert found.effects == (STRIBECK,)
+
+
 @pytest.mark.parametrize(("fuller", "expected"), [(4.98, COULOMB), (4.0, STRIBECK)])
 @pytest.mark.parametrize("begin", [(), (STRIBECK,)])
 def test_the_fuller_of_two_must_be_better_than_the_simpler(

@@ -547,16 +547,26 @@ def shrunk(
     """The set without what held-out data do not bear out, or with something simpler in its place.
 
     Each effect that is left is clearly borne out beside the others. On the way lie sets whose sizes are unsure: what they
-    lead to must not be clearly worse than the last one that was sure.
+    lead to must not be clearly worse than the last one that was sure. Nor may it be clearly worse than an earlier one of
+    which each effect is borne out, where one simpler in its place was no loss and that one then went.
     """
-    sure = at
+    passed = [at] if at.sure else []
     while at.effects and not current().over:
         smaller = next_smaller(finding, at, step, losses)
-        if smaller is None or (smaller.sure and sure.clearly_better(smaller)):
+        if smaller is None or (smaller.sure and passed and passed[-1].clearly_better(smaller)):
             break
         at = smaller
-        sure = at if at.sure or not sure.sure else sure
-    return sure
+        if at.sure:
+            better = [s for s in passed if s.clearly_better(at) and all_borne(s, step)]
+            if better:
+                return better[-1]
+            passed.append(at)
+    return passed[-1] if passed else at
+
+
+def all_borne(at: Step, step: Callable[[tuple[Effect, ...]], Step]) -> bool:
+    """True if held-out data bear out each effect of a set beside the others."""
+    return all(borne(at, effect, step).sure for effect in at.effects)
 
 
 def next_smaller(
