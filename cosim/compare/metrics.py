@@ -123,7 +123,7 @@ def noise_floor(values: Array, step: float) -> float:
         step: [s].
     """
     size = max(round(NOISE_WINDOW / step), NOISE_SAMPLES)
-    rounding = _resolution(values) / math.sqrt(12.0)
+    rounding = resolution(values) / math.sqrt(12.0)
     if len(values) < size:
         return rounding
     rows = values[: len(values) // size * size].reshape(-1, size)
@@ -135,7 +135,7 @@ def noise_floor(values: Array, step: float) -> float:
     return max(rms(spread[spread <= limit]), rounding)
 
 
-def _resolution(values: Array) -> float:
+def resolution(values: Array) -> float:
     """Smallest difference between two values of a signal, larger than rounding of the numbers themselves."""
     levels = np.diff(np.unique(values))
     levels = levels[levels > 1e-9 * max(float(np.ptp(values)), float(np.abs(values).max()) * 1e-3)]

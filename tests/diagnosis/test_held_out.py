@@ -107,6 +107,23 @@ def test_each_cause_that_is_kept_is_borne_out_beside_the_others() -> None:
     assert balanced(MECHANICS, step(named), named, step, {}).effects == ()  # type: ignore[arg-type]
 
 
+def test_a_cause_does_not_go_by_way_of_a_simpler_one_in_its_place() -> None:
+    """Coulomb friction is hardly worse than Stribeck friction, none hardly worse than Coulomb, but clearly than Stribeck."""
+    rng = np.random.default_rng(3)
+    noise = rng.normal(size=(2, 24))
+    noise = (noise - noise.mean(axis=1, keepdims=True)) / noise.std(axis=1, keepdims=True)
+    simple, none = 0.05 * np.cumsum(1.6 / np.sqrt(24) + noise, axis=0)
+    logs = {(STRIBECK,): np.zeros(24), (COULOMB,): simple, (): none}
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        return Step(effects, FIT, 1.0, 1.0, squares=np.exp(2.0 * logs[effects]))
+
+    assert not step((STRIBECK,)).clearly_better(step((COULOMB,)))
+    assert not step((COULOMB,)).clearly_better(step(()))
+    found = balanced(MECHANICS, step((STRIBECK,)), (STRIBECK,), step, {})  # type: ignore[arg-type]
+    assert found.effects == (STRIBECK,)
+
+
 @pytest.mark.parametrize(("fuller", "expected"), [(4.98, COULOMB), (4.0, STRIBECK)])
 @pytest.mark.parametrize("begin", [(), (STRIBECK,)])
 def test_the_fuller_of_two_must_be_better_than_the_simpler(
@@ -244,8 +261,8 @@ def test_of_effects_that_cannot_be_told_apart_the_likeliest_is_named() -> None:
     assert likeliest(saturation, [stop], ("mechanical.end_stop", "sensor.saturation")) == stop
 
 
-def stepper_of(monkeypatch, refitted, noise: float = 0.0):
-    """A stepper whose fits are made up, over a log whose sensor has this much noise."""
+def stepper_of(monkeypatch, refitted, rounding: float = 0.0):
+    """A stepper whose fits are made up, over a log whose sensor rounds with this deviation."""
     monkeypatch.setattr(held_out, "refitted", refitted)
     monkeypatch.setattr(held_out, "errors", lambda finding, fit, record: fit.residuals)
     monkeypatch.setattr(held_out, "worth_naming", lambda *_: True)
@@ -256,18 +273,18 @@ def stepper_of(monkeypatch, refitted, noise: float = 0.0):
     finding = SimpleNamespace(
         task=SimpleNamespace(model=model, rules={"slew": rule}), chosen=SimpleNamespace(fit=FIT)
     )
-    record = SimpleNamespace(cuts=(), noise=lambda _: noise)
+    record = SimpleNamespace(cuts=(), rounding=lambda _: rounding)
     return stepper(finding, Held(record, 0), "slew", 0.01)  # type: ignore[arg-type]
 
 
 def test_a_machine_that_stands_does_not_decide(monkeypatch) -> None:
-    """Where it stands one set errs by nothing and another by less than the sensor's noise: neither gains there."""
+    """Where it stands one set errs by nothing and another by less than the sensor's rounding: neither gains there."""
     errors = {1: np.repeat([1e-2, 0.0], [12, 36]), 2: np.repeat([1e-2, 1e-9], [12, 36])}
 
     def refitted(finding, effects, tolerance, near):
         return replace(FIT, residuals={"slew": errors[len(effects)]})
 
-    step = stepper_of(monkeypatch, refitted, noise=1e-4)
+    step = stepper_of(monkeypatch, refitted, rounding=1e-4)
     assert step((COULOMB,)).gain_over(step((COULOMB, BACKLASH))).gain == 0.0
 
 

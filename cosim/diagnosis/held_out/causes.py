@@ -129,7 +129,7 @@ class Step:
         unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, or
             of which two make up for each other.
         squares: (parts,) mean square of the error in each part of the held-out data, SI, at least that of the sensor's
-            noise: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
+            rounding: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
             signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
             where the machine stands, and `fitted` and `held` are of the same.
         placed: the parts are those of one run of an axis whose place counts.
@@ -238,7 +238,7 @@ def stepper(
         done: sets judged already: the error of a free run does not depend on what the noise is held to be; it grows.
     """
     done = {} if done is None else done
-    quiet = held.record.noise(signal) ** 2
+    quiet = held.record.rounding(signal) ** 2
 
     def judged(effects: tuple[Effect, ...], near: Fit) -> Step:
         model, rule = finding.task.model, finding.task.rules[signal]
@@ -547,16 +547,26 @@ def shrunk(
     """The set without what held-out data do not bear out, or with something simpler in its place.
 
     Each effect that is left is clearly borne out beside the others. On the way lie sets whose sizes are unsure: what they
-    lead to must not be clearly worse than the last one that was sure.
+    lead to must not be clearly worse than the last one that was sure. Nor may it be clearly worse than an earlier one of
+    which each effect is borne out, where one simpler in its place was no loss and that one then went.
     """
-    sure = at
+    passed = [at] if at.sure else []
     while at.effects and not current().over:
         smaller = next_smaller(finding, at, step, losses)
-        if smaller is None or (smaller.sure and sure.clearly_better(smaller)):
+        if smaller is None or (smaller.sure and passed and passed[-1].clearly_better(smaller)):
             break
         at = smaller
-        sure = at if at.sure or not sure.sure else sure
-    return sure
+        if at.sure:
+            better = [s for s in passed if s.clearly_better(at) and all_borne(s, step)]
+            if better:
+                return better[-1]
+            passed.append(at)
+    return passed[-1] if passed else at
+
+
+def all_borne(at: Step, step: Callable[[tuple[Effect, ...]], Step]) -> bool:
+    """True if held-out data bear out each effect of a set beside the others."""
+    return all(borne(at, effect, step).sure for effect in at.effects)
 
 
 def next_smaller(

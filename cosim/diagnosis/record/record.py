@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from cosim.compare.metrics import noise_floor
+from cosim.compare.metrics import resolution
 from cosim.compiled import compiled_block
 from cosim.diagnosis.model.groups import COMPONENT_VALUES, SPEED, Group
 from cosim.diagnosis.record.grid import OF_PIECE, Grid, Pieces, cuts_of, plain_name
@@ -89,9 +89,9 @@ class Record:
         """A signal with its stale samples on straight lines between fresh ones."""
         return by_piece(bridged, self.cuts, self.signals[name], self.lost(name), self.time)
 
-    def noise(self, name: str) -> float:
-        """Standard deviation of a signal's noise where it is quietest, rounding included, SI: no error below it counts."""
-        return noise_floor(self.signals[name], self.h)
+    def rounding(self, name: str) -> float:
+        """Standard deviation that rounding to a signal's resolution leaves, SI: no error below it counts."""
+        return resolution(self.signals[name]) / float(np.sqrt(12.0))
 
     def smooth(self, name: str, cutoff: float = 5.0) -> Array:
         """A signal without what lies above `cutoff` Hz, no phase shift."""

@@ -287,7 +287,7 @@ def over_logs(task: Task, record: Record, held: Record, first: int, squares: Arr
     if signal not in held.signals or drive not in held.signals:
         return None
     model, left = free_run(record, held, first, drive, signal, squares.size, task.model.group.drifts)
-    return Reference(model, np.maximum(left, held.noise(signal) ** 2), squares)
+    return Reference(model, np.maximum(left, held.rounding(signal) ** 2), squares)
 
 
 def free_run(
