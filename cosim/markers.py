@@ -261,9 +261,9 @@ def seam(first: MarkerModel, second: MarkerModel, survey: MarkerModel | None = N
     Args:
         first: model below the switch.
         second: model above it.
-        survey: true positions of the markers of both, in any frame whose z axis is the slew axis; without it the markers that
-            both models hold are compared and the second's frame counts as upright, which says all where each model is rigid
-            and only the first's frame is off.
+        survey: true positions of the markers of both, in any frame whose z axis is the slew axis; without it the markers
+            that both models hold are compared and the second's frame counts as upright, which says all where each model
+            is rigid and only the first's frame is off.
 
     Raises:
         UsageError: fewer than four markers to compare.
