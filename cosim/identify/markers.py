@@ -76,7 +76,7 @@ def read_models(path: Path) -> tuple[MarkerModel, MarkerModel]:
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: cannot be read: {error}") from None
     data = data.get("markers", data) if isinstance(data, dict) else {}
-    models = data.get("models")
+    models = data.get("models") if isinstance(data, dict) else None
     if not isinstance(models, dict) or len(models) != 2 or not isinstance(data.get("unit"), str):
         raise DataError(
             f"{path}: marker models are written as unit = \"mm\" and two tables such as [models.'model 1'] with lines "

@@ -113,6 +113,7 @@ def test_a_bad_record_is_refused(tmp_path, text, message):
     [
         ("unit = ", "cannot be read"),
         ('unit = "mm"\n[models.a]\nS1 = [1, 2, 3]\n', "two tables such as"),
+        ("markers = [1, 2]\n", "two tables such as"),
         ('unit = "bar"\n[models.a]\nS1 = [1, 2, 3]\n[models.b]\nS1 = [1, 2, 3]\n', "bad.toml.*bar"),
         ('unit = "mm"\n[models.a]\nS1 = ["x", 2, 3]\n[models.b]\nS1 = [1, 2, 3]\n', "a marker of 'a'"),
     ],
