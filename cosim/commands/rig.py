@@ -1,5 +1,6 @@
 """``cosim rig``: a synthetic log of the crane, with anything hidden in it."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -46,6 +47,12 @@ NoiseTime = Annotated[str, typer.Option(help="Correlation time of ar1.")]
 NoiseSize = Annotated[Texts, typer.Option(help="Noise of one signal, such as 'slew=0.02 deg'; repeatable.")]
 WithObserver = Annotated[bool, typer.Option("--observer", help="Add the observer's estimates.")]
 TrackerFile = Annotated[Path | None, typer.Option(help="File for the optical tracker's record.")]
+MarkersFile = Annotated[
+    Path | None,
+    typer.Option(
+        help="File for the positions of the tracker's markers; its angle then comes from their poses."
+    ),
+]
 ListEffects = Annotated[bool, typer.Option("--effects", help="List what can be hidden, and stop.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (path, truth) and nothing else.")]
 
@@ -73,6 +80,7 @@ def rig(
     noise_size: NoiseSize = None,
     observer: WithObserver = False,
     tracker: TrackerFile = None,
+    markers: MarkersFile = None,
     effects: ListEffects = False,
     json: AsJson = False,
 ) -> None:
@@ -98,25 +106,30 @@ def rig(
         observer=observer,
         tracker=tracker is not None,
         command_file=played,
+        markers=markers is not None,
     )
-    _write(recipe, out, tracker, json)
+    _write(recipe, out, tracker, markers, json)
 
 
-def _write(recipe: "Recipe", out: Path, tracker: Path | None, json: bool) -> None:
+def _write(recipe: "Recipe", out: Path, tracker: Path | None, markers: Path | None, json: bool) -> None:
     """Make the log and write its files, after a check that they can be written."""
     from cosim.errors import UsageError
     from cosim.rig import make
-    from cosim.rig.write import check_suffix, write, write_tracker, write_truth
+    from cosim.rig.write import check_suffix, write, write_markers, write_tracker, write_truth
 
-    for path in filter(None, (out, tracker)):
+    for path in filter(None, (out, tracker, markers)):
         check_suffix(path)
     if tracker is not None and tracker.resolve() == out.resolve():
         raise UsageError(f"log and tracker record would both be written to {out}: give two names")
+    if markers is not None and markers.resolve() in [p.resolve() for p in (out, tracker) if p is not None]:
+        raise UsageError(f"the marker positions would be written over {markers}: give another name")
     run = make(recipe)
     write(run, out)
     if tracker is not None:
         write_tracker(run, tracker)
-    _report(run, out, write_truth(run, out), tracker, json)
+    if markers is not None:
+        write_markers(run, markers)
+    _report(run, out, write_truth(run, out), tracker, markers, json)
 
 
 def _length(text: str | None, excitation: str, played: Path | None) -> float:
@@ -151,7 +164,9 @@ def _noise(scale: float, kind: str, time: str, sizes: list[str]) -> "Noise":
     return Noise(scale, kind, parse_quantity(time, "s"), chosen)
 
 
-def _report(run: "RigRun", out: Path, truth: Path, tracker: Path | None, json: bool) -> None:
+def _report(
+    run: "RigRun", out: Path, truth: Path, tracker: Path | None, markers: Path | None, json: bool
+) -> None:
     """Say what was written: one JSON object, or a few lines that call it synthetic."""
     from cosim.console import emit_json, stderr_console, stdout_console
 
@@ -164,6 +179,8 @@ def _report(run: "RigRun", out: Path, truth: Path, tracker: Path | None, json: b
         }
         if tracker is not None:
             found["tracker_path"] = str(tracker)
+        if markers is not None:
+            found["markers_path"] = str(markers)
         emit_json(found)
     for note in run.notes:
         stderr_console().print(f"note: {note}", markup=False)
@@ -172,7 +189,12 @@ def _report(run: "RigRun", out: Path, truth: Path, tracker: Path | None, json: b
     console = stdout_console()
     names = ", ".join(effect["effect"] for effect in run.truth["hidden"]) or "nothing"
     console.print(f"synthetic log, {run.time[-1]:g} s, hidden in it: {names}", markup=False)
-    for path in filter(None, (out, tracker, truth)):
+    if run.markers is not None:
+        step = run.truth["markers"]["seam"]["value"] * 180.0 / math.pi
+        console.print(
+            f"marker models: a seam of {step:.4f} deg; {run.markers.stitched.summary()}", markup=False
+        )
+    for path in filter(None, (out, tracker, markers, truth)):
         console.print(f"  {path}", markup=False, soft_wrap=True)
 
 

@@ -11,7 +11,7 @@ from cosim.rig.noise import Noise
 from cosim.rig.parameters import EFFECTS, PARAMETERS
 from cosim.rig.recipe import Recipe
 from cosim.rig.run import RigRun, make, make_log
-from cosim.rig.write import as_log, as_tracker, write, write_tracker, write_truth
+from cosim.rig.write import as_log, as_tracker, write, write_markers, write_tracker, write_truth
 
 __all__ = [
     "EFFECTS",
@@ -25,6 +25,7 @@ __all__ = [
     "make",
     "make_log",
     "write",
+    "write_markers",
     "write_tracker",
     "write_truth",
 ]

@@ -72,8 +72,12 @@ class Noise:
 
     def draw(self, signal: str, count: int, seed: int, step: float = STEP) -> NDArray[np.float64]:
         """`count` samples of noise (SI) on `signal`, `step` seconds apart; the same seed gives the same numbers."""
-        white = stream(seed, f"noise {signal}").standard_normal(count)
-        return self.size(signal) * _coloured(white, self.kind, step / self.correlation_time)
+        return self.size(signal) * self.unit(f"noise {signal}", count, seed, step)
+
+    def unit(self, purpose: str, count: int, seed: int, step: float = STEP) -> NDArray[np.float64]:
+        """`count` samples of unit noise of this colour, `step` seconds apart, from the stream of `purpose`."""
+        white = stream(seed, purpose).standard_normal(count)
+        return _coloured(white, self.kind, step / self.correlation_time)
 
     def truth(self) -> dict[str, object]:
         """Kind, correlation time and sizes as plain data."""

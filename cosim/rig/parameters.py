@@ -120,6 +120,7 @@ class Tracker(NamedTuple):
     offset: float = 0.0
     rate: float = 1.0
     seam: float = 0.0
+    misfit: float = 0.0
 
 
 class Unknown(NamedTuple):
@@ -259,6 +260,9 @@ PARAMETERS: dict[str, Parameter] = {
     "tracker.offset": Parameter("s", -1e5, 1e5, "True time at the tracker's zero", _D),
     "tracker.rate": Parameter("1", 0.5, 2.0, "True seconds in one of the tracker's", _D),
     "tracker.seam": Parameter("rad", -0.5, 0.5, "Added below 12 deg", "Table 3.4, fig. 5.16"),
+    "tracker.misfit": Parameter(
+        "m", 0.0, 0.02, "Error of the markers by which model 1 was laid on model 2", "section 3.5.4"
+    ),
     "unknown.q_drag": Parameter("N.m.s2/rad2", 0.0, 1e9, "Quadratic torque against speed", _U),
     "unknown.g_warm": Parameter("1", -0.9, 2.0, "Valve gain gained when warm", _U),
     "unknown.tau_warm": Parameter("s", 0.1, 1e5, "Time constant of the warming", _U),

@@ -50,6 +50,7 @@ class Recipe:
             zero steeply instead of jumping, so that it creeps instead of sticking.
         observer: add the observer's estimates.
         tracker: add the optical tracker's record.
+        markers: let the tracker's angle come from marker positions and two marker models, and keep the positions.
         command_file: CSV for the excitation ``file``.
         substeps: integration steps in a millisecond.
         model: ``full_order``, or ``physical`` for orifices and two chambers (4.17)-(4.21), where the motion takes up flow.
@@ -72,6 +73,7 @@ class Recipe:
     command_file: Path | None = None
     substeps: int = SUBSTEPS
     model: str = "full_order"
+    markers: bool = False
 
     def __post_init__(self) -> None:
         """Check what no later step checks."""
@@ -138,6 +140,10 @@ class Recipe:
             UsageError: effects and settings contradict each other, or one is not allowed.
         """
         numbers = dict(self.settings)
+        if numbers.get("tracker.misfit") and not self.markers:
+            raise UsageError(
+                "tracker.misfit is of the marker models: ask for marker positions (--markers FILE)"
+            )
         numbers.setdefault("mechanical.theta_0", _centred(u) if self.start is None else self.start)
         if self.model == "full_order":
             plant = assemble(self.effects(), numbers)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cosim.errors import SimulationError
 from cosim.rig.hidden import Hidden, changed
 from cosim.rig.integrate import simulate
+from cosim.rig.markers import MarkerRecord, watch
 from cosim.rig.parameters import DEG, NOMINAL, PARAMETERS, Plant
 from cosim.rig.recipe import SLEW_RANGE, Recipe
 from cosim.rig.sensing import observe, slew_signal, track
@@ -32,6 +33,8 @@ class RigRun:
         tracker: stamps on the tracker's own clock [s] and angles [rad] (m,), or None when not asked for.
         truth: everything that was hidden and chosen, as plain data; ``truth["synthetic"]`` is True.
         notes: what the user should know about this log.
+        markers: what the tracker saw of its markers, or None when not asked for. `tracker` holds NaN where they
+            gave no pose.
     """
 
     time: Array
@@ -47,6 +50,7 @@ class RigRun:
     tracker: tuple[Array, Array] | None
     truth: dict[str, Any] = field(repr=False)
     notes: list[str]
+    markers: MarkerRecord | None = None
 
     @property
     def signals(self) -> dict[str, Array]:
@@ -87,7 +91,8 @@ def make(recipe: Recipe) -> RigRun:
     noise, seed = recipe.sensor_noise(), recipe.seed
     slew = slew_signal(true, plant, noise, seed)
     estimates = observe(u, slew) if recipe.observer else (None, None)
-    notes = _notes(true, plant, recipe.tracker)
+    markers = watch(true["seen"], plant, noise, seed) if recipe.markers else None
+    notes = _notes(true, plant, recipe.tracker or recipe.markers)
     truth = recipe.truth() | {
         "not_nominal": {n: {"value": v, "unit": PARAMETERS[n].unit} for n, v in changed(plant).items()},
         "duration": {"value": float(time[-1]), "unit": "s"},
@@ -95,6 +100,11 @@ def make(recipe: Recipe) -> RigRun:
         "notes": notes,
         "versions": _versions(),
     }
+    if markers is not None:
+        truth["markers"] = markers.truth()
+        tracker: tuple[Array, Array] | None = (markers.stamps, markers.stitched.angle)
+    else:
+        tracker = track(true["seen"], plant, noise, seed) if recipe.tracker else None
     return RigRun(
         time=time,
         u=u,
@@ -106,9 +116,10 @@ def make(recipe: Recipe) -> RigRun:
         slew_estimate=estimates[0],
         slew_rate_estimate=estimates[1],
         true=true,
-        tracker=track(true["seen"], plant, noise, seed) if recipe.tracker else None,
+        tracker=tracker,
         truth=truth,
         notes=notes,
+        markers=markers,
     )
 
 

@@ -70,6 +70,15 @@ def track(seen: Array, plant: Plant, noise: Noise, seed: int) -> tuple[Array, Ar
     """Stamps [s] on the tracker's own clock and its angles [rad], 80 a second, for all instants inside the log.
 
     `seen` (n,) [rad] is the angle behind the backlash at each millisecond. A stamp s means the true time offset + rate s.
+    """
+    stamps, angle = passed(seen, plant)
+    angle = angle + np.where(angle < SEAM_ANGLE, plant.tracker.seam, 0.0)
+    return stamps, angle + noise.draw("slew_external", stamps.size, seed, TRACKER_STEP)
+
+
+def passed(seen: Array, plant: Plant) -> tuple[Array, Array]:
+    """The tracker's stamps [s] on its own clock and the true angle [rad] at each.
+
     Between milliseconds the angle is taken as straight: at most 1e-5 deg off at this drive's accelerations.
     """
     q = plant.tracker
@@ -77,6 +86,4 @@ def track(seen: Array, plant: Plant, noise: Noise, seed: int) -> tuple[Array, Ar
     first = math.ceil(-q.offset / (q.rate * TRACKER_STEP) - 1e-9)
     last = math.floor((time[-1] - q.offset) / (q.rate * TRACKER_STEP) + 1e-9)
     stamps = np.arange(first, last + 1) * TRACKER_STEP
-    angle = np.interp(q.offset + q.rate * stamps, time, seen)
-    angle = angle + np.where(angle < SEAM_ANGLE, q.seam, 0.0)
-    return stamps, angle + noise.draw("slew_external", stamps.size, seed, TRACKER_STEP)
+    return stamps, np.interp(q.offset + q.rate * stamps, time, seen)

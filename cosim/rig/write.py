@@ -26,6 +26,8 @@ DECIMALS: dict[str, int] = {  # in the log's units; each last digit is at most a
     "slew_external": 6,
 }
 
+MM = 1e-3
+
 
 def check_suffix(path: Path) -> None:
     """Refuse a file type that cannot be written, before any work is done.
@@ -64,14 +66,15 @@ def as_tracker(run: RigRun) -> Tracker:
     if run.tracker is None:
         raise UsageError("this run has no tracker record: make it with tracker=True")
     stamps, angle = run.tracker
+    valid = np.isfinite(angle)  # a sample without a pose is missing
     return Tracker(
         time=stamps,
         source=Path("synthetic"),
         warnings=(),
         synthetic=True,
         sha256="",
-        slew_external=angle,
-        valid=np.ones(stamps.size, dtype=bool),
+        slew_external=angle if valid.all() else np.interp(stamps, stamps[valid], angle[valid]),
+        valid=valid,
     )
 
 
@@ -103,6 +106,35 @@ def write_tracker(run: RigRun, path: Path) -> None:
     record = as_tracker(run)
     angle = _rounded("slew_external", record.slew_external)
     write_log(dataclasses.replace(record, time=np.round(record.time, 6), slew_external=angle), path)
+
+
+def write_markers(run: RigRun, path: Path) -> None:
+    """Write the marker positions of `run`, on the tracker's clock: ``S1_x [mm]`` and so on, empty where hidden.
+
+    Raises:
+        UsageError: the run has no marker positions, or the suffix cannot be written.
+        DataError: the file cannot be written.
+    """
+    if run.markers is None:
+        raise UsageError("this run has no marker positions: make it with markers=True")
+    seen = run.markers
+    signals = {
+        f"{marker}_{axis}": np.round(seen.positions[:, i, k] / MM, 6) * MM  # far below the noise
+        for i, marker in enumerate(seen.markers)
+        for k, axis in enumerate("xyz")
+    }
+    log = Log(
+        time=np.round(seen.stamps, 6),
+        source=Path("synthetic"),
+        warnings=(),
+        synthetic=True,
+        sha256="",
+        signals=signals,
+        units=dict.fromkeys(signals, "m"),
+        display=dict.fromkeys(signals, "mm"),
+        held=frozenset(),
+    )
+    write_log(log, path)
 
 
 def write_truth(run: RigRun, log: Path) -> Path:

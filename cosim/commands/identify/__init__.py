@@ -22,5 +22,6 @@ def register(app: typer.Typer) -> None:
     group.command("kalman")(prepare.kalman)
     group.command("scaling")(prepare.scaling)
     group.command("linearisation")(prepare.linearisation)
+    group.command("markers")(prepare.markers)
     group.command("experiment")(prepare.experiment)
     app.add_typer(group, name="identify")

@@ -104,6 +104,39 @@ def kalman(
     finish(kalman_answer(nominal(settings or []), noises), out, as_json)
 
 
+def markers(
+    record: Annotated[
+        Path,
+        typer.Argument(help="Record of marker positions: time, NAME_x, NAME_y, NAME_z.", metavar="RECORD"),
+    ],
+    models: Annotated[
+        Path, typer.Option(help="Two marker models, .toml or .json; the first counts below 12 deg.")
+    ],
+    residual: Annotated[str, typer.Option(help="Largest residual of a pose.")] = "1 mm",
+    nearest: Annotated[str, typer.Option(help="Shortest distance from the tracker.")] = "0 m",
+    farthest: Annotated[str | None, typer.Option(help="Longest distance [default: any].")] = None,
+    camera: Annotated[
+        str, typer.Option(help="The tracker's place in the frame of the positions, in m: 'x,y,z'.")
+    ] = "0,0,0",
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """The slew angle from the tracker's marker positions (3.5.4), as a tracker's record, and the seam of the two models."""
+    from cosim.errors import UsageError
+    from cosim.identify.answer import finish
+    from cosim.identify.markers import markers_answer
+    from cosim.markers import Limits
+    from cosim.units import parse_quantity
+
+    try:
+        x, y, z = (float(part) for part in camera.split(","))
+    except ValueError:
+        raise UsageError(f"--camera '{camera}' should read x,y,z in m, such as '5,0,1.5'") from None
+    far = float("inf") if farthest is None else parse_quantity(farthest, "m")
+    limits = Limits(parse_quantity(residual, "m"), parse_quantity(nearest, "m"), far, (x, y, z))
+    finish(markers_answer(record, models, limits), out, as_json)
+
+
 def experiment(
     name: Annotated[str, typer.Argument(help="slew, dcv, ramp or sine.")],
     out: Annotated[
