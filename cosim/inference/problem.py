@@ -17,6 +17,7 @@ from cosim.errors import SimulationError
 from cosim.inference.held_out import HeldOutGain, gain_between
 from cosim.inference.noise import Noise
 from cosim.inference.spectrum import bands, learn
+from cosim.inference.thresholds import BOUND
 from cosim.inference.unknowns import Unknown
 
 Array = NDArray[np.float64]
@@ -25,7 +26,6 @@ Model = Callable[[Mapping[str, float]], Mapping[str, Array]]
 DIFFERENCE = 0.02  # of an unknown's scale, for slopes: large enough for what acts on few samples only
 FINE = 0.2  # of that in the last fit
 EVALUATIONS = 14  # of one search
-BOUND = 1e-6  # of a scale: so near to a bound an unknown is at it
 FAILED = 1e6  # whitened residual where the model cannot be run
 
 

@@ -198,3 +198,10 @@ FITTED_WINDOWS: Annotated[
     "thirty repetitions are many, and each window still sees the motion",
     "not measured by itself",
 ] = 30
+BOUND: Annotated[
+    float,
+    "scales",
+    "distance from a bound at which an unknown is held to be at it",
+    "a solver stops short of a bound by rounding only; its slope there is none",
+    "not measured by itself",
+] = 1e-6

@@ -37,7 +37,7 @@ def native_bytes(
     starts: tuple[tuple[str, float], ...],
     stimulus: bytes | None,
     fmi: str,
-    platforms: tuple[str, ...] = (),
+    platforms: tuple[str, ...],
     /,
 ) -> bytes:
     """The native FMU of a component, as `cosim.ssp.write.fmu_bytes` makes that of pythonfmu.
@@ -169,7 +169,7 @@ def twin(fmu: bytes, stem: str, where: str, values: Mapping[str, float]) -> byte
         )
     stem, composed = block_of(root, stem, where)
     starts = described_starts(root, composed, where) | dict(values)
-    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played, "2.0")
+    return native_bytes(stem, changed(composed, checked_starts(composed, starts)), played, "2.0", ())
 
 
 def block_of(root: etree._Element, stem: str, where: str) -> tuple[str, Composed]:

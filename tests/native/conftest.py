@@ -16,6 +16,7 @@ from fmu_raw import STIMULUS
 from cosim.native import build as native_build
 from cosim.native.build import MissingCompilerError, build_native, compiler, write_fmu
 from cosim.native.container import container
+from cosim.native.package import native_bytes
 from cosim.paths import ssp_folder
 from fmus import registry
 from fmus.build import composed_block
@@ -32,6 +33,7 @@ def quick() -> Iterator[None]:
         pytest.skip(str(error))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(native_build, "OPTIMISED", QUICK)
+        native_bytes.cache_clear()  # what other tests of this process have compiled for speed
         yield
 
 
