@@ -19,9 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from scipy.stats import binomtest
 
-from benchmarks.any_system import COUNT, NOISE, Case, H, command, make_case
+from benchmarks.any_system import COUNT, Case, H, log_of, make_case
 from benchmarks.systems import parts
-from benchmarks.systems.truth import Hidden, read, simulate
+from benchmarks.systems.truth import Hidden
 from cosim.anysystem.actions import PARAMETER
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.pipeline import diagnose_system
@@ -50,18 +50,6 @@ def scattered(case: Case, factor: float) -> Case:
     return replace(case, hidden=hidden)
 
 
-def log_of(case: Case, number: int) -> dict[str, np.ndarray]:
-    """One of the logs of a case, each with a command and noise of its own."""
-    rng = np.random.default_rng(1000 * case.seed + number)
-    values = {n: dict(v) for n, v in case.values.items()}
-    if case.parameter:
-        name, value, factor = case.parameter
-        component, _, parameter = name.partition(".")
-        values[component][parameter] = value * factor
-    true = simulate(case.kinds, values, case.wires, {"command": command(rng)}, H, case.hidden)
-    return {n: s for n, s in read(true, case.hidden, H, NOISE, rng).items() if n in case.measured}
-
-
 def true_sizes(case: Case) -> dict[str, float]:
     """Numbers of what is hidden, by the keys of the diagnosis."""
     if case.parameter:
@@ -81,7 +69,7 @@ def run(seed: int, fmus: dict[str, Path], folder: Path) -> dict[str, object]:
     )
     logs = []
     for k, factor in enumerate(factors[:-1]):
-        signals = log_of(scattered(case, float(factor)), k)
+        signals = log_of(scattered(case, float(factor)), np.random.default_rng(1000 * case.seed + k))
         columns = {n: Column(n, n, "1", 1.0, 0.0) for n in signals}
         logs.append(Recording(folder / f"log{k}.csv", H * np.arange(COUNT), signals, columns))
     trusted = {case.parameter[0]: None} if case.parameter else {}

@@ -194,9 +194,9 @@ def make_case(seed: int, most: int = 8, kind: str | None = None, least: int = 2)
     return case
 
 
-def log_of(case: Case) -> dict[str, np.ndarray]:
-    """What was measured."""
-    rng = np.random.default_rng(case.seed + 10**6)
+def log_of(case: Case, rng: np.random.Generator | None = None) -> dict[str, np.ndarray]:
+    """What was measured; `rng` draws the command and the noise, by default those of the case."""
+    rng = rng or np.random.default_rng(case.seed + 10**6)
     values = {n: dict(v) for n, v in case.values.items()}
     if case.parameter:
         name, value, factor = case.parameter

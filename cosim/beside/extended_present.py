@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.beside.extended import Consistency, ExtendedRun
 from cosim.compare.observer import SETTLING
-from cosim.compare.picture import BAND, SIMULATED, STYLE
+from cosim.compare.picture import BAND, SIMULATED, write_figure
 from cosim.files import whole
 from cosim.identify.kalman import DEG
 from cosim.identify.run_kalman import SHOWN
@@ -107,15 +107,7 @@ def write_estimates(run: ExtendedRun, path: Path) -> Path:
 
 def write_picture(run: ExtendedRun, path: Path) -> Path:
     """Draw velocity, disturbance and sensor error into a file."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    with mpl.rc_context(STYLE):
-        figure = extended_figure(run)
-        FigureCanvasAgg(figure)
-        with whole(path) as part:
-            figure.savefig(part, dpi=110)
-    return path
+    return write_figure(lambda: extended_figure(run), path)
 
 
 def extended_figure(run: ExtendedRun) -> "Figure":

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from cosim.beside.extended import Readings
 from cosim.compare.metrics import rms
-from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
+from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, write_figure
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
 from cosim.diagnosis.tracker.model import NOMINAL, SEAM, SEAM_ANGLE
-from cosim.files import whole
 from cosim.logs import Log, load_tracker
 
 if TYPE_CHECKING:
@@ -216,15 +215,7 @@ def as_data(run: TrackerRun) -> dict[str, Any]:
 
 def write_picture(run: TrackerRun, path: Path) -> Path:
     """Draw sensor, tracker and difference into a file."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    with mpl.rc_context(STYLE):
-        figure = tracker_figure(run)
-        FigureCanvasAgg(figure)
-        with whole(path) as part:
-            figure.savefig(part, dpi=110)
-    return path
+    return write_figure(lambda: tracker_figure(run), path)
 
 
 def tracker_figure(run: TrackerRun) -> "Figure":

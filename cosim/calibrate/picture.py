@@ -7,8 +7,7 @@ import numpy as np
 
 from cosim.calibrate.outcome import Calibration, Series
 from cosim.compare.outcome import Comparison
-from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, STYLE
-from cosim.files import whole
+from cosim.compare.picture import BAND, ERROR, MEASURED, SIMULATED, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,15 +19,7 @@ MOST_POINTS = 20_000
 
 def write_picture(found: Calibration, comparison: Comparison, path: Path) -> Path:
     """Draw a calibration into a file."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    with mpl.rc_context(STYLE):
-        figure = calibration_figure(found, comparison)
-        FigureCanvasAgg(figure)
-        with whole(path) as part:
-            figure.savefig(part, dpi=110)
-    return path
+    return write_figure(lambda: calibration_figure(found, comparison), path)
 
 
 def calibration_figure(found: Calibration, comparison: Comparison) -> "Figure":

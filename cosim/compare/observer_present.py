@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.compare.observer import ANGLE, RATE, REFERENCE, SETTLING, WINDOW, ObserverRun
-from cosim.compare.picture import ERROR, MEASURED, SIMULATED, STYLE
-from cosim.files import whole
+from cosim.compare.picture import ERROR, MEASURED, SIMULATED, write_figure
 from cosim.signals import SIGNALS
 from cosim.units import factor
 
@@ -80,15 +79,7 @@ HEADS = ("estimate of the FMU", "against", "RMSE", "largest", "fit %", "lag ms")
 
 def write_picture(run: ObserverRun, path: Path) -> Path:
     """Draw estimates and differences into a file."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    with mpl.rc_context(STYLE):
-        figure = observer_figure(run)
-        FigureCanvasAgg(figure)
-        with whole(path) as part:
-            figure.savefig(part, dpi=110)
-    return path
+    return write_figure(lambda: observer_figure(run), path)
 
 
 def observer_figure(run: ObserverRun) -> "Figure":

@@ -1,5 +1,7 @@
 """Pictures of a comparison: signals with their error, blocks with their residual and the noise it should stay within."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,20 +41,25 @@ def write_pictures(comparison: Comparison, folder: Path) -> dict[str, Path]:
     Returns:
         ``signals``, ``blocks`` -> file.
     """
+    figures = {"signals": signals_figure, "blocks": blocks_figure}
+    written = {}
+    for name, draw in figures.items():
+        if comparison.signals if name == "signals" else comparison.blocks:
+            written[name] = write_figure(partial(draw, comparison), folder / f"{name}.png")
+    return written
+
+
+def write_figure(draw: Callable[[], "Figure"], path: Path) -> Path:
+    """Draw a figure in our style, without a display, into a file."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    figures = {"signals": signals_figure, "blocks": blocks_figure}
-    written = {}
     with mpl.rc_context(STYLE):
-        for name, draw in figures.items():
-            if comparison.signals if name == "signals" else comparison.blocks:
-                figure = draw(comparison)
-                FigureCanvasAgg(figure)
-                written[name] = folder / f"{name}.png"
-                with whole(written[name]) as part:
-                    figure.savefig(part, dpi=110)
-    return written
+        figure = draw()
+        FigureCanvasAgg(figure)
+        with whole(path) as part:
+            figure.savefig(part, dpi=110)
+    return path
 
 
 def signals_figure(comparison: Comparison) -> "Figure":
