@@ -53,6 +53,13 @@ MarkersFile = Annotated[
         help="File for the positions of the tracker's markers; its angle then comes from their poses."
     ),
 ]
+Card = Annotated[
+    bool,
+    typer.Option(
+        "--card",
+        help="Let every analogue channel pass the input card's filter: Butterworth, order 2, 1 kHz, in samples at 250 kHz.",
+    ),
+]
 ListEffects = Annotated[bool, typer.Option("--effects", help="List what can be hidden, and stop.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (path, truth) and nothing else.")]
 
@@ -81,6 +88,7 @@ def rig(
     observer: WithObserver = False,
     tracker: TrackerFile = None,
     markers: MarkersFile = None,
+    card: Card = False,
     effects: ListEffects = False,
     json: AsJson = False,
 ) -> None:
@@ -107,6 +115,7 @@ def rig(
         tracker=tracker is not None,
         command_file=played,
         markers=markers is not None,
+        card=card,
     )
     _write(recipe, out, tracker, markers, json)
 

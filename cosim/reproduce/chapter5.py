@@ -25,10 +25,17 @@ UNITS = {"spool": ("mm", 1e3), "p_load": ("bar", 1e-5), "slew": ("deg", 1.0 / DE
 FAMILY: tuple[Role, ...] = ("nominal", "extended", "rising", "falling", "noise", "plain", "measured")
 
 
-def makers(of: Campaign) -> list[Callable[[], Item]]:
-    """Chapter 5 in the source's order."""
-    from_logs = (simplified_against, families, blocks_against, both_against, seam)
-    return [alone, locus, *(partial(make, of) for make in from_logs)]
+def makers(of: Campaign) -> dict[str, Callable[[], Item]]:
+    """Chapter 5 in the source's order: number in the source -> what makes it."""
+    return {
+        "Figs 5.1b, 5.4b, 5.5": alone,
+        "Fig. 5.2, (5.2)": locus,
+        "Fig. 5.3": partial(simplified_against, of),
+        "Fig. 5.6": partial(families, of),
+        "Figs 5.7-5.10, 5.12": partial(blocks_against, of),
+        "Figs 5.13-5.15": partial(both_against, of),
+        "Fig. 5.16": partial(seam, of),
+    }
 
 
 def alone() -> Item:
