@@ -204,6 +204,6 @@ def test_a_signal_that_turns_nan_leaves_what_was_before(toys: Any, tmp_path: Pat
     assert "component 'lag': 'lag.y' is not a finite number" in found["error"]
     assert found["partial"]["complete"] is False
     table = pd.read_csv(tmp_path / "out.partial.csv")
-    assert np.isfinite(table["lag.y [1]"]).all()
+    assert np.isfinite(table.to_numpy()).all()
     assert len(table) == found["partial"]["steps"] + 1 > 1
     assert not out.exists()
