@@ -106,15 +106,17 @@ def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
 
 
 def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[str, NDArray[np.bool_]]]:
-    """The measured signals of a group, signal -> (n,) SI, and of a sensor that loses packets which samples are stale."""
+    """The measured signals of a group, signal -> (n,) SI, and which samples of each are no readings: missing or stale."""
     measured = {s: record.signals[s] for s in group.observed if s in record.signals}
+    missing = {s: record.filled[s] for s in measured if s in record.filled}
     if group.reading not in measured or all(e.name != "sensor.dropout" for e in group.effects()):
-        return measured, {}
+        return measured, missing
     lost = record.lost(group.reading)
     if not lost.any():
-        return measured, {}
+        return measured, missing
     fresh = record.fresh(group.reading)
-    return measured | {group.reading: fresh}, {group.reading: lost}
+    lost = lost | missing.get(group.reading, False)
+    return measured | {group.reading: fresh}, missing | {group.reading: lost}
 
 
 def window_of(lengths: list[int], bins: int, h: float) -> int:
