@@ -481,9 +481,11 @@ def seam(of: Campaign) -> Item:
     )
     rows.append(Row("height of the step, in the record", None, value / DEG, "deg", 1.96 * deviation / DEG))
     rows.append(Row("height of the step, by the marker models", None, by_models, "deg"))
+    same = "is" if abs(value / DEG - by_models) <= 1.96 * deviation / DEG else "is not quite"
     verdict = (
-        "The difference steps where the two marker models meet, in every pass, as in the source; the step is what the "
-        "models differ by. The tracker's clock is found from the records themselves, which the source did by hand."
+        "The difference steps where the two marker models meet, in every pass, as in the source; the step of the record "
+        f"{same} what the models differ by. The tracker's clock is found from the records themselves, which the source did "
+        "by hand."
     )
     return Item(
         "seam",

@@ -10,6 +10,10 @@ EFFECT = Effect(
     key="C_B",
     free={"C_B": Free(starts=(1e-12, 5e-12), scale=1e-12, floor=2e-14)},
     sole_form=True,
-    ranges={"C_B": Range(0.0, 1e-10, "fifty times the nominal leakage across the ports swallows what the valve passes")},
+    ranges={
+        "C_B": Range(
+            0.0, 1e-10, "fifty times the nominal leakage across the ports swallows what the valve passes"
+        )
+    },
     only="continuity_physical",
 )
