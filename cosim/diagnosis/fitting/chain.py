@@ -29,6 +29,7 @@ from cosim.diagnosis.thresholds import (
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
+SUPPLY = "p_supply"  # output of the hydraulics
 
 
 @dataclass
@@ -139,7 +140,11 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     skip = min(round(UNSETTLED / record.h), int(UNSETTLED_SHARE * shortest))
     window = window_of([piece.time.size - skip for piece in record.pieces], bins, record.h)
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
-    rules = {s: plain(bins, window, not group.absolute, skip, record.cuts) for s in observed}
+    # and the supply of orifices, whose pressure without flow sets what they pass
+    absolute = {
+        s: group.absolute or (group.loop is not None and group.output_of(s) == SUPPLY) for s in observed
+    }
+    rules = {s: plain(bins, window, not absolute[s], skip, record.cuts) for s in observed}
     measured, lost = observed_of(group, record)
     task = Task(model, measured, rules, steps=coarse_steps(measured), lost=lost)
     # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;
