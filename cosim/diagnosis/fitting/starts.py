@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.thresholds import STRAINED_START
 
-MOST_FITTED = 24
-ROUNDS_BESIDE = 4
-
 Array = NDArray[np.float64]
 Values = dict[str, float]
 # whether it is without effect, square of the whitened residual and of the priors' pulls, parameters
@@ -81,10 +78,6 @@ def fit_from_starts(
             return found
 
         seen = [(v | straight, white(v | straight)) for v in combined(unknowns, starts)]
-        guessed = [u for u in unknowns if u.ratio and u.name not in starts]
-        begun = sorted(trials, key=lambda trial: trial[:2])[:MOST_FITTED] if guessed and starts else []
-        for _, _, values in begun:
-            white(values | fit(task, placed(guessed, values), fixed=values, rounds=ROUNDS_BESIDE, quick=True).values)
         if size is not None:
             for same in differing_in_phase(seen, size):
                 white(bounded(sized(same, size, off, hidden), unknowns))
