@@ -318,15 +318,14 @@ def least_error(
         return -0.5 * count * left - 0.5 * trial.price * float(np.log(count))
 
     def believed(options: list[Trial]) -> Trial | None:
-        if not options:
-            return None
-        best = max(options, key=worth)
-        weighed(best)
-        before = tried(task, chosen.effects, tolerance, chosen.fit)
-        more = tried(task, best.effects, tolerance, best.fit)
-        # a beginning only: what is named is decided later
-        if worth(more) > worth(before) and believable(more, task.model, tolerance):
-            return more
+        # the best by far may be one whose size nobody knows
+        for best in sorted(options, key=worth, reverse=True)[:PAIRED]:
+            weighed(best)
+            before = tried(task, chosen.effects, tolerance, chosen.fit)
+            more = tried(task, best.effects, tolerance, best.fit)
+            # a beginning only: what is named is decided later
+            if worth(more) > worth(before) and believable(more, task.model, tolerance):
+                return more
         weighed(chosen)
         return None
 
