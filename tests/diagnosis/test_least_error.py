@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.noise import broad, plain
-from cosim.diagnosis.fitting.trials import candidates_of, starting, tried, unused
+from cosim.diagnosis.fitting.trials import Trial, candidates_of, starting, tried, unused
 from cosim.diagnosis.hypotheses import naming
 from cosim.diagnosis.hypotheses.naming import least_error, nominal
 from cosim.diagnosis.model.groups import Group, merged
@@ -100,3 +100,22 @@ def test_a_stop_within_a_model_of_guesses_is_sought_where_the_fitted_model_meets
         starting(task, (stop,), GUESSED_TRUST, near)[1]["dcv.x_max"] for near in (None, null.fit)
     )
     assert any(0.9 * spool.max() < at < spool.max() for at in set(begun) - set(before))
+
+
+def test_where_the_size_of_the_best_is_not_known_the_next_is_taken(
+    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record, group = pair
+    task = task_for(group, record, [])
+    null = nominal(task, record, CALIBRATED_TRUST)
+    candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
+    offered: list[tuple[str, ...]] = []
+
+    def all_but_the_first(new: Trial, *_: object) -> bool:
+        offered.append(new.names)
+        return len(offered) > 1
+
+    monkeypatch.setattr(naming, "believable", all_but_the_first)
+    found = least_error(task, null, candidates, CALIBRATED_TRUST, 1)
+    assert found is not None
+    assert offered[0] != offered[1] == found.names
