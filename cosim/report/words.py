@@ -121,6 +121,16 @@ def with_signals(text: str) -> str:
     return _SIGNAL.sub(lambda found: signal_name(found[1]), text)
 
 
+_DEPENDS = re.compile(
+    rf"(?<=that depends on )({'|'.join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))})(?= explains|,)"
+)
+
+
+def with_quantities(text: str) -> str:
+    """A sentence in which what something depends on is called as people call it: "slew speed" for "omega"."""
+    return _DEPENDS.sub(lambda found: QUANTITIES[found[1]][0], text)
+
+
 def few(text: str, most: int = 5) -> str:
     """A sentence that ends in a list, ``x would show: a, b, c``, with no more than the first of a long one."""
     head, colon, rest = text.partition(": ")
