@@ -24,7 +24,6 @@ from cosim.report.words import (
     span_of,
     telling,
     unit_text,
-    with_quantities,
     with_signals,
     words_of,
 )
@@ -87,7 +86,7 @@ def wrong(result: Answer) -> Iterator[str]:
         yield f"Cause: {place(cause)}: {sizes(cause, result)}"
     for rest in result.unexplained:
         yield (
-            f"Unexplained: {block_name(rest.block)}: {with_signals(with_quantities(rest.what))}; no effect of the library "
+            f"Unexplained: {block_name(rest.block)}: {with_signals(rest.what)}; no effect of the library "
             f"explains it ({rest.residual_rms:.2g} {unit_text(rest.unit)})".replace(" )", ")")
         )
     for item in result.refused:
