@@ -69,9 +69,8 @@ class Record:
         grid = self.grid
         if not isinstance(grid, Pieces):
             return [self]
-        rows, filled = (
-            {n: np.split(v, grid.cuts) for n, v in of.items()} for of in (self.signals, self.filled)
-        )
+        rows = {n: np.split(v, grid.cuts) for n, v in self.signals.items()}
+        filled = {n: np.split(v, grid.cuts) for n, v in self.filled.items()}
         return [
             Record(
                 h,
@@ -87,7 +86,8 @@ class Record:
     def until(self, count: int) -> "Record":
         """The first samples of one log alone."""
         grid = replace(self.grid, stamps=self.grid.stamps[:count]) if isinstance(self.grid, Grid) else None
-        signals, filled = ({n: v[:count] for n, v in of.items()} for of in (self.signals, self.filled))
+        signals = {n: v[:count] for n, v in self.signals.items()}
+        filled = {n: v[:count] for n, v in self.filled.items()}
         return Record(self.h, signals, grid, self.rest, self.sparse, filled)
 
     def has(self, *names: str) -> bool:
