@@ -175,7 +175,9 @@ def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
         return
     output = console.stdout_console()
     rows = [{"signal": name, **row} for name, row in about["signals"].items()]
-    output.print(result.lines()[0], markup=False, soft_wrap=True)  # a title would be as narrow as a short table
+    output.print(
+        result.lines()[0], markup=False, soft_wrap=True
+    )  # a title would be as narrow as a short table
     if rows:
         output.print(console.table("", list(rows[0]), [list(row.values()) for row in rows]))
     else:
