@@ -88,6 +88,10 @@ def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> An
     answer.tables.append((f"identified from {log.source.name}", COLUMNS, parameter_table(values, known)))
     answer.lines.append("best fit: " + ", ".join(f"{name} {value:.2f} %" for name, value in fits.items()))
     answer.lines += [f"{block} left out: {why}" for block, why in left_out.items()]
+    if "mechanical" in left_out and "p_load" in log and "slew" in log:
+        answer.lines.append(
+            "cosim identify mechanics takes inertia and friction from pressure and angle, without poles"
+        )
     return answer
 
 
