@@ -1,5 +1,6 @@
 """Runs FMUs in this process: what a Runner does itself with FMUs of ours, and its child with those of others."""
 
+import math
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 
@@ -29,6 +30,7 @@ class Task:
         whole: steps of size `step_size` [s]; the grid may have a shorter one more.
         engine: which loop.
         tolerance: for the step-size control of the FMUs that have one, instead of their default experiment's.
+        within: longest time that it may take where FMUs of others run [s].
     """
 
     plan: Plan
@@ -39,6 +41,7 @@ class Task:
     step_size: float
     engine: EngineName
     tolerance: float | None = None
+    within: float = math.inf
 
 
 class Host:
