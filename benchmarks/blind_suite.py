@@ -8,6 +8,7 @@ only prints the scorecard of what the file holds.
 import argparse
 import json
 import sys
+from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from itertools import islice
 from pathlib import Path
@@ -20,6 +21,7 @@ from rich.table import Table
 
 from benchmarks.blind.cases import KINDS, Case, cases
 from benchmarks.blind.score import Metric, confusion, names, scorecard, true_names
+from benchmarks.blind.sizes import RANGES, SIZES
 from benchmarks.blind.trial import run_case
 
 
@@ -35,11 +37,23 @@ def read(file: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def drawn(count: int, seed: int, duration: float, kinds: list[str]) -> list[Case]:
-    """The first `count` cases of a seed, or the first that are of these kinds."""
-    if not kinds:
-        return list(cases(count, seed, duration))
-    return list(islice((c for c in cases(10**9, seed, duration) if c.kind in kinds), count))
+def drawn(
+    count: int,
+    seed: int,
+    duration: float,
+    kinds: Collection[str] = (),
+    sizes: Collection[str] = (),
+    effects: Collection[str] = (),
+) -> list[Case]:
+    """The first `count` cases of a seed that are of these kinds and sizes and hide one of these effects; empty: of all."""
+    asked = (
+        c
+        for c in cases(10**9, seed, duration)
+        if (not kinds or c.kind in kinds)
+        and (not sizes or c.size in sizes)
+        and (not effects or not c.hidden.keys().isdisjoint(effects))
+    )
+    return list(islice(asked, count))
 
 
 def run(file: Path, listed: list[Case], seed: int, workers: int, fmus: bool, console: Console) -> None:
@@ -93,6 +107,10 @@ def main() -> int:
     parser.add_argument(
         "--kinds", nargs="+", default=[], choices=list(KINDS), help="only cases of these kinds"
     )
+    parser.add_argument("--sizes", nargs="+", default=[], choices=SIZES, help="only cases of these sizes")
+    parser.add_argument(
+        "--effects", nargs="+", default=[], choices=list(RANGES), help="only cases that hide one of these"
+    )
     parser.add_argument("--duration", type=float, default=60.0, help="of each log, s")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--no-fmus", action="store_true", help="do not run the extended model's FMUs")
@@ -102,7 +120,9 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
     options = parser.parse_args()
     console = Console(stderr=options.json, width=None if sys.stdout.isatty() else 160)
-    listed = drawn(options.cases, options.seed, options.duration, options.kinds)
+    listed = drawn(
+        options.cases, options.seed, options.duration, options.kinds, options.sizes, options.effects
+    )
     run(options.file, listed, options.seed, options.workers, not options.no_fmus, console)
     rows = read(options.file)
     if options.json:

@@ -125,26 +125,7 @@ static void step(const Fmu *fmu, double time, double h)
     if (event || end || early) { fputs("fmi3DoStep wants more than a step\n", stderr); exit(4); }
 }
 #else
-typedef struct {
-    void (*logger)(void *, const char *, int, const char *, const char *, ...);
-    void *(*allocate)(size_t, size_t);
-    void (*release)(void *);
-    void (*finished)(void *, int);
-    void *environment;
-} Callbacks;
-
-static void logger(void *environment, const char *name, int status, const char *category, const char *message, ...)
-{
-    va_list rest;
-    (void)environment; (void)name; (void)category;
-    if (status == 0) return;
-    va_start(rest, message);
-    vfprintf(stderr, message, rest);
-    va_end(rest);
-    fputc('\n', stderr);
-}
-
-static const Callbacks callbacks = {logger, calloc, free, NULL, NULL};
+#include "fmi2_callbacks.h"
 
 static void load(Fmu *fmu, const char *name, const char *path, const char *resources, const char *guid)
 {

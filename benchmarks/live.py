@@ -14,28 +14,15 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import psutil
 
+from benchmarks.load import load
 from cosim.live.pace import SPIN, Lateness, Pace, steady
 
-BUSY = "while True: pass"
 SHOWN = ("p50", "p99", "p99.9", "worst")
-
-
-@contextlib.contextmanager
-def load(number: int) -> Iterator[None]:
-    """So many processes that never rest."""
-    busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(number)]
-    try:
-        yield
-    finally:
-        for process in busy:
-            process.kill()
-            process.wait()
 
 
 def free_ports() -> list[int]:

@@ -10,7 +10,6 @@
 #include <dlfcn.h>
 #include <math.h>
 #include <sched.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/mman.h>
@@ -27,25 +26,7 @@ void *calloc(size_t n, size_t size) { allocations++; return __libc_calloc(n, siz
 void *realloc(void *p, size_t n) { allocations++; return __libc_realloc(p, n); }
 void free(void *p) { allocations++; __libc_free(p); }
 
-typedef struct {
-    void (*logger)(void *, const char *, int, const char *, const char *, ...);
-    void *(*allocate)(size_t, size_t);
-    void (*release)(void *);
-    void (*finished)(void *, int);
-    void *environment;
-} Callbacks;
-
-static void logger(void *environment, const char *name, int status, const char *category, const char *message, ...)
-{
-    va_list rest;
-    (void)environment; (void)name; (void)status; (void)category;
-    va_start(rest, message);
-    vfprintf(stderr, message, rest);
-    va_end(rest);
-    fputc('\n', stderr);
-}
-
-static const Callbacks callbacks = {logger, calloc, free, NULL, NULL};
+#include "fmi2_callbacks.h"
 
 static double now(void)
 {

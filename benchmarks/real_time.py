@@ -13,20 +13,21 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import fmpy
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from benchmarks.load import load
 from cosim.native.build import compiler, write_fmu
 from cosim.native.container import container
 from cosim.paths import ssp_folder
 
 SOURCE = Path(__file__).with_name("real_time.c")
 PERIOD = 1_000_000  # ns
-BUSY = "while True: sum(i * i for i in range(100000))"
 # effects of each kind in the chain at once: iterations within a step are where its time varies
 EFFECTS = {
     "dead_zone": {"play": 0.01},
@@ -95,18 +96,6 @@ def calls_while_stepping(given: Host, steps: int, folder: Path) -> list[str]:
     return lines[first + 1 : last]
 
 
-@contextmanager
-def load() -> Iterator[None]:
-    """A busy process on each core."""
-    busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(os.cpu_count() or 1)]
-    try:
-        yield
-    finally:
-        for process in busy:
-            process.kill()
-            process.wait()
-
-
 def row(what: str, found: Mapping[str, float]) -> str:
     """A line of the table, in microseconds."""
     times = [f"{found[n] / 1e3:.2f}" for n in ("half", "p999", "most", "late_half", "late_p999", "late_most")]
@@ -136,7 +125,7 @@ def main() -> None:
             print(row(f"{what}, as fast as it can", given.run(steps, 0)), flush=True)
         alone = effects.run(steps)
         print(row("effects on, 1 kHz, alone", alone), flush=True)
-        with load():
+        with load(os.cpu_count() or 1):
             print(row("effects on, 1 kHz, beside busy processes", effects.run(steps)), flush=True)
         print(
             f"first in line: {'yes' if alone['fifo'] else 'no'}; memory locked: {'yes' if alone['locked'] else 'no'}"

@@ -47,6 +47,8 @@ def table() -> str:
         asked = " Considered on request only." if effect.asked else ""
         if effect.alone:
             asked = " On request only where its block is not judged by itself."
+        if effect.only:
+            asked = f" In {effect.only} alone."
         lines.append(f"| `{effect.name}` | {effect.text}{asked} | {parameters(effect)} | {effect.residual} |")
     return "\n".join(lines)
 

@@ -192,7 +192,10 @@ def page(effects: list[str]) -> str:
     alike = f"; in {same} more this log cannot tell it from the one named" if same else ""
     head = HEAD.format(duration=DURATION, excitation=EXCITATION, made=len(made), right=right, alike=alike)
     others = [e for e in registry.effects() if e not in EFFECTS]
-    rest = "## Effects without a synthetic log\n\nThe rig cannot hide these; their tests make logs of their own: "
+    rest = (
+        "## Effects without a synthetic log\n\nThe rig cannot hide these, or by `--set` alone (`--model physical`); "
+        "their tests make logs of their own: "
+    )
     names = ", ".join(f"{NAMES[e]} (`{e}`)" for e in others)
     parts = [head, *(entry(e, RESULTS / e) for e in made), f"{rest}{names}."]
     return "\n".join(part.strip() + "\n" for part in parts)

@@ -237,6 +237,7 @@ class Effect:
         prior: log odds against the other effects before a log is seen.
         on: another block that runs under the same component -> what of the above is otherwise there; the effect has no place
             in one that is not named.
+        only: the one block that has it, where that is not the usual one of its component.
     """
 
     name: str
@@ -260,6 +261,7 @@ class Effect:
     ranges: dict[str, Range] = field(default_factory=dict)
     prior: float = 0.0
     on: dict[str, dict[str, Any]] = field(default_factory=dict)
+    only: str = ""
 
     @property
     def block(self) -> str:

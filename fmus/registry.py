@@ -60,6 +60,8 @@ def blocks_of(component: str) -> tuple[str, ...]:
 def effect_on(name: str, block: str) -> Effect | None:
     """The effect `name` as it is in a block; None where it has no place in it."""
     effect = effects()[name]
+    if effect.only:
+        return effect if block == effect.only else None
     if block == FMU_OF_COMPONENT.get(effect.component, effect.component):
         return effect
     return _otherwise(name, block) if block in effect.on else None

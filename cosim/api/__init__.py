@@ -129,6 +129,8 @@ def simulate(
     partial_step: bool = False,
     native: bool = False,
     limits: "Limits | None" = None,
+    start_time: Number | None = None,
+    tolerance: float | None = None,
     progress: Heard | None = None,
 ) -> "Result":
     """Simulate a system of FMUs.
@@ -146,6 +148,8 @@ def simulate(
         partial_step: let the last step be shorter, to end at the stop time.
         native: run C twins of our FMUs.
         limits: of time and memory, for FMUs that are not ours.
+        start_time: [s]; by default that of the inputs, the model's own, or 0.
+        tolerance: for the FMUs' own step-size control; by default that of their default experiments.
         progress: told what is going on, and the share that is done.
 
     Raises:
@@ -169,6 +173,8 @@ def simulate(
                 partial_step=partial_step,
                 native=native,
                 limits=limits,
+                start=None if start_time is None else _seconds(start_time),
+                tolerance=tolerance,
             )
         )
 

@@ -18,6 +18,10 @@ from cosim.ssp.build import SYSTEMS
 from cosim.ssp.system import System
 
 DEFAULT_STOP, DEFAULT_STEP = 10.0, 1e-3  # [s], where neither request nor model says
+MOST_STEPS, FEW_STEPS = (
+    1e6,
+    1000,
+)  # of an FMU's own span: more than the first of 1 ms, and the second are made instead
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ class Asked:
     partial_step: bool
     native: bool
     limits: Limits | None
+    start: float | None = None
+    tolerance: float | None = None
 
 
 def run(asked: Asked) -> Result:
@@ -59,22 +65,59 @@ def run(asked: Asked) -> Result:
         Runner(path, limits=asked.limits or Limits.usual()) as runner,
     ):
         system = runner.system
-        step = asked.step or system.step_size or DEFAULT_STEP
+        start = system.start_time or 0.0
+        stop = DEFAULT_STOP if system.stop_time is None else system.stop_time
+        step = asked.step or system.step_size or _usual_step(system, start, stop)
         options: dict[str, Any] = {
             "parameters": parameters(system, asked.parameter_sets, asked.settings),
             "record": asked.record,
-            "start_time": system.start_time or 0.0,
+            "start_time": start,
             "partial_step": asked.partial_step,
+            "tolerance": asked.tolerance,
         }
-        stop = system.stop_time or DEFAULT_STOP
         if isinstance(asked.inputs, Log):
             options["inputs"], options["start_time"], stop = of_log(asked.inputs, system, step)
         elif played is not None:
             options["inputs"], options["start_time"], stop = read_inputs(played, mapping, system, step)
         stop = stop if asked.stop is None else asked.stop
+        if asked.start is not None:
+            options["start_time"] = asked.start
+        own = _own_experiment(asked, system)
+        if {"start", "stop"} <= own.keys() and asked.step is None and not asked.estimate_error:
+            options["partial_step"] = True  # an FMU's own step need not divide its own span
         with console.progress(f"simulating {system.name}", stop - options["start_time"]) as bar:
             simulate = runner.coupling_error if asked.estimate_error else runner.run
-            return simulate(stop, step, progress=bar, **options)
+            result = simulate(stop, step, progress=bar, **options)
+        if own:
+            told = ", ".join(f"{name} {value:.6g}{unit}" for name, (value, unit) in own.items())
+            result.notes.append(f"by the FMU's own default experiment: {told}")
+        return result
+
+
+def _usual_step(system: System, start: float, stop: float) -> float:
+    """Step [s] where neither request nor model says: 1 ms, or a thousandth of an FMU's own span that this does not suit."""
+    steps = (stop - start) / DEFAULT_STEP
+    if system.stop_time is None or not steps > 0.0:
+        return DEFAULT_STEP
+    suits = steps <= MOST_STEPS and abs(steps - round(steps)) <= 1e-6 and round(steps) >= 1
+    return DEFAULT_STEP if suits else (stop - start) / FEW_STEPS
+
+
+def _own_experiment(asked: Asked, system: System) -> dict[str, tuple[float, str]]:
+    """What is taken from the default experiment of an FMU that is simulated alone: name -> (value, its unit)."""
+    if len(system.components) != 1 or system.path.suffix.lower() != ".fmu":
+        return {}
+    (component,) = system.components.values()
+    fmu, driven = component.fmu, asked.inputs is not None
+    own = {
+        "start": (fmu.start_time, " s", driven or asked.start is not None),
+        "stop": (fmu.stop_time, " s", driven or asked.stop is not None),
+        "step": (fmu.step_size, " s", asked.step is not None),
+        "tolerance": (fmu.tolerance, "", asked.tolerance is not None),
+    }
+    return {
+        name: (value, unit) for name, (value, unit, given) in own.items() if value is not None and not given
+    }
 
 
 def of_log(log: Log, system: System, step: float) -> tuple[dict[str, Any], float, float]:

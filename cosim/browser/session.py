@@ -30,6 +30,7 @@ from cosim.files import write_text
 from cosim.logs import load_tracker
 from cosim.logs.load import SUFFIXES, open_source
 from cosim.logs.mapping import load_mapping
+from cosim.logs.markers import holds_markers
 from cosim.logs.overview import Overview, overview
 from cosim.logs.source import digest
 from cosim.machines.table import machine_table
@@ -678,13 +679,13 @@ def headings(found: Overview) -> list[tuple[str, str | None]]:
 
 
 def is_tracker(file: Path) -> bool:
-    """Whether a file is a tracker's record: it has the tracker's column and none of the crane's command."""
+    """Whether a file is a tracker's record: its angle or its markers' positions, and none of the crane's command."""
     try:
-        labels = open_source(file).labels
+        source = open_source(file)
     except HeadlessError:
         return False
-    names = {name for label in labels for name in (label.name, label.alias)}
-    return "slew_external" in names and "u" not in names
+    names = {name for label in source.labels for name in (label.name, label.alias)}
+    return holds_markers(source) or ("slew_external" in names and "u" not in names)
 
 
 def interrupt() -> None:

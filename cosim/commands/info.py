@@ -206,12 +206,16 @@ def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:
     """
     from cosim.logs import load_log, load_mapping, load_tracker
     from cosim.logs.load import open_source
+    from cosim.logs.markers import holds_markers
 
     chosen = load_mapping(mapping) if mapping else None
     if chosen is not None:
         tracker = "slew_external" in chosen.signals
     else:
-        tracker = any("slew_external" in (label.name, label.alias) for label in open_source(path).labels)
+        source = open_source(path)
+        tracker = holds_markers(source) or any(
+            "slew_external" in (label.name, label.alias) for label in source.labels
+        )
     record: Log | Tracker = load_tracker(path, chosen) if tracker else load_log(path, chosen)
     unit = getattr(record, "time_unit", "s")
     facts = {

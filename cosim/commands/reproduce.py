@@ -30,6 +30,12 @@ def reproduce(
             "[default: dcv.amplitude_damping and continuity.flow_pressure, the source's own findings]."
         ),
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Figure or table by its number in the source, such as 'fig. 4.4' or 5.14; repeatable [default: all]."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Of the rig's noise.", min=0)] = 1,
     full: Annotated[
         bool, typer.Option("--full", help="The source's whole grids of frequencies: some 40 minutes of log.")
@@ -50,10 +56,11 @@ def reproduce(
     hidden = HIDDEN if not hide else () if hide == ["none"] else tuple(hide)
     for text in hidden:
         Hidden.parse(text)  # a misspelt name is said before the work begins
+    campaign, wanted = Campaign(hidden, seed, full), only or []
+    count = len(makers(campaign, wanted))
     build_missing(build_folder())
-    campaign = Campaign(hidden, seed, full)
-    with console.progress("figures and tables", len(makers(campaign))) as advance:
-        items = list(made(campaign, lambda done, _: advance(done)))
+    with console.progress("figures and tables", count) as advance:
+        items = list(made(campaign, wanted, lambda done, _: advance(done)))
     files = write(campaign, items, out or build_folder() / "reproduce")
     if as_json:
         console.emit_json(

@@ -53,6 +53,13 @@ MarkersFile = Annotated[
         help="File for the positions of the tracker's markers; its angle then comes from their poses."
     ),
 ]
+Card = Annotated[
+    bool,
+    typer.Option(
+        "--card",
+        help="Let every analogue channel pass the input card's filter: Butterworth, order 2, 1 kHz, in samples at 250 kHz.",
+    ),
+]
 ListEffects = Annotated[bool, typer.Option("--effects", help="List what can be hidden, and stop.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (path, truth) and nothing else.")]
 
@@ -81,6 +88,7 @@ def rig(
     observer: WithObserver = False,
     tracker: TrackerFile = None,
     markers: MarkersFile = None,
+    card: Card = False,
     effects: ListEffects = False,
     json: AsJson = False,
 ) -> None:
@@ -107,6 +115,7 @@ def rig(
         tracker=tracker is not None,
         command_file=played,
         markers=markers is not None,
+        card=card,
     )
     _write(recipe, out, tracker, markers, json)
 
@@ -127,9 +136,8 @@ def _write(recipe: "Recipe", out: Path, tracker: Path | None, markers: Path | No
     write(run, out)
     if tracker is not None:
         write_tracker(run, tracker)
-    if markers is not None:
-        write_markers(run, markers)
-    _report(run, out, write_truth(run, out), tracker, markers, json)
+    models = None if markers is None else write_markers(run, markers)
+    _report(run, out, write_truth(run, out), [tracker, markers, models], json)
 
 
 def _length(text: str | None, excitation: str, played: Path | None) -> float:
@@ -164,10 +172,11 @@ def _noise(scale: float, kind: str, time: str, sizes: list[str]) -> "Noise":
     return Noise(scale, kind, parse_quantity(time, "s"), chosen)
 
 
-def _report(
-    run: "RigRun", out: Path, truth: Path, tracker: Path | None, markers: Path | None, json: bool
-) -> None:
-    """Say what was written: one JSON object, or a few lines that call it synthetic."""
+def _report(run: "RigRun", out: Path, truth: Path, others: list[Path | None], json: bool) -> None:
+    """Say what was written: one JSON object, or a few lines that call it synthetic.
+
+    `others` are the files of the tracker's record, its markers and their models, as far as they were asked for.
+    """
     from cosim.console import emit_json, stderr_console, stdout_console
 
     if json:
@@ -177,10 +186,8 @@ def _report(
             "truth": run.truth,
             "synthetic": True,
         }
-        if tracker is not None:
-            found["tracker_path"] = str(tracker)
-        if markers is not None:
-            found["markers_path"] = str(markers)
+        keys = ("tracker_path", "markers_path", "models_path")
+        found |= {name: str(path) for name, path in zip(keys, others, strict=True) if path is not None}
         emit_json(found)
     for note in run.notes:
         stderr_console().print(f"note: {note}", markup=False)
@@ -194,7 +201,7 @@ def _report(
         console.print(
             f"marker models: a seam of {step:.4f} deg; {run.markers.stitched.summary()}", markup=False
         )
-    for path in filter(None, (out, tracker, markers, truth)):
+    for path in filter(None, (out, *others, truth)):
         console.print(f"  {path}", markup=False, soft_wrap=True)
 
 

@@ -21,6 +21,17 @@ StopTime = Annotated[
     str | None, typer.Option(help="Such as '10 s' (default: end of the input, the model's own, or 10 s).")
 ]
 StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' (default: the model's own, or 1 ms).")]
+StartTime = Annotated[
+    str | None, typer.Option(help="Such as '2 s' (default: start of the input, the model's own, or 0).")
+]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        help="For the FMUs' own step-size control, such as 1e-6 (default: that of their default experiments).",
+        min=1e-15,
+        max=1.0,
+    ),
+]
 Settings = Annotated[
     list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
 ]
@@ -83,6 +94,8 @@ def simulate(
     si: Si = False,
     partial_step: PartialStep = False,
     native: Native = False,
+    start_time: StartTime = None,
+    tolerance: Tolerance = None,
     stall: Stall = None,
     memory: Memory = None,
     as_json: AsJson = False,
@@ -108,6 +121,8 @@ def simulate(
             partial_step=partial_step,
             native=native,
             limits=_limits(stall, memory),
+            start_time=None if start_time is None else seconds(start_time, "--start-time"),
+            tolerance=tolerance,
         )
     for note in [*result.notes, *result.messages]:
         console.warn(note)

@@ -1,98 +1,18 @@
 """``cosim identify markers``: the slew angle and the seam from a record of marker positions and two marker models."""
 
-import json
 import math
-import tomllib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import DataError, UsageError
+from cosim.errors import UsageError
 from cosim.identify.answer import Answer
-from cosim.logs.load import open_source
-from cosim.markers import Limits, MarkerModel, Poses, Stitched, seam, slew, stitch
-from cosim.signals import SYNTHETIC_COLUMN, conversion
+from cosim.logs.markers import read_models, read_positions
+from cosim.markers import Limits, Poses, Stitched, seam, slew, stitch
 
 Array = NDArray[np.float64]
 DEG = math.pi / 180.0
-AXES = ("x", "y", "z")
-
-
-def read_positions(path: Path) -> tuple[Array, tuple[str, ...], Array, bool]:
-    """Stamps (n,) [s], names of markers, positions (n, markers, 3) [m] with NaN where hidden, whether it is synthetic.
-
-    The columns are ``time [s]`` and ``NAME_x [mm]``, ``NAME_y [mm]``, ``NAME_z [mm]`` for each marker, in any unit of
-    length.
-
-    Raises:
-        DataError: the file cannot be read, or a column is missing or has no unit; the message names it.
-    """
-    source = open_source(path)
-    columns = {label.name: (k, label) for k, label in enumerate(source.labels)}
-    names = tuple(
-        name[:-2]
-        for name in columns
-        if name.endswith("_x") and all(f"{name[:-2]}_{axis}" in columns for axis in AXES)
-    )
-    if "time" not in columns or not names:
-        raise DataError(
-            f"{path}: a record of markers has 'time [s]' and 'NAME_x [mm]', 'NAME_y [mm]', 'NAME_z [mm]' for each marker; "
-            f"this has {', '.join(label.text for label in source.labels)}"
-        )
-    wanted = [("time", "s"), *((f"{name}_{axis}", "m") for name in names for axis in AXES)]
-    read = []
-    values = source.read([columns[name][0] for name, _ in wanted])
-    for (name, si), column in zip(wanted, values, strict=True):
-        label = columns[name][1]
-        if label.unit is None:
-            raise DataError(f"{path}: column '{label.text}' has no unit: write it as '{label.name} [mm]'")
-        try:
-            read.append(column * conversion(label.unit, si))
-        except UsageError as error:
-            raise DataError(f"{path}: column '{label.text}': {error}") from None
-    time = read[0]
-    back = np.flatnonzero(~(np.diff(time) > 0.0))
-    if time.size == 0 or back.size:
-        where = f"{source.at(int(back[0]) + 1)}: the time does not rise" if back.size else "no rows"
-        raise DataError(f"{path}: {where}")
-    positions = np.stack(read[1:], axis=1).reshape(time.size, len(names), 3)
-    return time, names, positions, SYNTHETIC_COLUMN in columns
-
-
-def read_models(path: Path) -> tuple[MarkerModel, MarkerModel]:
-    """The two marker models of a .toml or .json file: that below 12 deg first.
-
-    It holds ``unit`` and under ``models`` a table a model: marker = [x, y, z]. The truth file of the rig is such a file too.
-
-    Raises:
-        DataError: the file cannot be read or does not hold two such tables.
-        UsageError: a model is none.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-        data: dict[str, Any] = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read: {error}") from None
-    data = data.get("markers", data) if isinstance(data, dict) else {}
-    models = data.get("models") if isinstance(data, dict) else None
-    if not isinstance(models, dict) or len(models) != 2 or not isinstance(data.get("unit"), str):
-        raise DataError(
-            f"{path}: marker models are written as unit = \"mm\" and two tables such as [models.'model 1'] with lines "
-            "S1 = [900, 250, 1200]; the first counts below 12 deg"
-        )
-    try:
-        scale, made = conversion(data["unit"], "m"), []
-    except UsageError as error:
-        raise DataError(f"{path}: {error}") from None
-    for name, points in models.items():
-        try:
-            scaled = {str(marker): np.asarray(point, dtype=float) * scale for marker, point in points.items()}
-        except (AttributeError, TypeError, ValueError):
-            raise DataError(f"{path}: a marker of '{name}' is not written as [x, y, z]") from None
-        made.append(MarkerModel(str(name), scaled))
-    return made[0], made[1]
 
 
 def markers_answer(record: Path, models: Path, limits: Limits) -> Answer:

@@ -9,9 +9,12 @@ import gc
 import os
 import select
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from socket import socket
+from typing import Any
 
 from cosim import console
 
@@ -20,9 +23,14 @@ SPIN = 1e-4  # s of looking at the clock at the end of a wait
 STEER = 2e-4  # of a period, the most that the grid moves a slot: the other clock may run 200 ppm off
 FIRST = 500  # arrivals in which it moves faster, since the first one may have come late
 GAIN = 2e-3  # part of the arrivals' distance from mid-slot taken back a slot
+SWITCH = (
+    1e-4  # s after which another thread of ours gives the interpreter back to the loop; Python's own is 5 ms
+)
+FIRST_IN_LINE = 50  # of SCHED_FIFO, for the loop; our other threads come right behind it
 BIN = 1e-6  # s
 BINS = 20_000
 _SET_TIMER_SLACK = 29  # prctl(2)
+_ALL_PAGES = 3  # mlockall(2): MCL_CURRENT | MCL_FUTURE
 
 
 class Lateness:
@@ -120,8 +128,12 @@ class Pace:
 
 @contextlib.contextmanager
 def steady() -> Iterator[None]:
-    """Keeps pauses out of a loop: no garbage collection, and timers that do not wait for each other (Linux)."""
-    running = gc.isenabled()
+    """Keeps pauses out of a loop.
+
+    No garbage collection, threads that give the interpreter back soon, and timers that do not wait for each other (Linux).
+    """
+    running, interval = gc.isenabled(), sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH)
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -134,25 +146,53 @@ def steady() -> Iterator[None]:
         gc.unfreeze()
         if running:
             gc.enable()
+        sys.setswitchinterval(interval)
 
 
 @contextlib.contextmanager
 def priority(wanted: bool) -> Iterator[None]:
-    """Real-time priority (SCHED_FIFO) where it is wanted; a warning where the system does not give it."""
+    """Real-time priority (SCHED_FIFO) and memory that stays, where wanted; a warning where the system does not give it.
+
+    Our other threads come right behind the loop: one that holds the interpreter and waits for a processor holds the loop up.
+    """
     if not wanted:
         yield
         return
     try:
         before = os.sched_getscheduler(0), os.sched_getparam(0)
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIRST_IN_LINE))
     except (AttributeError, OSError) as error:
         console.warn(f"no real-time priority: {getattr(error, 'strerror', None) or 'this system has none'}")
         yield
         return
+    behind = _behind(FIRST_IN_LINE - 1)
+    library = ctypes.CDLL(None)
+    locked = library.mlockall(_ALL_PAGES) == 0
+    if not locked:
+        console.warn("the loop's memory is not locked: the system may take a page away while it runs")
     try:
         yield
     finally:
+        if locked:
+            library.munlockall()
+        for thread, scheduling in behind.items():
+            with contextlib.suppress(OSError):  # it has ended
+                os.sched_setscheduler(thread, *scheduling)
         os.sched_setscheduler(0, *before)
+
+
+def _behind(place: int) -> dict[int, tuple[int, Any]]:
+    """Gives our other threads a place in SCHED_FIFO (Linux); returns thread -> what it had."""
+    before = {}
+    threads = [int(task.name) for task in Path("/proc/self/task").glob("*")]
+    for thread in threads:
+        if thread == threading.get_native_id():
+            continue
+        with contextlib.suppress(OSError):  # it has just ended
+            had = os.sched_getscheduler(thread), os.sched_getparam(thread)
+            os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(place))
+            before[thread] = had
+    return before
 
 
 def _timer_slack(nanoseconds: int) -> int:

@@ -13,6 +13,7 @@ from cosim.logs.choose import Pick, choose, choose_mapped, remedy
 from cosim.logs.jumps import describe, jumps
 from cosim.logs.log import Gap, Log, Tracker
 from cosim.logs.mapping import Mapping, load_mapping
+from cosim.logs.markers import holds_markers, tracker_of_markers
 from cosim.logs.mat import MatSource
 from cosim.logs.parquet import ParquetSource
 from cosim.logs.repair import TimeRepair, fill, sampling
@@ -75,8 +76,10 @@ def load_log(
 def load_tracker(path: Path | str, mapping: Mapping | Path | str | None = None) -> Tracker:
     """Loads the record of an external tracker: `time` and `slew_external`, on its own clock, neither shifted nor resampled.
 
+    A record of marker positions is turned into the angle by the marker models beside it (`cosim.logs.markers`).
+
     Raises:
-        DataError: the file or mapping is bad beyond mending, or has no `slew_external`.
+        DataError: the file or mapping is bad beyond mending, or has no `slew_external` and no markers.
         MissingExtraError: the file type needs an optional dependency.
     """
     chosen = mapping if isinstance(mapping, Mapping) or mapping is None else load_mapping(mapping)
@@ -84,6 +87,8 @@ def load_tracker(path: Path | str, mapping: Mapping | Path | str | None = None) 
         raise DataError(
             f"{chosen.path or 'the mapping'}: has no signal 'slew_external', which a tracker's file must hold"
         )
+    if chosen is None and holds_markers(open_source(Path(path))):
+        return tracker_of_markers(Path(path))
     raw = _load(Path(path), chosen, TRACKER_SIGNALS, ["slew_external"] if chosen else None)
     if "slew_external" not in raw.signals:
         raise DataError(f"{raw.source}: 'slew_external' has no value at all")

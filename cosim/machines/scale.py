@@ -100,7 +100,7 @@ def scales(
     """
     found: dict[str, float] = {}
     for effect in registry.effects().values():
-        if effect.component not in machine.chain:
+        if effect.component not in machine.chain or effect.only:
             continue
         own = block_of(effect.component).parameters
         for parameter, item in (effect.free | effect.forms).items():

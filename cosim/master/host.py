@@ -29,6 +29,7 @@ class Task:
         settings: start values beside those of the system.
         whole: steps of size `step_size` [s]; the grid may have a shorter one more.
         engine: which loop.
+        tolerance: for the step-size control of the FMUs that have one, instead of their default experiment's.
         within: longest time that it may take where FMUs of others run [s].
     """
 
@@ -39,6 +40,7 @@ class Task:
     whole: int
     step_size: float
     engine: EngineName
+    tolerance: float | None = None
     within: float = math.inf
 
 
@@ -78,7 +80,7 @@ class Host:
         instances = [self._instances[name] for name in task.plan.order.names]
         loop = Engine(task.plan, instances, task.grid, task.sampler, room)
         try:
-            _initialise(loop, task.settings)
+            _initialise(loop, task.settings, task.tolerance)
             yield from loop.run(task.whole, task.step_size, task.engine, progress)
         finally:
             for instance in instances:
@@ -96,11 +98,11 @@ class Host:
         modules.give_up()
 
 
-def _initialise(loop: Engine, settings: Mapping[Port, Value]) -> None:
+def _initialise(loop: Engine, settings: Mapping[Port, Value], tolerance: float | None = None) -> None:
     for instance in loop.instances:
         instance.fresh()
         fmu = instance.component.fmu
-        instance.begin(float(loop.grid[0]), float(loop.grid[-1]), fmu.tolerance)
+        instance.begin(float(loop.grid[0]), float(loop.grid[-1]), tolerance or fmu.tolerance)
         variables = fmu.variables
         own = {p.variable: v for p, v in settings.items() if p.component == instance.name}
         # after the experiment is set up: FMUs of 20-sim take their own start values there

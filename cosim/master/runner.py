@@ -111,6 +111,7 @@ class Runner:
         record: Sequence[str] | None = None,
         start_time: float = 0.0,
         partial_step: bool = False,
+        tolerance: float | None = None,
         engine: EngineName = "compiled",
         progress: Callable[[float], None] | None = None,
         sink: Sink | None = None,
@@ -127,6 +128,7 @@ class Runner:
             record: signals to record; None for all outputs that are numbers, and driven inputs.
             start_time: [s].
             partial_step: let the last step be shorter where the stop time is no multiple of the step size.
+            tolerance: for the FMUs' own step-size control; by default that of their default experiments.
             engine: "compiled", or "python" (slower, bitwise the same numbers).
             progress: called every 1000 steps with the simulated time since the start [s].
             within: longest time that it may take where FMUs of others run [s].
@@ -142,14 +144,22 @@ class Runner:
         settings = self._settings(parameters or {})
         plan = self._plan(tuple(inputs or {}), tuple(sorted(hold)), None if record is None else tuple(record))
         sampler = Sampler(dict(inputs or {}), grid, plan.held)
-        task = Task(plan, grid, sampler, settings, whole, step_size, engine, within)
+        task = Task(
+            plan, grid, sampler, settings, whole, step_size, engine, tolerance=tolerance, within=within
+        )
         kept = {} if sink is not None else {item.name: np.empty(len(grid)) for item in plan.recorded}
         reached = 0
         try:
             with closing(self._host.run(task, progress)) as found:
                 for first, points, rows in found:
-                    (sink or partial(_keep, kept))(first, _named(task, first, points, rows))
-                    reached = first + len(rows)
+                    good, broken = _finite(task, rows)
+                    if good:
+                        (sink or partial(_keep, kept))(first, _named(task, points[:good], rows[:good]))
+                    reached = first + good
+                    if broken is not None:
+                        raise SimulationError(
+                            f"{broken} is not a finite number from t = {grid[reached]:.9g} s on"
+                        )
         except SimulationError as error:
             if reached and sink is None:
                 error.partial = self._result(task, {n: v[:reached] for n, v in kept.items()}, notes, reached)
@@ -249,26 +259,32 @@ def _keep(kept: dict[str, Array], first: int, piece: Mapping[str, Array]) -> Non
         kept[name][first : first + len(values)] = values
 
 
-def _named(task: Task, first: int, points: Array, rows: Array) -> dict[str, Array]:
-    """The recorded signals of a piece (m,), from the inputs (m, n_series) and values (m, n_recorded).
+def _finite(task: Task, rows: Array) -> tuple[int, str | None]:
+    """Rows (m, n_recorded) before the first NaN or infinity, and whose it is, or None.
 
-    Raises:
-        SimulationError: one is NaN or infinite: NaN passes through every FMU without a word; here it ends.
+    NaN passes through every FMU without a word; here it ends.
     """
-    signals, bad = {}, {}
+    good, found = len(rows), None
     places = task.plan.places()
     for item in task.plan.recorded:
         if item.index < 0:
-            source = points[:, item.series]
-        else:
-            source = rows[:, int(np.searchsorted(places, item.index))]
-            if not np.isfinite(source).all():
-                bad[item.name] = int(np.flatnonzero(~np.isfinite(source))[0])
+            continue
+        bad = np.flatnonzero(~np.isfinite(rows[:good, int(np.searchsorted(places, item.index))]))
+        if bad.size:
+            good, found = int(bad[0]), item
+    if found is None:
+        return good, None
+    return good, f"component '{found.unit_of.component}': '{found.name}'"
+
+
+def _named(task: Task, points: Array, rows: Array) -> dict[str, Array]:
+    """The recorded signals of a piece (m,), from the inputs (m, n_series) and values (m, n_recorded)."""
+    signals = {}
+    places = task.plan.places()
+    for item in task.plan.recorded:
+        source = (
+            points[:, item.series] if item.index < 0 else rows[:, int(np.searchsorted(places, item.index))]
+        )
         plain = (item.factor, item.offset) == (1.0, 0.0)
         signals[item.name] = source if plain else item.factor * source + item.offset
-    if bad:
-        name = min(bad, key=lambda n: bad[n])
-        raise SimulationError(
-            f"'{name}' is not a finite number from t = {task.grid[first + bad[name]]:.9g} s on"
-        )
     return signals

@@ -41,6 +41,10 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "continuity.travel_flow": (_pressure_steps,),
     "continuity.flow_pressure": (hydraulics.throttling,),
     "continuity.cracking_pressure": (torque.over_pressure,),
+    # of the physical hydraulics: what is left of pressure and supply, with and without it
+    "continuity.tank_leak_a": (),
+    "continuity.tank_leak_b": (),
+    "continuity.supply_pressure": (),
     "mechanical.coulomb_friction": (torque.over_speed,),
     "mechanical.stribeck_friction": (torque.over_speed,),
     "mechanical.constant_load": (torque.over_speed,),

@@ -28,6 +28,7 @@ LOWEST = {
 }  # rad/s of the short sweeps: the source's first 0.1 rad/s takes a minute alone
 POINTS = 20  # of a short sweep, evenly on a log scale
 UNCOMPENSATED = {"compensator.d_plus": 0.0, "compensator.d_minus": 0.0}
+MISFIT = 1.5e-3  # m, of each coordinate of the markers by which one marker model was laid on the other
 VALIDATION = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # rad/s, one period each, as a sine and as a square wave
 STEP = 1e-3
 DEG = np.pi / 180.0
@@ -74,12 +75,12 @@ class Campaign:
             return families(), options
         else:
             made = stepped_sine("tracker", (0.25, 0.5), (1.0,))
-            options |= {"tracker": True, "start": 2.0 * DEG}
+            options |= {"markers": True, "start": 2.0 * DEG, "settings": {"tracker.misfit": MISFIT}}
         return made.command, options
 
     def _run(self, name: str) -> RigRun:
         command, options = self.command(name)
-        hidden = [*self.hidden, "tracker.seam", "tracker.clock"] if name == "tracker" else list(self.hidden)
+        hidden = [*self.hidden, "tracker.clock"] if name == "tracker" else list(self.hidden)
         return make_log(command, hidden=hidden, seed=self.seed, **({"start": 0.0} | options))
 
     def log(self, name: str) -> Log:

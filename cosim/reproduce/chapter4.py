@@ -37,10 +37,19 @@ TABLE_4_4 = {
 }
 
 
-def makers(of: Campaign) -> list[Callable[[], Item]]:
-    """Chapter 4 in the source's order."""
-    from_logs = (dead_zone, compensation, squares, response, slew_fits, valve_fits, pressure_fits)
-    return [*(partial(make, of) for make in from_logs), flow_curve, observer]
+def makers(of: Campaign) -> dict[str, Callable[[], Item]]:
+    """Chapter 4 in the source's order: number in the source -> what makes it."""
+    return {
+        "Table 4.1": partial(dead_zone, of),
+        "Fig. 4.4": partial(compensation, of),
+        "Figs 4.5, 4.12b": partial(squares, of),
+        "(4.10)-(4.14)": partial(response, of),
+        "Table 4.2": partial(slew_fits, of),
+        "Table 4.3": partial(valve_fits, of),
+        "Table 4.4": partial(pressure_fits, of),
+        "Fig. 4.16": flow_curve,
+        "(4.35)-(4.38), (2.15)": observer,
+    }
 
 
 def line(name: str, role: Role, x: Array, y: Array, hidden: bool = False) -> Layer:

@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,9 @@ from cosim.reproduce import chapter4, chapter5
 from cosim.reproduce.campaign import Campaign
 from cosim.reproduce.item import Item
 
+ASKED = re.compile(r"(fig|table)?[a-z]*\.?\s*\(?(\d)\.(\d+)([a-z]?)\)?")
+NUMBER = re.compile(r"(\d)\.(\d+)([a-z]?)")
+NUMBERS = re.compile(r"(\d\.\d+[a-z]?)\)?(?:-\(?(\d\.\d+[a-z]?))?")  # the ends of a range, or one
 PAGE, DATA = "reproduce.html", "reproduce.json"
 # of chapters 4 and 5, and why they are not here
 NOT_HERE = (
@@ -36,14 +40,55 @@ def need_extra() -> None:
         raise MissingExtraError("the page of figures", "report") from None
 
 
-def makers(of: Campaign) -> list[Callable[[], Item]]:
-    """What makes each item, in the source's order."""
-    return [*chapter4.makers(of), *chapter5.makers(of)]
+def makers(of: Campaign, only: Sequence[str] = ()) -> list[Callable[[], Item]]:
+    """What makes each item, in the source's order.
+
+    Args:
+        of: the logs.
+        only: such as "fig. 4.4", "table 4.3" or "5.14": those of these numbers alone.
+
+    Raises:
+        UsageError: one of them is none that can be made.
+    """
+    every = chapter4.makers(of) | chapter5.makers(of)
+    wanted = {source for text in only for source in chosen(text, list(every))}
+    return [make for source, make in every.items() if source in wanted or not only]
 
 
-def made(of: Campaign, said: Callable[[int, int], None] = lambda done, of_: None) -> Iterator[Item]:
-    """The items one after the other; `said` is told how many of how many are done."""
-    listed = makers(of)
+def chosen(text: str, sources: Sequence[str]) -> list[str]:
+    """The sources that a number such as "fig. 4.4" or "5.14" names.
+
+    Raises:
+        UsageError: none of them.
+    """
+    asked = ASKED.fullmatch(text.strip().lower())
+    found = []
+    if asked is not None:
+        kind, chapter, number, part = asked.groups()
+        for source in sources:
+            if kind and not source.lower().startswith(kind[:3]):
+                continue
+            found += [source] if _holds(source, int(chapter), int(number), part) else []
+    if not found:
+        raise UsageError(f"--only '{text}': there are {'; '.join(sources)}")
+    return found
+
+
+def _holds(source: str, chapter: int, number: int, part: str) -> bool:
+    """Whether "Figs 5.7-5.10, 5.12" holds 5.9; without its letter "4.12b" is 4.12."""
+    for first, last in NUMBERS.findall(source):
+        ends = [NUMBER.match(end) for end in (first, last or first)]
+        (c, low, letter), (_, high, _) = (end.groups() for end in ends if end is not None)
+        if int(c) == chapter and int(low) <= number <= int(high) and part in ("", letter):
+            return True
+    return False
+
+
+def made(
+    of: Campaign, only: Sequence[str] = (), said: Callable[[int, int], None] = lambda done, of_: None
+) -> Iterator[Item]:
+    """The items one after the other, `only` as `makers` has it; `said` is told how many of how many are done."""
+    listed = makers(of, only)
     for done, make in enumerate(listed, 1):
         yield make()
         said(done, len(listed))

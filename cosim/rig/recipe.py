@@ -54,6 +54,8 @@ class Recipe:
         command_file: CSV for the excitation ``file``.
         substeps: integration steps in a millisecond.
         model: ``full_order``, or ``physical`` for orifices and two chambers (4.17)-(4.21), where the motion takes up flow.
+        card: let every analogue channel, its noise included, pass the input card's filter (2.1), (3.1) in samples at
+            250 kHz, before it is rounded or lost.
 
     Raises:
         UsageError: a name, number or combination that makes no sense.
@@ -74,6 +76,7 @@ class Recipe:
     substeps: int = SUBSTEPS
     model: str = "full_order"
     markers: bool = False
+    card: bool = False
 
     def __post_init__(self) -> None:
         """Check what no later step checks."""
@@ -180,6 +183,7 @@ class Recipe:
             "seed": self.seed,
             "friction": self.friction,
             "model": self.model,
+            "card": self.card,
             "noise": self.sensor_noise().truth(),
             "substeps": self.substeps,
         }

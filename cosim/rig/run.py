@@ -3,6 +3,7 @@
 import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import metadata
 from typing import Any
 
@@ -10,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import SimulationError
+from cosim.logs.filter import input_card
 from cosim.rig.hidden import Hidden, changed
 from cosim.rig.integrate import simulate
 from cosim.rig.markers import MarkerRecord, watch
-from cosim.rig.parameters import DEG, NOMINAL, PARAMETERS, Plant
+from cosim.rig.parameters import DEG, NOMINAL, PARAMETERS, STEP, Plant
 from cosim.rig.recipe import SLEW_RANGE, Recipe
 from cosim.rig.sensing import observe, slew_signal, track
 
@@ -89,7 +91,8 @@ def make(recipe: Recipe) -> RigRun:
     if not all(np.isfinite(values).all() for values in true.values()):
         raise SimulationError("the crane's motion is not finite with these parameters: try more substeps")
     noise, seed = recipe.sensor_noise(), recipe.seed
-    slew = slew_signal(true, plant, noise, seed)
+    passes = partial(input_card, step=STEP) if recipe.card else _as_it_is
+    slew = slew_signal(true, plant, noise, seed, passes)
     estimates = observe(u, slew) if recipe.observer else (None, None)
     markers = watch(true["seen"], plant, noise, seed) if recipe.markers else None
     notes = _notes(true, plant, recipe.tracker or recipe.markers)
@@ -108,10 +111,10 @@ def make(recipe: Recipe) -> RigRun:
     return RigRun(
         time=time,
         u=u,
-        spool=true["spool"] + noise.draw("spool", time.size, seed),
-        p_supply=true["p_supply"] + noise.draw("p_supply", time.size, seed),
-        p_a=0.5 * (true["p_sum"] + true["p_load"]) + noise.draw("p_a", time.size, seed),
-        p_b=0.5 * (true["p_sum"] - true["p_load"]) + noise.draw("p_b", time.size, seed),
+        spool=passes(true["spool"] + noise.draw("spool", time.size, seed)),
+        p_supply=passes(true["p_supply"] + noise.draw("p_supply", time.size, seed)),
+        p_a=passes(0.5 * (true["p_sum"] + true["p_load"]) + noise.draw("p_a", time.size, seed)),
+        p_b=passes(0.5 * (true["p_sum"] - true["p_load"]) + noise.draw("p_b", time.size, seed)),
         slew=slew,
         slew_estimate=estimates[0],
         slew_rate_estimate=estimates[1],
@@ -121,6 +124,11 @@ def make(recipe: Recipe) -> RigRun:
         notes=notes,
         markers=markers,
     )
+
+
+def _as_it_is(values: Array) -> Array:
+    """Values of a channel without a filter."""
+    return values
 
 
 def _notes(true: Mapping[str, Array], plant: Plant, tracker: bool) -> list[str]:

@@ -1,6 +1,7 @@
 """What the instruments make of the true signals: the slew sensor, the observer on the target, the optical tracker."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +23,18 @@ def reading(angle: Array, time: Array, plant: Plant) -> Array:
     return np.clip(q.gain * angle + q.bias + q.drift * time, q.low, q.high)
 
 
-def slew_signal(true: dict[str, Array], plant: Plant, noise: Noise, seed: int) -> Array:
+def slew_signal(
+    true: dict[str, Array], plant: Plant, noise: Noise, seed: int, passes: Callable[[Array], Array]
+) -> Array:
     """The logged slew angle (n,) [rad]: lag, then scale, bias and drift, its range, then noise, rounding, lost packets.
 
-    `true` holds `seen` and `sensed` [rad] of `cosim.rig.integrate.simulate`, at each millisecond.
+    `true` holds `seen` and `sensed` [rad] of `cosim.rig.integrate.simulate`, at each millisecond; `passes` is what the
+    channel goes through between sensor and rounding.
     """
     q = plant.sensor
     time = np.arange(true["seen"].size, dtype=np.float64) * STEP
     angle = true["sensed"] if q.tau_l > 0.0 else true["seen"]
-    slew = reading(angle, time, plant) + noise.draw("slew", time.size, seed)
+    slew = passes(reading(angle, time, plant) + noise.draw("slew", time.size, seed))
     if q.quantum > 0.0:
         slew = q.quantum * np.round(slew / q.quantum)
     if q.p_drop > 0.0:

@@ -108,12 +108,15 @@ def write_tracker(run: RigRun, path: Path) -> None:
     write_log(dataclasses.replace(record, time=np.round(record.time, 6), slew_external=angle), path)
 
 
-def write_markers(run: RigRun, path: Path) -> None:
+def write_markers(run: RigRun, path: Path) -> Path:
     """Write the marker positions of `run`, on the tracker's clock: ``S1_x [mm]`` and so on, empty where hidden.
+
+    Beside it goes NAME.models.toml with the two marker models, as every reader of a tracker's record looks for them; its
+    path is returned.
 
     Raises:
         UsageError: the run has no marker positions, or the suffix cannot be written.
-        DataError: the file cannot be written.
+        DataError: a file cannot be written.
     """
     if run.markers is None:
         raise UsageError("this run has no marker positions: make it with markers=True")
@@ -135,12 +138,24 @@ def write_markers(run: RigRun, path: Path) -> None:
         held=frozenset(),
     )
     write_log(log, path)
+    lines = ["# marker models of the virtual rig; the first counts below 12 deg", 'unit = "mm"']
+    for model in seen.models:
+        lines += ["", f'[models."{model.name}"]']
+        for marker in model.markers:
+            x, y, z = model.array((marker,))[0] / MM
+            lines.append(f"{marker} = [{x:.9g}, {y:.9g}, {z:.9g}]")
+    return _written(path.with_name(f"{path.stem}.models.toml"), "\n".join(lines) + "\n")
 
 
 def write_truth(run: RigRun, log: Path) -> Path:
     """Write what was hidden in the log at `log` to ``<log>.truth.json`` beside it, and return that path."""
-    path = log.with_name(log.name + ".truth.json")
+    return _written(
+        log.with_name(log.name + ".truth.json"), json.dumps(run.truth, indent=2, sort_keys=True) + "\n"
+    )
+
+
+def _written(path: Path, text: str) -> Path:
     try:
-        return write_text(path, json.dumps(run.truth, indent=2, sort_keys=True) + "\n")
+        return write_text(path, text)
     except OSError as error:
         raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None

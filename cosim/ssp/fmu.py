@@ -73,6 +73,8 @@ def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, ours: bool = F
     description = described(folder, source)
     return replace(
         _fmu(description, source, folder, units, version, _inverse(root)),
+        start_time=experiment.get("startTime"),
+        stop_time=experiment.get("stopTime"),
         step_size=experiment.get("stepSize"),
         tolerance=experiment["tolerance"] if experiment.get("tolerance", 0.0) > 0.0 else None,
         oddities=_oddities(description.coSimulation, source, _python_module(folder) is not None),

@@ -97,7 +97,18 @@ def read_fmu(path: Path) -> System:
         component = Component(name, fmu, {})
         stack.pop_all()
     notes = ([note] if note else []) + left_out(fmu)
-    return System(name, path, {name: component}, (), inputs, outputs, notes=notes, folder=folder)
+    return System(
+        name,
+        path,
+        {name: component},
+        (),
+        inputs,
+        outputs,
+        notes=notes,
+        start_time=fmu.start_time,
+        stop_time=fmu.stop_time,
+        folder=folder,
+    )
 
 
 def left_out(fmu: Fmu) -> list[str]:

@@ -90,7 +90,7 @@ class Fmu:
         variables: by name.
         dependencies: output name -> names of the inputs it depends on directly; an output not listed depends on all.
         units: its unit definitions by name.
-        step_size: step of the default experiment [s], or None.
+        start_time, stop_time, step_size: of the default experiment [s], or None.
         variable_steps: it accepts steps of any size.
         module: (name, digest) of the Python module that pythonfmu will import, or None.
         ours: this installation built it (`cosim.trust`).
@@ -115,6 +115,8 @@ class Fmu:
     variable_steps: bool
     module: tuple[str, str] | None
     ours: bool = False
+    start_time: float | None = None
+    stop_time: float | None = None
     tolerance: float | None = None
     oddities: tuple[str, ...] = ()
     keeps_state: bool = False

@@ -56,6 +56,33 @@ def test_a_leak_is_sized_in_the_loop_and_friction_is_no_match_for_it(task: Task)
     assert np.sqrt(np.mean(rest**2)) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("effect", "parameter", "hidden"),
+    [
+        ("continuity.tank_leak_a", "continuity.C_A", 4e-13),
+        ("continuity.tank_leak_b", "continuity.C_B", 4e-13),
+        ("continuity.supply_pressure", "continuity.p_s", 165e5),
+    ],
+)
+def test_leaks_to_the_tank_and_the_supply_are_causes_of_their_own(
+    effect: str, parameter: str, hidden: float
+) -> None:
+    """(4.19), (4.20): L_A and L_B; Ps. Nothing else of the hydraulics comes near, and only this model has them."""
+    log = as_log(make_log("steps", 15.0, settings={parameter: hidden}, model="physical", seed=6))
+    record = prepare(log, MACHINE)
+    task = task_for(LOOP, record, [])
+    task.model.fixed |= {n: v for n, v in MACHINE.base.items() if n.partition(".")[0] in LOOP.components}
+    learn_noise(task, record, tried(task, (), NOMINAL_TRUST).fit)
+    effects = {e.name: e for e in LOOP.effects()}
+    found = tried(task, (effects[effect],), NOMINAL_TRUST)
+    assert abs(found.fit.values[parameter] - hidden) < 3.0 * found.fit.deviations[parameter]
+    others = ("leakage", "flow_gain", "flow_asymmetry", "compressibility", "tank_leak_a", "tank_leak_b")
+    for other in (f"continuity.{name}" for name in others):
+        if other != effect:
+            assert found.score > tried(task, (effects[other],), NOMINAL_TRUST).score + 20.0, other
+    assert effect not in {e.name for g in our_machine("full_order").groups for e in g.effects()}
+
+
 def test_free_functions_act_around_the_loop(task: Task, record: Record) -> None:
     """A small torque, and a small opening, show in pressure and angle as the linear loop says."""
     values = {n: task.model.nominal(n) for n in LOOP.linear}

@@ -117,7 +117,7 @@ def lively(component, count=150):
 
 EFFECTS = {
     n: e for n, e in registry.effects().items()
-    if e.component in ("dead_zone", "dcv", "continuity", "mechanical", "sensor")
+    if e.component in ("dead_zone", "dcv", "continuity", "mechanical", "sensor") and not e.only
 }  # fmt: skip
 
 

@@ -2,28 +2,11 @@
 
    host LIBRARY RESOURCES GUID HOW: "f" in HOW frees the instance, "c" closes the library. */
 #include <dlfcn.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct {
-    void (*logger)(void *, const char *, int, const char *, const char *, ...);
-    void *(*allocate)(size_t, size_t);
-    void (*release)(void *);
-    void (*finished)(void *, int);
-    void *environment;
-} Callbacks;
-
-static void logger(void *environment, const char *name, int status, const char *category, const char *message, ...)
-{
-    va_list rest;
-    va_start(rest, message);
-    vfprintf(stderr, message, rest);
-    va_end(rest);
-}
-
-static const Callbacks callbacks = {logger, calloc, free, NULL, NULL};
+#include "../../benchmarks/fmi2_callbacks.h"
 
 int main(int count, char **words)
 {

@@ -8,10 +8,11 @@ from typer.testing import CliRunner
 
 from cosim.cli import make_app
 from cosim.errors import DataError
-from cosim.identify.markers import markers_answer, read_models, read_positions
+from cosim.identify.markers import markers_answer
 from cosim.logs import load_tracker
+from cosim.logs.markers import read_models, read_positions
 from cosim.markers import Limits
-from cosim.rig import make_log, write_markers
+from cosim.rig import make_log, write, write_markers
 
 DEG = np.pi / 180.0
 
@@ -122,3 +123,36 @@ def test_bad_models_are_refused(tmp_path, text, message):
     (tmp_path / "bad.toml").write_text(text)
     with pytest.raises(DataError, match=message):
         read_models(tmp_path / "bad.toml")
+
+
+def test_a_record_of_markers_is_a_tracker_s_record_wherever_one_is_read(run, files, tmp_path):
+    """`--external markers.csv`: poses by the models that lie beside it; the same angle as the rig's own."""
+    made, (stamps, angle) = load_tracker(files[0]), run.tracker
+    assert made.synthetic
+    assert np.allclose(made.time, stamps, atol=1e-6)
+    assert np.array_equal(made.valid, np.isfinite(angle))
+    assert np.allclose(made.slew_external[made.valid], angle[made.valid], atol=1e-8)
+    assert "poses of 10 markers (markers.models.toml)" in made.warnings[0]
+    told = CliRunner().invoke(make_app(), ["info", str(files[0]), "--json"])
+    assert json.loads(told.stdout)["kind"] == "tracker"
+
+
+def test_markers_without_their_models_say_what_is_missing(files, tmp_path):
+    alone = tmp_path / "here.csv"
+    alone.write_bytes(files[0].read_bytes())
+    with pytest.raises(DataError, match=r"put the two marker models beside it as here\.models\.toml"):
+        load_tracker(alone)
+    (tmp_path / "models.toml").write_bytes(files[1].read_bytes())  # of all records in the folder
+    assert len(load_tracker(alone)) == len(load_tracker(files[0]))
+
+
+def test_the_seam_of_the_models_is_found_from_their_markers(run, files, tmp_path):
+    log = tmp_path / "log.csv"
+    write(run, log)
+    arguments = ["compare", log, "--external", files[0], "--out", tmp_path / "out", "--json"]
+    result = CliRunner().invoke(make_app(), [str(a) for a in arguments])
+    assert result.exit_code == 0, result.output
+    rows = {p["name"]: p for p in json.loads(result.stdout)["tracker"]["parameters"]}
+    low, high = rows["tracker.seam"]["ci95"]
+    wide = 0.5 * (high - low)
+    assert low - wide < run.truth["markers"]["seam"]["value"] < high + wide

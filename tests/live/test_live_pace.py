@@ -1,13 +1,16 @@
 """The grid of slots on a clock that the test turns."""
 
 import gc
+import os
 import random
 import socket
 import sys
+import threading
+import time
 
 import pytest
 
-from cosim.live.pace import BIN, BINS, STEER, Lateness, Pace, steady
+from cosim.live.pace import BIN, BINS, STEER, Lateness, Pace, priority, steady
 
 
 class Clock:
@@ -102,12 +105,42 @@ def test_a_delay_beyond_the_histogram_is_not_lost() -> None:
 
 def test_no_garbage_is_collected_within_and_all_is_as_before_afterwards() -> None:
     assert gc.isenabled()
+    interval = sys.getswitchinterval()
     with steady():
+        assert sys.getswitchinterval() <= 2e-4, "another thread keeps the interpreter for Python's 5 ms"
         assert not gc.isenabled()
         assert gc.get_freeze_count() > 0
     assert gc.isenabled()
+    assert sys.getswitchinterval() == interval
     assert gc.get_freeze_count() == 0
     if sys.platform.startswith("linux"):
         import ctypes
 
         assert ctypes.CDLL(None).prctl(30, 0, 0, 0, 0) >= 1000, "the timer slack was not put back"
+
+
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="SCHED_FIFO of each thread is asked for on Linux"
+)
+def test_with_priority_all_threads_are_first_in_line_the_loop_before_the_others() -> None:
+    """A thread that holds the interpreter and waits for a processor would hold the loop up."""
+    before, param = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        pytest.skip("no right to real-time priority")
+    os.sched_setscheduler(0, before, param)
+    over, known = threading.Event(), []
+    helper = threading.Thread(target=lambda: (known.append(threading.get_native_id()), over.wait()))
+    helper.start()
+    try:
+        while not known:
+            time.sleep(1e-3)
+        with priority(True):
+            loop, other = (os.sched_getparam(thread).sched_priority for thread in (0, known[0]))
+            assert os.sched_getscheduler(known[0]) == os.SCHED_FIFO
+            assert loop == other + 1
+        assert os.sched_getscheduler(0) == os.sched_getscheduler(known[0]) == before
+    finally:
+        over.set()
+        helper.join()

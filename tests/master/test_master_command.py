@@ -1,8 +1,10 @@
 """`cosim simulate`: options, units, files, and the exit codes of CONTRACT section 3."""
 
 import json
+import re
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +109,7 @@ def test_models_are_files_or_known_names(monkeypatch: pytest.MonkeyPatch, tmp_pa
     monkeypatch.setenv("COSIM_BUILD", str(tmp_path))
     with pytest.raises(UsageError, match="one of simplified, full_order, physical"):
         simulate("full_ordr")
-    with pytest.raises(ModelError, match=r"python build_fmus\.py"):
+    with pytest.raises(ModelError, match="run `cosim build` first"):
         simulate("full_order")
     with pytest.raises(ModelError, match="does not exist"):
         simulate(tmp_path / "lost.ssp")
@@ -117,3 +119,91 @@ def test_a_failed_simulation_has_exit_code_4(toys: Any) -> None:
     with pytest.raises(SimulationError, match="refuses limit") as caught:
         simulate(toys.fmu("grumbler"), "--set", "grumbler.limit=-1", "--stop-time", "1")
     assert caught.value.exit_code == 4
+
+
+def experiment(source: Path, target: Path, attributes: str) -> Path:
+    """A copy of an FMU with another default experiment."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for item in old.infolist():
+            data = old.read(item)
+            if item.filename == "modelDescription.xml":
+                text, count = re.subn(r"<DefaultExperiment[^>]*/>", "", data.decode())
+                assert count <= 1
+                data = text.replace(
+                    "<ModelVariables", f"<DefaultExperiment {attributes}/><ModelVariables"
+                ).encode()
+            new.writestr(item, data)
+    return target
+
+
+@pytest.mark.parametrize(
+    ("attributes", "options", "expected", "own"),
+    [
+        ('startTime="1" stopTime="3" stepSize="0.25" tolerance="1e-5"', [], (1.0, 3.0, 8),
+         "start 1 s, stop 3 s, step 0.25 s, tolerance 1e-05"),
+        ('startTime="1" stopTime="3" stepSize="0.25"', ["--stop-time", "2 s"], (1.0, 2.0, 4), "start 1 s, step 0.25 s"),
+        ('startTime="1" stopTime="3" stepSize="0.25"', ["--step-size", "0.5 s"], (1.0, 3.0, 4), "start 1 s, stop 3 s"),
+        ('startTime="1" stopTime="3" stepSize="0.25"', ["--start-time", "2 s"], (2.0, 3.0, 4), "stop 3 s, step 0.25 s"),
+        ('startTime="0" stopTime="1" stepSize="0.3"', [], (0.0, 1.0, 4), "start 0 s, stop 1 s, step 0.3 s"),  # 0.1 s left
+        ('stopTime="0.0005"', [], (0.0, 0.0005, 1000), "stop 0.0005 s"),  # shorter than a step of 1 ms
+        ('stopTime="1e5"', [], (0.0, 1e5, 1000), "stop 100000 s"),  # a hundred million steps of 1 ms
+        ('stopTime="0.5"', [], (0.0, 0.5, 500), "stop 0.5 s"),
+    ],
+)  # fmt: skip
+def test_an_fmu_alone_runs_its_own_default_experiment_and_says_so(
+    toys: Any,
+    tmp_path: Path,
+    attributes: str,
+    options: list[str],
+    expected: tuple[float, float, int],
+    own: str,
+) -> None:
+    fmu = experiment(toys.fmu("wave"), tmp_path / "wave.fmu", attributes)
+    done = simulate(fmu, *options, "--json")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout)
+    assert (found["start_time"], found["stop_time"], found["steps"]) == expected
+    assert [n for n in found["notes"] if n.startswith("by the FMU's own")] == [
+        f"by the FMU's own default experiment: {own}"
+    ]
+
+
+def test_nothing_of_the_default_experiment_is_said_where_all_was_given(toys: Any, tmp_path: Path) -> None:
+    fmu = experiment(toys.fmu("wave"), tmp_path / "wave.fmu", 'startTime="1" stopTime="3" stepSize="0.25"')
+    done = simulate(fmu, "--start-time", "0 s", "--stop-time", "1 s", "--step-size", "0.5 s", "--json")
+    found = json.loads(done.stdout)
+    assert (found["start_time"], found["stop_time"], found["steps"]) == (0.0, 1.0, 2)
+    assert not [n for n in found["notes"] if "default experiment" in n]
+
+
+def test_a_signal_that_turns_nan_leaves_what_was_before(toys: Any, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "cosim", "simulate", str(toys.fmu("lag")), "--set", "lag.start=1e308"),
+            *(
+                "--set",
+                "lag.T=-0.5",
+                "--stop-time",
+                "1 s",
+                "--step-size",
+                "0.1 s",
+                "--out",
+                str(out),
+                "--json",
+            ),
+        ],
+        cwd=TOP,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 4, done.stderr
+    found = json.loads(done.stdout)
+    assert found["exit_code"] == 4
+    assert "component 'lag': 'lag.y' is not a finite number" in found["error"]
+    assert found["partial"]["complete"] is False
+    table = pd.read_csv(tmp_path / "out.partial.csv")
+    assert np.isfinite(table.to_numpy()).all()
+    assert len(table) == found["partial"]["steps"] + 1 > 1
+    assert not out.exists()

@@ -121,12 +121,24 @@ def test_a_failing_step_names_component_time_status_and_reason(toys: Any, engine
             assert runner.run(1.0, 0.1, engine=engine)["a.y"][-1] == pytest.approx(1.0)
 
 
-def test_a_result_that_is_not_finite_is_an_error(toys: Any) -> None:
-    with (
-        Runner(toys.fmu("lag")) as runner,
-        pytest.raises(SimulationError, match=r"'lag\.y' is not a finite number"),
-    ):
-        runner.run(1.0, 0.1, parameters={"lag.start": 1e308, "lag.T": -0.05})
+def test_a_result_that_is_not_finite_is_an_error_that_names_the_component_and_keeps_what_was_before(
+    toys: Any,
+) -> None:
+    settings = {"l.start": 1e308, "l.T": -0.5}
+    with Runner(toys.ssp({"w": "wave", "l": "lag"}, ["w.y -> l.u"])) as runner:
+        with pytest.raises(
+            SimulationError, match=r"component 'l': 'l\.y' is not a finite number from t = "
+        ) as caught:
+            runner.run(1.0, 0.1, parameters=settings)
+        again = runner.run(1.0, 0.1)
+    partial = caught.value.partial
+    assert not partial.complete
+    assert 1 < len(partial.time) < 11
+    assert np.isfinite(partial["l.y"]).all()
+    assert partial["l.y"][-1] > 1e308
+    assert np.array_equal(partial["w.y"], again["w.y"][: len(partial.time)])
+    assert f"t = {partial.time[-1] + 0.1:.9g} s" in str(caught.value)
+    assert again.complete, "the next run is not harmed"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from cosim.reproduce import chapter4, chapter5
 from cosim.reproduce.campaign import STEP, STEPS, Campaign, step_of
 from cosim.reproduce.campaign import families as family_command
 from cosim.reproduce.item import Item, Row
-from cosim.reproduce.page import as_data, makers, page, percent
+from cosim.reproduce.page import as_data, chosen, makers, page, percent
 
 
 def ours(item: Item) -> dict[str, float]:
@@ -90,6 +90,46 @@ def test_the_page_is_whole_offline_and_says_what_is_synthetic() -> None:
 
 def test_each_item_has_a_place_of_its_own() -> None:
     assert len(makers(Campaign())) == 16
+
+
+SOURCES = ["Table 4.4", "Fig. 4.4", "Figs 4.5, 4.12b", "(4.35)-(4.38), (2.15)", "Figs 5.7-5.10, 5.12"]
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("fig. 4.4", ["Fig. 4.4"]),
+        ("Figure 4.4", ["Fig. 4.4"]),
+        ("table 4.4", ["Table 4.4"]),
+        ("4.4", ["Table 4.4", "Fig. 4.4"]),
+        ("4.12", ["Figs 4.5, 4.12b"]),
+        ("4.12b", ["Figs 4.5, 4.12b"]),
+        ("(4.36)", ["(4.35)-(4.38), (2.15)"]),
+        ("fig 5.9", ["Figs 5.7-5.10, 5.12"]),
+        ("5.12", ["Figs 5.7-5.10, 5.12"]),
+    ],
+)
+def test_a_figure_is_found_by_its_number(text: str, found: list[str]) -> None:
+    assert chosen(text, SOURCES) == found
+
+
+@pytest.mark.parametrize("text", ["5.11", "4.12a", "fig. 4.35", "the ramp", "4"])
+def test_a_number_that_is_not_made_is_refused_with_those_that_are(command, text: str) -> None:
+    code, _, err = command("reproduce", "--only", text)
+    assert code == 2
+    assert "Figs 5.7-5.10, 5.12" in " ".join(err.split())
+
+
+def test_one_figure_is_one_command(built, command, tmp_path) -> None:
+    """Fig. 4.4: the ramp, compensated against uncompensated."""
+    code, out, err = command("reproduce", "--only", "fig. 4.4", "--out", tmp_path, "--json")
+    assert code == 0, err
+    (item,) = json.loads(out)["items"]
+    assert item["source"] == "Fig. 4.4"
+    still = {n["name"]: n["ours"] for n in item["numbers"]}
+    assert still["stands still up to, without"] > 45.0
+    assert 0.0 < still["stands still up to, with"] < 10.0
+    assert (tmp_path / "reproduce.html").is_file()
 
 
 def test_what_cannot_be_hidden_is_said_before_the_work(command) -> None:

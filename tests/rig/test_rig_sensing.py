@@ -119,3 +119,27 @@ def test_tracker_noise_is_its_own():
     noisy = make_log(U, noise=Noise(sizes={"slew_external": 0.1 * DEG}), tracker=True, seed=4)
     error = noisy.tracker[1] - np.interp(noisy.tracker[0], TIME, noisy.true["seen"])
     assert np.std(error) == pytest.approx(0.1 * DEG, rel=0.15)
+
+
+def test_every_channel_passes_the_input_card_noise_included():
+    """(2.1), (3.1) at 250 kHz against the continuous filter on straight lines; the command is no analogue channel."""
+    plain, behind = (make_log("steps", 4.0, seed=5, noise=1.0, card=card) for card in (False, True))
+    w = 2e3 * np.pi
+    channels = ("spool", "p_supply", "p_a", "p_b", "slew")
+    for name in channels:
+        raw = getattr(plain, name)
+        expected = raw[0] + follows([1.0], [1.0 / w**2, np.sqrt(2.0) / w, 1.0], raw - raw[0])
+        # the bilinear transform at 250 kHz moves the corner by 5e-5 and the phase by half a sample of 4 us
+        assert np.max(np.abs(getattr(behind, name) - expected)) < 0.02 * np.max(np.abs(np.diff(raw))), name
+        assert np.std(getattr(behind, name) - raw) > 0.1 * np.std(np.diff(raw)), name
+    assert np.array_equal(behind.u, plain.u)
+    assert np.array_equal(behind.true["theta"], plain.true["theta"])
+    assert behind.truth["card"] is True
+    assert plain.truth["card"] is False
+
+
+def test_what_the_card_passed_is_rounded_and_lost_afterwards():
+    hidden = ["sensor.quantisation:quantum=0.25 deg", "sensor.dropout:p_drop=0.3"]
+    run = make_log("steps", 4.0, hidden, seed=5, card=True)
+    steps = run.slew / (0.25 * DEG)
+    assert np.allclose(steps, np.round(steps), atol=1e-9)

@@ -29,6 +29,7 @@ from cosim.diagnosis.thresholds import (
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
+SUPPLY = "p_supply"  # output of the hydraulics
 
 
 @dataclass
@@ -106,15 +107,17 @@ def delivered(known: list[Known], record: Record) -> tuple[Array, list[Array]]:
 
 
 def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[str, NDArray[np.bool_]]]:
-    """The measured signals of a group, signal -> (n,) SI, and of a sensor that loses packets which samples are stale."""
+    """The measured signals of a group, signal -> (n,) SI, and which samples of each are no readings: missing or stale."""
     measured = {s: record.signals[s] for s in group.observed if s in record.signals}
+    missing = {s: record.filled[s] for s in measured if s in record.filled}
     if group.reading not in measured or all(e.name != "sensor.dropout" for e in group.effects()):
-        return measured, {}
+        return measured, missing
     lost = record.lost(group.reading)
     if not lost.any():
-        return measured, {}
+        return measured, missing
     fresh = record.fresh(group.reading)
-    return measured | {group.reading: fresh}, {group.reading: lost}
+    lost = lost | missing.get(group.reading, False)
+    return measured | {group.reading: fresh}, missing | {group.reading: lost}
 
 
 def window_of(lengths: list[int], bins: int, h: float) -> int:
@@ -137,7 +140,11 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     skip = min(round(UNSETTLED / record.h), int(UNSETTLED_SHARE * shortest))
     window = window_of([piece.time.size - skip for piece in record.pieces], bins, record.h)
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
-    rules = {s: plain(bins, window, not group.absolute, skip, record.cuts) for s in observed}
+    # and the supply of orifices, whose pressure without flow sets what they pass
+    absolute = {
+        s: group.absolute or (group.loop is not None and group.output_of(s) == SUPPLY) for s in observed
+    }
+    rules = {s: plain(bins, window, not absolute[s], skip, record.cuts) for s in observed}
     measured, lost = observed_of(group, record)
     task = Task(model, measured, rules, steps=coarse_steps(measured), lost=lost)
     # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;

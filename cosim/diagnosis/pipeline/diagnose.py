@@ -102,10 +102,13 @@ def prepare(log: Log, machine: Machine) -> Record:
     grid, interval = grid_of(log.time * second, machine.options.step, machine.drive not in log.held)
     gains = {n: item.gain for n, item in machine.signals.items()}
     signals = {n: v if gains.get(n, 1.0) == 1.0 else gains[n] * v for n, v in log.signals.items()}
+    filled = {n: ~valid for n, valid in log.valid.items()}
     if "p_load" in log:
         signals["p_load"] = log.p_load
+        valid = log.valid_mask("p_load")
+        filled |= {} if valid.all() else {"p_load": ~valid}
     sparse = interval > SPARSE_SAMPLING and machine.mapping is None
-    return Record(interval, signals, grid, machine.options.rest, sparse)
+    return Record(interval, signals, grid, machine.options.rest, sparse, filled)
 
 
 def judge(

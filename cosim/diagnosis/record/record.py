@@ -1,6 +1,6 @@
 """A log made ready for the diagnosis, SI."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -39,6 +39,8 @@ class Record:
         rest: s at the start whose mean gives the start angle.
         sparse: what the signals did between the samples is not known: sampled more rarely than the drive has news, and
             no mapping says how the command changes.
+        filled: name -> (n,) True where a signal's value was missing and lies on a line between others; only signals that
+            have such places. They are no evidence.
     """
 
     h: float
@@ -46,6 +48,7 @@ class Record:
     grid: Grid | Pieces | None = field(default=None, repr=False)
     rest: float = READ_AT_START
     sparse: bool = False
+    filled: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
 
     @property
     def time(self) -> Array:
@@ -67,15 +70,25 @@ class Record:
         if not isinstance(grid, Pieces):
             return [self]
         rows = {n: np.split(v, grid.cuts) for n, v in self.signals.items()}
+        filled = {n: np.split(v, grid.cuts) for n, v in self.filled.items()}
         return [
-            Record(h, {n: parts[i] for n, parts in rows.items()}, own, self.rest, self.sparse)
+            Record(
+                h,
+                {n: parts[i] for n, parts in rows.items()},
+                own,
+                self.rest,
+                self.sparse,
+                {n: parts[i] for n, parts in filled.items() if parts[i].any()},
+            )
             for i, (h, own) in enumerate(zip(grid.intervals, grid.grids, strict=True))
         ]
 
     def until(self, count: int) -> "Record":
         """The first samples of one log alone."""
         grid = replace(self.grid, stamps=self.grid.stamps[:count]) if isinstance(self.grid, Grid) else None
-        return Record(self.h, {n: v[:count] for n, v in self.signals.items()}, grid, self.rest, self.sparse)
+        signals = {n: v[:count] for n, v in self.signals.items()}
+        filled = {n: v[:count] for n, v in self.filled.items()}
+        return Record(self.h, signals, grid, self.rest, self.sparse, filled)
 
     def has(self, *names: str) -> bool:
         """True if all of these were measured."""
@@ -122,7 +135,13 @@ def joined(records: Sequence[Record]) -> Record:
     signals = {n: np.concatenate([r.signals[n] for r in records]) for n in common}
     pieces = Pieces(tuple(r.time.size for r in records), intervals, tuple(grids))
     sparse = any(r.sparse for r in records)
-    return Record(float(np.median(intervals)), signals, pieces, records[0].rest, sparse)
+    full = [np.zeros(r.time.size, dtype=np.bool_) for r in records]
+    filled = {
+        n: np.concatenate([r.filled.get(n, none) for r, none in zip(records, full, strict=True)])
+        for n in common
+        if any(n in r.filled for r in records)
+    }
+    return Record(float(np.median(intervals)), signals, pieces, records[0].rest, sparse, filled)
 
 
 def fixed_values(record: Record, group: Group) -> dict[str, float]:

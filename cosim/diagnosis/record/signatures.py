@@ -175,6 +175,8 @@ def bridged(values: Array, lost: NDArray[np.bool_], time: Array | None = None, o
     """
     at = np.arange(values.size, dtype=np.float64) if time is None else time
     found = values.copy()
+    if lost.all():  # nothing stands on either side
+        return found
     found[lost] = np.interp(at[lost], at[~lost], uniform_filter1d(values[~lost], of, mode="nearest"))
     return found
 
