@@ -555,7 +555,7 @@ Where no error of a real log changed, its interval has no width and says nothing
 GONE = (  # with what was measured before
     "**Two searches where other data judge** (one under noise learned from what is left, one by the size of the "
     "error, the better end taken; 24 November 2026): on real logs of four machines the second alone ends at the "
-    "same causes or at fewer of them, the same ones from log to log, in a third of the time (docs/machines.md, "
+    "same causes or at fewer of them, the same ones from log to log, in a third of the time (docs/scores.md, "
     "docs/real_logs.md). The first stays where one log alone judges: without it a gear ripple hidden in a "
     "synthetic log is lost.",
     "**Bent laws** (two laws each of which had taken another form were compared with free functions of their own signals, "

@@ -51,7 +51,8 @@ class Row:
 
 INTRODUCTION = """# Which tools run our components
 
-Made by `python benchmarks/interoperability.py`; do not edit by hand. Every cell is a run on the machine named below.
+Which FMI tools load and run the FMUs and SSP packages of this project. Every cell is a run on the machine named below.
+Made by `python benchmarks/interoperability.py`; do not edit by hand.
 
 - Kinds: `pythonfmu` are the FMUs of `python build_fmus.py`, which need a Python on the host; `native` those of
   `python build_fmus.py --native`, the same equations in C, which need none; `native, FMI 3.0` those with `--fmi 3.0`. The
@@ -61,7 +62,7 @@ Made by `python benchmarks/interoperability.py`; do not edit by hand. Every cell
 - agrees: every compared signal is within {tolerance:g} of its range of the same blocks computed in plain Python under
   the client's own scheme (fmpy, ecos and libcosim delay every wire by one step; ours and the C host do not).
 - ends: every process ended without a crash after its last result.
-- Each run is a process of its own; a crash or a time-out of {timeout:g} s counts as a failure.
+- Each run has a process of its own. A crash or a time-out of {timeout:g} s counts as a failure.
 """
 
 NOT_RUN = """

@@ -16,6 +16,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, fields
@@ -74,7 +75,7 @@ class Row:
         linear, extended: error of the linear reference and of the extended model in the same windows of the held-out log.
         linear_missing: whether the answer says that a linear model predicts as well or better.
         causes: effect -> parameter -> value with unit.
-        alike: effects declared alike with those named.
+        alike: effects declared indistinguishable from those named.
         refused: effects that the held-out log did not bear out.
         unexplained: what the answer leaves open.
         cpu: s, user and system.
@@ -285,7 +286,8 @@ def summary(rows: Sequence[Row]) -> list[str]:
         f"ended without an error: {sum(row.code == 0 for row in rows)} of {len(rows)}",
         f"as good as the linear reference, or says that it is not: {sum(r.honest for r in judged)} of {len(judged)}",
         f"worse after than before: {sum(row.worse for row in judged)} of {len(judged)}",
-        f"the same names from log to log of one axis: {same} of {pairs} pairs; {agree} where what is declared alike counts",
+        f"the same names from log to log of one axis: {same} of {pairs} pairs; "
+        f"{agree} with those declared indistinguishable",
     ]
     if judged:
         gained = [row.after / row.before for row in judged if row.after is not None and row.before]
@@ -332,7 +334,7 @@ def cells(row: Row) -> tuple[str, ...]:
         error(row.linear),
         error(row.extended),
         "; ".join(short) or (row.error or "none"),
-        "; ".join([*missing, *(what[:60] for what in rest)]),
+        "; ".join([*missing, *(textwrap.shorten(what, 60, placeholder=" ...") for what in rest)]),
         f"{row.cpu:.0f}",
         str(row.code),
     )
@@ -348,12 +350,15 @@ def page(rows: Sequence[Row], asked: Sequence[str]) -> str:
         "",
         f"Made by `{made}` on {date} (program {versions}); do not edit by hand.",
         "",
-        "Each line is one `cosim diagnose FITTED --mapping examples/mappings/... --held-out HELD --calibrate`. `before` and",
-        "`after` are errors of the whole held-out log, from the command alone, by the FMUs; `linear` is the error of the",
-        "linear reference of free order, and `same windows` that of the extended model in the windows it was scored in.",
-        "Of an axis that drifts, and whose free run over minutes the extension does not make better, all four are errors of",
-        "predictions over 5 s each, from where the machine stands.",
-        "`s` is processor time on two cores shared with other work.",
+        "Each line is one `cosim diagnose FITTED --mapping examples/mappings/... --held-out HELD --calibrate`.",
+        "",
+        "- `before` and `after`: error of the whole held-out log, from the command alone, by the FMUs.",
+        "- `linear`: error of the linear reference of free order. `same windows`: that of the extended model in the windows",
+        "  in which the linear one was scored. If an axis drifts and the extension does not make its free run over minutes",
+        "  better, all four are errors of predictions over 5 s each, from where the machine stands.",
+        "- `left`: what stays unexplained. `s`: processor time on two cores shared with other work. `code`: exit code.",
+        "",
+        "In short:",
         "",
         *(f"- {line}" for line in summary(rows)),
         "",

@@ -28,6 +28,31 @@ INTERRUPTED = 130
 OUTPUT_CLOSED = 141
 
 
+# what to type, for a command that lacks its argument
+EXAMPLES = {
+    "check": "cosim check cosim-check.toml",
+    "compare": "cosim compare examples/synthetic_demo.csv",
+    "diagnose": "cosim diagnose examples/synthetic_demo.csv --out found",
+    "info": "cosim info LOG.csv",
+    "init": "cosim init LOG.csv",
+    "machine": "cosim machine examples/machines/mini_excavator_swing.toml",
+    "report": "cosim report FOLDER, with the folder of a diagnosis",
+    "simulate": "cosim simulate full_order --input LOG.csv",
+    "validate": "cosim validate MODEL.fmu",
+}
+# words that people try, and the command that does it
+MEANT = {
+    "calibrate": "cosim compare LOG --calibrate fits a model's parameters",
+    "fit": "cosim compare LOG --calibrate fits a model's parameters",
+    "convert": "cosim init LOG writes a mapping, with which every command reads the log",
+    "gui": "cosim open shows a page",
+    "help": "cosim --help lists the commands",
+    "plot": "cosim compare LOG --out DIR draws a log beside the model",
+    "run": "cosim simulate MODEL runs a model",
+    "version": "cosim --version shows it",
+}
+
+
 class _InterruptedError(Exception):
     """Ctrl-C: typer would turn it into a silent exit."""
 
@@ -143,6 +168,11 @@ def _usage_failed(error: Any, as_json: bool) -> int:
     context = getattr(error, "ctx", None)
     if context is not None:
         message += _meant(message, context.command)
+        if message.startswith("Missing argument") and context.info_name in EXAMPLES:
+            message += f" For example: {EXAMPLES[context.info_name]}"
+        unknown = re.match(r"No such command '(\S+?)'", message)
+        if unknown and unknown[1] in MEANT:
+            message = f"No such command '{unknown[1]}': {MEANT[unknown[1]]}"
         message += f" (see '{context.command_path} --help')"
     return _failed(message, int(error.exit_code), as_json)
 

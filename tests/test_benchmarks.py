@@ -106,7 +106,7 @@ def test_an_interrupted_run_goes_on(excavator, tmp_path, monkeypatch):
         "ended without an error: 3 of 3",
         "as good as the linear reference, or says that it is not: 2 of 3",
         "worse after than before: 1 of 3",
-        "the same names from log to log of one axis: 0 of 2 pairs; 0 where what is declared alike counts",
+        "the same names from log to log of one axis: 0 of 2 pairs; 0 with those declared indistinguishable",
         "error after over before: 1.00 in the median",
         "processor time: 20 s in the median, 30 s at most",
     ]

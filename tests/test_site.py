@@ -15,7 +15,7 @@ SLOW = pytest.mark.slow
 
 def build(top: Path, target: Path) -> subprocess.CompletedProcess[str]:
     for name in ("mkdocs", "material", "mkdocstrings"):
-        pytest.importorskip(name, reason="pip install --group docs")
+        pytest.importorskip(name, reason="pip install -e '.[docs]'")
     variables = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(TOP), *sys.path]),
         "NO_MKDOCS_2_WARNING": "1",

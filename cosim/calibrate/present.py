@@ -9,6 +9,7 @@ from lxml import etree
 from cosim.calibrate.outcome import Calibration, Parameter, SignalFit
 from cosim.compare import Score
 from cosim.compare.outcome import Comparison
+from cosim.compare.present import known_as
 from cosim.files import write_bytes
 from cosim.ssp.quantities import BASE_UNITS, UnitDefinition
 from cosim.ssp.read import resolve
@@ -99,14 +100,21 @@ def answer(found: Calibration, comparison: Comparison) -> list[str]:
             f"Calibrated: {name} = {numbers[0]}{shown}, {numbers[1].replace(' .. ', ' to ')}, from {p.start * scale:.6g}"
         )
     lines += [f"Not determined: {item.why}." for item in found.undetermined]
-    held = {n: s for n, s in found.signals.items() if s.held_before is not None and s.held_after is not None}
-    for name, fit in held.items():
+    same = []
+    for name, fit in found.signals.items():
+        if fit.held_before is None or fit.held_after is None:
+            continue
         unit, scale = comparison.shown(name)
-        before, after = (s.rmse * scale for s in (fit.held_before, fit.held_after) if s is not None)
+        before, after = (f"{s.rmse * scale:.3g}" for s in (fit.held_before, fit.held_after))
+        if before == after:
+            same.append(known_as(name))
+            continue
+        better = fit.held_after.rmse < fit.held_before.rmse
         lines.append(
-            f"Better: error of {name} on held-out data, {before:.3g} before, {after:.3g} {unit} after"
+            f"{'Better' if better else 'Worse'}: error of the {known_as(name)} on held-out data "
+            f"{'falls' if better else 'rises'} from {before} to {after} {unit}"
         )
-    return lines
+    return lines + ([f"Unchanged on held-out data: {', '.join(same)}"] if same else [])
 
 
 def explanations(found: Calibration) -> list[str]:

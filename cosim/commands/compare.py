@@ -115,7 +115,8 @@ def compare(
     if as_json:
         console.emit_json(found.to_dict())
     else:
-        show(found, verbose)
+        options = f" --mapping {mapping}" * (mapping is not None) + f" --model {model}" * (model is not None)
+        show(found, verbose, options)
     if not found.passed:
         raise typer.Exit(MISSED)
 
@@ -141,8 +142,8 @@ def _calibration(
     return given if wanted else None
 
 
-def show(found: "ComparisonResult", verbose: bool) -> None:
-    """Print the answer; with `verbose` the tables before it."""
+def show(found: "ComparisonResult", verbose: bool, options: str = "") -> None:
+    """Print the answer; with `verbose` the tables before it; `options` are those that a diagnosis needs too."""
     from cosim.compare.present import explanations, tables
 
     output, comparison = console.stdout_console(), found.comparison
@@ -167,6 +168,5 @@ def show(found: "ComparisonResult", verbose: bool) -> None:
     for file in found.beside.written.values():
         say(f"written: {file}")
     if not verbose:
-        say(
-            f"Next: cosim diagnose {comparison.log.source} names the cause; --verbose shows each signal and block"
-        )
+        named = f"cosim diagnose {comparison.log.source}{options}"
+        say(f"Next: {named} names the cause; --verbose shows each signal and block")

@@ -28,6 +28,7 @@ class Answer:
         parameters: ``component.parameter`` -> number (SI), for the .ssv.
         tables: titles, columns and rows for people.
         lines: sentences for people.
+        details: more of them, shown with the tables.
         notes: warnings.
         draw: makes the picture.
         texts: further files, name -> text.
@@ -38,6 +39,7 @@ class Answer:
     parameters: dict[str, Quantity] = field(default_factory=dict)
     tables: list[tuple[str, list[str], list[list[object]]]] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
+    details: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     draw: "Callable[[], Figure] | None" = None
     texts: dict[str, str] = field(default_factory=dict)
@@ -54,7 +56,8 @@ class Answer:
             unit, scale = current().quantity(quantity.unit, declared(name).display)
             low, high = sorted(end * scale for end in quantity.interval)
             shown = "" if unit == "1" else f" {unit}"
-            found.append(f"{name} = {quantity.value * scale:.4g}{shown}, {low:.4g} to {high:.4g} (95 %)")
+            known = f", {low:.4g} to {high:.4g} (95 %)" if low < high else ""  # a choice has no interval
+            found.append(f"{name} = {quantity.value * scale:.4g}{shown}{known}")
         return found + self.lines
 
     def as_data(self, files: Mapping[str, Path]) -> dict[str, Any]:
@@ -149,7 +152,7 @@ def finish(answer: Answer, out: Path | None, as_json: bool, verbose: bool = True
         for title, columns, rows in answer.tables:
             if rows:
                 output.print(console.table(title, columns, rows))
-        for line in answer.lines:
+        for line in (*answer.lines, *answer.details):
             output.print(line, markup=False, soft_wrap=True)
     else:
         for line in answer.summary():

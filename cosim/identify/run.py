@@ -140,7 +140,7 @@ def _add_smooth(answer: Answer, curve: SmoothDeadZone) -> None:
         "unit": "of the largest response",
     }
     sharpness = "sharper than the family can be" if curve.sharp else f"S {curve.S:.4g} +- {half[2]:.2g}"
-    answer.lines.append(
+    answer.details.append(
         f"smooth family (2.5), (4.9): d_plus {curve.d_plus * 100:.4g} +- {half[0] * 100:.2g} %, d_minus "
         f"{curve.d_minus * 100:.4g} +- {half[1] * 100:.2g} %, {sharpness}; off by {curve.rmse * 100:.2g} % of the largest "
         f"response, sharp edges (2.2) by {curve.rmse_sharp * 100:.2g} %"

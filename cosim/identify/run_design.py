@@ -49,7 +49,7 @@ def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> An
     """Dead zone, valve, pressure and mechanics from one log, as far as it holds their signals.
 
     Raises:
-        DataError: it holds none of them.
+        DataError: it holds none of them, or excites none enough.
     """
     numbers, notes = dict(known), list[str]()
     values, fits, left_out = dict[str, Quantity](), dict[str, float](), dict[str, str]()
@@ -69,8 +69,12 @@ def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> An
             left_out[block] = f"the log has no {' and no '.join(missing)}"
             continue
         items = records_of([log], wanted, numbers)
-        model = fit_records(items, form(block).structure)
-        model.check_known()
+        try:
+            model = fit_records(items, form(block).structure)
+            model.check_known()
+        except DataError as error:  # one block that the log does not excite costs only its own numbers
+            left_out[block] = str(error)
+            continue
         values |= parameters(block, model, numbers)
         fits[block] = model.best_fit
         notes += record_notes(items)
@@ -129,16 +133,14 @@ def observer_answer(
         },
     }
     answer = Answer("observer", data, values, notes=notes)
-    answer.lines = [
-        f"drive, {origin}: theta/u = {gain:.5g} / (s (s + {pole:.5g})), deg",
-        *_observer_lines(observer, loci),
-    ]
+    answer.lines = [f"drive, {origin}: theta/u = {gain:.5g} / (s (s + {pole:.5g})), deg", *_locus_lines(loci)]
+    answer.details = _observer_lines(observer)
     answer.draw = lambda: picture.root_locus_figure(loci, observer)
     return answer
 
 
-def _observer_lines(observer: Observer, loci: Mapping[str, RootLocus]) -> list[str]:
-    """Matrices, ranks, gain and loci in words."""
+def _observer_lines(observer: Observer) -> list[str]:
+    """Matrices, ranks and gain in words."""
     plant, poles, gain = observer.plant, observer.poles, observer.gain
     lines = [
         f"A = {plant.A.tolist()}, B = {plant.B.tolist()}, C = {plant.C.tolist()}",
@@ -153,6 +155,12 @@ def _observer_lines(observer: Observer, loci: Mapping[str, RootLocus]) -> list[s
         rows = ", ".join(f"{p + 0.0:.4g}" for p in modes.poles)
         b, c = (", ".join(f"{x:.4g}" for x in part.ravel()) for part in (modes.B, modes.C))
         lines.append(f"modal form of the {name}: poles {rows} 1/s, B = [{b}], C = [{c}]")
+    return lines
+
+
+def _locus_lines(loci: Mapping[str, RootLocus]) -> list[str]:
+    """How much proportional gain each loop bears."""
+    lines = []
     for name, locus in loci.items():
         limit = (
             f"stable below a gain of {locus.limit:.4g} /deg"

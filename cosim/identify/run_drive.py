@@ -177,7 +177,7 @@ def drive_answer(
         f"the speed follows the command after {curve.lag + curve.delay:.3g} s; over half a second the curve is off by "
         f"{data['error']['value']:.3g} {data['error']['unit']}"
     ]
-    notes = [f"not reached in the log{'s' if len(logs) > 1 else ''}: {', '.join(missing)}"] if missing else []
+    notes = [f"not reached in the log{'s' if len(logs) > 1 else ''}: {'; '.join(missing)}"] if missing else []
     if len(logs) == 1:
         notes.append(
             "one log says nothing of the next: its intervals take the scatter between the logs of other drives"

@@ -128,6 +128,9 @@ def guesses(found: Overview) -> dict[str, Guess]:
         made["u"] = replace(
             made["u"], unit="1", gain=float(f"{1.0 / largest:.4g}"), why=why, check=True, zero=zero
         )
+    elif "u" in made and one_sided(made["u"].column):
+        why = f"{made['u'].why}; CHECK: no reading is near 0, so `zero` may be missing"
+        made["u"] = replace(made["u"], why=why, check=True)
     return {signal: made[signal] for signal in SIGNALS if signal in made}
 
 
@@ -150,6 +153,15 @@ def neutral(command: Column, motion: Column) -> float:
     still, moving = moved[there], moved[~there]
     stands = np.nanmean(still) < STILL * np.nanmean(moving) if still.size and moving.size else False
     return level if stands else 0.0
+
+
+def one_sided(command: Column) -> bool:
+    """Whether no reading of a command is near 0: a joystick of 1 to 4 V, whose 0 is somewhere between."""
+    values = command.finite
+    if not values.size:
+        return False
+    low, high = float(np.min(values)), float(np.max(values))
+    return max(low, -high) > OFF_ZERO * (high - low) > 0.0
 
 
 def _score(column: Column, signal: str) -> float:
@@ -400,6 +412,8 @@ def _entry(found: Overview, guess: Guess) -> list[str]:
     ]
     if guess.zero:
         lines.append(f"zero = {guess.zero!r}    # CHECK: the most frequent reading; the machine stands there")
+    elif guess.signal == "u" and one_sided(column):
+        lines.append("# zero = ?    # CHECK: the reading without a command, at which the machine stands")
     if guess.gain != 1.0:
         lines.append(f"gain = {guess.gain!r}    # CHECK: full command for the largest reading")
     return lines

@@ -1,5 +1,7 @@
 """MATLAB files v4, v5, v7 and v7.3, through mat-io: plain matrices, vectors, structs, timeseries, tables.
 
+Without mat-io, which has no wheel for Python 3.14 yet, scipy reads what it can: all but v7.3, timeseries and tables.
+
 A file is flattened into columns named by their path: ``slew``, ``log.slew``, ``data(:,2)``. A matrix takes the names
 of its columns from a list of texts beside it (``names``), units come from a list or struct beside them (``units``).
 """
@@ -12,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import DataError
+from cosim.errors import DataError, MissingExtraError
 from cosim.logs.hdf5 import check_heaps
 from cosim.logs.mat5 import check_elements
 from cosim.logs.source import Array, Label, Source, parse_label, translated
@@ -34,19 +36,17 @@ class MatSource(Source):
 
     Raises:
         DataError: the file is damaged or holds no column of numbers.
+        MissingExtraError: mat-io is not installed, and the file holds what only it reads.
     """
 
     row_word = "sample"
 
     def __init__(self, path: Path) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # mat-io 1.0 sets a pandas option that pandas 3 deprecates
-            import matio
         notes: list[str] = []
         check_heaps(path)
         check_elements(path)
         with translated(path, "MAT", notes):
-            content = matio.load_from_mat(str(path))
+            content = _variables(path)
             constants: dict[str, float] = {}
             self._entries = list(_flatten(content, "", constants, 0))
         if not self._entries:
@@ -61,6 +61,46 @@ class MatSource(Source):
     def clock(self, index: int) -> Array | None:
         """See `Source.clock`: the stamps of a timeseries or a Simulink structure with time."""
         return self._entries[index].clock
+
+
+def _variables(path: Path) -> Mapping[str, Any]:
+    """The variables of a file, by mat-io where it is installed, else by scipy.
+
+    Raises:
+        MissingExtraError: the file holds what scipy cannot read.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # mat-io 1.0 sets a pandas option that pandas 3 deprecates
+            import matio
+    except ImportError:
+        matio = None
+    if matio is not None:
+        return dict(matio.load_from_mat(str(path)))
+    from scipy.io import loadmat
+
+    try:
+        content = dict(loadmat(str(path)))
+    except NotImplementedError:
+        raise MissingExtraError(f"{path}: a MATLAB file of version 7.3", "mat") from None
+    if any(type(value).__name__ == "MatlabOpaque" for value in _values(content)):
+        raise MissingExtraError(f"{path}: a timeseries or table in it", "mat")
+    return content
+
+
+def _values(value: Any, depth: int = 0) -> Iterator[Any]:
+    """A value of scipy's reader and all within it."""
+    yield value
+    if depth > _DEPTH or type(value).__name__ == "MatlabOpaque":
+        return
+    if isinstance(value, Mapping):
+        inner: list[Any] = list(value.values())
+    elif isinstance(value, np.ndarray) and value.dtype.names is not None:
+        inner = [item[name] for item in value.flat for name in value.dtype.names]
+    else:
+        inner = list(value.flat) if isinstance(value, np.ndarray) and value.dtype == object else []
+    for item in inner:
+        yield from _values(item, depth + 1)
 
 
 def _flatten(

@@ -86,8 +86,8 @@ def wrong(result: Answer) -> Iterator[str]:
         yield f"Cause: {place(cause)}: {sizes(cause, result)}"
     for rest in result.unexplained:
         yield (
-            f"Unexplained: {block_name(rest.block)}: {with_signals(rest.what)}; no effect of the library explains it "
-            f"({rest.residual_rms:.2g} {unit_text(rest.unit)})".replace(" )", ")")
+            f"Unexplained: {block_name(rest.block)}: {with_signals(rest.what)}; no effect of the library "
+            f"explains it ({rest.residual_rms:.2g} {unit_text(rest.unit)})".replace(" )", ")")
         )
     for item in result.refused:
         yield f"Refused: {in_words(item.effect)}: {in_words(item.why)}"

@@ -117,8 +117,15 @@ _SIGNAL = re.compile(
 
 
 def with_signals(text: str) -> str:
-    """A sentence with its signals called as people call them."""
-    return _SIGNAL.sub(lambda found: signal_name(found[1]), text)
+    """A sentence with its signals, and what something depends on, called as people call them: "slew speed" for omega."""
+    return _SIGNAL.sub(
+        lambda found: signal_name(found[1]), _DEPENDS.sub(lambda found: QUANTITIES[found[1]][0], text)
+    )
+
+
+_DEPENDS = re.compile(
+    rf"(?<=that depends on )({'|'.join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))})(?= explains|,)"
+)
 
 
 def few(text: str, most: int = 5) -> str:

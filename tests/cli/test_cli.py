@@ -213,3 +213,12 @@ def test_a_value_without_its_option_names_the_option(command) -> None:
     assert code == 2
     assert "its option is meant: --excitation small_steps" in error
     assert "its option" not in command("rig", "small")[2]
+
+
+def test_a_missing_argument_shows_a_line_to_type_and_a_word_that_people_try_its_command(command) -> None:
+    code, _, error = command("diagnose")
+    assert code == 2
+    assert "For example: cosim diagnose examples/synthetic_demo.csv --out found" in error
+    code, _, error = command("calibrate", "log.csv")
+    assert code == 2
+    assert "No such command 'calibrate': cosim compare LOG --calibrate" in error

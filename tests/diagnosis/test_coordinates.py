@@ -51,6 +51,22 @@ def test_a_size_stays_within_its_share_of_another(size: float, other: float, rat
     np.testing.assert_allclose(coordinates.turn(z) @ step, moved, rtol=1e-6, atol=1e-6)
 
 
+@given(st.floats(1e-6, 1e6), st.floats(-1e3, 1e3))
+def test_an_order_of_magnitude_goes_by_its_logarithm(size: float, other: float) -> None:
+    coordinates = Coordinates([], SCALES, np.ones(4), ratios=[1])
+    x = np.array([other, size, other, 1.0])
+    z = coordinates.sought(x)
+    np.testing.assert_allclose(coordinates.reported(z), x, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        coordinates.reported(z + np.array([0.0, np.log(2.0), 0.0, 0.0]))[1], 2.0 * size, rtol=1e-9
+    )
+    low, high = coordinates.bounds(0.1 * np.abs(x) + 1e-9, 10.0 * np.abs(x) + 1e-9)
+    assert low[1] < z[1] < high[1]
+    step = np.array([0.0, 1e-6, 0.0, 0.0])
+    slope = (coordinates.reported(z + step) - coordinates.reported(z - step))[1] / (2e-6 * SCALES[1])
+    np.testing.assert_allclose(coordinates.turn(z)[1, 1], slope, rtol=1e-6)
+
+
 @given(st.floats(0.0, 10.0), st.floats(-3.0, 3.0))
 def test_an_amplitude_stays_within_its_bounds(amplitude: float, phase: float) -> None:
     coordinates = Coordinates([(0, 1)], np.array([0.2, 1.0]), np.array([0.3, 0.0]), np.array([0.95, 1e3]))

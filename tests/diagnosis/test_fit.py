@@ -24,6 +24,28 @@ def task(measured: np.ndarray, **more: object) -> Task:
     return Task(Parabola(), {"y": measured}, {"y": RULE}, **more)  # type: ignore[arg-type]
 
 
+class Drive(Parabola):
+    """y = x / b: a speed per command with the friction b."""
+
+    def simulate(self, values: dict[str, float]) -> dict[str, np.ndarray]:
+        """The signal y."""
+        return {"y": X / values["m.b"]}
+
+
+@pytest.mark.parametrize("truth", [2e-3, 0.05, 4.0, 900.0])
+def test_a_guess_that_is_a_thousand_times_off_is_found(truth: float) -> None:
+    """By the guess's own size each step of the search would end on a bound, or go on for ever."""
+    guessed = Unknown("m.b", 2.0, 2.0, 1e-3, 2e3, ratio=True)
+    drive = Task(Drive(), {"y": X / truth}, {"y": RULE})  # type: ignore[arg-type]
+    found = fit(drive, [guessed], rounds=20)
+    assert found.values["m.b"] == pytest.approx(truth, rel=1e-3)
+    # slopes and deviation are told of the value itself, not of its logarithm
+    spread = 1.0 / np.sqrt(np.sum((X / truth**2) ** 2))
+    assert found.deviations["m.b"] == pytest.approx(spread, rel=1e-3)
+    assert found.slopes is not None
+    assert np.linalg.norm(found.slopes[:, 0]) == pytest.approx(2.0 / spread, rel=1e-3)
+
+
 def unknown(name: str, prior: tuple[float, float] | None = None) -> Unknown:
     """An unknown that starts at zero."""
     return Unknown(name, 0.0, 1.0, -50.0, 50.0, prior)

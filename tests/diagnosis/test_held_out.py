@@ -10,6 +10,7 @@ import pytest
 from cosim.diagnosis.extension.estimate import vanished
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.trials import Trial
 from cosim.diagnosis.held_out import causes as held_out
 from cosim.diagnosis.held_out.causes import (
     Held,
@@ -261,7 +262,7 @@ def test_of_effects_that_cannot_be_told_apart_the_likeliest_is_named() -> None:
     assert likeliest(saturation, [stop], ("mechanical.end_stop", "sensor.saturation")) == stop
 
 
-def stepper_of(monkeypatch, refitted, rounding: float = 0.0):
+def stepper_of(monkeypatch, refitted, rounding: float = 0.0, searched: tuple[Trial, ...] = ()):
     """A stepper whose fits are made up, over a log whose sensor rounds with this deviation."""
     monkeypatch.setattr(held_out, "refitted", refitted)
     monkeypatch.setattr(held_out, "errors", lambda finding, fit, record: fit.residuals)
@@ -271,7 +272,10 @@ def stepper_of(monkeypatch, refitted, rounding: float = 0.0):
     model = SimpleNamespace(group=replace(MODELS["full_order"][2], absolute=("slew",)), cuts=(), stages=())
     rule = SimpleNamespace(bins=1, window=6)
     finding = SimpleNamespace(
-        task=SimpleNamespace(model=model, rules={"slew": rule}), chosen=SimpleNamespace(fit=FIT)
+        task=SimpleNamespace(model=model, rules={"slew": rule}),
+        chosen=Trial((COULOMB, BACKLASH), FIT, 0),
+        single=list(searched[:1]),
+        rivals={COULOMB.name: list(searched[1:])},
     )
     record = SimpleNamespace(cuts=(), rounding=lambda _: rounding)
     return stepper(finding, Held(record, 0), "slew", 0.01)  # type: ignore[arg-type]
@@ -286,6 +290,22 @@ def test_a_machine_that_stands_does_not_decide(monkeypatch) -> None:
 
     step = stepper_of(monkeypatch, refitted, rounding=1e-4)
     assert step((COULOMB,)).gain_over(step((COULOMB, BACKLASH))).gain == 0.0
+
+
+def test_a_set_that_the_search_has_fitted_is_judged_from_there(monkeypatch) -> None:
+    """From the values of another set, in which something else did its part, it may not be found."""
+    begun = []
+
+    def refitted(finding, effects, tolerance, near):
+        begun.append(near)
+        return replace(FIT, residuals={"slew": np.ones(48)})
+
+    alone, beside = (replace(FIT, values={"mechanical.backlash": v}) for v in (1.0, 2.0))
+    searched = Trial((BACKLASH,), alone, 0), Trial((BACKLASH, STRIBECK), beside, 0)
+    step = stepper_of(monkeypatch, refitted, searched=searched)
+    for effects in ((BACKLASH,), (STRIBECK, BACKLASH), (STRIBECK,)):
+        step(effects)
+    assert begun == [alone, beside, FIT]
 
 
 @pytest.mark.parametrize("first", [(COULOMB,), (COULOMB, BACKLASH)], ids=["the part", "the whole"])

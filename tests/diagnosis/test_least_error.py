@@ -9,14 +9,14 @@ from scipy.signal import lfilter
 
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.noise import broad, plain
-from cosim.diagnosis.fitting.trials import candidates_of, unused
+from cosim.diagnosis.fitting.trials import Trial, candidates_of, starting, tried, unused
 from cosim.diagnosis.hypotheses import naming
 from cosim.diagnosis.hypotheses.naming import least_error, nominal
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.diagnosis.record.record import Record, joined
-from cosim.diagnosis.thresholds import CALIBRATED_TRUST
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST, GUESSED_TRUST
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 
@@ -66,7 +66,7 @@ def test_where_no_effect_is_sure_alone_pairs_are_tried(
     task = task_for(group, record, [])
     null = nominal(task, record, CALIBRATED_TRUST)
     candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
-    monkeypatch.setattr(naming, "accepted", lambda new, *_: len(new.effects) == 2)
+    monkeypatch.setattr(naming, "believable", lambda new, *_: len(new.effects) == 2)
     found = least_error(task, null, candidates, CALIBRATED_TRUST, 1)
     assert found is not None
     assert len(found.effects) == 2
@@ -84,3 +84,38 @@ def test_the_other_end_of_the_travel_is_sought_though_one_was_found(pair: tuple[
     assert unused(task, (stop,), "mechanical.theta_min", near, starts) == starts
     assert unused(task, (stop,), "mechanical.theta_max", near, starts) == ()
     assert unused(task, (stop,), "mechanical.J", near, starts) == ()
+
+
+def test_a_stop_within_a_model_of_guesses_is_sought_where_the_fitted_model_meets_it(
+    pair: tuple[Record, Group],
+) -> None:
+    record, group = pair
+    task = task_for(group, record, [])
+    stop = next(e for e in candidates_of(task) if e.name == "dcv.stroke_limit")
+    null = tried(task, (), GUESSED_TRUST)
+    spool = task.model.inside("dcv", stop.free["x_max"].limits, null.fit.values)
+    assert spool is not None
+    # before any fit the guesses say nothing of it
+    before, begun = (
+        starting(task, (stop,), GUESSED_TRUST, near)[1]["dcv.x_max"] for near in (None, null.fit)
+    )
+    assert any(0.9 * spool.max() < at < spool.max() for at in set(begun) - set(before))
+
+
+def test_where_the_size_of_the_best_is_not_known_the_next_is_taken(
+    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record, group = pair
+    task = task_for(group, record, [])
+    null = nominal(task, record, CALIBRATED_TRUST)
+    candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
+    offered: list[tuple[str, ...]] = []
+
+    def all_but_the_first(new: Trial, *_: object) -> bool:
+        offered.append(new.names)
+        return len(offered) > 1
+
+    monkeypatch.setattr(naming, "believable", all_but_the_first)
+    found = least_error(task, null, candidates, CALIBRATED_TRUST, 1)
+    assert found is not None
+    assert offered[0] != offered[1] == found.names

@@ -95,7 +95,7 @@ def test_the_axis_has_dry_friction_and_an_offset(axis: Answer) -> None:
 
 @pytest.mark.slow
 @pytest.mark.xfail(
-    strict=True, reason="the free run has several minima: 7.03 mm, load -3.45 to -3.27 N (docs/machines.md)"
+    strict=True, reason="the free run has several minima: 7.03 mm, load -3.45 to -3.27 N (docs/scores.md)"
 )
 def test_the_axis_is_known_as_well_as_published(axis: Answer) -> None:
     load = next(c for c in axis.causes if c.effect == "mechanical.constant_load").parameters["tau_load"]

@@ -292,6 +292,18 @@ def test_a_command_that_rests_where_the_machine_stands_has_its_zero_there(write,
     assert "the machine stands at 7.5" in made["u"].why
 
 
+def test_a_command_of_which_no_reading_is_near_0_is_asked_for_its_zero(write, servo):
+    """A joystick of 1 to 4 V without a rest in the log: a gain alone would make a constant load of its middle."""
+    servo[:, 1] = np.where(servo[:, 1] == 7.5, 5.2, servo[:, 1])
+    found = overview(write("t,Swing Cmd,Swing angle\n" + rows(servo)))
+    made = guesses(found)
+    assert "`zero` may be missing" in made["u"].why
+    assert "# zero = ?    # CHECK" in mapping_text(found, made, "full_order")
+    servo[:, 1] -= 7.5
+    found = overview(write("t,Swing Cmd,Swing angle\n" + rows(servo)))
+    assert "zero" not in guesses(found)["u"].why
+
+
 def test_a_level_that_is_held_while_the_machine_moves_is_no_zero(write, servo):
     servo[:, 1] = np.where(servo[:, 1] == 7.5, 5.2, servo[:, 1])
     servo[:, 2] = np.cumsum(np.where(servo[:, 1] == 5.2, -0.05, 0.02))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib.util
+import sys
 import warnings
 
 import numpy as np
@@ -357,3 +358,22 @@ def test_an_endless_loop_in_hdf5_is_refused(tmp_path):
         DataError, match=rf"log\.mat: cannot be read as a MAT file: the heap at byte {heap} is damaged"
     ):
         load_log(path)
+
+
+@pytest.mark.parametrize("shape", [matrix, wide_matrix, vectors, struct, with_time])
+def test_mat_files_without_mat_io(reference, tmp_path, monkeypatch, shape):
+    """As on Python 3.14, for which mat-io has no wheel."""
+    monkeypatch.setitem(sys.modules, "matio", None)
+    path = tmp_path / "log.mat"
+    savemat(path, shape(*names_and_units()), oned_as="column")
+    assert_same(load_log(path), reference)
+
+
+def test_what_only_mat_io_reads_names_the_extra(save_objects, monkeypatch):
+    stamps = np.arange(5.0)
+    for content, version in (({"a": stamps}, "v7.3"), ({"log": {"slew": timeseries(stamps, "deg")}}, "v7")):
+        path = save_objects(content, version)
+        with monkeypatch.context() as without:
+            without.setitem(sys.modules, "matio", None)
+            with pytest.raises(MissingExtraError, match=r"slew-cosim\[mat\]"):
+                load_log(path)

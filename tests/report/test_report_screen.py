@@ -115,6 +115,8 @@ def test_blocks_judged_as_one_and_signals_have_names():
     told = lines(empty_answer(verdict="unexplained", unexplained=[rest], refused=refused), OUT)
     assert told[1].startswith("Unexplained: valve + hydraulics: slew angle is off; no effect")
     assert told[2].endswith("the error of load pressure rises")
+    what = "a missing reading that depends on path of theta since it turned explains 38% of what is systematic in slew"
+    assert "depends on path since the last reversal explains" in with_signals(what)
     for text in ("the spool's speed", "slew sensor", "sensor.slew", "the spool travels", "slew_rate"):
         assert with_signals(text) == text
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from cosim.options import Verbose
+
 Out = Annotated[
     Path | None, typer.Option("--out", "-o", help="Folder for mapping, picture and JSON.", metavar="DIR")
 ]
@@ -52,13 +54,14 @@ def linearisation(
         str, typer.Option(help="Voltage of full command, and the travel it is to give on either side.")
     ] = "3 V:2.6 mm",
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """The valve's voltage for a command so that the spool's travel is linear and the same on both sides (3.5.5)."""
     from cosim.identify.answer import finish
     from cosim.identify.linearisation import linearisation_answer
 
-    finish(linearisation_answer((start_a, start_b), point or [], full), out, as_json)
+    finish(linearisation_answer((start_a, start_b), point or [], full), out, as_json, verbose)
 
 
 def kalman(
@@ -81,6 +84,7 @@ def kalman(
         list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
     ] = None,
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Gains of the extended observer: the stationary Kalman filter of slew, velocity, disturbance and sensor error."""
@@ -101,7 +105,7 @@ def kalman(
         tracker_step=parse_quantity(tracker_step, "s"),
         step=parse_quantity(step_size, "s"),
     )
-    finish(kalman_answer(nominal(settings or []), noises), out, as_json)
+    finish(kalman_answer(nominal(settings or []), noises), out, as_json, verbose)
 
 
 def markers(

@@ -214,7 +214,7 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     found += one_level(diagnosis)
     for signal, linear in diagnosis.references.items():
         low, high = ratio_ci95(linear.ours, linear.squares)
-        if diagnosis.rests and high > 1.0:
+        if (diagnosis.rests or diagnosis.verdict == "partly_explained") and high > 1.0:
             unit, scale = shown(signal)
             how = "better than" if low > 1.0 else "no clearly worse than"
             found.append(

@@ -24,6 +24,7 @@ class Coordinates:
         start: (n,) where the search begins, SI: amplitudes keep its sign, phases stay within half a turn of it.
         most: (n,) largest size of each unknown, SI; of an amplitude what is beyond counts as this much. None for any size.
         shares: (place of a size, place of another, most of the first in parts of the other); none is negative.
+        ratios: places of positive unknowns of which hardly the order of magnitude is known: they go by their logarithm.
     """
 
     def __init__(
@@ -33,10 +34,16 @@ class Coordinates:
         start: Array,
         most: Array | None = None,
         shares: Sequence[tuple[int, int, float]] = (),
+        ratios: Sequence[int] = (),
     ) -> None:
-        self.pairs, self.shares, self.scales = tuple(pairs), tuple(shares), scales
+        self.pairs, self.shares, self.scales, self.ratios = tuple(pairs), tuple(shares), scales, list(ratios)
         self.most = np.full(scales.size, np.inf) if most is None else most
         self.start = start
+
+    @property
+    def bent(self) -> bool:
+        """True if they are more than the unknowns in typical changes."""
+        return bool(self.pairs or self.shares or self.ratios)
 
     def sought(self, x: Array) -> Array:
         """(n,) coordinates of unknowns (n,), SI: a pair's both in typical changes of the amplitude."""
@@ -45,11 +52,13 @@ class Coordinates:
             z[i], z[k] = z[i] * np.cos(x[k]), z[i] * np.sin(x[k])
         for i, k, ratio in self.shares:
             z[k] = max(x[k] - x[i] / ratio, 0.0) / self.scales[k]
+        z[self.ratios] = 1.0 + np.log(z[self.ratios])
         return z
 
     def reported(self, z: Array) -> Array:
         """(n,) unknowns, SI, at coordinates (n,)."""
         x = z * self.scales
+        x[self.ratios] = np.exp(z[self.ratios] - 1.0) * self.scales[self.ratios]
         for i, k in self.pairs:
             sign = -1.0 if self.start[i] < 0.0 else 1.0
             turned = np.arctan2(sign * z[k], sign * z[i]) - self.start[k]
@@ -62,6 +71,7 @@ class Coordinates:
     def bounds(self, low: Array, high: Array) -> tuple[Array, Array]:
         """Bounds (n,) of the coordinates for bounds of the unknowns, SI; a sine has none."""
         low, high = low / self.scales, high / self.scales
+        low[self.ratios], high[self.ratios] = 1.0 + np.log(low[self.ratios]), 1.0 + np.log(high[self.ratios])
         for pair in self.pairs:
             low[list(pair)], high[list(pair)] = -np.inf, np.inf
         return low, high
@@ -69,6 +79,7 @@ class Coordinates:
     def turn(self, z: Array) -> Array:
         """(n, n) change of the unknowns, in typical changes of each, with the coordinates."""
         found = np.eye(z.size)
+        found[self.ratios, self.ratios] = np.exp(z[self.ratios] - 1.0)
         for i, k in self.pairs:
             amplitude = max(float(np.hypot(z[i], z[k])), NO_AMPLITUDE)
             sign = -1.0 if self.start[i] < 0.0 else 1.0

@@ -35,6 +35,7 @@ class Unknown:
         prior: (mean, standard deviation) of what is known beforehand, or None.
         amplitude: of a phase, the unknown that is the amplitude of its sine.
         within: another unknown and how many times as large as that this one can be; neither is negative.
+        ratio: hardly its order of magnitude is known: it is sought by its logarithm. Its low bound is positive.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Unknown:
     prior: tuple[float, float] | None = None
     amplitude: str = ""
     within: tuple[str, float] | None = None
+    ratio: bool = False
 
 
 def placed(unknowns: list[Unknown], values: Mapping[str, float]) -> list[Unknown]:
@@ -228,7 +230,8 @@ def fit(
         if u.within is not None and u.within[0] in names and unknowns[names.index(u.within[0])].low == 0.0
     ]
     scales = np.array([u.scale for u in unknowns])
-    coordinates = Coordinates(pairs, scales, start, most, shares)
+    ratios = [i for i, u in enumerate(unknowns) if u.ratio]
+    coordinates = Coordinates(pairs, scales, start, most, shares, ratios)
     low, high = coordinates.bounds(np.array([u.low for u in unknowns]), np.array([u.high for u in unknowns]))
     priors = [(i, u.prior) for i, u in enumerate(unknowns) if u.prior is not None]
 
@@ -366,7 +369,7 @@ def summarised(
         covariance,
         tuple(n for n, z, a, b in ends if z - a < 1e-4 or b - z < 1e-4),
         found.status > 0,
-        found.jac @ np.linalg.inv(turn) if coordinates.pairs or coordinates.shares else found.jac,
+        found.jac @ np.linalg.inv(turn) if coordinates.bent else found.jac,
         found.fun,
         stepped,
         dict(zip(names, coordinates.scales.tolist(), strict=True)),

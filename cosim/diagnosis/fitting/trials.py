@@ -89,7 +89,8 @@ def trusted(model: GroupModel, tolerance: float) -> list[Unknown]:
         value = model.nominal(name)
         deviation, low, high = model.trust(name, tolerance)
         scale = min(deviation, abs(value) or deviation)
-        found.append(Unknown(name, value, scale, low, high, (value, deviation)))
+        ratio = tolerance >= CALIBRATED_TRUST and low > 0.0
+        found.append(Unknown(name, value, scale, low, high, (value, deviation), ratio=ratio))
     return found
 
 
@@ -183,7 +184,8 @@ def starting(
 ) -> tuple[list[Unknown], dict[str, tuple[float, ...]]]:
     """What to estimate with these effects, and from which starts: of a limit also where the log has its extremes."""
     wanted, starts = unknowns(task.model, effects, tolerance)
-    known = None if rough(tolerance) else near.values if near else {}
+    # what a model of rough guesses predicts between its blocks is known once it has been fitted
+    known = near.values if near else None if rough(tolerance) else {}
     for name, extremes in reached(task, effects, known).items():
         starts[name] = (*starts[name], *extremes)
     return wanted, starts

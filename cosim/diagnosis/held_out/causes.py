@@ -238,6 +238,7 @@ def stepper(
         done: sets judged already: the error of a free run does not depend on what the noise is held to be; it grows.
     """
     done = {} if done is None else done
+    searched = {key_of(t.effects): t.fit for t in listed_trials(finding)}
     quiet = held.record.rounding(signal) ** 2
 
     def judged(effects: tuple[Effect, ...], near: Fit) -> Step:
@@ -273,7 +274,7 @@ def stepper(
     def step(effects: tuple[Effect, ...]) -> Step:
         key = key_of(effects)
         if key not in done:
-            found = judged(effects, finding.chosen.fit)
+            found = judged(effects, searched.get(key, finding.chosen.fit))
             # a set leaves no more than a part of it does: a search that ended there went astray
             inside = min((s for k, s in done.items() if k < key), key=lambda s: s.fitted, default=found)
             if inside.fitted < NESTED * found.fitted and not current().over:
@@ -284,6 +285,14 @@ def stepper(
         return done[key]
 
     return step
+
+
+def listed_trials(finding: Finding) -> Iterator[Trial]:
+    """The sets that the search for a finding has fitted and kept: beside one of them the others' values lead astray."""
+    yield from finding.single
+    for found in finding.rivals.values():
+        yield from found
+    yield finding.chosen
 
 
 def key_of(effects: Iterable[Effect]) -> frozenset[tuple[str, ...]]:

@@ -95,12 +95,17 @@ def joint(found: Fit, sizes: dict[str, float]) -> float:
 def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float, sure: float = NAMING_GAIN) -> bool:
     """True if `new` (one effect more) is to be believed over `old`: by `sure` of log-likelihood beyond its price."""
     effect = new.effects[-1]
-    if not worth_naming(new, effect, model, tolerance) or impossible(new, model):
+    if not believable(new, model, tolerance):
         return False
     if all(f"{effect.component}.{p}" in model.group.trusted for p in effect.free):
         # its prior has been its price; beyond that it must gain as much as any other cause
         return new.fit.log_likelihood > old.fit.log_likelihood + sure
     return new.score > old.score + sure
+
+
+def believable(new: Trial, model: GroupModel, tolerance: float) -> bool:
+    """True if the last effect of a set has a size that matters and can be."""
+    return worth_naming(new, new.effects[-1], model, tolerance) and not impossible(new, model)
 
 
 def find(
@@ -313,15 +318,14 @@ def least_error(
         return -0.5 * count * left - 0.5 * trial.price * float(np.log(count))
 
     def believed(options: list[Trial]) -> Trial | None:
-        if not options:
-            return None
-        best = max(options, key=worth)
-        weighed(best)
-        before = tried(task, chosen.effects, tolerance, chosen.fit)
-        more = tried(task, best.effects, tolerance, best.fit)
-        # a beginning only: what is named is decided later
-        if accepted(more, before, task.model, tolerance, 0.0):
-            return more
+        # the best by far may be one whose size nobody knows
+        for best in sorted(options, key=worth, reverse=True)[:PAIRED]:
+            weighed(best)
+            before = tried(task, chosen.effects, tolerance, chosen.fit)
+            more = tried(task, best.effects, tolerance, best.fit)
+            # a beginning only: what is named is decided later
+            if worth(more) > worth(before) and believable(more, task.model, tolerance):
+                return more
         weighed(chosen)
         return None
 

@@ -461,6 +461,18 @@ def beside_the_whole(found: Diagnosis, constants: Mapping[str, float]) -> dict[s
     return across(found.record, held.record, held.first, drive, signals, judged, found.window, anew)
 
 
+def outdone_by_linear(references: Mapping[str, Reference], noise: Mapping[str, float]) -> bool:
+    """True if a linear model of free order leaves less of a signal on held-out data, by more than the sensor's noise.
+
+    However unclear that is: what a linear model predicts better is not explained.
+
+    Args:
+        references: signal -> linear reference beside the extended model.
+        noise: signal -> size of its noise per sample, SI.
+    """
+    return any(r.ours_error**2 - r.error**2 > noise[s] ** 2 for s, r in references.items() if s in noise)
+
+
 def verdict_of(named: list[Cause], left: list[Rest]) -> str:
     """One word for the whole."""
     if not named:
@@ -640,6 +652,8 @@ def stages(
                 taken_back(found, folder, trust)
     with part_of(found.notes, "the linear reference of the whole"):
         found.references = beside_the_whole(found, constants)
+    if found.verdict == "explained" and outdone_by_linear(found.references, found.noise):
+        found.verdict = "partly_explained"
     found.stage = ""
 
 
