@@ -53,9 +53,7 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
         raise UsageError(f"'{model}' has no input: build it with --with-stimulus for another command")
     built = build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
     if not built.is_file():
-        raise ModelError(
-            f"the model '{model}' is not built ('{built}' is missing): run `python build_fmus.py` first"
-        )
+        raise ModelError(f"the model '{model}' is not built ('{built}' is missing): run `cosim build` first")
     return built
 
 

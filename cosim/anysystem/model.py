@@ -74,6 +74,8 @@ class GroupModel:
         off: signal -> (first, last, size): by how much it is taken to be off in this part of each log.
         added: ``port|where`` -> for each log what is added there, behind the effects.
         own: signals by which the group is judged and which drive it as well.
+        differs: signal -> RMS by which two runs of the same differ; empty before that was tried.
+        coarse: signal -> RMS error of the model's own solvers, from a run in which they work more finely.
     """
 
     def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
@@ -84,6 +86,8 @@ class GroupModel:
         self.off: dict[str, tuple[float, float, float]] = {}
         self.added: dict[str, list[Array]] = {}
         self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
+        self.differs: dict[str, float] = {}
+        self.coarse: dict[str, float] = {}
         judged = {signal for signal, _ in group.judged}
         self.own = frozenset(d.signal for d in group.drives if d.signal in judged)
 

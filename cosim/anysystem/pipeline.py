@@ -31,6 +31,7 @@ SEARCHED = 0.85  # of the time allowed, until which groups are judged
 NEAR = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
+SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
 
 
 @dataclass
@@ -211,6 +212,12 @@ def judge(
         for signal, size in search.differs.items()
         if size > 0.0
     ]
+    found.notes += [
+        f"{group.name}: its own solver is off in {signal} by {100 * size / search.spreads[signal]:.2g} % of its spread "
+        "(RMS), so less is not looked for; export it with a finer step or tolerance"
+        for signal, size in model.coarse.items()
+        if size > SAID * search.spreads[signal]
+    ]
     doubted = doubtful(found, search)
     heard(found, search, doubted)
     if model.drives:
@@ -350,7 +357,8 @@ def heard(found: AnyDiagnosis, search: Search, doubted: Doubted) -> None:
 def like(found: AnyDiagnosis, model: GroupModel) -> GroupModel:
     """A model of the same group, driven by the same."""
     other = GroupModel(model.group, found.system, model.runs, found.segments)
-    other.base, other.drives = dict(model.base), dict(model.drives)
+    other.base, other.drives, other.differs = dict(model.base), dict(model.drives), model.differs
+    other.coarse = model.coarse
     return other
 
 

@@ -40,6 +40,7 @@ CLOSE = 6.0  # log-likelihood within which two hypotheses cannot be told apart (
 ROUNDED = 0.1  # of a step: smaller noise of a rounded reading is not believed: little is left, and at its edges only
 LEAST = 1e-3  # of a signal's spread: two programs that integrate the same model differ by that
 SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
+SOLVERS = 1.25  # times the error of the model's solvers: what is smaller may be theirs
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
 UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
@@ -202,13 +203,18 @@ class Search:
         self.problem = Problem(measured, fitted, windows, model, least)
         self.problem.hurried = lambda: self.budget.over
         self.base: dict[str, float] = {PARAMETER + "|" + n: v for n, v in self.free.items()}
-        first = model({**self.base})  # raises where the system itself cannot be run
-        self._check(first)
-        model.runs.forget()
-        again = model({**self.base})
-        self.differs = {s: self._difference(first, again, s) for s, _ in model.group.judged}
+        with model.runs.exact():
+            first = model({**self.base})  # raises where the system itself cannot be run
+            self._check(first)
+            if not model.differs:
+                model.runs.forget()
+                again = model({**self.base})
+                model.differs = {s: self._difference(first, again, s) for s, _ in model.group.judged}
+                model.coarse = self._coarse(first)
+        self.differs = model.differs
         for name in least:
-            self.problem.least[name] = max(least[name], self.differs[name.partition("#")[0]])
+            signal = name.partition("#")[0]
+            self.problem.least[name] = max(least[name], self.differs[signal], model.coarse.get(signal, 0.0))
         self.reaches = self._reaches()
         self.read = self._read(first)
         self._learn_white()
@@ -250,6 +256,28 @@ class Search:
         """RMS by which two runs of the same differ: 0 for a system that is deterministic."""
         names = [place(signal, k) for k in range(len(self.model.segments))]
         return float(np.sqrt(np.mean(np.concatenate([one[n] - other[n] for n in names]) ** 2)))
+
+    def _coarse(self, first: Mapping[str, Array]) -> dict[str, float]:
+        """RMS error that the model's own solvers make of each signal; nothing where that cannot be asked."""
+        model, h = self.model, max(s.h for s in self.model.segments)
+        units = model.group.units
+        # what goes round within a loop comes a step late: that is no solver's error
+        if any(len(unit.components) > 1 or not model.runs.can_halve(unit, h) for unit in units):
+            return {}
+        try:
+            with model.runs.finer():
+                fine = model({**self.base})
+        except SimulationError:
+            return {}
+        # half the step leaves half the error of a solver of first order, a hundredth of the tolerance hardly any
+        inside = model.group.components
+        part = 1.0 if any(model.system.components[c].fmu.tolerance for c in inside) else 2.0
+        found = {s: part * self._difference(first, fine, s) for s, _ in model.group.judged}
+        return {s: size for s, size in found.items() if np.isfinite(size)}
+
+    def _matters(self, signal: str) -> float:
+        """RMS of what matters: less is nobody's concern, or the error of the model's own solvers."""
+        return max(SIZE * self.spreads[signal], SOLVERS * self.model.coarse.get(signal, 0.0))
 
     def _check(self, series: Mapping[str, Array]) -> None:
         for name, values in series.items():
@@ -859,7 +887,7 @@ class Search:
             # without it trusted numbers may have to be where nobody believes them
             bent = problem.pull(poorer.fit.rows) - problem.pull(best.fit.rows)
             matters = bent > NAMED or any(
-                np.sqrt(max(a**2 - b**2, 0.0)) > SIZE * self.spreads[s]
+                np.sqrt(max(a**2 - b**2, 0.0)) > self._matters(s)
                 for (s, _), a, b in zip(self.model.group.judged, *rows, strict=True)
             )
             finding.held[action] = gain
@@ -1026,8 +1054,9 @@ class Search:
             for signal, _ in self.model.group.judged:
                 names = [place(signal, k) for k in range(len(self.model.segments))]
                 change = np.concatenate([moved[n] - here[n] for n in names])
-                slopes.append(float(np.sqrt(np.mean(change**2))) / abs(step) / self.spreads[signal])
-            variances.append((LEAST / max(slopes)) ** 2 if max(slopes) > 0.0 else 0.0)
+                floor = max(LEAST * self.spreads[signal], self.model.coarse.get(signal, 0.0))
+                slopes.append(float(np.sqrt(np.mean(change**2))) / abs(step) / floor)
+            variances.append(max(slopes) ** -2 if max(slopes) > 0.0 else 0.0)
         return replace(best, fit=replace(fit, covariance=fit.covariance + np.diag(variances)))
 
     def _without(self, best: Candidate, action: Action, null: Candidate) -> Candidate | None:
@@ -1091,7 +1120,7 @@ class Search:
         for signal, item in left.items():
             spread = self.spreads[signal]
             share = 1.0 - (item.after / max(item.before, 1e-300)) ** 2
-            if item.sure and share > TOLD and item.size > SIZE * spread:
+            if item.sure and share > TOLD and item.size > self._matters(signal):
                 top = sorted(item.by.items(), key=lambda pair: -pair[1])[:2]
                 names = " and ".join(n for n, part in top if part > 0.2) or top[0][0]
                 found[signal] = (

@@ -101,6 +101,9 @@ def matches(system: System, labels: Sequence[Label]) -> Matches:
     # an input of the system and what it feeds are one signal
     fed = {str(wire.target) for item in system.inputs.values() for wire in item.targets}
     ports = [p for p in connectors(system) if p not in fed]
+    # what only goes on inside is no connector, but a log that calls a column by its name has measured it
+    called = {plain(label.name) for label in labels}
+    ports += [p for p in internal(system) if {plain(p), plain(p.partition(".")[2])} & called]
     units = {p: _unit(system, p) for p in ports}
     pairs = sorted(
         (
@@ -117,6 +120,18 @@ def matches(system: System, labels: Sequence[Label]) -> Matches:
             taken[k] = port
     guessed = only_by_unit(labels, clock, taken, units)
     return Matches(labels, clock, taken | guessed, units, frozenset(guessed))
+
+
+def internal(system: System) -> list[str]:
+    """Names of all Real variables that are no connector and change, ``component.variable``."""
+    return [
+        f"{c.name}.{v.name}"
+        for c in system.components.values()
+        for v in c.fmu.variables.values()
+        if v.kind == "Real"
+        and v.causality == "local"
+        and v.variability not in ("fixed", "tunable", "constant")
+    ]
 
 
 def only_by_unit(
@@ -200,8 +215,10 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
         f"connector {p} is not measured" for p in ports if p not in taken.values() and p in system.inputs
     ]
     if not taken:
+        known = ports or internal(system)
+        what = "a connector" if ports else "a variable, and there are no connectors,"
         raise DataError(
-            f"{log}: no column looks like a connector of {model} ({', '.join(ports[:20])}): write the mapping by hand"
+            f"{log}: no column looks like {what} of {model} ({', '.join(known[:20])}): write the mapping by hand"
         )
     numbers = [
         f"{c.name}.{v.name}"

@@ -299,5 +299,5 @@ def _twin(component: Component) -> CompiledBlock | Stimulus:
             return Stimulus(fmu.folder) if fmu.identifier == STIMULUS else twin
     raise ModelError(
         f"component '{component.name}': its FMU holds other equations than this version's: build it again "
-        f"(python build_fmus.py), or {REMEDY}"
+        f"(cosim build), or {REMEDY}"
     )

@@ -175,8 +175,13 @@ def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
         return
     output = console.stdout_console()
     rows = [{"signal": name, **row} for name, row in about["signals"].items()]
-    columns = list(rows[0]) if rows else ["signal"]
-    output.print(console.table(result.lines()[0], columns, [list(row.values()) for row in rows]))
+    output.print(
+        result.lines()[0], markup=False, soft_wrap=True
+    )  # a title would be as narrow as a short table
+    if rows:
+        output.print(console.table("", list(rows[0]), [list(row.values()) for row in rows]))
+    else:
+        output.print("No output to show: name variables with --record.", markup=False)
     if follows is not None:
         output.print(
             f"tracking: error {follows['rmse']:.3g} deg rms, {follows['largest']:.3g} deg at most,"

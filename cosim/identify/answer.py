@@ -1,6 +1,7 @@
 """What an identification hands back: numbers, a picture, a parameter set for the SSP, one JSON object."""
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,8 +57,11 @@ class Answer:
             unit, scale = current().quantity(quantity.unit, declared(name).display)
             low, high = sorted(end * scale for end in quantity.interval)
             shown = "" if unit == "1" else f" {unit}"
-            known = f", {low:.4g} to {high:.4g} (95 %)" if low < high else ""  # a choice has no interval
-            found.append(f"{name} = {quantity.value * scale:.4g}{shown}{known}")
+            value = quantity.value * scale
+            digits = _digits(value, high - low)
+            # a choice has no interval
+            known = f", {low:.{digits}g} to {high:.{digits}g} (95 %)" if low < high else ""
+            found.append(f"{name} = {value:.{digits}g}{shown}{known}")
         return found + self.lines
 
     def as_data(self, files: Mapping[str, Path]) -> dict[str, Any]:
@@ -70,6 +74,13 @@ class Answer:
             "notes": self.notes,
             "files": {name: str(path) for name, path in files.items()},
         }
+
+
+def _digits(value: float, width: float) -> int:
+    """Significant digits of a value, at least four, that leave two of its interval's width."""
+    if not (value and 0.0 < width < math.inf):
+        return 4
+    return min(max(4, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(width))), 10)
 
 
 def parameter_table(parameters: Mapping[str, Quantity], nominal: Mapping[str, float]) -> list[list[object]]:

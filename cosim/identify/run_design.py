@@ -88,6 +88,10 @@ def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> An
     answer.tables.append((f"identified from {log.source.name}", COLUMNS, parameter_table(values, known)))
     answer.lines.append("best fit: " + ", ".join(f"{name} {value:.2f} %" for name, value in fits.items()))
     answer.lines += [f"{block} left out: {why}" for block, why in left_out.items()]
+    if "mechanical" in left_out and "p_load" in log and "slew" in log:
+        answer.lines.append(
+            "cosim identify mechanics takes inertia and friction from pressure and angle, without poles"
+        )
     return answer
 
 
@@ -133,19 +137,23 @@ def observer_answer(
         },
     }
     answer = Answer("observer", data, values, notes=notes)
-    answer.lines = [f"drive, {origin}: theta/u = {gain:.5g} / (s (s + {pole:.5g})), deg", *_locus_lines(loci)]
+    ends, gains = observer.poles, observer.gain
+    answer.lines = [
+        f"drive, {origin}: theta/u = {gain:.5g} / (s (s + {pole:.5g})), deg",
+        f"observer poles {ends[0]:.5g} and {ends[1]:.5g} 1/s: L = [{gains[0]:.5g}, {gains[1]:.5g}]",
+        *_locus_lines(loci),
+    ]
     answer.details = _observer_lines(observer)
     answer.draw = lambda: picture.root_locus_figure(loci, observer)
     return answer
 
 
 def _observer_lines(observer: Observer) -> list[str]:
-    """Matrices, ranks and gain in words."""
-    plant, poles, gain = observer.plant, observer.poles, observer.gain
+    """Matrices, ranks and modal forms in words."""
+    plant = observer.plant
     lines = [
         f"A = {plant.A.tolist()}, B = {plant.B.tolist()}, C = {plant.C.tolist()}",
         f"rank of controllability {plant.controllability}, of observability {plant.observability}, of 2 states",
-        f"observer poles {poles[0]:.5g} and {poles[1]:.5g} 1/s: L = [{gain[0]:.5g}, {gain[1]:.5g}]",
     ]
     for name, system in (("plant", plant), ("error (2.16)", error_dynamics(observer))):
         try:

@@ -30,6 +30,9 @@ FEW = 3
 CHANGES = 0.1
 """A command that changes at fewer of its samples is made of constant stretches."""
 
+STATES = 12
+"""Whole numbers, as few as these: a switch, a gear or a mode, which goes and comes back as it likes."""
+
 _ENOUGH = 20
 _SAMPLED = 1 << 16
 
@@ -49,6 +52,8 @@ def jumps(time: Array, values: Array, held: bool) -> tuple[Index, float]:
         return np.empty(0, dtype=np.int64), 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         step = np.diff(values)
+        if _states(values):
+            return np.empty(0, dtype=np.int64), 0.0
         if held and np.count_nonzero(step) <= CHANGES * len(step):
             starts = _blips(values, step)
         else:
@@ -69,6 +74,11 @@ def describe(name: str, unit: str, starts: Index, size: float, place: Callable[[
         f"{name}: jumps away {times}, by up to {size:.4g} {unit} (first: {place(int(starts[0]))}): the file or the"
         " signal may be damaged there"
     )
+
+
+def _states(values: Array) -> bool:
+    """Whether a signal holds nothing but a few whole numbers."""
+    return bool(np.all(values == np.round(values))) and np.unique(values).size <= STATES
 
 
 def _usual(sizes: Array) -> float:

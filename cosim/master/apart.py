@@ -7,6 +7,7 @@ a child that dies leaves every value up to its last whole step.
 
 import contextlib
 import json
+import math
 import os
 import queue
 import shutil
@@ -102,6 +103,7 @@ class Apart:
         self.messages, self.wall_time = [], 0.0
         self._said.clear()
         self._order, self._grid = task.plan.order.names, task.grid
+        self._within, self._begun = task.within, time.monotonic()
         rows, columns = self._make_room(task), len(task.plan.places())
         ended = False
         try:
@@ -137,6 +139,7 @@ class Apart:
             ended = True
             raise
         finally:
+            self._within = math.inf
             if not ended:  # by Ctrl-C or a caller who wants no more: where the child stands then is unknown
                 self._kill()
 
@@ -157,6 +160,7 @@ class Apart:
         self._marks = np.memmap(folder / MARKS, dtype=np.int64, mode="r", shape=(marks.COUNT,))
         self._said: deque[str] = deque(maxlen=3)
         self._order, self._first, self._grid = (), 0, np.zeros(1)
+        self._within, self._begun = math.inf, 0.0
         command = [
             sys.executable,
             "-c",
@@ -238,6 +242,8 @@ class Apart:
         inside = int(self._marks[marks.PHASE]) != marks.OURS
         if still > self.limits.stall + (0.0 if inside else OWN_TIME):
             self._die(f"did not come back within {self.limits.stall:g} s (--stall, COSIM_STALL)")
+        if time.monotonic() - self._begun > self._within:
+            self._die(f"took longer than {self._within:.3g} s for one run")
         with contextlib.suppress(psutil.Error):
             if psutil.Process(self._process.pid).memory_info().rss > self._allowed:
                 self._die(f"took more than {self.limits.memory:g} MiB of memory (--memory, COSIM_MEMORY)")

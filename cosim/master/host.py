@@ -1,5 +1,6 @@
 """Runs FMUs in this process: what a Runner does itself with FMUs of ours, and its child with those of others."""
 
+import math
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 
@@ -28,6 +29,7 @@ class Task:
         settings: start values beside those of the system.
         whole: steps of size `step_size` [s]; the grid may have a shorter one more.
         engine: which loop.
+        within: longest time that it may take where FMUs of others run [s].
     """
 
     plan: Plan
@@ -37,6 +39,7 @@ class Task:
     whole: int
     step_size: float
     engine: EngineName
+    within: float = math.inf
 
 
 class Host:

@@ -96,7 +96,7 @@ def make_plan(
         system: components and wires.
         inputs: names of the driven inputs: of the system, or ``component.variable``.
         hold: those of them that are held even if no FMU declares them discrete.
-        record: names to record, or None for every Real output and driven input.
+        record: names to record, or None for every output that is a number and driven input.
 
     Raises:
         UsageError: an unknown or unsuitable name.
@@ -237,7 +237,7 @@ class _Planner:
                 f"{c.name}.{v.name}": Port(c.name, v.name)
                 for c in self.system.components.values()
                 for v in c.fmu.variables.values()
-                if v.causality == "output" and v.kind == "Real"
+                if v.causality == "output" and v.kind in NUMERIC
             }
             return found | {name: Port("", name) for name in self.series}
         return {name: self.port(name) for name in record}

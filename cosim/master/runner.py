@@ -1,6 +1,7 @@
 """The master: loads a system once and simulates it as often as asked."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
 from functools import partial
@@ -113,6 +114,7 @@ class Runner:
         engine: EngineName = "compiled",
         progress: Callable[[float], None] | None = None,
         sink: Sink | None = None,
+        within: float = math.inf,
     ) -> Result:
         """Simulate once, from the start values.
 
@@ -122,11 +124,12 @@ class Runner:
             parameters: start values by name, in the FMU's (SI) unit: ``component.variable``, or a connector of the system.
             inputs: ``(times, values)`` or constants for inputs; held ones act from a step's start, others at its end.
             hold: inputs held even if their FMU does not declare them discrete.
-            record: signals to record; None for all Real outputs and driven inputs.
+            record: signals to record; None for all outputs that are numbers, and driven inputs.
             start_time: [s].
             partial_step: let the last step be shorter where the stop time is no multiple of the step size.
             engine: "compiled", or "python" (slower, bitwise the same numbers).
             progress: called every 1000 steps with the simulated time since the start [s].
+            within: longest time that it may take where FMUs of others run [s].
             sink: gets the signals piece by piece while they arise, for runs too long to be kept; the result has none then.
 
         Raises:
@@ -139,7 +142,7 @@ class Runner:
         settings = self._settings(parameters or {})
         plan = self._plan(tuple(inputs or {}), tuple(sorted(hold)), None if record is None else tuple(record))
         sampler = Sampler(dict(inputs or {}), grid, plan.held)
-        task = Task(plan, grid, sampler, settings, whole, step_size, engine)
+        task = Task(plan, grid, sampler, settings, whole, step_size, engine, within)
         kept = {} if sink is not None else {item.name: np.empty(len(grid)) for item in plan.recorded}
         reached = 0
         try:

@@ -91,7 +91,7 @@ def _check_entries(archive: zipfile.ZipFile, what: str) -> None:
             raise ModelError(
                 f"{what}: the entry '{entry.filename}' is encrypted: pack it again without a password"
             )
-        if entry.filename in seen:
+        if entry.filename in seen and not entry.is_dir():  # a folder named twice holds nothing twice
             raise ModelError(f"{what} has two entries named '{entry.filename}': pack it again")
         seen.add(entry.filename)
         if entry.filename.lower().endswith(DOCUMENTS):

@@ -2,13 +2,15 @@
 
 Each unit has FMU instances of its own, made once and reset between runs; those of others live in a watched process
 (`cosim.master`), and begin each run by the state that they had at first where they have one to set and it was seen to give
-the same, else anew. A run that was made before is not made again.
+the same, else anew. A run that was made before is not made again, nor one that superposition tells (`superposition`).
 """
 
 import hashlib
+import time
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from types import TracebackType
@@ -22,12 +24,16 @@ from cosim.master import Limits, Runner
 from cosim.results import Result
 from cosim.ssp.system import Fmu, Port, System, Value
 from cosim.system.graph import Unit
+from cosim.system.superposition import Superposition
 
 Array = NDArray[np.float64]
 Series = Mapping[Port, Array]
 KEPT = 64  # runs whose outputs are remembered
 LOADED = 2  # processes that start at a time
 MOST_SUBSTEPS = 20  # of one interval of the log
+SLOWER = 20.0  # times the model's own run: a candidate that takes longer makes an FMU crawl
+LEAST_TIME = 10.0  # s; below it a run is no matter, and the clock of a busy machine tells little
+TIGHTER = 0.01  # times the tolerance that an FMU is usually given
 PART = 1.5  # an interval up to this many times the FMU's own step is made in one
 
 
@@ -49,13 +55,17 @@ class Runs:
             limits: of the processes in which FMUs of others run.
             apart: whether units run in processes of their own; by default those with an FMU that is not ours.
         """
-        self.system, self.limits, self.apart = system, limits, apart
+        self.system, self.limits, self.apart = system, limits or Limits.usual(), apart
+        self.usual: dict[tuple[str, ...], float] = {}  # time that a step of each unit took at first [s]
         self.count = self.steps = 0
         self.stop: Callable[[], bool] = lambda: False
         self.runners: dict[tuple[str, ...], Runner] = {}
         self._proved: set[tuple[str, ...]] = set()  # units whose restarts were tried
         self._renewed: set[tuple[str, ...]] = set()  # those whose restarts did not give the same
         self._kept: OrderedDict[bytes, dict[Port, Array]] = OrderedDict()
+        self._linear: dict[tuple[str, ...], Superposition] = {}
+        self._exact = False
+        self._finer = 1  # parts of each communication step
 
     def __enter__(self) -> Self:
         return self
@@ -64,6 +74,11 @@ class Runs:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    @property
+    def spared(self) -> int:
+        """Runs that superposition spared."""
+        return sum(item.used for item in self._linear.values())
 
     def close(self) -> None:
         """Free all FMUs."""
@@ -83,6 +98,15 @@ class Runs:
     def forget(self) -> None:
         """Make every run anew from here on."""
         self._kept.clear()
+
+    @contextmanager
+    def exact(self) -> Iterator[None]:
+        """Within this nothing is superposed: every run that was not kept is made."""
+        before, self._exact = self._exact, True
+        try:
+            yield
+        finally:
+            self._exact = before
 
     def substeps(self, unit: Unit, h: float) -> int:
         """Communication steps in one interval of the log [s]: FMUs that declare a step are not asked for longer ones."""
@@ -130,6 +154,38 @@ class Runs:
         """As `run`, for a unit that nothing drives, at `count` points."""
         return self._run(unit, start, h, count, {}, outputs, parameters)
 
+    @contextmanager
+    def finer(self) -> Iterator[None]:
+        """Within this steps are made in two and solvers are asked for a finer tolerance; the inputs over each step stay.
+
+        What then changes is the error of the FMUs' own solvers.
+        """
+        self._finer = 2
+        kept, self.runners = self.runners, {}
+        self.forget()
+        try:
+            with self.exact():
+                yield
+        finally:
+            self._finer = 1
+            fine, self.runners = self.runners, kept
+            for runner in fine.values():
+                runner.close()
+            self.forget()
+
+    def can_halve(self, unit: Unit, h: float) -> bool:
+        """Whether half a communication step is no shorter than the step that an FMU declares as its own."""
+        own = [s for c in unit.components if (s := self.system.components[c].fmu.step_size)]
+        return all(2 * self.substeps(unit, h) * s <= h * (1.0 + 1e-6) for s in own)
+
+    def _fine(self, port: Port, values: Array, parts: int) -> Array:
+        """An input (n,) at the ends of all steps where each of `parts` in an interval is made in two."""
+        at = np.arange((values.size - 1) * parts + 1) / parts
+        steps = np.interp(at, np.arange(values.size), values)
+        if self.system.variable(port).variability == "discrete":  # a step takes the value at its start
+            return np.repeat(steps, 2)[:-1]
+        return np.repeat(steps, 2)[1:]
+
     def _run(
         self,
         unit: Unit,
@@ -145,11 +201,48 @@ class Runs:
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]
+        moving = [p for p in inputs if self._moves(p)]
+        made = partial(self._made, unit, start, h, count, outputs, own)
+        if self._exact or not moving:
+            found = made(inputs)
+        else:
+            still = self._key(
+                unit, start, h, count, {p: inputs[p] for p in inputs if p not in moving}, outputs, own
+            )
+            found = self._linear.setdefault(unit.components, Superposition()).outputs(
+                still, inputs, moving, made
+            )
+        self._kept[key] = found
+        if len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
+        return found
+
+    def _moves(self, port: Port) -> bool:
+        """Whether an input is a continuous quantity."""
+        variable = self.system.variable(port)
+        return variable.kind == "Real" and variable.variability != "discrete"
+
+    def _made(
+        self,
+        unit: Unit,
+        start: float,
+        h: float,
+        count: int,
+        outputs: tuple[Port, ...],
+        own: Mapping[str, Value],
+        inputs: Series,
+    ) -> dict[Port, Array]:
+        """Make a run."""
         parts = self.substeps(unit, h)
         stop = start + (count - 1) * h
         stamps = start + np.arange(count) * h
         stamps[-1] = stop
         runner = self._runner(unit)
+        if self._finer > 1:
+            inputs = {p: self._fine(p, v, parts) for p, v in inputs.items()}
+            parts *= 2
+            stamps = start + np.arange((count - 1) * parts + 1) * (h / parts)
+            stamps[-1] = stop
         self.count += 1
         self.steps += (count - 1) * parts
         once = partial(
@@ -162,23 +255,42 @@ class Runs:
             hold=(),
             record=[str(port) for port in outputs],
         )
+        result = self._in_time(unit, once, (count - 1) * parts)
+        self._prove(unit, once, result)
+        return {port: np.ascontiguousarray(result.signals[str(port)][::parts]) for port in outputs}
+
+    def _in_time(self, unit: Unit, once: Callable[..., Result], steps: int) -> Result:
+        """One run, ended where it takes far longer than the unit did at first, or longer than any diagnosis can wait.
+
+        Raises:
+            SimulationError: it did, or failed.
+        """
+        most, known = self.limits.run, self.usual.get(unit.components)
+        if known is not None:
+            most = min(most, max(SLOWER * known * steps, LEAST_TIME))
+        begun = time.monotonic()
         try:
-            result = once()
+            result = once(within=most)
         except KeyboardInterrupt:  # our own FMUs hear it within their loop
             if not self.stop():
                 raise
             result = once()
-        self._prove(unit, once, result)
-        found = {port: np.ascontiguousarray(result.signals[str(port)][::parts]) for port in outputs}
-        self._kept[key] = found
-        if len(self._kept) > KEPT:
-            self._kept.popitem(last=False)
-        return found
+        except SimulationError as error:
+            if known is not None or time.monotonic() - begun < most:
+                raise
+            raise SimulationError(
+                f"{error}; a diagnosis needs hundreds of runs of the log's length. What drives it may be wrong (columns, "
+                "units, signs in the mapping); else take a shorter log, or allow more by COSIM_RUN (seconds)"
+            ) from None
+        self.usual.setdefault(unit.components, (time.monotonic() - begun) / steps)
+        return result
 
     def _prove(self, unit: Unit, once: Callable[[], Result], first: Result) -> None:
         """See whether a unit that restarts by its state gives what a new instance gave; if not it is made anew each time."""
-        if unit.components in self._proved or not any(
-            self._restarts(unit, self.system.components[c].fmu) for c in unit.components
+        if (
+            self._finer > 1
+            or unit.components in self._proved
+            or not any(self._restarts(unit, self.system.components[c].fmu) for c in unit.components)
         ):
             return
         self._proved.add(unit.components)
@@ -202,13 +314,23 @@ class Runs:
             fmu.keeps_state and not fmu.ours and fmu.module is None and unit.components not in self._renewed
         )
 
+    def _tolerance(self, fmu: Fmu) -> float | None:
+        if fmu.tolerance is None or self._finer == 1:
+            return fmu.tolerance
+        return TIGHTER * fmu.tolerance
+
     def _runner(self, unit: Unit) -> Runner:
         if unit.components not in self.runners:
             inside = set(unit.components)
             part = replace(
                 self.system,
                 components={
-                    n: replace(c, fmu=replace(c.fmu, restarts=self._restarts(unit, c.fmu)))
+                    n: replace(
+                        c,
+                        fmu=replace(
+                            c.fmu, restarts=self._restarts(unit, c.fmu), tolerance=self._tolerance(c.fmu)
+                        ),
+                    )
                     for n, c in self.system.components.items()
                     if n in inside
                 },
@@ -236,7 +358,8 @@ class Runs:
         outputs: tuple[Port, ...],
         parameters: Mapping[str, Value],
     ) -> bytes:
-        digest = hashlib.blake2b(repr((unit, start, h, count, outputs, sorted(parameters.items()))).encode())
+        asked = unit, start, h, count, outputs, sorted(parameters.items()), self._finer
+        digest = hashlib.blake2b(repr(asked).encode())
         for port, values in inputs.items():
             digest.update(str(port).encode())
             digest.update(np.ascontiguousarray(values).tobytes())

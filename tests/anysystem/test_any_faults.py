@@ -10,6 +10,8 @@ import pytest
 import systems
 
 from benchmarks.systems import parts
+from cosim.errors import SimulationError
+from cosim.master import Limits
 from cosim.ssp.read import read_system
 from cosim.ssp.system import Port
 from cosim.system.graph import Unit
@@ -93,6 +95,33 @@ def test_runs_begin_by_the_state_of_an_fmu_where_that_gives_the_same(
     assert (made.stat().st_size > 1) == bool(spoilt)
 
 
+def test_a_run_in_which_an_fmu_crawls_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a wrong mapping or an absurd candidate does to a stiff FMU: steps that take forever, each within its limit."""
+    line = "double h = step / 4; if (p->r[U] > 3) usleep(50000);"
+    fmu = changed(
+        tmp_path, "crawler", "double h = step / 4;", line, ("#include", "#include <unistd.h>\n#include")
+    )
+    monkeypatch.setattr("cosim.system.runs.LEAST_TIME", 1.0)
+    monkeypatch.setattr("cosim.system.runs.SLOWER", 1.0)
+    u, port, out, unit = np.ones(COUNT), Port("crawler", "u"), (Port("crawler", "y"),), Unit(("crawler",))
+    with read_system(fmu) as system, Runs(system) as runs:
+        quick = runs.run(unit, 0.0, systems.H, {port: u}, out, {})[out[0]]
+        slow = r"component 'crawler' took longer than \S+ s for one run"
+        with pytest.raises(SimulationError, match=slow) as told:
+            runs.run(unit, 0.0, systems.H, {port: 5.0 * u}, out, {})
+        assert "COSIM_RUN" not in str(told.value)  # the model itself is quick: this candidate is not
+        monkeypatch.undo()
+        runs.forget()
+        assert np.array_equal(runs.run(unit, 0.0, systems.H, {port: u}, out, {})[out[0]], quick)
+    wrong = r"took longer than 1 s .*may be wrong \(columns, units, signs in the mapping\).*COSIM_RUN"
+    with (
+        read_system(fmu) as system,
+        Runs(system, Limits(run=1.0)) as runs,
+        pytest.raises(SimulationError, match=wrong),
+    ):
+        runs.run(unit, 0.0, systems.H, {port: 5.0 * u}, out, {})
+
+
 def log(path: Path, gain: float) -> tuple[Path, float]:
     """A log of the lag that hears `gain` u, and the largest u."""
     rng = np.random.default_rng(3)
@@ -147,3 +176,46 @@ def test_an_fmu_that_needs_its_tool_is_told_and_run_all_the_same(command, tmp_pa
     found = diagnosed(command, fmu, path, tmp_path / "out")
     assert found["verdict"] == "adequate"
     assert any("needsExecutionTool" in w for w in found["warnings"])
+
+
+EULER = "p->x[0] += 20 * step * (p->r[U] - p->x[0]); return 0; double h = step / 4;"
+
+
+def test_what_a_finer_step_changes_is_the_solvers(tmp_path: Path) -> None:
+    """The inputs stay what they were over each step, so that a good solver gives the same in one step as in two."""
+    u = systems.command(np.random.default_rng(1), COUNT)
+    changes = {}
+    for name, line in (("good", "double h = step / 4; step *= 1;"), ("coarse", EULER)):
+        fmu = changed(tmp_path, name, "double h = step / 4;", line)
+        for kind in ("continuous", "discrete"):
+            if kind == "discrete":
+                rewritten(
+                    fmu,
+                    b'name="u" valueReference="1" causality="input"',
+                    b'name="u" valueReference="1" causality="input" variability="discrete"',
+                )
+            with read_system(fmu) as system, Runs(system, apart=False) as runs:
+                assert system.variable(Port(name, "u")).variability == kind
+                asked = Unit((name,)), 0.0, systems.H, {Port(name, "u"): u}, (Port(name, "y"),), {}
+                (whole,) = runs.run(*asked).values()
+                with runs.finer():
+                    (half,) = runs.run(*asked).values()
+                changes[name, kind] = float(np.std(half - whole) / np.std(whole))
+    assert max(changes["good", k] for k in ("continuous", "discrete")) < 1e-6
+    assert min(changes["coarse", k] for k in ("continuous", "discrete")) > 3e-3
+
+
+def test_no_cause_is_named_for_what_a_coarse_solver_does(command, tmp_path: Path) -> None:
+    """A sound machine, and a model that is integrated by Euler's rule in steps of a fifth of its time constant."""
+    rng = np.random.default_rng(3)
+    u = systems.command(rng, COUNT)
+    y = np.zeros(COUNT)
+    for k in range(1, COUNT):
+        y[k] = y[k - 1] + (1.0 - np.exp(-20.0 * systems.H)) * (0.5 * (u[k] + u[k - 1]) - y[k - 1])
+    path = tmp_path / "log.csv"
+    table = np.column_stack([systems.H * np.arange(COUNT), u, y + 3e-4 * rng.standard_normal(COUNT)])
+    np.savetxt(path, table, "%.12g", delimiter=",", header="time [s],u [1],y [1]", comments="")
+    fmu = changed(tmp_path, "euler", "double h = step / 4;", EULER)
+    found = diagnosed(command, fmu, path, tmp_path / "out")
+    assert (found["verdict"], found["causes"]) == ("adequate", [])
+    assert any("its own solver is off in euler.y by" in w for w in found["warnings"])

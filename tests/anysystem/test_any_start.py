@@ -1,6 +1,7 @@
 """`cosim init`, what the graph alone can tell apart, and how the system is cut."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import systems
 
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
-from cosim.anysystem.start import ALIKE, likeness, only_by_unit
+from cosim.anysystem.start import ALIKE, likeness, matches, only_by_unit
 from cosim.logs.source import Label
 from cosim.ssp.read import read_system
 from cosim.system.graph import cut
@@ -37,6 +38,17 @@ def test_a_column_that_fits_nothing_stays_a_comment(native: Path, command, tmp_p
     assert code == 0, err
     assert json.loads(out)["open"] == ["column 'oil temperature [K]'"]
     assert '# column = "oil temperature [K]"' in log.with_suffix(".toml").read_text()
+
+
+def test_what_only_goes_on_inside_an_fmu_is_matched_by_its_own_name(native: Path, tmp_path: Path) -> None:
+    """Many exporters leave states without the causality output, and people log them."""
+    with read_system(native) as system:
+        plant = system.components["plant"].fmu.variables
+        inside = replace(plant["y"], name="spool.x", causality="local")
+        plant |= {"spool.x": inside, "spool.v": replace(inside, name="spool.v")}
+        labels = [Label(n, n, None) for n in ("time", "command", "spool.x", "plant_y")]
+        assert matches(system, labels).taken == {1: "command", 2: "plant.spool.x", 3: "plant.y"}
+        assert "plant.spool.v" not in matches(system, labels).units
 
 
 @pytest.fixture(scope="module")

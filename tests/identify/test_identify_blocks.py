@@ -1,6 +1,7 @@
 """Blocks of the drive from logs of the rig: exact without noise, within their intervals with it."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from cosim.identify.dead_zone import identify_dead_zone
 from cosim.identify.run import channel, dead_zone_parameters
 from cosim.identify.run_design import CHAIN, all_answer
 from cosim.identify.transfer_function import Structure, fit_records, held_out_fit
+from cosim.logs import load_log
+from cosim.paths import examples_folder
 from cosim.rig import Hidden, Noise, as_log, make_log
 
 NOMINAL_START = {
@@ -178,3 +181,14 @@ def test_coverage_over_many_logs(kind, known):
     # each within chance of 90 %, all together 93 % or more: the density is estimated too
     assert min(hits.values()) >= least(trials, 0.90), hits
     assert sum(hits.values()) >= 0.92 * trials * len(TRUTH), hits
+
+
+def test_a_block_that_the_log_does_not_excite_costs_only_its_own_numbers(known):
+    """The steps of the demonstration log say next to nothing of the pole of the mechanics, some 35 rad/s."""
+    answer = all_answer(load_log(examples_folder() / "synthetic_demo.csv"), known, None)
+    assert "does not excite" in answer.data["left_out"]["mechanical"]
+    assert not any(name.startswith("mechanical.") for name in answer.parameters)
+    ends = next(
+        re.search(r"^dcv\.K = .* mm, (\S+) to (\S+) ", line) for line in answer.summary() if "dcv.K" in line
+    )
+    assert float(ends[1]) < 2.375 < float(ends[2])  # digits enough to see that they differ

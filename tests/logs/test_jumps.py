@@ -75,6 +75,12 @@ def test_a_command_may_jump_but_not_for_one_sample():
     assert not jumps(time, pulses, held=True)[0].size
 
 
+def test_a_switch_or_a_gear_goes_and_comes_back_as_it_likes():
+    place = np.arange(2000)
+    for values in (place // 130 % 2, 1 + place // 170 % 4, -(place // 200 % 3)):
+        assert jumps(place / 1000, values.astype(float), held=False)[0].size == 0
+
+
 def test_uneven_sampling_is_no_jump():
     random = np.random.default_rng(3)
     time = np.cumsum(random.uniform(0.02, 0.09, 2000))

@@ -317,6 +317,7 @@ def test_integers_and_booleans_are_signals_too_held_over_each_step(toys: Any) ->
         with Runner(toys.fmu("gearbox")) as runner:
             inputs = {"u": 1.0, "gear": (time, gear), "gearbox.on": (time, on)}
             results.append(runner.run(3.0, 0.1, inputs=inputs, record=names, engine=way))
+            assert set(runner.run(0.2, 0.1).signals) == {"gearbox.y", "gearbox.shown", "gearbox.moves"}
     found, again = results
     for name in names:
         assert np.array_equal(found[name], again[name])

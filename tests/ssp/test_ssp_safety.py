@@ -91,6 +91,23 @@ def test_large_but_honest_archives_pass(tmp_path: Path) -> None:
     archive.open_archive(honest, "honest").close()
 
 
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_folder_that_is_listed_twice_does_no_harm_but_a_file_does(tmp_path: Path) -> None:
+    """CMake's packer lists one twice where an FMU has two entries below it (Reference FMUs, Roberts)."""
+    for name, fails in (("extra/", False), ("extra/file", True)):
+        path = tmp_path / f"{fails}.zip"
+        with zipfile.ZipFile(path, "w") as new:
+            for _ in range(2):
+                new.writestr(name, b"")
+        if fails:
+            with pytest.raises(ModelError, match="two entries named 'extra/file'"):
+                archive.open_archive(path, "packed")
+            continue
+        with archive.open_archive(path, "packed") as opened:
+            archive.unpack(opened, tmp_path, "packed")
+        assert (tmp_path / "extra").is_dir()
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -41,7 +41,7 @@ class Coordinates:
         self.start = start
 
     @property
-    def bent(self) -> bool:
+    def transformed(self) -> bool:
         """True if they are more than the unknowns in typical changes."""
         return bool(self.pairs or self.shares or self.ratios)
 

@@ -369,7 +369,7 @@ def summarised(
         covariance,
         tuple(n for n, z, a, b in ends if z - a < 1e-4 or b - z < 1e-4),
         found.status > 0,
-        found.jac @ np.linalg.inv(turn) if coordinates.bent else found.jac,
+        found.jac @ np.linalg.inv(turn) if coordinates.transformed else found.jac,
         found.fun,
         stepped,
         dict(zip(names, coordinates.scales.tolist(), strict=True)),
