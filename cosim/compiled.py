@@ -9,6 +9,7 @@ times as fast. Compiled code is cached on disk by the text's digest.
 import ast
 import atexit
 import contextlib
+import hashlib
 import importlib.util
 import inspect
 import os
@@ -16,8 +17,8 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
-from functools import cache, cached_property, partial
+from collections.abc import Mapping
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,10 @@ from fmus.syntax import collect, parsed
 
 Array = NDArray[np.float64]
 
+IMPORTS = "import numpy as np\nfrom numba import njit\nfrom numba.extending import register_jitable\n"
+
 RUN = '''
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, no_cfunc_wrapper=True)
 def run(x, m, p, c, inputs, outputs):
     """One step a column: `inputs` (n_inputs, n) of each step, `outputs` (n_outputs, n + 1) what follows it."""
     for k in range(inputs.shape[1]):
@@ -55,7 +58,7 @@ from {first} import Input as Input_0, advance as advance_0, output as output_0
 from {second} import Input as Input_1, advance as advance_1, output as output_1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, no_cfunc_wrapper=True)
 def run(x0, m0, p0, c0, x1, m1, p1, c1, inputs, outputs_0, outputs_1):
     """One step a column: `inputs` (n,) of each step, `outputs` (n_outputs, n + 1) of both blocks."""
     for k in range(inputs.size):
@@ -70,7 +73,7 @@ def run(x0, m0, p0, c0, x1, m1, p1, c1, inputs, outputs_0, outputs_1):
 
 
 OVER = '''
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, no_cfunc_wrapper=True)
 def over_{slot}(values, m, p):
     """The slot {slot} applied to each value of a row."""
     result = np.empty_like(values)
@@ -81,10 +84,11 @@ def over_{slot}(values, m, p):
 
 
 def compiled_text(composed: Composed) -> str:
-    """The composed text with numba's decorators, the loop over a log, and one over a row for each slot that maps a value."""
-    text = composed.source.replace(
-        "import math\n", "import math\nimport numpy as np\nfrom numba import njit\n", 1
-    )
+    """The composed text with numba's decorators, the loop over a log, and one over a row for each slot that maps a value.
+
+    Only the loops have an entry from Python and a place in the cache: one for each function doubles the compiler's time.
+    """
+    text = composed.source.replace("import math\n", f"import math\n{IMPORTS}", 1)
     # numba tells unions of tuple types apart by name only: tuples of two blocks with equal names would be mixed in its cache
     own = rf"\1 = namedtuple('\1_{composed.digest}', \2)\n\1_{composed.digest} = \1"
     text = re.sub(r'(?m)^(\w+) = namedtuple\("\1", (.*)\)$', own, text)
@@ -102,8 +106,8 @@ def compiled_text(composed: Composed) -> str:
 
 
 def decorated(name: str, short: bool) -> str:
-    """The head of a function, to be compiled; a short one takes its callers' place."""
-    return f"\n@njit(cache=True, nogil=True{', forceinline=True' if short else ''})\ndef {name}"
+    """The head of a function, plain to Python and compiled into its compiled callers; a short one takes their place."""
+    return f"\n@register_jitable(no_cfunc_wrapper=True{', forceinline=True' if short else ''})\ndef {name}"
 
 
 def short_functions(composed: Composed) -> set[str]:
@@ -181,18 +185,22 @@ def load_compiled(composed: Composed) -> Any:
     Raises:
         ModelError: there is no place to write it to.
     """
-    return load_text(f"compiled_{composed.block.name}_{composed.digest}", partial(compiled_text, composed))
+    return load_text(f"compiled_{composed.block.name}", compiled_text(composed))
 
 
-def load_text(name: str, text: Callable[[], str]) -> Any:
-    """The module of this name and text; written to the cache folder and imported from there.
+def load_text(stem: str, text: str) -> Any:
+    """The module of this text; written to the cache folder under stem and digest, and imported from there.
+
+    Versions of this tool that write the text in another way do not take each other's place.
 
     Raises:
         ModelError: there is no place to write it to.
     """
+    content = text.encode()
+    name = f"{stem}_{hashlib.sha256(content).hexdigest()[:12]}"
     if name in sys.modules:
         return sys.modules[name]
-    file = _module_file(name, text().encode())
+    file = _module_file(name, content)
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise ModelError(f"the compiled module {file} cannot be loaded")
@@ -232,11 +240,14 @@ class CompiledBlock:
         Raises:
             KeyError: a name that the block does not have; the message gives the closest.
         """
+        self._refuse_unknown(values)
+        return self.module.Parameters(*map(float, {**self.nominal, **values}.values()))
+
+    def _refuse_unknown(self, values: Mapping[str, float]) -> None:
         for name in values:
             if name not in self.nominal:
                 block = self.composed.block.name
                 raise KeyError(f"{block} has no '{name}'; {registry.suggestion(name, list(self.nominal))}")
-        return self.module.Parameters(*(float(values.get(name, v)) for name, v in self.nominal.items()))
 
     def buffers(self) -> list[Array]:
         """Fresh arrays for what block and effects remember."""
@@ -280,8 +291,8 @@ class CompiledBlock:
 
     def acting(self, values: Mapping[str, float]) -> "tuple[CompiledBlock, dict[str, float]]":
         """The block without effects where they are all off, else the block itself; and the parameters of it in `values`."""
-        p = self.parameters(values)
-        if self.alone is not self and all(getattr(p, key) == off for key, off in self.switches.items()):
+        self._refuse_unknown(values)
+        if self.alone is not self and all(self.switches.get(n, v) == v for n, v in values.items()):
             known = self.alone.nominal
             return self.alone, {n: v for n, v in values.items() if n in known}
         return self, dict(values)
@@ -291,12 +302,12 @@ class CompiledBlock:
         module, p = self.module, self.parameters(values)
         u = module.Input(*(float(v) for v in inputs))
         # coefficients in CPython: compiled exp differs in the last bit now and then, and the FMU computes them there
-        x = module.start.py_func(u, p)
+        x = module.start(u, p)
         x = type(x)(*(float(v) for v in x))
-        c = module.coefficients.py_func(p, h)
+        c = module.coefficients(p, h)
         c = type(c)(*(float(v) for v in c))
-        m = module.begin.py_func(x, u, p, self.buffers())
-        return x, m, p, c, module.output.py_func(x, u, m, p)
+        m = module.begin(x, u, p, self.buffers())
+        return x, m, p, c, module.output(x, u, m, p)
 
 
 class CompiledPair:
@@ -343,7 +354,7 @@ class CompiledPair:
 
 
 def _pair(first: CompiledBlock, second: CompiledBlock, back: int) -> Any:
-    """The compiled module that runs two blocks in turns; its name tells both texts apart from any other's."""
+    """The compiled module that runs two blocks in turns; its text names theirs."""
     names = [block.module.__name__ for block in (first, second)]
     stores = "\n".join(
         f"        outputs_{i}[{k}, k + 1] = y{i}[{k}]"
@@ -351,7 +362,7 @@ def _pair(first: CompiledBlock, second: CompiledBlock, back: int) -> Any:
         for k in range(len(block.outputs))
     )
     text = PAIR.format(first=names[0], second=names[1], back=back, stores=stores)
-    return load_text(f"{names[0]}_{names[1].removeprefix('compiled_')}", lambda: text)
+    return load_text(f"compiled_{first.composed.block.name}_{second.composed.block.name}", text)
 
 
 @cache

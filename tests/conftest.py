@@ -24,14 +24,16 @@ CHROMIUM = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-backgr
             "--disable-component-update", "--disable-sync"]  # fmt: skip
 
 
-# files of a few long tests: begun last, one of them would keep one process busy while the other waits
+# files of a few long tests: begun last, one of them would keep one process busy while the other waits; the first compiles
+# on a new host what the diagnosis runs, and the second needs nothing of it, so that it is compiled once only
 LONG = (
     "diagnosis/test_blind.py",
+    "test_closed_loop.py",
     "diagnosis/test_computed_logs.py",
+    "native/test_native_package.py",
     "diagnosis/test_forms.py",
     "test_tutorials.py",
     "test_notebooks.py",
-    "test_closed_loop.py",
     "test_compiled.py",
 )
 SLOWEST = 600.0  # s that one process waits for what another makes
@@ -40,7 +42,8 @@ SLOWEST = 600.0  # s that one process waits for what another makes
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Long files first; the processes of a run take files in this order (`--no-loadscope-reorder`)."""
     tests = Path(__file__).parent
-    items.sort(key=lambda item: item.path.relative_to(tests).as_posix() not in LONG)
+    place = {name: i for i, name in enumerate(LONG)}
+    items.sort(key=lambda item: place.get(item.path.relative_to(tests).as_posix(), len(LONG)))
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import tomllib
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -25,6 +26,7 @@ REGISTRY = re.compile(
 )
 
 
+@cache
 def _tracked() -> list[Path]:
     if shutil.which("git") is None or not (TOP / ".git").exists():
         pytest.skip("not a git checkout, so there is no list of committed files")
@@ -34,6 +36,7 @@ def _tracked() -> list[Path]:
     return [TOP / name for name in names.split("\0") if name and (TOP / name).is_file()]
 
 
+@cache
 def _texts() -> dict[str, str]:
     texts = {}
     for path in _tracked():
@@ -41,6 +44,11 @@ def _texts() -> dict[str, str]:
         if b"\0" not in content:
             texts[path.relative_to(TOP).as_posix()] = content.decode("utf-8")
     return texts
+
+
+@cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def _sources() -> list[Path]:
@@ -129,7 +137,7 @@ def test_undocumented_names_are_found() -> None:
 def test_every_public_name_has_a_docstring() -> None:
     silent = []
     for path in _sources():
-        silent += _undocumented(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(TOP).as_posix())
+        silent += _undocumented(_tree(path), path.relative_to(TOP).as_posix())
     assert not silent
 
 
@@ -214,13 +222,14 @@ def _room(module: str) -> str | None:
     )
 
 
+@cache
 def _imports() -> set[tuple[str, str, str]]:
     """(file, its room, room that it imports), wherever in the file the import stands."""
     found = set()
     for path in _sources():
         parts = path.relative_to(TOP).with_suffix("").parts
         own = _room(".".join(parts)) if parts[0] in ("cosim", "fmus") else None
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(_tree(path)):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom) and node.module:
                 names = [f"{node.module}.{a.name}" for a in node.names]
@@ -250,7 +259,7 @@ def test_the_rooms_of_the_diagnosis_import_in_one_direction() -> None:
         if top not in path.parents:
             continue
         own = path.relative_to(top).parts[0].removesuffix(".py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(_tree(path)):
             if not isinstance(node, ast.ImportFrom) or not node.module:
                 continue
             _, inside, rest = f"{node.module}.".partition("cosim.diagnosis.")
@@ -303,7 +312,7 @@ def test_the_diagnosis_and_its_core_use_the_words_of_the_field() -> None:
     for path in _sources():
         if path.relative_to(TOP).parts[:2] not in (("cosim", "diagnosis"), ("cosim", "inference")):
             continue
-        for name in (path.stem, *_names(ast.parse(path.read_text(encoding="utf-8")))):
+        for name in (path.stem, *_names(_tree(path))):
             words = set(re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()))
             found += [f"{path.stem}: {name}: {HOME_MADE[word]}" for word in words & set(HOME_MADE)]
     assert not found

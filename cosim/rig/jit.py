@@ -4,13 +4,14 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.extending import register_jitable
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """`function` compiled by numba in each process anew, or into its compiled callers."""
-    return cast("F", numba.njit(function))
+    """`function`, plain to Python and compiled by numba into its compiled callers: no entry from Python is made for it."""
+    return register_jitable(no_cfunc_wrapper=True)(function)
 
 
 def cached(function: F) -> F:

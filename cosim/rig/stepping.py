@@ -79,14 +79,14 @@ class SteppedCrane:
             raise UsageError("an effect of the tracker cannot be seen over the link, which has no tracker")
         self._plant, self._noise, self._substeps = plant, noise, substeps
         self._slide, self._sigma0, self._sigma1 = friction_form(plant, friction, substeps)
-        self._whole, self._part = _lag.py_func(plant)  # type: ignore[attr-defined]
+        self._whole, self._part = _lag(plant)
         self._demands = deque([0.0] * (self._whole + 2), maxlen=self._whole + 2)
         self._draws = {name: stream(seed, f"noise {name}") for name in SENSORS}
         self._lost = stream(seed, "dropout")
         self._old = dict.fromkeys(SENSORS, 0.0)
         self._blocks: dict[str, NDArray[np.float64]] = {}
         self._dragged, self.count = 0.0, 0
-        self.state: State = _at_rest.py_func(plant)  # type: ignore[attr-defined]
+        self.state: State = _at_rest(plant)
         self.seen = self.state.theta
         self._slew: float | None = None
         before = self.state, self.seen
@@ -127,7 +127,7 @@ class SteppedCrane:
         return slew
 
     def _advance(self, u: float) -> None:
-        demand, self._dragged = _demand.py_func(u, self._dragged, self._plant)  # type: ignore[attr-defined]
+        demand, self._dragged = _demand(u, self._dragged, self._plant)
         self._demands.append(demand)
         older, newer = self._demands[0], self._demands[1]
         held = Moment(0.0, self.seen, self._slide, self._sigma0, self._sigma1)

@@ -1,5 +1,6 @@
 """The system of two strangers' FMUs, built once."""
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -8,19 +9,21 @@ import systems
 from benchmarks.systems import parts
 
 
+def packed(build, folder: Path) -> None:
+    """Write the package with FMUs that `build` makes of a kind."""
+    fmus = {name: build(kind, folder) for name, kind in systems.KINDS.items()}
+    parts.write_ssp(folder / "drive.ssp", fmus, systems.WIRES, systems.VALUES)
+
+
 @pytest.fixture(scope="session")
-def native(tmp_path_factory) -> Path:
+def native(made_once) -> Path:
     """The package with native FMUs."""
     if parts.COMPILER is None:
         pytest.skip("no C compiler")
-    folder = tmp_path_factory.mktemp("native")
-    fmus = {name: parts.native(kind, folder) for name, kind in systems.KINDS.items()}
-    return parts.write_ssp(folder / "drive.ssp", fmus, systems.WIRES, systems.VALUES)
+    return made_once("foreign_native", partial(packed, parts.native)) / "drive.ssp"
 
 
 @pytest.fixture(scope="session")
-def plain(tmp_path_factory) -> Path:
+def plain(made_once) -> Path:
     """The package with FMUs as plain pythonfmu makes them."""
-    folder = tmp_path_factory.mktemp("plain")
-    fmus = {name: parts.python(kind, folder) for name, kind in systems.KINDS.items()}
-    return parts.write_ssp(folder / "drive.ssp", fmus, systems.WIRES, systems.VALUES)
+    return made_once("foreign_plain", partial(packed, parts.python)) / "drive.ssp"

@@ -44,21 +44,22 @@ def rogue(toys: Any) -> Path:  # noqa: F811
 
 
 @pytest.fixture(scope="session")
-def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def packages(made_once: Any) -> dict[str, Path]:
     """Our closed packages with 3 s of command, and the open ones, by name and ``name_open``."""
     from cosim.paths import ssp_folder
     from cosim.ssp.stimulus import stimulus_csv
     from cosim.ssp.write import write_ssp
 
-    folder = tmp_path_factory.mktemp("batch_packages")
     time = np.arange(3001) * 1e-3
     played = stimulus_csv(time, 0.9 * np.sin(3.0 * time) + 0.2 * np.sign(np.sin(11.0 * time)))
-    found = {}
-    for name in ("simplified", "full_order", "physical"):
-        ssd = ssp_folder() / f"{name}.ssd"
-        found[name] = write_ssp(ssd, folder / f"{name}.ssp", stimulus=played)
-        found[f"{name}_open"] = write_ssp(ssd, folder / f"{name}_open.ssp", open=True)
-    return found
+
+    def make(folder: Path) -> None:
+        for name in ("simplified", "full_order", "physical"):
+            ssd = ssp_folder() / f"{name}.ssd"
+            write_ssp(ssd, folder / f"{name}.ssp", stimulus=played)
+            write_ssp(ssd, folder / f"{name}_open.ssp", open=True)
+
+    return {file.stem: file for file in made_once("batch_packages", make).glob("*.ssp")}
 
 
 @pytest.fixture

@@ -4,12 +4,11 @@ import json
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -49,16 +48,28 @@ def test_a_process_that_dies_between_two_runs_is_replaced(rogue: Path, tmp_path:
         crew.close()
 
 
-def dies_while_it_answers(*_: object) -> list[object]:
-    def half(connection: Any, data: bytes) -> None:
-        os.write(connection.fileno(), data[:2])
+class Answer:
+    """An answer of 128 MB, whose process dies once the length that goes ahead of it has been written."""
+
+    def __reduce__(self) -> tuple[type[bytes], tuple[bytes]]:
+        threading.Thread(target=self.die, args=(self.written(),), daemon=True).start()
+        return bytes, (bytes(1 << 27),)
+
+    @staticmethod
+    def written() -> int:
+        return int(psutil.Process().io_counters().write_chars)
+
+    def die(self, before: int) -> None:
+        while self.written() == before:
+            pass
         os.kill(os.getpid(), signal.SIGKILL)
 
-    Connection._send = half  # type: ignore[attr-defined]
-    return []
+
+def dies_while_it_answers(*_: object) -> list[object]:
+    return [Answer()]
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts what a process writes as Linux does")
 def test_a_process_killed_within_its_answer_is_known_to_be_dead(
     rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

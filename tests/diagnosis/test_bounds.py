@@ -7,14 +7,16 @@ import pytest
 
 from benchmarks.labels import MISTAKES
 from cosim.diagnosis.fitting.bounds import absurd, beyond, impossible
+from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.hypotheses.naming import nominal
 from cosim.diagnosis.model.groups import left_out
 from cosim.diagnosis.pipeline import diagnose as pipeline
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry
-from tests.diagnosis.hidden_logs import diagnosed
+from tests.diagnosis.hidden_logs import diagnosed, off, only
 
 GRAVITY = "mechanical.gravity_load:tau_g=190 N.m,theta_g=-20 deg"
 RIPPLE = registry.effects()["mechanical.gear_ripple"]
@@ -48,11 +50,13 @@ def test_a_true_ripple_is_not_at_a_bound() -> None:
 
 
 def test_an_effect_that_ends_at_its_off_value_is_only_absent() -> None:
-    finding = diagnosed(seed=3, seconds=25.0, blocks=("mechanical",)).findings["mechanical"]
-    friction = registry.effects()["mechanical.coulomb_friction"]
-    trial = tried(finding.task, (friction,), 0.01, finding.null.fit)
+    machine = only("mechanical")
+    record = pipeline.prepare(as_log(make_log("mixed", 25.0, [], seed=3, settings=off(3))), machine)
+    task = task_for(machine.groups[0], record, [])
+    null = nominal(task, record, 0.01)
+    trial = tried(task, (registry.effects()["mechanical.coulomb_friction"],), 0.01, null.fit)
     assert np.isfinite(trial.fit.log_likelihood)
-    assert impossible(trial, finding.task.model) == []
+    assert impossible(trial, task.model) == []
 
 
 def test_friction_that_is_nearly_nothing_in_motion_is_another_law() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hidden_logs import off, only
 
+from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.record.signatures import resting, stale_share
 from cosim.inference.noise import quietest
@@ -51,7 +52,8 @@ def test_an_effect_without_noise_is_found_alone_and_exactly(effect: str, paramet
 def test_the_noise_of_sensors_is_never_below_what_is_assumed(kind: str) -> None:
     """Even at half the usual size the noise learned is that of the log, and not the least that is assumed."""
     noise = Noise(scale=0.5, kind=kind, correlation_time=0.03)
-    found = diagnose(as_log(make_log("mixed", 30.0, [], seed=8, settings=off(8), noise=noise)))
+    log = as_log(make_log("mixed", 30.0, [], seed=8, settings=off(8), noise=noise))
+    found = diagnose(log, budget=Budget(1e-9))  # the noise is learned before causes are tried
     for finding in found.findings.values():
         for signal, rule in finding.task.rules.items():
             assert rule.rms > 2.0 * quietest(finding.task.measured[signal])

@@ -63,7 +63,8 @@ def test_friction_in_which_the_drive_only_creeps_is_no_dead_sensor() -> None:
     )
 
 
-@pytest.mark.parametrize("effect", [COULOMB, pytest.param(STRIBECK, marks=pytest.mark.slow)])
+@pytest.mark.slow  # dry friction's is looked at in tests/diagnosis/test_blind.py too
+@pytest.mark.parametrize("effect", [COULOMB, STRIBECK])
 def test_sharp_friction_keeps_its_simplest_form(effect) -> None:
     (cause,) = diagnosed_of(effect, "sharp", seed=815).causes
     assert cause.effect == registry.effects()[effect]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hidden_logs import only
 
 from cosim.diagnosis.answer.remarks import levels, limits
 from cosim.diagnosis.pipeline.diagnose import diagnose
@@ -26,6 +27,6 @@ def test_one_level_tells_no_dead_zone(duties: tuple[float, ...], said: bool) -> 
     u = np.zeros(len(log))
     for duty, part in zip(duties, np.array_split(np.arange(1000, u.size), len(duties)), strict=True):
         u[part] = duty
-    found = diagnose(log)
+    found = diagnose(log, model=only("dcv"))
     found.record.signals["u"] = u
     assert any("one level on a side only (0.5)" in text for text in limits(found, (log,))) == said

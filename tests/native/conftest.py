@@ -38,24 +38,31 @@ def quick() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def fmu_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def fmu_files(made_once) -> dict[str, Path]:
     """Every block's native .fmu by name."""
-    folder = tmp_path_factory.mktemp("native")
     played = {"stimulus": {"stimulus.csv": STIMULUS}}
-    return {
-        name: build_native(composed_block(name), folder / f"{name}.fmu", resources=played.get(name))
-        for name in registry.BLOCKS
-    }
+
+    def make(folder: Path) -> None:
+        for name in registry.BLOCKS:
+            build_native(composed_block(name), folder / f"{name}.fmu", resources=played.get(name))
+
+    folder = made_once("native", make)
+    return {name: folder / f"{name}.fmu" for name in registry.BLOCKS}
 
 
 @pytest.fixture(scope="session")
-def chains(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def chains(made_once) -> dict[str, Path]:
     """Every system's chain as one .fmu, by the system's name."""
-    folder = tmp_path_factory.mktemp("chains")
-    models = {
-        name: container(ssp_folder() / f"{name}.ssd") for name in ("full_order", "physical", "simplified")
-    }
-    return {name: write_fmu(m, folder / f"{m.name}.fmu") for name, m in models.items()}
+    names = ("full_order", "physical", "simplified")
+
+    def make(folder: Path) -> None:
+        for name in names:
+            model = container(ssp_folder() / f"{name}.ssd")
+            (folder / name).mkdir()
+            write_fmu(model, folder / name / f"{model.name}.fmu")
+
+    folder = made_once("chains", make)
+    return {name: next((folder / name).iterdir()) for name in names}
 
 
 @pytest.fixture(scope="session")

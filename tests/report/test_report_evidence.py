@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+from functools import cache
 
 import numpy as np
 import pytest
@@ -35,6 +36,12 @@ def needs_tracker(effect):
     return effect.startswith("tracker.") or effect == "sensor.bias"
 
 
+@cache
+def nominal(name):
+    """Nominal value of ``component.parameter``, SI, as the material of any log has it."""
+    return material_of(make_log("steps", 5.0, [], seed=3), []).nominal(name)
+
+
 def made(effect, scale=1.0, **options):
     """Material of a log with the effect in it, its parameters claimed to be `scale` times their true deviation."""
     run = make_log("mixed", 30.0, [Hidden(effect)], seed=3, tracker=needs_tracker(effect), **options)
@@ -43,9 +50,7 @@ def made(effect, scale=1.0, **options):
         short = name.partition(".")[2]
         values[short] = value
     key = registry.effects()[effect].key
-    clean = material_of(run, [])
-    component = registry.effects()[effect].component
-    off = clean.nominal(f"{component}.{key}")
+    off = nominal(f"{registry.effects()[effect].component}.{key}")
     # of a limit the off value is out of reach: its own size is scaled
     values[key] = scale * values[key] if effect == "dcv.rate_limit" else off + scale * (values[key] - off)
     return material_of(run, [named(effect, values)])

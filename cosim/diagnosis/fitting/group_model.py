@@ -153,14 +153,13 @@ class GroupModel:
                 owned[component][parameter] = value
         for i, (component, block) in enumerate(self.stages):
             own = owned[component]
-            key = tuple(own.get(name, v) for name, v in block.nominal.items())
+            key = tuple((block.nominal | own).values())
             if i == 0 and self.group.upstream_slot:
                 prefix = self.group.upstream_slot[0] + "."
                 key += tuple(sorted(v for n, v in settings.items() if n.startswith(prefix)))
             if self.pair is not None and i == self.pair[0]:
-                key += tuple(
-                    owned[self.stages[i + 1][0]].get(n, v) for n, v in self.stages[i + 1][1].nominal.items()
-                )
+                behind, other = self.stages[i + 1]
+                key += tuple((other.nominal | owned[behind]).values())
             kept = self.kept.get(i)
             if self.pair is not None and i == self.pair[0] + 1:
                 outputs = self.kept[i][1]  # it ran with the one before
@@ -172,8 +171,8 @@ class GroupModel:
                 changed = True
                 if self.pair is not None and i == self.pair[0]:
                     others = owned[self.stages[i + 1][0]]
-                    outputs, behind = self.pair[1].run(steps, h, own, others, float(signal[0]))
-                    self.kept[i + 1] = (key, behind)
+                    outputs, fed_back = self.pair[1].run(steps, h, own, others, float(signal[0]))
+                    self.kept[i + 1] = (key, fed_back)
                 else:
                     outputs = block.run(steps[None, :], h, own, signal[:1])
                 if i + 1 < len(self.stages):

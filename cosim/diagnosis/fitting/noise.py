@@ -102,6 +102,9 @@ class Whitener:
     scales: tuple[float, ...] = ()
     matrix: Array = field(init=False, repr=False, compare=False)
     offset: Array = field(init=False, repr=False, compare=False)
+    whole: Array = field(
+        init=False, repr=False, compare=False
+    )  # with the window's offset taken out, where it is free
 
     def __post_init__(self) -> None:
         """Prepare the matrix that whitens a window."""
@@ -112,7 +115,13 @@ class Whitener:
         matrix = solve_triangular(factor, np.eye(self.window), lower=True)
         object.__setattr__(self, "matrix", matrix.T.copy())
         ones = matrix.sum(axis=1)
-        object.__setattr__(self, "offset", ones / np.linalg.norm(ones))
+        offset = ones / np.linalg.norm(ones)
+        object.__setattr__(self, "offset", offset)
+        object.__setattr__(
+            self,
+            "whole",
+            self.matrix - np.outer(self.matrix @ offset, offset) if self.demean else self.matrix,
+        )
 
     @property
     def sigma(self) -> float:
@@ -151,12 +160,8 @@ class Whitener:
 
     def __call__(self, residual: Array) -> Array:
         """(n,) residual to (windows, independent values of unit size)."""
-        white = self.windows(residual) @ self.matrix
-        if self.scales:
-            white = white / self.sizes_of(residual.size)
-        if self.demean:
-            white = white - np.outer(white @ self.offset, self.offset)
-        return np.asarray(white)
+        white = self.windows(residual) @ self.whole
+        return np.asarray(white / self.sizes_of(residual.size) if self.scales else white)
 
 
 @cache
