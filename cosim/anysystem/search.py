@@ -944,7 +944,9 @@ class Search:
                 wrong = self._wrong(left, residual) or wrong
         if not best.actions:
             finding.bent = self._at_limits(best)
-            finding.instead = singles[0].actions[0] if singles else None
+            # of what the log cannot tell apart a parameter: they are what is trusted too much
+            near = [c.actions[0] for c in singles if c.score > singles[0].score - CLOSE]
+            finding.instead = next((a for a in near if a.effect == PARAMETER), near[0] if near else None)
         # programs differ alike in all logs: that says nothing of what changes from one to the next
         finding.between = self._between(best)
         plain = best.fit

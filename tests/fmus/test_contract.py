@@ -191,7 +191,7 @@ def test_effects_that_are_off_change_no_bit(block: Block) -> None:
 @pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.component in BLOCKS])
 def test_each_effect_alone_is_neutral_when_off_and_acts_when_on(name: str) -> None:
     effect = EFFECTS[name]
-    block = registry.block(effect.component)
+    block = registry.block(effect.only or effect.component)
     composed = compose(block, [effect])
     given = ACTS_ON.get(name, {})
     bare_one = trajectory(compose(block), **given)
@@ -262,7 +262,7 @@ def test_effects_are_named_after_a_component_and_a_parameter_they_change() -> No
         assert effect.residual, name
         assert effect.source, name
         if effect.component in BLOCKS:
-            parameters = composed_block(effect.component).parameters
+            parameters = composed_block(effect.only or effect.component).parameters
             assert effect.key in parameters, name
             assert set(effect.free) <= set(parameters), name
             for parameter, free in effect.free.items():

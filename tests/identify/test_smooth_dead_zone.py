@@ -55,7 +55,7 @@ def test_a_sharp_valve_is_said_to_be_sharp(monkeypatch):
     monkeypatch.setattr("cosim.identify.run.identify_dead_zone", lambda *_, **__: found)
     answer = dead_zone_answer(log, KNOWN, None, None)
     assert answer.data["smooth"]["S"] is None
-    assert any("sharper than the family can be" in line for line in answer.lines)
+    assert any("sharper than the family can be" in line for line in answer.details)
     with pytest.raises(DataError, match="its integral"):
         smooth_dead_zone(dataclasses.replace(found, response="slew"))
     with pytest.raises(DataError, match="on both sides"):
