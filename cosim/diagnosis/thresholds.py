@@ -84,8 +84,8 @@ GUESSED_TRUST: Annotated[
 PAIRED: Annotated[
     int,
     "effects",
-    "likeliest effects by the size of the error, none of them sure alone, that are tried in pairs",
-    "an end of the travel shows only once the machine moves at the right speed",
+    "likeliest effects by the size of the error that are tried in turn, and in pairs where none of them is sure alone",
+    "the best may have a size that nobody knows; an end of the travel shows only once the machine moves at the right speed",
     "arm of the excavator: nothing named without pairs, 48.9 -> 20.1 deg on the log held out with them",
 ] = 3
 RIVAL_WITHIN: Annotated[

@@ -108,10 +108,13 @@ class Runs:
         finally:
             self._exact = before
 
+    def _declared(self, unit: Unit) -> list[float]:
+        """Steps [s] that the FMUs of a unit declare as their own."""
+        return [s for c in unit.components if (s := self.system.components[c].fmu.step_size)]
+
     def substeps(self, unit: Unit, h: float) -> int:
         """Communication steps in one interval of the log [s]: FMUs that declare a step are not asked for longer ones."""
-        own = [self.system.components[c].fmu.step_size for c in unit.components]
-        least = min((s for s in own if s), default=h)
+        least = min(self._declared(unit), default=h)
         if h <= PART * least:
             return 1
         return min(int(np.ceil(h / least - 1e-6)), MOST_SUBSTEPS)
@@ -175,8 +178,7 @@ class Runs:
 
     def can_halve(self, unit: Unit, h: float) -> bool:
         """Whether half a communication step is no shorter than the step that an FMU declares as its own."""
-        own = [s for c in unit.components if (s := self.system.components[c].fmu.step_size)]
-        return all(2 * self.substeps(unit, h) * s <= h * (1.0 + 1e-6) for s in own)
+        return all(2 * self.substeps(unit, h) * s <= h * (1.0 + 1e-6) for s in self._declared(unit))
 
     def _fine(self, port: Port, values: Array, parts: int) -> Array:
         """An input (n,) at the ends of all steps where each of `parts` in an interval is made in two."""

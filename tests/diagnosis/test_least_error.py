@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Task
 from cosim.diagnosis.fitting.noise import broad, plain
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, starting, tried, unused
 from cosim.diagnosis.hypotheses import naming
@@ -19,6 +20,7 @@ from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST, GUESSED_TRUST
 from cosim.rig import make_log
 from cosim.rig.write import as_log
+from fmus.contract import Effect
 
 HIDDEN = ("mechanical.coulomb_friction:tau_c=300", "mechanical.end_stop")
 START = {"mechanical.theta_0": np.radians(15.0), "mechanical.J": 3000.0, "mechanical.b": 9000.0}
@@ -59,13 +61,18 @@ def test_an_end_of_the_travel_that_was_met_is_among_the_first(pair: tuple[Record
     assert task.rules == rules  # the noise is as it was learned
 
 
+def mechanical(pair: tuple[Record, Group]) -> tuple[Task, Trial, tuple[Effect, ...]]:
+    """Where a search in these logs begins, and the effects of the mechanics."""
+    record, group = pair
+    task = task_for(group, record, [])
+    candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
+    return task, nominal(task, record, CALIBRATED_TRUST), candidates
+
+
 def test_where_no_effect_is_sure_alone_pairs_are_tried(
     pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    record, group = pair
-    task = task_for(group, record, [])
-    null = nominal(task, record, CALIBRATED_TRUST)
-    candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
+    task, null, candidates = mechanical(pair)
     monkeypatch.setattr(naming, "believable", lambda new, *_: len(new.effects) == 2)
     found = least_error(task, null, candidates, CALIBRATED_TRUST, 1)
     assert found is not None
@@ -105,10 +112,7 @@ def test_a_stop_within_a_model_of_guesses_is_sought_where_the_fitted_model_meets
 def test_where_the_size_of_the_best_is_not_known_the_next_is_taken(
     pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    record, group = pair
-    task = task_for(group, record, [])
-    null = nominal(task, record, CALIBRATED_TRUST)
-    candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
+    task, null, candidates = mechanical(pair)
     offered: list[tuple[str, ...]] = []
 
     def all_but_the_first(new: Trial, *_: object) -> bool:

@@ -101,10 +101,8 @@ class Whitener:
     cuts: Cuts = ()
     scales: tuple[float, ...] = ()
     matrix: Array = field(init=False, repr=False, compare=False)
-    offset: Array = field(init=False, repr=False, compare=False)
-    whole: Array = field(
-        init=False, repr=False, compare=False
-    )  # with the window's offset taken out, where it is free
+    # the same with the window's offset taken out, where it is free
+    whole: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Prepare the matrix that whitens a window."""
@@ -114,14 +112,12 @@ class Whitener:
         factor = cholesky(covariance, lower=True)
         matrix = solve_triangular(factor, np.eye(self.window), lower=True)
         object.__setattr__(self, "matrix", matrix.T.copy())
-        ones = matrix.sum(axis=1)
-        offset = ones / np.linalg.norm(ones)
-        object.__setattr__(self, "offset", offset)
-        object.__setattr__(
-            self,
-            "whole",
-            self.matrix - np.outer(self.matrix @ offset, offset) if self.demean else self.matrix,
-        )
+        whole = self.matrix
+        if self.demean:
+            ones = matrix.sum(axis=1)
+            offset = ones / np.linalg.norm(ones)
+            whole = whole - np.outer(whole @ offset, offset)
+        object.__setattr__(self, "whole", whole)
 
     @property
     def sigma(self) -> float:
@@ -257,9 +253,7 @@ def resized(rule: Whitener, rows: Array, freedom: Array, log: NDArray[np.int64])
         freedom: (windows,) share of each window's freedom that is left.
         log: (windows,) log of each.
     """
-    white = rows @ rule.matrix
-    if rule.demean:
-        white = white - np.outer(white @ rule.offset, rule.offset)
+    white = rows @ rule.whole
     count = rule.window - (1 if rule.demean else 0)
     squares = [
         float(np.sum(white[log == i] ** 2)) / max(count * float(freedom[log == i].sum()), 1.0)
