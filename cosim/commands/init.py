@@ -119,17 +119,21 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     Raises:
         DataError: as `cosim.logs.overview.overview`.
     """
-    from cosim.logs.guess import guesses, mapping_text
-    from cosim.logs.overview import overview
+    from cosim.logs.guess import guesses, mapping_text, used_by
+    from cosim.logs.overview import Column, overview
 
     found = overview(log)
     made = guesses(found)
+
+    def shown(column: Column) -> str:
+        return column.label.alias or column.label.text
+
     told = [
-        f"{g.column.label.alias or g.column.label.text} -> {name} [{g.unit}]: {g.why}"
+        f"{shown(g.column)}{f' minus {shown(g.minus)}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
-    used: set[Any] = {g.column.index for g in made.values()} | {found.clock.column if found.clock else None}
-    left = [f"column '{c.label.alias or c.label.text}'" for c in found.columns if c.index not in used]
+    used: set[Any] = used_by(made) | {found.clock.column if found.clock else None}
+    left = [f"column '{shown(c)}'" for c in found.columns if c.index not in used]
     if found.clock is None:
         left.insert(0, "no column looks like a time: the interval between samples is to be given")
     return mapping_text(found, made, model), told, left, _lacking(made)
