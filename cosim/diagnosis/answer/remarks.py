@@ -217,6 +217,11 @@ def one_way(record: Record, machine: Machine) -> list[str]:
     ]
 
 
+def advice(diagnosis: Diagnosis) -> list[str]:
+    """How to record or map a log that tells more."""
+    return one_way(diagnosis.record, diagnosis.machine) + one_level(diagnosis)
+
+
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     """What limits the answer: an interruption, a stretch of a long log, a rest that differs from it."""
     found = list(diagnosis.notes)
@@ -239,7 +244,7 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
             "nothing moves in this log: the command asks for no motion and none is measured, so no effect was exercised and "
             "none can be named or excluded; drive the machine over the whole range of the command, both ways"
         )
-    found += one_level(diagnosis) + one_way(diagnosis.record, diagnosis.machine)
+    found += advice(diagnosis)
     for signal, linear in diagnosis.references.items():
         low, high = ratio_ci95(linear.ours, linear.squares)
         if (diagnosis.rests or diagnosis.verdict == "partly_explained") and high > 1.0:
