@@ -275,6 +275,9 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
     commands = [c for c in moving if c.held and (c.unit in (None, "1", "%", *RAW))]
     if "u" not in made and len(commands) == 1:
         told.append(("u", commands[0], "it is the only column that moves in steps, as a command does"))
+    electric = [c for c in moving if c.unit in RAW]
+    if "u" not in made and len(commands) != 1 and len(electric) == 1:
+        told.append(("u", electric[0], "it is the only voltage or current"))
     pressures = [c for c in free if c.unit is not None and _convertible(c.unit, "Pa")]
     if len(pressures) == 3 and not {"p_supply", "p_a", "p_b"} & set(made):
         supply = max(pressures, key=lambda c: float(np.mean(c.finite)))
@@ -410,7 +413,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         model: name or path of the model; None for a machine of its own, of which the log tells speed and lag.
     """
     name = found.path.name
-    texts = {n: signal.text for n, signal in SIGNALS.items()} | (OF_MACHINE if model is None else {})
+    texts = texts_of(model)
     lines = [
         f"# Which column of {name} is which signal, as guessed by 'cosim init'. Check each line; a value is",
         "#   sign * gain * (reading - zero) + offset   in `unit`.",
@@ -439,8 +442,10 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         ]
     for guess in made.values():
         lines += ["", *_entry(found, guess, texts)]
-    own = ["", *MACHINE] if model is None else ["", *(f"# {line}" for line in (OTHER, *MACHINE))]
-    lines += own if "u" in made and "slew" in made else []
+    if model is None:
+        lines += ["", *MACHINE]
+    elif "u" in made and "slew" in made:
+        lines += ["", *(f"# {line}" for line in (OTHER, *MACHINE))]
     used = used_by(made) | ({clock.column} if clock else set())
     rest = [c for c in found.columns if c.index not in used]
     missing = [n for n in NAMES if n not in made and not n.endswith("estimate")]
@@ -464,6 +469,11 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
             f"# unit = {_quoted(column.unit or '1')}    # {_range(column)}",
         ]
     return "\n".join(lines) + "\n"
+
+
+def texts_of(model: str | None) -> dict[str, str]:
+    """Signal -> what it is: of the crane, or (None) of a machine of its own."""
+    return {n: signal.text for n, signal in SIGNALS.items()} | (OF_MACHINE if model is None else {})
 
 
 def used_by(made: dict[str, Guess]) -> set[int]:
