@@ -130,7 +130,9 @@ def turned_down(item: Refused) -> RefusedCause:
     where = "in a free run over them" if item.in_fitted else "on held-out data"
     way = "falls only" if with_it < without else "rises"
     chance = ", no more than chance may do" if with_it < without and item.sure else ""
-    error = f"{where} the error of {item.signal} {way} from {without:.4g} to {with_it:.4g} {unit} with it{chance}"
+    error = (
+        f"{where} the error of {item.signal} {way} from {without:.4g} to {with_it:.4g} {unit} with it{chance}"
+    )
     why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
     if item.instead:
         why = (
