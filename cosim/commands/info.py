@@ -185,6 +185,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
                 "unit": g.unit,
                 "gain": g.gain,
                 "zero": g.zero,
+                **({} if g.minus is None else {"minus": g.minus.label.alias or g.minus.label.text}),
                 "why": g.why,
             }
             for name, g in made.items()

@@ -163,6 +163,12 @@ def test_no_cause_is_told_where_none_was_named():
         assert not any(line.startswith(("Cause", "Better")) for line in told)
 
 
+def test_what_would_help_is_said_and_is_the_next_step_where_nothing_is_named():
+    told = lines(empty_answer(verdict="unexplained", advice=["slew goes back by 70 deg while u is 0"]), OUT)
+    assert "Note: slew angle goes back by 70 deg while u is 0" in told
+    assert told[-1].startswith("Next: correct the mapping")
+
+
 def test_the_report_is_named_where_there_is_one(tmp_path):
     (tmp_path / "report.html").touch()
     assert f"Report: {tmp_path / 'report.html'}" in lines(empty_answer(), tmp_path)
