@@ -78,7 +78,6 @@ class GroupModel:
         own: signals by which the group is judged and which drive it as well.
         differs: signal -> RMS by which two runs of the same differ; empty before that was tried.
         coarse: signal -> RMS error of the model's own solvers, from a run in which they work more finely.
-        usual: the same with the tolerance that the FMUs ask for, where they are judged with a tighter one.
     """
 
     def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
@@ -91,7 +90,6 @@ class GroupModel:
         self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
         self.differs: dict[str, float] = {}
         self.coarse: dict[str, float] = {}
-        self.usual: dict[str, float] = {}
         self.until = 1.0
         judged = {signal for signal, _ in group.judged}
         self.own = frozenset(d.signal for d in group.drives if d.signal in judged)

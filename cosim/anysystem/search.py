@@ -31,7 +31,6 @@ from cosim.inference.problem import DIFFERENCE, FINE, Fit, Problem
 from cosim.inference.unknowns import Unknown
 from cosim.ssp.system import Port
 from cosim.system.effects import EFFECTS
-from cosim.system.runs import TIGHTER
 
 Array = NDArray[np.float64]
 
@@ -42,8 +41,6 @@ ROUNDED = 0.1  # of a step: smaller noise of a rounded reading is not believed: 
 LEAST = 1e-3  # of a signal's spread: two programs that integrate the same model differ by that
 SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
 SOLVERS = 1.25  # times the error of the model's solvers: what is smaller may be theirs
-FELT = 3e-3  # of a signal's spread: an error of the solvers beyond it is said, and mended where a tolerance does it
-LESS = 0.5  # of that error: what a tighter tolerance must leave at most
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
 UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
@@ -218,7 +215,6 @@ class Search:
                 again = model({**self.base})
                 model.differs = {s: self._difference(first, again, s) for s, _ in model.group.judged}
                 model.coarse = self._coarse(first)
-                first = self._tightened(first)
         self.differs = model.differs
         for name in least:
             signal = name.partition("#")[0]
@@ -283,43 +279,6 @@ class Search:
         part = 1.0 if any(model.system.components[c].fmu.tolerance for c in inside) else 2.0
         found = {s: part * self._difference(first, fine, s) for s, _ in model.group.judged}
         return {s: size for s, size in found.items() if np.isfinite(size)}
-
-    def _felt(self) -> bool:
-        """Whether the solvers' error is more than nobody's concern."""
-        return any(size > FELT * self.spreads[s] for s, size in self.model.coarse.items())
-
-    def _tightened(self, first: dict[str, Array]) -> dict[str, Array]:
-        """The model's own run, with tighter tolerances from here on where those of the FMUs are felt and these do better.
-
-        A tolerance belongs to the solver and not to what is modelled. A communication step may belong to it (a controller
-        acts once in each), so steps stay.
-        """
-        model = self.model
-        units = [
-            u
-            for u in model.group.units
-            if any(model.system.components[c].fmu.tolerance for c in u.components)
-        ]
-        if not units or not self._felt():
-            return first
-        usual = model.coarse
-        for unit in units:
-            model.runs.tighten(unit, TIGHTER)
-        try:
-            tight = model({**self.base})
-            self._check(tight)
-            model.coarse = self._coarse(tight)
-            if model.coarse and all(
-                size <= LESS * usual[s] for s, size in model.coarse.items() if usual[s] > 0.0
-            ):
-                model.usual = usual
-                return tight
-        except SimulationError:
-            pass
-        model.coarse = usual
-        for unit in units:
-            model.runs.tighten(unit, 1.0)
-        return first
 
     def _matters(self, signal: str) -> float:
         """RMS of what matters: less is nobody's concern, or the error of the model's own solvers."""

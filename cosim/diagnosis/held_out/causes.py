@@ -152,6 +152,11 @@ class Step:
         """True if the difference on held-out data is more than the choice of these windows may have made."""
         return self.sure and self.gain_over(other).sure
 
+    def about_as_good(self, other: "Step") -> bool:
+        """True if another set is not clearly better on held-out data, or by so little that nobody would mind."""
+        more = other.gain_over(self).gain / min(other.squares.size, MOST_BLOCKS)
+        return more < np.log(AS_WELL) or not other.clearly_better(self)
+
     def gain_over(self, other: "Step") -> HeldOutGain:
         """What this set gains on held-out data over another."""
         return gain_of_errors(self.squares, other.squares, self.placed)
@@ -417,12 +422,10 @@ def reconsider(
             if current().over:
                 break
             instead = step((*rest, other))
-            more = at.gain_over(instead).gain / min(at.squares.size, MOST_BLOCKS)
-            about_as_well = more < np.log(AS_WELL) or not at.clearly_better(instead)
             gained = instead.gain_over(bare)
             # what describes the fitting log better is no worse a name for that the held-out log shows it too rarely
             gains = gained.sure or (gained.gain > 0.0 and instead.fitted < at.fitted)
-            if other.name not in instead.unsure and gains and about_as_well:
+            if other.name not in instead.unsure and gains and instead.about_as_good(at):
                 undecided.append(other)
                 proven += [other] if gained.sure else []
         told[effect.name] = kept_apart[effect.name] = [e.name for e in undecided]
@@ -438,7 +441,7 @@ def reconsider(
     if taken != chosen.effects:
         marked = tuple(e for e in taken if e.name in SAMPLED)
         after = shrunk(finding, step(tuple(e for e in taken if e.name not in SAMPLED)), step, {})
-        if at.clearly_better(after):  # what is likelier by itself costs another cause its size
+        if not after.about_as_good(at):  # what is likelier by itself costs another cause its size
             return replace(finding, rivals=listed, undecided=kept_apart), chosen.effects
         taken = (*after.effects, *marked)
         kept = {e.name: borne(after, e, step) for e in after.effects}
