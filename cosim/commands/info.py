@@ -11,6 +11,8 @@ from cosim.errors import ColumnsError, DataError, ModelError
 from cosim.options import Verbose
 
 if TYPE_CHECKING:
+    from fmpy.model_description import ModelDescription
+
     from cosim.logs import Log, Tracker
     from cosim.ssp.system import Port
 
@@ -24,7 +26,12 @@ def register(app: typer.Typer) -> None:
 
 
 def info(
-    file: Annotated[Path, typer.Argument(help="A log, a tracker's record, an .fmu or an .ssp.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A log, a tracker's record, an .fmu, an .ssp, or one of our systems by its name."
+        ),
+    ],
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping file (TOML), for a log whose columns have other names.")
     ] = None,
@@ -38,8 +45,7 @@ def info(
 
     Exit code 3: the file is bad; 5: its type needs an optional dependency.
     """
-    if not file.is_file():
-        raise DataError(f"{file}: {'this is a folder' if file.is_dir() else 'there is no such file'}")
+    file = _existing(file)
     kind = file.suffix.lower()
     if kind in (".fmu", ".ssp"):
         facts = _fmu_facts(file) if kind == ".fmu" else _ssp_facts(file)
@@ -75,6 +81,29 @@ def info(
     for line in (*_guessed(facts.get("guesses", {})), facts.get("next", "")):
         if line:
             output.print(line, markup=False, soft_wrap=True)
+
+
+def _existing(file: Path) -> Path:
+    """The file itself, or the package of a system of ours by its name, such as ``full_order``.
+
+    Raises:
+        DataError: there is no such file; of a system of ours the message names the command that makes it.
+        ModelError: the system is not built.
+    """
+    if file.is_file():
+        return file
+    if file.is_dir():
+        raise DataError(f"{file}: this is a folder")
+    from cosim.request import model_path
+    from cosim.ssp.build import CLOSED, SYSTEMS
+
+    ours = (*SYSTEMS, *CLOSED)
+    if str(file) in ours:
+        return model_path(str(file))
+    remedy = ""
+    if file.suffix.lower() == ".ssp" and file.stem.removesuffix("_open") in ours:
+        remedy = f": cosim build makes it, and cosim info {file.stem.removesuffix('_open')} finds it wherever it is"
+    raise DataError(f"{file}: there is no such file{remedy}")
 
 
 def headline(facts: dict[str, Any]) -> str:
@@ -281,14 +310,14 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         text = read_entry(archive, "modelDescription.xml", str(path))
         Path(folder, "modelDescription.xml").write_bytes(text)
         model = described(Path(folder), str(path))
-    simulation = model.coSimulation
+    types = [name for name, found in _interfaces(model).items() if found]
     return {
         "file": path,
         "kind": "fmu",
         "name": model.modelName,
         "description": model.description or "",
         "fmi_version": model.fmiVersion,
-        "type": "co-simulation" if simulation is not None else "model exchange",
+        "type": ", ".join(types),
         "guid": model.guid,
         "generation_tool": model.generationTool,
         "generation_date": model.generationDateAndTime,
@@ -306,6 +335,18 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
             }
             for variable in model.modelVariables
         ],
+        "next": f"Next: cosim init {path} LOG writes a mapping for a log of it, cosim simulate {path} runs it"
+        if "co-simulation" in types
+        else f"It cannot be run here, since it is for {' and '.join(types)} only: export it for co-simulation",
+    }
+
+
+def _interfaces(model: "ModelDescription") -> dict[str, bool]:
+    """Which interface types of FMI an FMU offers; cosim runs co-simulation."""
+    return {
+        "co-simulation": model.coSimulation is not None,
+        "model exchange": model.modelExchange is not None,
+        "scheduled execution": model.scheduledExecution is not None,
     }
 
 

@@ -102,6 +102,55 @@ def test_a_component(tmp_path):
     }
 
 
+SCHEDULED = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="clocked" instantiationToken="{1}">
+  %s
+  <ModelVariables>
+    <Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>
+  </ModelVariables>
+  <ModelStructure/>
+</fmiModelDescription>
+"""
+
+
+@pytest.mark.parametrize(
+    ("interfaces", "told"),
+    [
+        ("<ScheduledExecution modelIdentifier='c'/>", "scheduled execution"),
+        (
+            "<ModelExchange modelIdentifier='c'/><ScheduledExecution modelIdentifier='c'/>",
+            "model exchange, scheduled execution",
+        ),
+        (
+            "<ModelExchange modelIdentifier='c'/><CoSimulation modelIdentifier='c'/>",
+            "co-simulation, model exchange",
+        ),
+    ],
+)
+def test_every_interface_type_of_a_component_is_said(tmp_path, interfaces, told):
+    path = tmp_path / "clocked.fmu"
+    with zipfile.ZipFile(path, "w") as package:
+        package.writestr("modelDescription.xml", SCHEDULED % interfaces)
+    facts = json.loads(run(path, "--json").stdout)
+    assert facts["type"] == told
+    assert ("cosim simulate" in facts["next"]) == ("co-simulation" in told)
+    assert ("export it for co-simulation" in facts["next"]) == ("co-simulation" not in told)
+
+
+def test_a_system_of_ours_is_found_by_its_name(tmp_path, monkeypatch):
+    monkeypatch.setenv("COSIM_BUILD", str(tmp_path))
+    result = run("full_order")
+    assert result.returncode == 3
+    assert "run `cosim build` first" in result.stderr
+    result = run("nowhere/full_order_open.ssp")
+    assert result.returncode == 3
+    assert "cosim build makes it, and cosim info full_order finds it" in result.stderr
+    (tmp_path / "ssp").mkdir()
+    with zipfile.ZipFile(tmp_path / "ssp" / "full_order.ssp", "w") as package:
+        package.writestr("SystemStructure.ssd", "<x/>")
+    assert json.loads(run("full_order", "--json").stdout)["kind"] == "ssp"
+
+
 def test_a_system_package(tmp_path):
     path = tmp_path / "crane.ssp"
     with zipfile.ZipFile(path, "w") as package:
