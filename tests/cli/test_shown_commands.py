@@ -13,7 +13,7 @@ import pytest
 import typer
 from typer.core import TyperGroup
 
-from cosim.cli import EXAMPLES, MEANT, make_app
+from cosim.cli import EXAMPLES, MEANT, main, make_app
 
 TOP = Path(__file__).resolve().parents[2]
 DOCUMENTS = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
@@ -57,12 +57,19 @@ def fault(line):
         False  # it swallows what is wrong; a context is made without its arguments only with it
     )
     try:
-        _, left, _ = command.make_parser(context).parse_args(list(words))
+        given, left, _ = command.make_parser(context).parse_args(list(words))
     except Exception as error:  # typer's own click raises its own
         message = str(getattr(error, "message", error))
         # an option may be named without a value, as in `cosim compare --out`
         return "" if message == f"Option '{words[-1]}' requires an argument." else message
-    return f"too many words: {' '.join(left)}" if left else ""
+    if left:
+        return f"too many words: {' '.join(left)}"
+    if not words:  # the command is named, not shown
+        return ""
+    absent = [
+        p.opts[0] for p in command.params if p.required and p.opts[0].startswith("-") and p.name not in given
+    ]
+    return f"without its {', '.join(absent)}" if absent else ""
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
@@ -77,7 +84,13 @@ def test_lines_are_found_and_wrong_ones_noticed():
         "rig --effects",
         "info A.csv",
     ]
-    for wrong in ("nothing LOG", "info LOG --nothing", "identify nothing", "report ONE TWO", "--nothing"):
+    for wrong in (
+        "nothing LOG",
+        "info LOG --nothing",
+        "identify nothing",
+        "report ONE TWO",
+        "machine A.toml",
+    ):
         assert fault(wrong), wrong
     for right in (
         "diagnose LOG [LOG ...]",
@@ -114,3 +127,11 @@ def test_every_shown_script_exists_and_knows_its_options(path):
         )
         for option in re.findall(r"(?<![\w-])--[a-z-]+", re.split(r" {2,}|\s#", rest)[0]):
             assert f'"{option}"' in text or option[2:].replace("-", "_") + ":" in text, f"{name} {option}"
+
+
+@pytest.mark.parametrize("words", [["machine", "A.toml"], ["compare"]])
+def test_what_is_missing_is_shown_in_an_example(words, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 2
+    assert f"For example: {EXAMPLES[words[0]]} (see" in capsys.readouterr().err
