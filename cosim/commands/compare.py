@@ -115,8 +115,12 @@ def compare(
     if as_json:
         console.emit_json(found.to_dict())
     else:
-        options = f" --mapping {mapping}" * (mapping is not None) + f" --model {model}" * (model is not None)
-        show(found, verbose, options)
+        given = {"external": external, "mapping": mapping, "model": model}
+        show(
+            found,
+            verbose,
+            "".join(f" --{name} {value}" for name, value in given.items() if value is not None),
+        )
     if not found.passed:
         raise typer.Exit(MISSED)
 
@@ -144,7 +148,7 @@ def _calibration(
 
 def show(found: "ComparisonResult", verbose: bool, options: str = "") -> None:
     """Print the answer; with `verbose` the tables before it; `options` are those that a diagnosis needs too."""
-    from cosim.compare.present import explanations, tables
+    from cosim.compare.present import above_noise, explanations, tables
 
     output, comparison = console.stdout_console(), found.comparison
 
@@ -169,4 +173,5 @@ def show(found: "ComparisonResult", verbose: bool, options: str = "") -> None:
         say(f"written: {file}")
     if not verbose:
         named = f"cosim diagnose {comparison.log.source}{options}"
-        say(f"Next: {named} names the cause; --verbose shows each signal and block")
+        use = "names the cause" if above_noise(comparison) else "says what else this log could have shown"
+        say(f"Next: {named} {use}; --verbose shows each signal and block")
