@@ -205,6 +205,8 @@ def next_step(result: Answer, out: Path) -> str:
         return "correct the label (in the header or a mapping) and diagnose again"
     if result.verdict == "interrupted":
         return "run it again for the rest"
+    if result.unexplained and any("; not tried: " in text for text in result.warnings):
+        return "run it again with more time (--budget): not everything was tried"
     proposed = result.next_experiment
     if proposed is not None:
         shape, length = (proposed.excitation.get(name, "") for name in ("shape", "duration_s"))
@@ -213,7 +215,7 @@ def next_step(result: Answer, out: Path) -> str:
         return f"drive the machine with {told}: it {in_words(proposed.why)}"
     if result.verdict == "adequate":
         return "use the model as it is"
-    if result.extended is not None:
+    if result.extended is not None and result.causes:
         return f"cosim simulate {result.extended.ssp} runs the extended model"
     if result.helpful_signals:
         return f"log more: {in_words(few(result.helpful_signals[0], MOST))}"
