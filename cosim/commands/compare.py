@@ -119,7 +119,9 @@ def compare(
         show(
             found,
             verbose,
-            "".join(f" --{name} {value}" for name, value in given.items() if value is not None),
+            "".join(
+                f" --{name} {console.typed(value)}" for name, value in given.items() if value is not None
+            ),
         )
     if not found.passed:
         raise typer.Exit(MISSED)
@@ -172,6 +174,6 @@ def show(found: "ComparisonResult", verbose: bool, options: str = "") -> None:
     for file in found.beside.written.values():
         say(f"written: {file}")
     if not verbose:
-        named = f"cosim diagnose {comparison.log.source}{options}"
+        named = f"cosim diagnose {console.typed(comparison.log.source)}{options}"
         use = "names the cause" if above_noise(comparison) else "says what else this log could have shown"
         say(f"Next: {named} {use}; --verbose shows each signal and block")

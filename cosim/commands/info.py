@@ -194,7 +194,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             "gaps": clock.gaps,
             "not_rising": clock.backwards,
         }
-    made = guesses(found)
+    made, typed = guesses(found), console.typed(path)
     return facts | {
         "columns": [
             {
@@ -220,8 +220,8 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
         },
         "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
         "why": why,
-        "next": f"Next: cosim init {path} writes {'these guesses' if made else 'the columns'} into a mapping to "
-        f"correct, for --mapping; cosim open {path} does the same on a page"
+        "next": f"Next: cosim init {typed} writes {'these guesses' if made else 'the columns'} into a mapping to "
+        f"correct, for --mapping; cosim open {typed} does the same on a page"
         + ("" if made else "; for a machine that is no crane see docs/machines.md"),
     }
 
@@ -259,8 +259,8 @@ def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:
         "step": record.step,
         "uniform": record.uniform,
         "gaps": len(record.gaps),
-        "next": f"Next: cosim diagnose {'LOG --external ' if tracker else ''}{path}"
-        + (f" --mapping {mapping}" if mapping and not tracker else ""),
+        "next": f"Next: cosim diagnose {'LOG --external ' if tracker else ''}{console.typed(path)}"
+        + (f" --mapping {console.typed(mapping)}" if mapping and not tracker else ""),
     }
     if getattr(record, "model", None):
         facts["model"] = record.model  # type: ignore[union-attr]
@@ -310,6 +310,7 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         text = read_entry(archive, "modelDescription.xml", str(path))
         Path(folder, "modelDescription.xml").write_bytes(text)
         model = described(Path(folder), str(path))
+    typed = console.typed(path)
     types = [name for name, found in _interfaces(model).items() if found]
     return {
         "file": path,
@@ -335,7 +336,7 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
             }
             for variable in model.modelVariables
         ],
-        "next": f"Next: cosim init {path} LOG writes a mapping for a log of it, cosim simulate {path} runs it"
+        "next": f"Next: cosim init {typed} LOG writes a mapping for a log of it, cosim simulate {typed} runs it"
         if "co-simulation" in types
         else f"It cannot be run here, since it is for {' and '.join(types)} only: export it for co-simulation",
     }
@@ -397,8 +398,8 @@ def _system_facts(path: Path) -> dict[str, Any]:
                 "inputs": ", ".join(system.inputs) or "none",
                 "connectors": connectors,
                 "warnings": list(system.notes),
-                "next": f"Next: cosim init {path} LOG writes a mapping for a log of it; columns called like the connectors "
-                "need none",
+                "next": f"Next: cosim init {console.typed(path)} LOG writes a mapping for a log of it; columns called "
+                "like the connectors need none",
             }
     except ModelError as error:
         return {"warnings": [f"it cannot be run here: {error}"]}

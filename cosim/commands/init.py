@@ -63,16 +63,19 @@ def init(
     for line in told:
         say(line)
     if left:
-        say(f"open: {'; '.join(left)}")
+        say(f"left without a signal: {'; '.join(left)}")
     check = "complete it" if needed else "check each line, above all those marked CHECK"
     say(f"written to {target}: {check}")
     if needed:
         say(
             f"Missing: {needed}. A machine that is no crane: docs/machines.md; any FMU: --model, docs/any_system.md"
         )
-        say(f"Next: complete {target} in an editor, or choose the columns on a page: cosim open {log}")
+        say(
+            f"Next: complete {target} in an editor, or choose the columns on a page: cosim open {console.typed(log)}"
+        )
         return
-    say(f"Next: cosim info {log} --mapping {target}, then cosim diagnose {log} --mapping {target}")
+    words = f"{console.typed(log)} --mapping {console.typed(target)}"
+    say(f"Next: cosim info {words}, then cosim diagnose {words}")
 
 
 def _log_and_model(first: Path, second: Path | None, model: str | None) -> tuple[Path, str]:

@@ -77,7 +77,8 @@ class Answer:
                 "Next: the same with --out DIR writes these numbers as a parameter set, which cosim simulate and "
                 "cosim compare take (--parameter-set)"
             )
-        return f"Next: cosim simulate {self.model} --parameter-set {written['ssv']} runs the model with these numbers"
+        words = f"{self.model} --parameter-set {console.typed(written['ssv'])}"
+        return f"Next: cosim simulate {words} runs the model with these numbers"
 
     def as_data(self, files: Mapping[str, Path]) -> dict[str, Any]:
         """The JSON object."""

@@ -26,7 +26,7 @@ NAMES: dict[str, str] = {
     "slew_rate_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
     "slew": rf"(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}|{_COMMAND}))",
     "p_supply": rf"(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor|matning|syotto|zasil"
-    r"|\bs\b|\bp\s?0\b))|\bps\b",
+    r"|\bs\b|\bp\s?[0p]\b))|\bps\b",
     "p_a": rf"(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
     "p_b": rf"(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
@@ -43,6 +43,9 @@ GENERIC = {
     "column",
     "signal",
     "sig",
+    "yout",
+    "xout",
+    "simout",
     "unnamed",
     "value",
     "out",

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from cosim.console import stdout_console, table
+from cosim.console import stdout_console, table, typed
 from cosim.diagnosis.answer.schema import Answer, NamedCause
 from cosim.lexicon import speaking
 from cosim.report.folder import lexicon_of
@@ -216,7 +216,7 @@ def next_step(result: Answer, out: Path) -> str:
     if result.verdict == "adequate":
         return "use the model as it is"
     if result.extended is not None and result.causes:
-        return f"cosim simulate {result.extended.ssp} runs the extended model"
+        return f"cosim simulate {typed(result.extended.ssp)} runs the extended model"
     if result.helpful_signals:
         return f"log more: {in_words(few(result.helpful_signals[0], MOST))}"
     return (
