@@ -173,7 +173,10 @@ def show(found: "ComparisonResult", verbose: bool, options: str = "") -> None:
         found.beside.extras.show_further()
     for file in found.beside.written.values():
         say(f"written: {file}")
-    if not verbose:
+    if not verbose and not comparison.signals:
+        named = console.typed(comparison.log.source)
+        say(f"Next: cosim info {named} shows which of its columns could be the signals that are missing")
+    elif not verbose:
         named = f"cosim diagnose {console.typed(comparison.log.source)}{options}"
         use = "names the cause" if above_noise(comparison) else "says what else this log could have shown"
         say(f"Next: {named} {use}; --verbose shows each signal and block")

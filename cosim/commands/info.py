@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription
 
     from cosim.logs import Log, Tracker
+    from cosim.logs.guess import Guess
     from cosim.ssp.system import Port
 
 OTHER = "log with other columns"
@@ -158,12 +159,45 @@ def log_or_columns(path: Path, mapping: Path | None, plot: bool) -> dict[str, An
         if mapping is not None:
             raise
         facts = column_facts(path, str(error))
+    else:
+        if mapping is None and facts["kind"] == "log":
+            facts |= _overlooked(path, facts)
     if plot:
         columns = overview(path).columns
         names = [c.label.alias or c.label.text for c in columns]
         wide = max(map(len, names))
         facts["plot"] = [f"{name:<{wide}}  {c.spark()}" for name, c in zip(names, columns, strict=True)]
     return facts
+
+
+def _overlooked(path: Path, facts: dict[str, Any]) -> dict[str, Any]:
+    """Columns that are ignored for their names and look like signals of which the log has none; empty if none do."""
+    if not any(text.startswith("ignored columns") for text in facts["warnings"]):
+        return {}
+    from cosim.logs.guess import guesses
+    from cosim.logs.overview import overview
+
+    known = {row["signal"] for row in facts["signals"]}
+    found = {name: g for name, g in guesses(overview(path)).items() if name not in known}
+    if not found:
+        return {}
+    typed = console.typed(path)
+    return {
+        "guesses": {name: _guess_facts(guess) for name, guess in found.items()},
+        "next": f"Next: cosim init {typed} writes these guesses into a mapping to correct, for --mapping; without it "
+        "these columns are ignored",
+    }
+
+
+def _guess_facts(guess: "Guess") -> dict[str, Any]:
+    label = guess.column.label
+    return {
+        "column": label.alias or label.text,
+        "unit": guess.unit,
+        "gain": guess.gain,
+        "zero": guess.zero,
+        "why": guess.why,
+    }
 
 
 def column_facts(path: Path, why: str) -> dict[str, Any]:
@@ -208,16 +242,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             }
             for c in found.columns
         ],
-        "guesses": {
-            name: {
-                "column": g.column.label.alias or g.column.label.text,
-                "unit": g.unit,
-                "gain": g.gain,
-                "zero": g.zero,
-                "why": g.why,
-            }
-            for name, g in made.items()
-        },
+        "guesses": {name: _guess_facts(guess) for name, guess in made.items()},
         "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
         "why": why,
         "next": f"Next: cosim init {typed} writes {'these guesses' if made else 'the columns'} into a mapping to "

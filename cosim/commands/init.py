@@ -122,7 +122,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     Raises:
         DataError: as `cosim.logs.overview.overview`.
     """
-    from cosim.logs.guess import guesses, mapping_text
+    from cosim.logs.guess import clock_column, guesses, mapping_text
     from cosim.logs.overview import overview
 
     found = overview(log)
@@ -131,7 +131,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
         f"{g.column.label.alias or g.column.label.text} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
-    used: set[Any] = {g.column.index for g in made.values()} | {found.clock.column if found.clock else None}
+    used: set[Any] = {g.column.index for g in made.values()} | {clock_column(found, made)}
     left = [f"column '{c.label.alias or c.label.text}'" for c in found.columns if c.index not in used]
     if found.clock is None:
         left.insert(0, "no column looks like a time: the interval between samples is to be given")

@@ -151,6 +151,26 @@ def test_a_system_of_ours_is_found_by_its_name(tmp_path, monkeypatch):
     assert json.loads(run("full_order", "--json").stdout)["kind"] == "ssp"
 
 
+def test_ignored_columns_that_look_like_signals_are_said(write):
+    """Of a log in which one column happens to be called as ours, nobody is sent to a diagnosis without its command."""
+    columns = full_log_columns()
+    renamed = {
+        ("valve command" if name == "u" else "slew angle" if name == "slew" else name, unit): values
+        for (name, unit), values in columns.items()
+    }
+    path = write(csv_text(renamed), "one of ours.csv")
+    facts = json.loads(run(path, "--json").stdout)
+    assert facts["kind"] == "log"
+    assert {name: g["column"] for name, g in facts["guesses"].items()} == {
+        "u": "valve command [1]",
+        "slew": "slew angle [deg]",
+    }
+    said = run(path).stdout
+    assert "u is probably 'valve command [1]' [1]: its name" in said
+    assert said.splitlines()[-1].startswith("Next: cosim init ")
+    assert "one of ours.csv' writes these guesses" in said or 'one of ours.csv" writes these guesses' in said
+
+
 def test_a_system_package(tmp_path):
     path = tmp_path / "crane.ssp"
     with zipfile.ZipFile(path, "w") as package:
