@@ -34,6 +34,7 @@ class Row:
         reversed: the file counts the other way.
         why: reason of the guess.
         check: what a person should look at, or empty.
+        minus: a column and the one whose reading is taken off it, where each direction has a column of its own.
     """
 
     signal: str
@@ -46,6 +47,7 @@ class Row:
     reversed: bool = False
     why: str = ""
     check: str = ""
+    minus: tuple[int, int] | None = None
 
 
 @dataclass
@@ -133,7 +135,10 @@ def crane_form(found: Overview) -> Form:
             guess = made[name]
             row.column, row.unit, row.why = guess.column.index, guess.unit, guess.why
             row.gain, row.zero = guess.gain, guess.zero
-            if guess.check:
+            if guess.minus is not None:
+                row.minus = (guess.column.index, guess.minus.index)
+                row.check = f"column '{guess.minus.label.alias or guess.minus.label.text}' is taken off it"
+            elif guess.check:
                 row.check = (
                     "full command is taken to be the largest reading" if guess.gain != 1.0 else "the unit"
                 )

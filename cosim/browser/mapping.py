@@ -62,6 +62,8 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
             "column": named(found, column),
             **_scaling(sent, row),
         }
+        if row.minus is not None and column == row.minus[0]:
+            entries[row.signal]["minus"] = named(found, row.minus[1])
         chosen[column] = row.signal
     if not entries:
         raise FormError("no signal has a column: choose at least the command and what was measured")

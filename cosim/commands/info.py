@@ -196,6 +196,7 @@ def _guess_facts(guess: "Guess") -> dict[str, Any]:
         "unit": guess.unit,
         "gain": guess.gain,
         "zero": guess.zero,
+        **({} if guess.minus is None else {"minus": guess.minus.label.alias or guess.minus.label.text}),
         "why": guess.why,
     }
 

@@ -1,6 +1,6 @@
 """``cosim init``: writes a first mapping for a log with other column names, for our crane or for anybody's model."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -102,15 +102,14 @@ def _of_connectors(model: Path, log: Path, target: Path) -> tuple[str, list[str]
         return mapping_text(system, model, log, target.parent)
 
 
-def _lacking(made: Collection[str]) -> str:
-    """What of the crane's signals a diagnosis cannot do without and no column was found for; empty if nothing is.
+def _lacking(made: Collection[str], texts: Mapping[str, str]) -> str:
+    """What of the signals a diagnosis cannot do without and no column was found for; empty if nothing is.
 
     Args:
         made: the signals that have a column.
+        texts: what each signal is.
     """
-    from cosim.signals import SIGNALS
-
-    lacks = [] if "u" in made else [f"a column for u ({SIGNALS['u'].text})"]
+    lacks = [] if "u" in made else [f"a column for u ({texts['u']})"]
     if not set(made) - {"u"}:
         lacks.append("one for what was measured, such as slew, spool or the pressures")
     return " and ".join(lacks)
@@ -122,17 +121,21 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     Raises:
         DataError: as `cosim.logs.overview.overview`.
     """
-    from cosim.logs.guess import clock_column, guesses, mapping_text
-    from cosim.logs.overview import overview
+    from cosim.logs.guess import clock_column, guesses, mapping_text, texts_of, used_by
+    from cosim.logs.overview import Column, overview
 
     found = overview(log)
     made = guesses(found)
+
+    def shown(column: Column) -> str:
+        return column.label.alias or column.label.text
+
     told = [
-        f"{g.column.label.alias or g.column.label.text} -> {name} [{g.unit}]: {g.why}"
+        f"{shown(g.column)}{f' minus {shown(g.minus)}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
-    used: set[Any] = {g.column.index for g in made.values()} | {clock_column(found, made)}
-    left = [f"column '{c.label.alias or c.label.text}'" for c in found.columns if c.index not in used]
+    used: set[Any] = used_by(made) | {clock_column(found, made)}
+    left = [f"column '{shown(c)}'" for c in found.columns if c.index not in used]
     if found.clock is None:
         left.insert(0, "no column looks like a time: the interval between samples is to be given")
-    return mapping_text(found, made, model), told, left, _lacking(made)
+    return mapping_text(found, made, model), told, left, _lacking(made, texts_of(model))

@@ -1037,6 +1037,13 @@ AT_ZERO: Annotated[
     "a stick's own offset",
     "not measured by itself",
 ] = 0.02
+UNCOMMANDED: Annotated[
+    float,
+    "share of the way on the command",
+    "way back without a command from which on a column of the other direction is asked for",
+    "a leak, a sagging load or an overrun is a small part of it",
+    "a wheel loader's boom, whose joystick is recorded upwards only: 0.98",
+] = 0.5
 INDEPENDENT: Annotated[
     float,
     "correlation",

@@ -1,5 +1,6 @@
 """From the columns of a file to signals: by their canonical headings, or by a mapping."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from cosim.logs.source import Label, Source, closest
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
 from cosim.units import base_exponents
 
+OF_THE_CRANE = ("slew", "spool")  # whose plausible range is that of the crane's travel, of no other machine's
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
@@ -142,7 +144,7 @@ def choose_mapped(source: Source, mapping: Mapping, select: Sequence[str] | None
             )
         picks.append(Pick("time", index, "s", "s", _factor(source, label, unit, "s")))
     picks += [
-        _pick_mapped(source, name, column)
+        _pick_mapped(source, name, column, bool(mapping.machine))
         for name, column in mapping.signals.items()
         if select is None or name in select
     ]
@@ -150,7 +152,7 @@ def choose_mapped(source: Source, mapping: Mapping, select: Sequence[str] | None
     return picks + [Pick(SYNTHETIC_COLUMN, k, "1", "1", 1.0) for k in mark[:1]]
 
 
-def _pick_mapped(source: Source, name: str, column: SignalColumn) -> Pick:
+def _pick_mapped(source: Source, name: str, column: SignalColumn, machine: bool) -> Pick:
     index = _find(source, column.column, name)
     minus = None if column.minus is None else _find(source, column.minus, name)
     label = source.labels[index]
@@ -168,6 +170,8 @@ def _pick_mapped(source: Source, name: str, column: SignalColumn) -> Pick:
     plausible = (
         None if column.plausible is None else (column.plausible[0] * factor, column.plausible[1] * factor)
     )
+    if plausible is None and machine and name in OF_THE_CRANE:
+        plausible = (-math.inf, math.inf)
     return Pick(
         name, index, si, signal.unit if signal else unit, gain * factor, shift, held, minus, plausible
     )

@@ -20,7 +20,7 @@ _COMMAND = (
     r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
     r"|sterow|duty|\bpwm\b"
 )
-_ANGLE = r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b"
+_ANGLE = r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
 NAMES: dict[str, str] = {
     "slew_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
     "slew_rate_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
@@ -33,6 +33,21 @@ NAMES: dict[str, str] = {
     "u": rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape",
 }
 RAW = ("V", "mV", "A", "mA")  # of a command: needs a gain
+OPPOSITE = (  # words by which the two columns of a command differ that has one for each direction
+    ({"up"}, {"down", "dn"}),
+    ({"in"}, {"out"}),
+    ({"left", "l"}, {"right", "r"}),
+    ({"forward", "forwards", "fwd"}, {"backward", "backwards", "back", "bwd", "reverse", "rev"}),
+    ({"extend", "ext"}, {"retract", "ret"}),
+    ({"raise", "lift"}, {"lower"}),
+    ({"pos", "plus"}, {"neg", "minus"}),
+    ({"ccw"}, {"cw"}),
+    ({"a"}, {"b"}),
+    ({"auf", "heben"}, {"ab", "senken"}),
+    ({"links"}, {"rechts"}),
+    ({"vor"}, {"zuruck"}),
+    ({"ein"}, {"aus"}),
+)
 GENERIC = {
     "var",
     "data",
@@ -70,6 +85,14 @@ MACHINE = (
     'speed = "?"    # at a command of 1, as "48 deg/s"; "?": from the log',
     'lag = "?"    # as "150 ms"',
 )
+OF_MACHINE = {  # in place of the crane's, whose tables and ranges say nothing of another machine
+    "u": "command of the valve or motor; 1 is full command",
+    "slew": "angle of the axis",
+    "spool": "spool position",
+    "p_supply": "supply pressure",
+    "p_a": "pressure at port A",
+    "p_b": "pressure at port B",
+}
 OTHER = "another machine than the crane? delete the line 'model' and take these marks away (or: cosim init --machine)"
 
 
@@ -85,6 +108,7 @@ class Guess:
         why: the reason, in words.
         check: whether the unit or scale is a guess as well.
         zero: reading that counts as none.
+        minus: the column of the other direction, whose reading is taken off.
     """
 
     signal: str
@@ -94,6 +118,7 @@ class Guess:
     why: str
     check: bool
     zero: float = 0.0
+    minus: Column | None = None
 
 
 def guesses(found: Overview) -> dict[str, Guess]:
@@ -101,15 +126,22 @@ def guesses(found: Overview) -> dict[str, Guess]:
     clock = found.clock.column if found.clock else None
     free = [c for c in found.columns if c.index != clock and c.finite.size and c.label.name != "synthetic"]
     made: dict[str, Guess] = {}
-    # of several axes: "Swing Cmd" goes with "Swing Ms"
-    angles = [c for c in free if _score(c, "slew") > 0.0]
+    # of several axes: "Swing Cmd" goes with "Swing Ms", and the axis is one whose command moves
+    commands = [c for c in free if _score(c, "u") > 0.0]
+    driven = {word for c in commands if not c.constant for word in _words(c)}
+    angles = sorted(
+        (c for c in free if _score(c, "slew") > 0.0),
+        key=lambda c: (not driven & set(_words(c)), -float(np.ptp(c.finite))),
+    )
     axis = set(_words(angles[0])) if angles else set()
 
     def fits(column: Column, signal: str) -> float:
         score = _score(column, signal)
         if score <= 0.0:
             return 0.0
-        return score + 0.25 * (signal == "u" and bool(axis & set(_words(column)))) - 0.25 * column.constant
+        of_axis = signal == "u" and bool(axis & set(_words(column)))
+        other_axis = signal == "slew" and column not in angles[:1]
+        return score + 0.25 * of_axis - 0.25 * column.constant - 0.25 * other_axis
 
     ranked = sorted(
         ((fits(c, signal), -c.index, signal, c) for c in free for signal in NAMES),
@@ -131,6 +163,8 @@ def guesses(found: Overview) -> dict[str, Guess]:
         made["u"] = replace(
             made["u"], unit="1", gain=float(f"{1.0 / largest:.4g}"), why=why, check=True, zero=zero
         )
+    elif "u" in made and (other := opposite(made["u"].column, free)):
+        made["u"] = both_ways(made["u"], other, made["slew"].column if "slew" in made else None)
     elif "u" in made and one_sided(made["u"].column):
         why = f"{made['u'].why}; CHECK: no reading is near 0, so `zero` may be missing"
         made["u"] = replace(made["u"], why=why, check=True)
@@ -156,6 +190,36 @@ def neutral(command: Column, motion: Column) -> float:
     still, moving = moved[there], moved[~there]
     stands = np.nanmean(still) < STILL * np.nanmean(moving) if still.size and moving.size else False
     return level if stands else 0.0
+
+
+def opposite(command: Column, free: list[Column]) -> Column | None:
+    """The column of a command's other direction: both are never negative and differ by a word such as up and down."""
+    own = _words(command)
+    for column in free:
+        words = _words(column)
+        if column is command or len(words) != len(own) or not _score(column, "u") > 0.0:
+            continue
+        if not command.finite.size or not column.finite.size or column.unit != command.unit:
+            continue
+        differing = [pair for pair in zip(own, words, strict=True) if pair[0] != pair[1]]
+        if len(differing) != 1 or min(command.finite.min(), column.finite.min()) < 0.0:
+            continue
+        one, two = differing[0]
+        if any((one in a and two in b) or (one in b and two in a) for a, b in OPPOSITE):
+            return column
+    return None
+
+
+def both_ways(guess: Guess, other: Column, angle: Column | None) -> Guess:
+    """A command of two columns, one a direction: positive in the direction in which the angle grows."""
+    one = guess.column
+    if angle is not None and not (one.missing or other.missing or angle.missing):
+        way, back = (replace(one, values=sign * (one.values - other.values)) for sign in (1.0, -1.0))
+        if following(back, angle, rate=True) > following(way, angle, rate=True):
+            one, other = other, one
+    largest = max((one, other), key=lambda c: float(np.max(np.abs(c.finite))))
+    scaled = _guess("u", largest, f"its name ({_called(one)}), and {_called(other)} is the other direction")
+    return replace(scaled, column=one, minus=other, check=True)
 
 
 def one_sided(command: Column) -> bool:
@@ -214,6 +278,9 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
     commands = [c for c in moving if c.held and (c.unit in (None, "1", "%", *RAW))]
     if "u" not in made and len(commands) == 1:
         told.append(("u", commands[0], "it is the only column that moves in steps, as a command does"))
+    electric = [c for c in moving if c.unit in RAW]
+    if "u" not in made and len(commands) != 1 and len(electric) == 1:
+        told.append(("u", electric[0], "it is the only voltage or current"))
     pressures = [c for c in free if c.unit is not None and _convertible(c.unit, "Pa")]
     if len(pressures) == 3 and not {"p_supply", "p_a", "p_b"} & set(made):
         supply = max(pressures, key=lambda c: float(np.mean(c.finite)))
@@ -361,6 +428,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         model: name or path of the model; None for a machine of its own, of which the log tells speed and lag.
     """
     name = found.path.name
+    texts = texts_of(model)
     lines = [
         f"# Which column of {name} is which signal, as guessed by 'cosim init'. Check each line; a value is",
         "#   sign * gain * (reading - zero) + offset   in `unit`.",
@@ -391,10 +459,12 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
             f"unit = {_quoted(clock.unit)}{note}",
         ]
     for guess in made.values():
-        lines += ["", *_entry(found, guess)]
-    own = ["", *MACHINE] if model is None else ["", *(f"# {line}" for line in (OTHER, *MACHINE))]
-    lines += own if "u" in made and "slew" in made else []
-    used = {guess.column.index for guess in made.values()} | {stamps}
+        lines += ["", *_entry(found, guess, texts)]
+    if model is None:
+        lines += ["", *MACHINE]
+    elif "u" in made and "slew" in made:
+        lines += ["", *(f"# {line}" for line in (OTHER, *MACHINE))]
+    used = used_by(made) | {stamps}
     rest = [c for c in found.columns if c.index not in used]
     missing = [n for n in NAMES if n not in made and not n.endswith("estimate")]
     if missing:
@@ -404,7 +474,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         ]
         for name in missing:
             lines += [
-                f"# [signals.{name}]    # {SIGNALS[name].text}",
+                f"# [signals.{name}]    # {texts[name]}",
                 '# column = "?"',
                 f"# unit = {_quoted(SIGNALS[name].unit)}",
             ]
@@ -419,13 +489,28 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     return "\n".join(lines) + "\n"
 
 
-def _entry(found: Overview, guess: Guess) -> list[str]:
+def texts_of(model: str | None) -> dict[str, str]:
+    """Signal -> what it is: of the crane, or (None) of a machine of its own."""
+    return {n: signal.text for n, signal in SIGNALS.items()} | (OF_MACHINE if model is None else {})
+
+
+def used_by(made: dict[str, Guess]) -> set[int]:
+    """The columns, by their index, that guesses use."""
+    return {c.index for g in made.values() for c in (g.column, g.minus) if c is not None}
+
+
+def _entry(found: Overview, guess: Guess, texts: dict[str, str]) -> list[str]:
     column = guess.column
     mark = "    # CHECK" if guess.check else ""
     lines = [
-        f"[signals.{guess.signal}]    # {SIGNALS[guess.signal].text}",
+        f"[signals.{guess.signal}]    # {texts[guess.signal]}",
         f"# guessed: {guess.why}; {_range(column)}",
         f"column = {_column_of(found, column)}",
+        *(
+            []
+            if guess.minus is None
+            else [f"minus = {_column_of(found, guess.minus)}    # CHECK: the other direction"]
+        ),
         f"unit = {_quoted(guess.unit)}{mark}",
     ]
     if guess.zero:

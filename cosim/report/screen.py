@@ -70,6 +70,7 @@ def _lines(result: Answer, out: Path) -> list[str]:
     kind = "synthetic log" if result.synthetic else "measured log"
     head = f"verdict: {result.verdict.replace('_', ' ')} ({kind}, model {result.model})"
     told = [head, *wrong(result), *sure(result), *better(result), *not_judged(result)]
+    told += [f"Note: {with_signals(text)}" for text in result.advice]
     if (out / REPORT).is_file():
         told.append(f"Report: {out / REPORT}")
     else:
@@ -215,6 +216,8 @@ def next_step(result: Answer, out: Path) -> str:
         return f"drive the machine with {told}: it {in_words(proposed.why)}"
     if result.verdict == "adequate":
         return "use the model as it is"
+    if result.advice and not result.causes:
+        return "correct the mapping or record again as noted, and diagnose again"
     if result.extended is not None and result.causes:
         return f"cosim simulate {typed(result.extended.ssp)} runs the extended model"
     if result.helpful_signals:

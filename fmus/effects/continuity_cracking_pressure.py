@@ -30,6 +30,7 @@ EFFECT = Effect(
     residual="the slew stands still at small load pressure; above it a torque is missing that is constant and has the pressure's sign",
     source="the overcentre valve between valve and cylinder (SYSTEM section 1)",
     key="p_c",
+    prior=-1.0,  # without the pressures dry friction reads the same, and every machine has it
     parameters={
         "p_c": Variable(
             "Pa",

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hidden_logs import only
 
-from cosim.diagnosis.answer.remarks import levels, limits
-from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.answer.remarks import levels, limits, one_way
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.rig import as_log, make_log
 
 
@@ -30,3 +31,17 @@ def test_one_level_tells_no_dead_zone(duties: tuple[float, ...], said: bool) -> 
     found = diagnose(log, model=only("dcv"))
     found.record.signals["u"] = u
     assert any("one level on a side only (0.5)" in text for text in limits(found, (log,))) == said
+
+
+@pytest.mark.parametrize("hidden", [(), ("mechanical.gravity_load",), ("dcv.offset",)])
+def test_the_missing_column_of_the_other_direction_is_asked_for(hidden: tuple[str, ...]) -> None:
+    machine = our_machine("full_order")
+    log = as_log(make_log("steps", 20.0, list(hidden), seed=4))
+    record = prepare(log, machine)
+    assert not one_way(record, machine)
+    upwards = np.repeat([0.0, 0.4, 0.0, 0.6], 3000)
+    assert not one_way(prepare(as_log(make_log(upwards, 12.0, list(hidden), seed=4)), machine), machine)
+    record.signals["u"] = np.maximum(record.signals["u"], 0.0)
+    (text,) = one_way(record, machine)
+    assert "while u is 0" in text
+    assert "`minus`" in text

@@ -363,6 +363,38 @@ def test_the_command_of_the_axis_whose_angle_is_there(write):
     assert made["u"].column.label.name == "Boom duty", "one that moves is the likelier one"
 
 
+@pytest.mark.parametrize("down", [True, False])
+def test_a_command_with_a_column_for_each_direction(down, write, tmp_path):
+    time = np.arange(200) / 20
+    duty = np.where((time > 2) & (time < 8), 50.0, 0.0)
+    angle = np.cumsum(duty) / 100 * (-1 if down else 1)
+    up, dn = (0 * duty, duty) if down else (duty, 0 * duty)
+    table = np.column_stack([time, 0 * time, up, dn, 0.001 * np.sin(time), angle])
+    path = write("time,Arm_in_duty,Boom_up_duty,Boom_dn_duty,Arm_ang,Boom_ang\n" + rows(table))
+    made = guesses(overview(path))
+    assert {n: g.column.label.name for n, g in made.items()} == {"u": "Boom_up_duty", "slew": "Boom_ang"}
+    assert made["u"].minus.label.name == "Boom_dn_duty"
+    assert made["u"].unit == "%"
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(mapping_text(overview(path), made, None))
+    log = load_log(path, mapping=mapping)
+    assert np.allclose(log.signals["u"], (up - dn) / 100)
+
+
+def test_the_travel_of_the_crane_is_not_that_of_another_machine(write, tmp_path):
+    path = write(
+        "time [s],u [1],slew [deg]\n" + rows([[k / 20, 0.1 * (k % 3), 500.0 + k] for k in range(50)])
+    )
+    mapping = tmp_path / "m.toml"
+    text = '[time]\ncolumn = "time [s]"\n[signals]\nu = {column = "u [1]"}\nslew = {column = "slew [deg]"}\n'
+    machine = '[machine]\nchain = ["dead_zone", "dcv", "continuity", "mechanical"]\nspeed = "?"\nlag = "?"\n'
+    warned = []
+    for content in (text, text + machine):
+        mapping.write_text(content)
+        warned.append(any("plausible" in w for w in load_log(path, mapping=mapping).warnings))
+    assert warned == [True, False]
+
+
 def test_a_log_of_which_nothing_is_known_ends_with_what_to_do(write):
     path = write(
         "t,qm,vir\n"

@@ -174,6 +174,12 @@ def test_what_is_unexplained_has_no_extended_model_to_run_and_may_lack_time():
     assert lines(late, OUT)[-1] == "Next: run it again with more time (--budget): not everything was tried"
 
 
+def test_what_would_help_is_said_and_is_the_next_step_where_nothing_is_named():
+    told = lines(empty_answer(verdict="unexplained", advice=["slew goes back by 70 deg while u is 0"]), OUT)
+    assert "Note: slew angle goes back by 70 deg while u is 0" in told
+    assert told[-1].startswith("Next: correct the mapping")
+
+
 def test_the_report_is_named_where_there_is_one(tmp_path):
     (tmp_path / "report.html").touch()
     assert f"Report: {tmp_path / 'report.html'}" in lines(empty_answer(), tmp_path)

@@ -9,6 +9,7 @@ import numpy as np
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.experiment import Proposal
 from cosim.diagnosis.answer.remarks import (
+    advice,
     files,
     held_file,
     held_from,
@@ -81,6 +82,7 @@ def answer(
         helpful_signals=apart.advice,
         nominal=nominal(diagnosis),
         warnings=[*said, *notes(diagnosis, logs), *limits(diagnosis, logs), *diagnosis.budget.warnings],
+        advice=advice(diagnosis),
         held_out=held_out(diagnosis),
         held_out_from=held_from(diagnosis),
         refused=[turned_down(item) for item in diagnosis.refused],

@@ -10,8 +10,10 @@ from cosim.diagnosis.answer.schema import (
 )
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.causes import Refused
+from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, Pieces
-from cosim.diagnosis.thresholds import AT_ZERO, HELD_LEVEL
+from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.thresholds import AT_ZERO, HELD_LEVEL, UNCOMMANDED
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log
@@ -127,7 +129,10 @@ def turned_down(item: Refused) -> RefusedCause:
     without, with_it = item.without * scale, item.with_it * scale
     where = "in a free run over them" if item.in_fitted else "on held-out data"
     way = "falls only" if with_it < without else "rises"
-    error = f"{where} the error of {item.signal} {way} from {without:.4g} to {with_it:.4g} {unit} with it"
+    chance = ", no more than chance may do" if with_it < without and item.sure else ""
+    error = (
+        f"{where} the error of {item.signal} {way} from {without:.4g} to {with_it:.4g} {unit} with it{chance}"
+    )
     why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
     if item.instead:
         why = (
@@ -189,6 +194,37 @@ def one_level(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+def one_way(record: Record, machine: Machine) -> list[str]:
+    """That a drive goes both ways on a command that never changes sign: the column of the other direction is missing.
+
+    A load alone may turn a drive back while its valve is open; what it goes on no command at all it does not.
+    """
+    drive, name = machine.drive, "slew"
+    command = record.signals.get(drive)
+    if command is None or name not in record.signals or not any(g.integrates for g in machine.groups):
+        return []
+    reach = float(np.max(np.abs(command), initial=0.0))
+    rest = np.abs(command) <= AT_ZERO * reach
+    if reach == 0.0 or min(np.max(command, initial=0.0), -np.min(command, initial=0.0)) > AT_ZERO * reach:
+        return []
+    steps = np.diff(record.smooth(name))
+    steps[[cut - 1 for cut in record.cuts]] = 0.0  # a log does not go on where the one before it ended
+    at_rest = rest[1:] & rest[:-1]
+    alone, driven = float(np.sum(steps[at_rest])), float(np.sum(steps[~at_rest]))
+    if alone * driven >= 0.0 or abs(alone) < UNCOMMANDED * abs(driven):
+        return []
+    unit, scale = shown(name)
+    return [
+        f"{name} goes back by {abs(alone) * scale:.3g} {unit} while {drive} is 0, and {drive} never changes its sign: if "
+        "the other direction has a column of its own, name it as `minus` in the mapping"
+    ]
+
+
+def advice(diagnosis: Diagnosis) -> list[str]:
+    """How to record or map a log that tells more."""
+    return one_way(diagnosis.record, diagnosis.machine) + one_level(diagnosis)
+
+
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     """What limits the answer: an interruption, a stretch of a long log, a rest that differs from it."""
     found = list(diagnosis.notes)
@@ -211,7 +247,7 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
             "nothing moves in this log: the command asks for no motion and none is measured, so no effect was exercised and "
             "none can be named or excluded; drive the machine over the whole range of the command, both ways"
         )
-    found += one_level(diagnosis)
+    found += advice(diagnosis)
     for signal, linear in diagnosis.references.items():
         low, high = ratio_ci95(linear.ours, linear.squares)
         if (diagnosis.rests or diagnosis.verdict == "partly_explained") and high > 1.0:

@@ -237,6 +237,7 @@ class Answer(Model):
     helpful_signals: list[str]
     nominal: dict[str, Parameter]
     warnings: list[str]
+    advice: list[str] = []  # how to record or map a log that tells more
     held_out: str = "every third window of the log"
     held_out_from: float | None = None
     refused: list[RefusedCause] = []
