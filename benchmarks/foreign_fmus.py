@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from lxml import etree
 
-from benchmarks.systems import foreign
+from benchmarks.systems import foreign, foreign_systems
 from cosim.errors import CosimError
 from cosim.master import Runner
 from cosim.ssp import check_fmu
@@ -177,6 +177,20 @@ def found_below(folders: list[Path]) -> Iterator[Path]:
         yield from sorted(p for p in folder.rglob("*") if p.suffix.lower() == ".fmu")
 
 
+def wired(seeds: range, paths: list[Path], scratch: Path) -> None:
+    """Draw a system of several FMUs for each seed, diagnose it, and count what is right."""
+    right: list[bool] = []
+    for seed in seeds:
+        case = foreign_systems.draw(seed, paths)
+        told = foreign.run(case, paths, scratch, seed) if case else None
+        if case is None or told is None:
+            print(f"{seed}: its FMUs are not there, or nothing drawn shows", flush=True)
+            continue
+        right.append(told["ok"])
+        print(f"{case.name}: {told['line']}", flush=True)
+    print(f"right: {sum(right)} of {len(right)}")
+
+
 def main() -> None:
     """Get, run, diagnose."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -185,6 +199,9 @@ def main() -> None:
     parser.add_argument("--scratch", type=Path, default=Path("foreign_scratch"))
     parser.add_argument("--only", choices=("runs", "faults"))
     parser.add_argument("--case", help="faults whose name holds this")
+    parser.add_argument(
+        "--systems", type=int, nargs=2, metavar=("SEED", "COUNT"), help="systems of several FMUs instead"
+    )
     parser.add_argument("--rows", type=Path, help="a JSON line for each diagnosis")
     options = parser.parse_args()
     if options.get:
@@ -192,6 +209,9 @@ def main() -> None:
     options.scratch.mkdir(parents=True, exist_ok=True)
     scratch = options.scratch.resolve()
     paths = list(found_below([*options.folders, *([options.get] if options.get else [])]))
+    if options.systems:
+        wired(range(options.systems[0], sum(options.systems)), paths, scratch)
+        return
     if options.only != "faults":
         compare_runs(paths, scratch)
     if options.only != "runs":

@@ -47,6 +47,8 @@ class Case:
         fine: steps of fmpy in an interval.
         pace: time of a step of the drives [s].
         values: parameters of all runs.
+        tolerance: of the solvers within the FMUs when the log is made; by default their own.
+        noise: of a reading's spread.
     """
 
     name: str
@@ -64,6 +66,8 @@ class Case:
     fine: int = 1
     pace: float = 1.0
     values: Mapping[str, float] = field(default_factory=dict)
+    tolerance: float | None = None
+    noise: float = NOISE
 
 
 def drive(case: Case, seed: int) -> dict[str, Array]:
@@ -106,7 +110,7 @@ def step_by_fmpy(spec: Mapping[str, Any], series: Mapping[str, Array]) -> dict[s
         slaves[name] = slave
         numbers[name] = {v.name: v.valueReference for v in model.modelVariables}
         kinds[name] = {v.name: v.causality for v in model.modelVariables if v.type == "Real"}
-        slave.setupExperiment(startTime=0.0, stopTime=count * h)
+        slave.setupExperiment(startTime=0.0, stopTime=count * h, tolerance=spec["tolerance"])
         for full, value in spec["values"].items():
             component, _, parameter = full.partition(".")
             if component == name:
@@ -186,7 +190,7 @@ def truth(case: Case, fmus: Mapping[str, Path], seed: int, scratch: Path) -> dic
     spec = {
         "fmus": {n: str(p) for n, p in fmus.items()}, "h": case.h, "count": case.count, "fine": case.fine,
         "hidden": [asdict(e) for e in case.hidden], "values": values, "feeds": feeds_of(case),
-        "record": list(case.measured), "scratch": str(scratch),
+        "record": list(case.measured), "scratch": str(scratch), "tolerance": case.tolerance,
     }  # fmt: skip
     (scratch / "spec.json").write_text(json.dumps(spec))
     np.savez(scratch / "in.npz", **series)
@@ -199,7 +203,7 @@ def truth(case: Case, fmus: Mapping[str, Path], seed: int, scratch: Path) -> dic
         raise RuntimeError(done.stderr[-2000:])
     with np.load(scratch / "out.npz") as loaded:
         true = {n: loaded[n] for n in case.measured}
-    return {**series, **read(true, case.hidden, case.h, NOISE, np.random.default_rng(seed + 1))}
+    return {**series, **read(true, case.hidden, case.h, case.noise, np.random.default_rng(seed + 1))}
 
 
 def nominal(fmus: Mapping[str, Path], name: str, values: Mapping[str, float]) -> float:
@@ -242,7 +246,7 @@ def run(case: Case, paths: Sequence[Path], scratch: Path, seed: int = 1) -> dict
         for full, value in case.values.items():
             component, _, parameter = full.partition(".")
             own[component][parameter] = value
-        model = write_ssp(folder / "system.ssp", fmus, case.wires, own, list(case.drives))
+        model = write_ssp(folder / "system.ssp", fmus, case.wires, own, list(case.drives), case.measured)
     log = write_log(folder / "log.csv", signals, case.h)
     mapping = folder / "map.toml"
     single = len(fmus) == 1
@@ -366,6 +370,12 @@ MACHINE = {"machine": "emachine_model.fmu"}
 ELECTRIC = {"w": (0.0, 100.0), "phi": (0.0, 1.0), "U": (0.0, 12.0)}
 CIRCUIT = ("machine.resistor.R", "machine.inductor.L", "machine.emf.k")
 SPRING = {"part": "gemseo_fmu/MassSpringSubSystem1.fmu"}
+BALL = {"ball": "2023x/2.0/BouncingBallGravitySwitch1D.fmu"}
+SWITCHED = ("ball.gravity", "ball.damping", "ball.period")
+RUBBING = {"part": "2023x/2.0/SpringFrictionPendulumExtForce1D.fmu"}
+FREE = {"part": "2023x/2.0/SpringPendulum1D.fmu"}
+SPRUNG = ("part.spring.c", "part.mass.m", "part.spring.s_rel0")
+MINUTE: dict[str, Any] = {"h": 0.02, "count": 3000}
 ROBOT = {"body": "Body_Block.fmu"}
 SERVOS = {"servo_left_input": (0.0, 0.4), "servo_right_input": (0.0, 0.4)}
 CASES: tuple[Case, ...] = (
@@ -391,6 +401,24 @@ CASES: tuple[Case, ...] = (
          faults={"machine.resistor.R": 1.25}, trusted=CIRCUIT),
     Case("Dymola load torque limit", {"load": "edrive_mass.fmu"}, {"M_A": (0.0, 0.02), "M_B": (0.0, 0.01)},
          ("load.wA", "load.phiA"), hidden=(Hidden("port.saturation", "load.M_A", "input", {"low": -0.01, "high": 0.012}),)),
+    Case("Dymola ball clean", BALL, {}, ("ball.mass_s", "ball.mass_v"), count=500, trusted=SWITCHED, tolerance=1e-8),
+    Case("Dymola ball gravity", BALL, {}, ("ball.mass_s", "ball.mass_v"), count=500, trusted=SWITCHED, tolerance=1e-8,
+         faults={"ball.gravity": 1.05}),
+    Case("Dymola ball damping", BALL, {}, ("ball.mass_s", "ball.mass_v"), count=500, trusted=SWITCHED, tolerance=1e-8,
+         faults={"ball.damping": 0.85}),
+    Case("Dymola friction clean", RUBBING, {"extForce": (0.0, 3.0)}, ("part.v", "part.a"), trusted=SPRUNG, tolerance=1e-8),
+    Case("Dymola friction delay", RUBBING, {"extForce": (0.0, 3.0)}, ("part.v", "part.a"), trusted=SPRUNG, tolerance=1e-8,
+         hidden=(Hidden("port.delay", "part.extForce", "input", {"delay": 0.08}),)),
+    Case("Dymola friction free delay", {"part": "2023x/2.0/SpringFrictionPendulum1D.fmu"}, {},
+         ("part.mass.s", "part.mass.v"), count=1000, tolerance=1e-8,
+         hidden=(Hidden("port.delay", "part.mass.s", "sensor", {"delay": 0.1}),)),
+    Case("Dymola friction mass", RUBBING, {"extForce": (0.0, 3.0)}, ("part.v", "part.a"), trusted=SPRUNG, tolerance=1e-8,
+         faults={"part.mass.m": 1.2}),
+    Case("Dymola pendulum clean", FREE, {}, ("part.mass.s", "part.mass.v"), trusted=SPRUNG, tolerance=1e-8, **MINUTE),
+    Case("Dymola pendulum spring", FREE, {}, ("part.mass.s", "part.mass.v"), trusted=SPRUNG, tolerance=1e-8,
+         faults={"part.spring.c": 1.06}, **MINUTE),
+    Case("Dymola pendulum mass", FREE, {}, ("part.mass.s", "part.mass.v"), trusted=SPRUNG, tolerance=1e-8,
+         faults={"part.mass.m": 1.1}, **MINUTE),
     Case("Dymola air late reading", {"air": "embrace__resources__0004_Atmos.fmu"},
          {"Alt": (3000.0, 800.0), "Ma": (0.3, 0.1)}, ("air.Tamb", "air.Pamb"), h=0.05, count=1500, pace=5.0, fine=5,
          hidden=(Hidden("port.lag", "air.Tamb", "sensor", {"lag": 1.5}),)),

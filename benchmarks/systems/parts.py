@@ -145,6 +145,7 @@ def write_ssp(
     wires: Sequence[tuple[str, str]],
     values: Mapping[str, Mapping[str, float]],
     inputs: Sequence[str] = ("command",),
+    outputs: Sequence[str] = (),
 ) -> Path:
     """A package.
 
@@ -154,9 +155,13 @@ def write_ssp(
         wires: (source, target), ``component.connector`` or an input of the system.
         values: component -> parameters.
         inputs: of the system.
+        outputs: ``component.connector`` that no wire takes; of a component without any it is ``y``.
     """
     connectors: dict[str, dict[str, str]] = {name: {} for name in fmus}
     rows = []
+    for port in outputs:
+        component, _, connector = port.partition(".")
+        connectors[component][connector] = "output"
     for source, end in wires:
         attributes = ""
         for label, port, kind in (("start", source, "output"), ("end", end, "input")):

@@ -1,6 +1,7 @@
 """One group of a system as a function values -> signals: driven by what was measured, its FMUs run, effects at its ports."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,9 +74,11 @@ class GroupModel:
         drives: signal -> what drives instead of the reading.
         off: signal -> (first, last, size): by how much it is taken to be off in this part of each log.
         added: ``port|where`` -> for each log what is added there, behind the effects.
+        until: part of each log that is run; what was measured stands for the rest.
         own: signals by which the group is judged and which drive it as well.
         differs: signal -> RMS by which two runs of the same differ; empty before that was tried.
         coarse: signal -> RMS error of the model's own solvers, from a run in which they work more finely.
+        usual: the same with the tolerance that the FMUs ask for, where they are judged with a tighter one.
     """
 
     def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
@@ -88,6 +91,8 @@ class GroupModel:
         self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
         self.differs: dict[str, float] = {}
         self.coarse: dict[str, float] = {}
+        self.usual: dict[str, float] = {}
+        self.until = 1.0
         judged = {signal for signal, _ in group.judged}
         self.own = frozenset(d.signal for d in group.drives if d.signal in judged)
 
@@ -97,14 +102,30 @@ class GroupModel:
         for k in range(len(self.segments)):
             series = self.ports(values, k)
             for signal, _ in self.group.judged:
-                found[place(signal, k)] = self.seen(signal, k, series[signal])
+                seen = self.seen(signal, k, series[signal])
+                found[place(signal, k)] = np.concatenate(
+                    [seen, self.segments[k].signals[signal][seen.size :]]
+                )
         return found
+
+    def count(self, k: int) -> int:
+        """Samples of a log that are run."""
+        return max(int(np.ceil(self.until * self.segments[k].count)), 2)
+
+    @contextmanager
+    def first(self, part: float) -> Iterator[None]:
+        """Within this only the first part of each log is run."""
+        self.until = part
+        try:
+            yield
+        finally:
+            self.until = 1.0
 
     def seen(self, signal: str, k: int, series: Array) -> Array:
         """A modelled reading (n,) as far as what was measured tells: within half a step of a rounded one nothing does."""
         if signal not in self.steps:
             return series
-        reading, half = self.segments[k].signals[signal], 0.5 * self.steps[signal]
+        reading, half = self.segments[k].signals[signal][: series.size], 0.5 * self.steps[signal]
         return np.asarray(reading + series - np.clip(series, reading - half, reading + half))
 
     def ports(self, values: Mapping[str, float], k: int) -> dict[str, Array]:
@@ -120,12 +141,11 @@ class GroupModel:
         if not wrong:
             return found
         ports = dict(self.group.judged)
-        return self._round(
-            everything,
-            places,
-            k,
-            {s: followed(found[f"out:{ports[s]}"], self.segments[k].signals[s] - found[s]) for s in wrong},
-        )
+        quantities = {}
+        for s in wrong:
+            reading = self.segments[k].signals[s][: found[s].size]
+            quantities[s] = followed(found[f"out:{ports[s]}"], reading - found[s])
+        return self._round(everything, places, k, quantities)
 
     def _round(
         self,
@@ -145,6 +165,7 @@ class GroupModel:
         for drive in self.group.drives:
             series = self._driving(drive.signal, k, everything, quantities)
             shift = everything.get(f"{SHIFT}:{drive.signal}>{drive.port}", 0.0)
+            series = series[: self.count(k)]
             whole = round(shift)
             early[drive.port] = shift - whole
             if whole:
@@ -167,7 +188,7 @@ class GroupModel:
             if inputs:
                 outputs = self.runs.run(unit, segment.start, h, inputs, wanted, parameters)
             else:
-                outputs = self.runs.free_run(unit, segment.start, h, segment.count, wanted, parameters)
+                outputs = self.runs.free_run(unit, segment.start, h, self.count(k), wanted, parameters)
             for port, series in outputs.items():
                 found[f"pure:{port}"] = series
                 series = self._acted(series, k, port, "output", places)
@@ -180,7 +201,7 @@ class GroupModel:
             found[f"in:{port}"] = series
         for signal, port in self.group.judged:
             reading = acted(found[f"out:{port}"], h, port, "sensor", places)
-            found[signal] = reading[self.held[signal][k]] if signal in self.held else reading
+            found[signal] = reading[self.held[signal][k][: reading.size]] if signal in self.held else reading
         return found
 
     def _acted(
@@ -194,7 +215,7 @@ class GroupModel:
         """A series behind the effects at a port, and what is added there."""
         found = acted(series, self.segments[k].h, port, where, places)
         added = self.added.get(f"{port}|{where}")
-        return found if added is None else found + added[k]
+        return found if added is None else found + added[k][: found.size]
 
     def _driving(
         self, signal: str, k: int, values: Mapping[str, float], quantities: Mapping[str, Array]

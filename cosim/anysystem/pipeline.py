@@ -12,7 +12,7 @@ from cosim.anysystem.missing import FEWEST_RUNS, SPENT, Missing, missing
 from cosim.anysystem.model import GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, ends, value_of
-from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, worth
+from cosim.anysystem.search import CLOSE, FELT, Candidate, Finding, Search, Trust, worth
 from cosim.anysystem.smooth import followed, still
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
@@ -31,7 +31,6 @@ SEARCHED = 0.85  # of the time allowed, until which groups are judged
 NEAR = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
-SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
 
 
 @dataclass
@@ -216,7 +215,14 @@ def judge(
         f"{group.name}: its own solver is off in {signal} by {100 * size / search.spreads[signal]:.2g} % of its spread "
         "(RMS), so less is not looked for; export it with a finer step or tolerance"
         for signal, size in model.coarse.items()
-        if size > SAID * search.spreads[signal]
+        if size > FELT * search.spreads[signal]
+    ]
+    found.notes += [
+        f"{group.name}: at its own tolerance its solver is off in {signal} by "
+        f"{100 * size / search.spreads[signal]:.2g} % of its spread (RMS); it was judged at a hundredth of that tolerance: "
+        "export it with a finer one to simulate what was found"
+        for signal, size in model.usual.items()
+        if size > FELT * search.spreads[signal]
     ]
     doubted = doubtful(found, search)
     heard(found, search, doubted)
@@ -358,7 +364,7 @@ def like(found: AnyDiagnosis, model: GroupModel) -> GroupModel:
     """A model of the same group, driven by the same."""
     other = GroupModel(model.group, found.system, model.runs, found.segments)
     other.base, other.drives, other.differs = dict(model.base), dict(model.drives), model.differs
-    other.coarse = model.coarse
+    other.coarse, other.usual = model.coarse, model.usual
     return other
 
 

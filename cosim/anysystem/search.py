@@ -31,6 +31,7 @@ from cosim.inference.problem import DIFFERENCE, FINE, Fit, Problem
 from cosim.inference.unknowns import Unknown
 from cosim.ssp.system import Port
 from cosim.system.effects import EFFECTS
+from cosim.system.runs import TIGHTER
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,8 @@ ROUNDED = 0.1  # of a step: smaller noise of a rounded reading is not believed: 
 LEAST = 1e-3  # of a signal's spread: two programs that integrate the same model differ by that
 SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
 SOLVERS = 1.25  # times the error of the model's solvers: what is smaller may be theirs
+FELT = 3e-3  # of a signal's spread: an error of the solvers beyond it is said, and mended where a tolerance does it
+LESS = 0.5  # of that error: what a tighter tolerance must leave at most
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
 UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
@@ -57,6 +60,10 @@ PROMISE = 0.1  # of what the best does
 AROUND = tuple(np.geomspace(0.02, 1.0, 7))  # of a scale: how far from an estimate a better one is looked for
 AGAIN = 3  # times at most
 SCANNED = 9  # values of a limit over its range
+GROWS = 2.0  # times what a parameter changes early in a log: where it changes so much late, it puts a model out of step
+HORIZONS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of a log: where such a parameter is fitted first
+HORIZON_STEPS = 6  # of each of these fits
+OFF_STEP = 0.01  # of a parameter: where the first of them begins
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
@@ -211,6 +218,7 @@ class Search:
                 again = model({**self.base})
                 model.differs = {s: self._difference(first, again, s) for s, _ in model.group.judged}
                 model.coarse = self._coarse(first)
+                first = self._tightened(first)
         self.differs = model.differs
         for name in least:
             signal = name.partition("#")[0]
@@ -219,6 +227,7 @@ class Search:
         self.read = self._read(first)
         self._learn_white()
         self.slow = self._slow(first)
+        self.slopes: dict[str, dict[str, Array]] = {}  # what a deviation of each trusted parameter changes
         self.estimated: dict[str, tuple[float, float]] = {}
         self.null = self._null()
         self.learned = False
@@ -274,6 +283,43 @@ class Search:
         part = 1.0 if any(model.system.components[c].fmu.tolerance for c in inside) else 2.0
         found = {s: part * self._difference(first, fine, s) for s, _ in model.group.judged}
         return {s: size for s, size in found.items() if np.isfinite(size)}
+
+    def _felt(self) -> bool:
+        """Whether the solvers' error is more than nobody's concern."""
+        return any(size > FELT * self.spreads[s] for s, size in self.model.coarse.items())
+
+    def _tightened(self, first: dict[str, Array]) -> dict[str, Array]:
+        """The model's own run, with tighter tolerances from here on where those of the FMUs are felt and these do better.
+
+        A tolerance belongs to the solver and not to what is modelled. A communication step may belong to it (a controller
+        acts once in each), so steps stay.
+        """
+        model = self.model
+        units = [
+            u
+            for u in model.group.units
+            if any(model.system.components[c].fmu.tolerance for c in u.components)
+        ]
+        if not units or not self._felt():
+            return first
+        usual = model.coarse
+        for unit in units:
+            model.runs.tighten(unit, TIGHTER)
+        try:
+            tight = model({**self.base})
+            self._check(tight)
+            model.coarse = self._coarse(tight)
+            if model.coarse and all(
+                size <= LESS * usual[s] for s, size in model.coarse.items() if usual[s] > 0.0
+            ):
+                model.usual = usual
+                return tight
+        except SimulationError:
+            pass
+        model.coarse = usual
+        for unit in units:
+            model.runs.tighten(unit, 1.0)
+        return first
 
     def _matters(self, signal: str) -> float:
         """RMS of what matters: less is nobody's concern, or the error of the model's own solvers."""
@@ -464,6 +510,7 @@ class Search:
             except SimulationError:
                 continue
             add(Unknown(key, -SURE, SURE, 1.0, 1.0), moved_one, 1.0)
+            self.slopes[name] = rows[-1]
         for name in self.free:
             key = f"{PARAMETER}|{name}"
             step = 0.02 * (abs(at[key]) or 1.0)
@@ -708,6 +755,8 @@ class Search:
                 look(action, both)
             for start in () if limits else self.begins(action):
                 look(action, start)
+            if action.effect == PARAMETER and self._loses_step(action):
+                look(action, self._kept_in_step(base, action))
             if own:
                 own.sort(key=lambda item: -item[0])
                 ranked.append((own[0][0], action, [start for _, start in own[: self._tries(action)]]))
@@ -732,6 +781,35 @@ class Search:
                 found.append(max(fits, key=lambda c: c.score))
         found.sort(key=lambda c: -c.score)
         return [self._both_sides(c) if k < KEPT else c for k, c in enumerate(found)]
+
+    def _loses_step(self, action: Action) -> bool:
+        """Whether what a parameter changes grows along the log: a free oscillation that gets out of step, a ball's bounces.
+
+        Then two sizes of it differ in phase, and the likelihood has an optimum for each turn.
+        """
+        slope = self.slopes.get(str(action.port), {})
+        count = max((s.size for s in slope.values()), default=0) // PARTS
+        return any(
+            float(np.abs(s[-count:]).mean()) > GROWS * float(np.abs(s[count : 3 * count]).mean())
+            for s in slope.values()
+        )
+
+    def _kept_in_step(self, base: Candidate, action: Action) -> dict[str, float]:
+        """A parameter's value followed from the first part of the log, where no size of it is out of step, to the whole."""
+        (unknown,) = self.numbers(action)
+        value = self.trusted[str(action.port)][0]
+        start = {unknown.name: unknown.within(value + OFF_STEP * (abs(value) or 1.0))}
+        for part in HORIZONS:
+            counts = {
+                place(signal, k): max(int(part * segment.count), 2)
+                for signal, _ in self.model.group.judged
+                for k, segment in enumerate(self.model.segments)
+            }
+            with self.model.first(part), self.problem.first(counts):
+                fit = self.problem.fit([unknown], {**base.fit.values, **start}, HORIZON_STEPS)
+            if fit is not None:
+                start = {unknown.name: fit.values[unknown.name]}
+        return start
 
     def _both_sides(self, candidate: Candidate) -> Candidate:
         """A cause of two limits, each looked for over its whole range: from beyond the signal no slope leads back."""
@@ -869,6 +947,9 @@ class Search:
         problem = self.problem
         null = self._scored(self.null)
         kept: list[Action] = []
+        trusted: dict[
+            str, float
+        ] = {}  # parameters that are no causes, being as they are trusted to be, but not nominal
         if best.actions and not self.budget.over:
             best = self._elsewhere(best)
             fine = problem.fit(
@@ -900,6 +981,8 @@ class Search:
                         f"95 % interval {gain.ci95[0]:.1f} to {gain.ci95[1]:.1f}",
                     )
                 )
+            elif action.effect == PARAMETER and self._small(action, best.fit):
+                trusted |= {u.name: best.fit.values[u.name] for u in self.numbers(action)}
             elif not matters or self._small(action, best.fit):
                 finding.refused.append((action, "is too small to matter"))
             elif self._none_between(action, between):
@@ -910,7 +993,7 @@ class Search:
                 kept.append(action)
         if tuple(kept) != best.actions:
             numbers = [u for a in kept for u in self.numbers(a)]
-            names = {u.name for a in best.actions if a not in kept for u in self.numbers(a)}
+            names = {u.name for a in best.actions if a not in kept for u in self.numbers(a)} - set(trusted)
             fit = problem.fit(numbers, {n: v for n, v in best.fit.values.items() if n not in names})
             best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
         finding.fitted = best
@@ -972,6 +1055,9 @@ class Search:
         """Trusted parameters that an explanation puts at the limit of what is trusted."""
         at = self.problem.nuisances(candidate.fit.values)
         prefix = f"{PARAMETER}|"
+        for name, (value, deviation) in self.trusted.items():
+            if (own := candidate.fit.values.get(prefix + name)) is not None:
+                at[prefix + name] = (own - value) / (deviation * (abs(value) or 1.0))
         return tuple(
             n.removeprefix(prefix) for n, v in at.items() if n.startswith(prefix) and abs(v) > ALMOST * SURE
         )

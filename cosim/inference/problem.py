@@ -184,6 +184,20 @@ class Problem:
             self._data = before
             self.share(self._nuisances, self._slopes)
 
+    @contextmanager
+    def first(self, counts: Mapping[str, int]) -> Iterator[None]:
+        """Within this, fits use the first samples alone: name -> how many."""
+        before = self._data
+        self._data = before & np.concatenate(
+            [np.arange(self.measured[n].size) < counts[n] for n in self.names]
+        )
+        self.share(self._nuisances, self._slopes)
+        try:
+            yield
+        finally:
+            self._data = before
+            self.share(self._nuisances, self._slopes)
+
     # Hypotheses
 
     def residuals(self, values: Mapping[str, float]) -> dict[str, Array]:

@@ -66,6 +66,7 @@ class Runs:
         self._linear: dict[tuple[str, ...], Superposition] = {}
         self._exact = False
         self._finer = 1  # parts of each communication step
+        self._tight: dict[tuple[str, ...], float] = {}  # part of its usual tolerance that a unit is asked for
 
     def __enter__(self) -> Self:
         return self
@@ -175,6 +176,16 @@ class Runs:
             for runner in fine.values():
                 runner.close()
             self.forget()
+
+    def tighten(self, unit: Unit, part: float) -> None:
+        """From here on ask the solvers of a unit for this part of their usual tolerance; 1 asks for what is usual."""
+        if unit.components in self.runners:
+            self.runners.pop(unit.components).close()
+        for known in (self._linear, self.usual):
+            known.pop(unit.components, None)
+        self._proved.discard(unit.components)
+        self._tight[unit.components] = part
+        self.forget()
 
     def can_halve(self, unit: Unit, h: float) -> bool:
         """Whether half a communication step is no shorter than the step that an FMU declares as its own."""
@@ -316,10 +327,11 @@ class Runs:
             fmu.keeps_state and not fmu.ours and fmu.module is None and unit.components not in self._renewed
         )
 
-    def _tolerance(self, fmu: Fmu) -> float | None:
-        if fmu.tolerance is None or self._finer == 1:
-            return fmu.tolerance
-        return TIGHTER * fmu.tolerance
+    def _tolerance(self, unit: Unit, fmu: Fmu) -> float | None:
+        if fmu.tolerance is None:
+            return None
+        usual = self._tight.get(unit.components, 1.0) * fmu.tolerance
+        return usual if self._finer == 1 else TIGHTER * usual
 
     def _runner(self, unit: Unit) -> Runner:
         if unit.components not in self.runners:
@@ -330,7 +342,9 @@ class Runs:
                     n: replace(
                         c,
                         fmu=replace(
-                            c.fmu, restarts=self._restarts(unit, c.fmu), tolerance=self._tolerance(c.fmu)
+                            c.fmu,
+                            restarts=self._restarts(unit, c.fmu),
+                            tolerance=self._tolerance(unit, c.fmu),
                         ),
                     )
                     for n, c in self.system.components.items()

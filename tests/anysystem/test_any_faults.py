@@ -219,3 +219,42 @@ def test_no_cause_is_named_for_what_a_coarse_solver_does(command, tmp_path: Path
     found = diagnosed(command, fmu, path, tmp_path / "out")
     assert (found["verdict"], found["causes"]) == ("adequate", [])
     assert any("its own solver is off in euler.y by" in w for w in found["warnings"])
+
+
+TOLERANT = "double h = step / 4; if (!tight) { p->x[0] += 20 * step * (p->r[U] - p->x[0]); return 0; }"
+
+
+def test_a_tolerance_that_is_felt_is_tightened_and_said(command, tmp_path: Path) -> None:
+    """The same model, integrated by Euler's rule at the tolerance that the FMU asks for and well at a tighter one."""
+    rng = np.random.default_rng(3)
+    u = systems.command(rng, COUNT)
+    y = np.zeros(COUNT)
+    for k in range(1, COUNT):
+        y[k] = y[k - 1] + (1.0 - np.exp(-20.0 * systems.H)) * (0.5 * (u[k] + u[k - 1]) - y[k - 1])
+    # less than Euler's rule is off by
+    path = tmp_path / "log.csv"
+    table = np.column_stack([systems.H * np.arange(COUNT), u, 1.03 * y + 3e-4 * rng.standard_normal(COUNT)])
+    np.savetxt(path, table, "%.12g", delimiter=",", header="time [s],u [1],y [1]", comments="")
+    fmu = changed(
+        tmp_path,
+        "tolerant",
+        "double h = step / 4;",
+        TOLERANT,
+        (
+            "double begin, int s, double stop) { return 0; }",
+            "double begin, int s, double stop) { tight = tol < 1e-5; return 0; }",
+        ),
+        ("typedef int Status;", "typedef int Status; static int tight;"),
+        ("p->r[K] = p->r[T] = p->r[W]", "p->r[T] = 0.05; p->r[K] = p->r[W]"),
+    )
+    rewritten(fmu, b"<ModelVariables>", b'<DefaultExperiment tolerance="1e-4"/><ModelVariables>')
+    rewritten(
+        fmu,
+        b'name="T" valueReference="4" causality="parameter" variability="fixed"><Real start="1.0"/>',
+        b'name="T" valueReference="4" causality="parameter" variability="fixed"><Real start="0.05"/>',
+    )
+    found = diagnosed(command, fmu, path, tmp_path / "out")
+    (cause,) = found["causes"]
+    assert cause["effect"] == "port.gain"
+    assert cause["parameters"]["gain"]["value"] == pytest.approx(1.03, abs=0.003)
+    assert any("judged at a hundredth of that tolerance" in w for w in found["warnings"])
