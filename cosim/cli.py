@@ -35,7 +35,7 @@ EXAMPLES = {
     "diagnose": "cosim diagnose examples/synthetic_demo.csv --out found",
     "info": "cosim info LOG.csv",
     "init": "cosim init LOG.csv",
-    "machine": "cosim machine examples/machines/mini_excavator_swing.toml",
+    "machine": "cosim machine examples/machines/mini_excavator_swing.toml --out swing",
     "report": "cosim report FOLDER, with the folder of a diagnosis",
     "simulate": "cosim simulate full_order --input LOG.csv",
     "validate": "cosim validate MODEL.fmu",
@@ -168,7 +168,7 @@ def _usage_failed(error: Any, as_json: bool) -> int:
     context = getattr(error, "ctx", None)
     if context is not None:
         message += _meant(message, context.command)
-        if message.startswith("Missing argument") and context.info_name in EXAMPLES:
+        if message.startswith(("Missing argument", "Missing option")) and context.info_name in EXAMPLES:
             message += f" For example: {EXAMPLES[context.info_name]}"
         unknown = re.match(r"No such command '(\S+?)'", message)
         if unknown and unknown[1] in MEANT:

@@ -10,6 +10,7 @@ import json
 import math
 import os
 import re
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
@@ -262,6 +263,15 @@ def warn(message: str) -> None:
 def fail(message: str) -> None:
     """One line on stderr that starts with a red ``error:``."""
     _line("error:", "red", message)
+
+
+def typed(path: object) -> str:
+    """A path as it is typed at a prompt: in quotation marks where a shell would take a part of it for something else."""
+    text = str(path)
+    if os.name == "nt":
+        return f'"{text}"' if re.search(r"[\s&()^;,]", text) else text
+    # letters of any language need no quotation marks, unlike in shlex.quote
+    return text if re.fullmatch(r"[\w@%+=:,./~-]+", text) else shlex.quote(text)
 
 
 def printable(text: str) -> str:

@@ -18,7 +18,7 @@ from typing import Literal
 from packaging.version import InvalidVersion, Version
 
 from cosim.errors import UsageError
-from cosim.packages import package_states, requirements
+from cosim.packages import PROJECT, package_states, requirements
 from cosim.paths import build_folder, unsafe_characters
 
 State = Literal["ok", "warning", "missing"]
@@ -30,6 +30,17 @@ _GIB = 1024**3
 _LOW_DISK, _LOW_MEMORY = 1.0, 1.0  # GiB; a build with its systems and a 3-hour log need about this much
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 _COMPILERS = ("cc", "gcc", "clang", "cl")
+PURPOSES = {
+    "mat": "logs in .mat files of version 7.3, timeseries and tables",
+    "mf4": "logs in .mf4 files",
+    "tdms": "logs in .tdms files",
+    "batch": "cosim batch",
+    "report": "report.html of a diagnosis",
+    "clients": "the tests that run the systems in ecos and libcosim",
+    "dev": "the tests",
+    "docs": "the documents as a site",
+}
+"""What an extra is for, as a person reads it."""
 
 
 @dataclass(frozen=True)
@@ -191,14 +202,22 @@ def check_packages(require: Sequence[str]) -> Iterator[Finding]:
     if all(package.satisfied for package in core):
         yield Finding("packages", "core packages", "ok", f"all {len(core)} in range")
     for extra in filter(None, requirements()):
-        absent = [package for package in package_states(extra) if not package.satisfied]
+        name = f"extra {extra}"
+        packages = package_states(extra)
+        absent = sum(not package.satisfied for package in packages)
         if not absent:
-            yield Finding("packages", f"extra {extra}", "ok", "complete", extra=extra)
+            yield Finding("packages", name, "ok", "complete", extra=extra)
             continue
         state: State = "missing" if extra in require else "warning"
-        detail = "absent or out of range: " + ", ".join(package.requirement for package in absent)
-        remedy = "pip install " + " ".join(f"'{package.requirement}'" for package in absent)
-        yield Finding("packages", f"extra {extra}", state, detail, remedy, extra)
+        detail = (
+            "not installed"
+            if absent == len(packages)
+            else f"{absent} of {len(packages)} packages absent or too old"
+        )
+        if extra in PURPOSES:
+            detail += f", needed for {PURPOSES[extra]} only"
+        # names no single package: pip takes them from the project that is installed
+        yield Finding("packages", name, state, detail, f"pip install '{PROJECT}[{extra}]'", extra)
 
 
 def check_tbb() -> Finding:

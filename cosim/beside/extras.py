@@ -109,10 +109,10 @@ class Extras:
                 output.print(table)
             for text in present.explanations(self.calibration):
                 output.print(text, markup=False, soft_wrap=True)
-        self.show_further()
+        self.show_further(verbose=True)
 
-    def show_further(self) -> None:
-        """Print what observer and tracker say."""
+    def show_further(self, verbose: bool = False) -> None:
+        """Print what observer and tracker say; with `verbose` the tracker's table, else its answer in a sentence."""
         output = console.stdout_console()
         if self.observer is not None:
             from cosim.compare import observer_present
@@ -129,7 +129,11 @@ class Extras:
         if self.tracker is not None:
             from cosim.beside import tracker
 
-            output.print(console.table("Slew sensor and tracker", tracker.HEADS, tracker.rows(self.tracker)))
+            if verbose:
+                table = console.table("Slew sensor and tracker", tracker.HEADS, tracker.rows(self.tracker))
+                output.print(table)
+            else:
+                output.print(tracker.answer(self.tracker), markup=False, soft_wrap=True)
             for text in tracker.lines(self.tracker):
                 output.print(text, markup=False, soft_wrap=True)
 

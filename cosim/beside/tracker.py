@@ -146,6 +146,25 @@ def rows(run: TrackerRun) -> list[list[object]]:
     return found
 
 
+def answer(run: TrackerRun) -> str:
+    """Where sensor and tracker differ, in a sentence: every error that was found, with half its 95 % interval."""
+    found = []
+    for name, (value, deviation, accepted) in estimates(run).items():
+        if not accepted or not np.isfinite(deviation):
+            continue
+        unit, scale, text = SHOWN[name]
+        digits = max(3, int(np.ceil(np.log10(max(abs(value / max(deviation, 1e-300)), 1.0)))) + 2)
+        known = f"{value * scale:.{digits}g} +- {NORMAL * deviation * scale:.2g}"
+        found.append(f"{name} {known}{'' if unit == '1' else ' ' + unit} ({text})")
+    wrong = [text for text in found if not text.startswith(("tracker.offset", "tracker.rate"))]
+    clock = [text for text in found if text not in wrong]
+    return (
+        f"Slew sensor and tracker: {'; '.join(wrong) if wrong else 'the two agree, no error of either is found'}"
+        + (f"; the tracker's clock: {'; '.join(clock)}" if clock else "")
+        + " (95 %)"
+    )
+
+
 def lines(run: TrackerRun) -> list[str]:
     """What stands below the table, one sentence each."""
     finding = run.finding

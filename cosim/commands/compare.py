@@ -115,8 +115,14 @@ def compare(
     if as_json:
         console.emit_json(found.to_dict())
     else:
-        options = f" --mapping {mapping}" * (mapping is not None) + f" --model {model}" * (model is not None)
-        show(found, verbose, options)
+        given = {"external": external, "mapping": mapping, "model": model}
+        show(
+            found,
+            verbose,
+            "".join(
+                f" --{name} {console.typed(value)}" for name, value in given.items() if value is not None
+            ),
+        )
     if not found.passed:
         raise typer.Exit(MISSED)
 
@@ -144,7 +150,7 @@ def _calibration(
 
 def show(found: "ComparisonResult", verbose: bool, options: str = "") -> None:
     """Print the answer; with `verbose` the tables before it; `options` are those that a diagnosis needs too."""
-    from cosim.compare.present import explanations, tables
+    from cosim.compare.present import above_noise, explanations, tables
 
     output, comparison = console.stdout_console(), found.comparison
 
@@ -167,6 +173,10 @@ def show(found: "ComparisonResult", verbose: bool, options: str = "") -> None:
         found.beside.extras.show_further()
     for file in found.beside.written.values():
         say(f"written: {file}")
-    if not verbose:
-        named = f"cosim diagnose {comparison.log.source}{options}"
-        say(f"Next: {named} names the cause; --verbose shows each signal and block")
+    if not verbose and not comparison.signals:
+        named = console.typed(comparison.log.source)
+        say(f"Next: cosim info {named} shows which of its columns could be the signals that are missing")
+    elif not verbose:
+        named = f"cosim diagnose {console.typed(comparison.log.source)}{options}"
+        use = "names the cause" if above_noise(comparison) else "says what else this log could have shown"
+        say(f"Next: {named} {use}; --verbose shows each signal and block")

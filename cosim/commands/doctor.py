@@ -1,5 +1,6 @@
 """``cosim doctor``: what this host lacks, each with its remedy."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -46,11 +47,23 @@ def doctor(
         from rich.text import Text
 
         output = console.stdout_console()
-        for finding in findings:
+        order = list(_COLOURS)
+        for finding in sorted(findings, key=lambda finding: order.index(finding.state)):
             label = Text(f"{finding.state:>8}  ", style=_COLOURS[finding.state])
-            output.print(Text.assemble(label, (finding.name, "bold"), f": {finding.detail}"), soft_wrap=True)
-            if finding.remedy:
-                output.print(Text(f"          remedy: {finding.remedy}"), soft_wrap=True)
-        output.print(f"{counts['ok']} ok, {counts['warning']} warnings, {counts['missing']} missing")
+            text = f": {finding.detail}" + (f"; remedy: {finding.remedy}" if finding.remedy else "")
+            output.print(Text.assemble(label, (finding.name, "bold"), text), soft_wrap=True)
+        output.print(_answer(code, counts), markup=False, soft_wrap=True)
     if code:
         raise typer.Exit(code)
+
+
+def _answer(code: int, counts: Mapping[str, int]) -> str:
+    """What the findings come to, in one sentence."""
+    fit = {
+        0: "This host builds, runs and compares the models",
+        _EXTRA_MISSING: "This host builds, runs and compares the models, but an extra that was asked for is absent",
+    }.get(code, "This host cannot build or run the models: see the lines marked missing")
+    optional = counts["warning"]
+    return fit + (
+        f"; {optional} optional thing{'s' if optional > 1 else ''} absent or at risk." if optional else "."
+    )

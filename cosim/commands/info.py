@@ -11,7 +11,10 @@ from cosim.errors import ColumnsError, DataError, ModelError
 from cosim.options import Verbose
 
 if TYPE_CHECKING:
+    from fmpy.model_description import ModelDescription
+
     from cosim.logs import Log, Tracker
+    from cosim.logs.guess import Guess
     from cosim.ssp.system import Port
 
 OTHER = "log with other columns"
@@ -24,7 +27,12 @@ def register(app: typer.Typer) -> None:
 
 
 def info(
-    file: Annotated[Path, typer.Argument(help="A log, a tracker's record, an .fmu or an .ssp.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A log, a tracker's record, an .fmu, an .ssp, or one of our systems by its name."
+        ),
+    ],
     mapping: Annotated[
         Path | None, typer.Option(help="Mapping file (TOML), for a log whose columns have other names.")
     ] = None,
@@ -38,8 +46,7 @@ def info(
 
     Exit code 3: the file is bad; 5: its type needs an optional dependency.
     """
-    if not file.is_file():
-        raise DataError(f"{file}: {'this is a folder' if file.is_dir() else 'there is no such file'}")
+    file = _existing(file)
     kind = file.suffix.lower()
     if kind in (".fmu", ".ssp"):
         facts = _fmu_facts(file) if kind == ".fmu" else _ssp_facts(file)
@@ -75,6 +82,29 @@ def info(
     for line in (*_guessed(facts.get("guesses", {})), facts.get("next", "")):
         if line:
             output.print(line, markup=False, soft_wrap=True)
+
+
+def _existing(file: Path) -> Path:
+    """The file itself, or the package of a system of ours by its name, such as ``full_order``.
+
+    Raises:
+        DataError: there is no such file; of a system of ours the message names the command that makes it.
+        ModelError: the system is not built.
+    """
+    if file.is_file():
+        return file
+    if file.is_dir():
+        raise DataError(f"{file}: this is a folder")
+    from cosim.request import model_path
+    from cosim.ssp.build import CLOSED, SYSTEMS
+
+    ours = (*SYSTEMS, *CLOSED)
+    if str(file) in ours:
+        return model_path(str(file))
+    remedy = ""
+    if file.suffix.lower() == ".ssp" and file.stem.removesuffix("_open") in ours:
+        remedy = f": cosim build makes it, and cosim info {file.stem.removesuffix('_open')} finds it wherever it is"
+    raise DataError(f"{file}: there is no such file{remedy}")
 
 
 def headline(facts: dict[str, Any]) -> str:
@@ -129,12 +159,46 @@ def log_or_columns(path: Path, mapping: Path | None, plot: bool) -> dict[str, An
         if mapping is not None:
             raise
         facts = column_facts(path, str(error))
+    else:
+        if mapping is None and facts["kind"] == "log":
+            facts |= _overlooked(path, facts)
     if plot:
         columns = overview(path).columns
         names = [c.label.alias or c.label.text for c in columns]
         wide = max(map(len, names))
         facts["plot"] = [f"{name:<{wide}}  {c.spark()}" for name, c in zip(names, columns, strict=True)]
     return facts
+
+
+def _overlooked(path: Path, facts: dict[str, Any]) -> dict[str, Any]:
+    """Columns that are ignored for their names and look like signals of which the log has none; empty if none do."""
+    if not any(text.startswith("ignored columns") for text in facts["warnings"]):
+        return {}
+    from cosim.logs.guess import guesses
+    from cosim.logs.overview import overview
+
+    known = {row["signal"] for row in facts["signals"]}
+    found = {name: g for name, g in guesses(overview(path)).items() if name not in known}
+    if not found:
+        return {}
+    typed = console.typed(path)
+    return {
+        "guesses": {name: _guess_facts(guess) for name, guess in found.items()},
+        "next": f"Next: cosim init {typed} writes these guesses into a mapping to correct, for --mapping; without it "
+        "these columns are ignored",
+    }
+
+
+def _guess_facts(guess: "Guess") -> dict[str, Any]:
+    label = guess.column.label
+    return {
+        "column": label.alias or label.text,
+        "unit": guess.unit,
+        "gain": guess.gain,
+        "zero": guess.zero,
+        **({} if guess.minus is None else {"minus": guess.minus.label.alias or guess.minus.label.text}),
+        "why": guess.why,
+    }
 
 
 def column_facts(path: Path, why: str) -> dict[str, Any]:
@@ -165,7 +229,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             "gaps": clock.gaps,
             "not_rising": clock.backwards,
         }
-    made = guesses(found)
+    made, typed = guesses(found), console.typed(path)
     return facts | {
         "columns": [
             {
@@ -179,21 +243,11 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             }
             for c in found.columns
         ],
-        "guesses": {
-            name: {
-                "column": g.column.label.alias or g.column.label.text,
-                "unit": g.unit,
-                "gain": g.gain,
-                "zero": g.zero,
-                **({} if g.minus is None else {"minus": g.minus.label.alias or g.minus.label.text}),
-                "why": g.why,
-            }
-            for name, g in made.items()
-        },
+        "guesses": {name: _guess_facts(guess) for name, guess in made.items()},
         "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
         "why": why,
-        "next": f"Next: cosim init {path} writes {'these guesses' if made else 'the columns'} into a mapping to "
-        f"correct, for --mapping; cosim open {path} does the same on a page"
+        "next": f"Next: cosim init {typed} writes {'these guesses' if made else 'the columns'} into a mapping to "
+        f"correct, for --mapping; cosim open {typed} does the same on a page"
         + ("" if made else "; for a machine that is no crane see docs/machines.md"),
     }
 
@@ -231,8 +285,8 @@ def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:
         "step": record.step,
         "uniform": record.uniform,
         "gaps": len(record.gaps),
-        "next": f"Next: cosim diagnose {'LOG --external ' if tracker else ''}{path}"
-        + (f" --mapping {mapping}" if mapping and not tracker else ""),
+        "next": f"Next: cosim diagnose {'LOG --external ' if tracker else ''}{console.typed(path)}"
+        + (f" --mapping {console.typed(mapping)}" if mapping and not tracker else ""),
     }
     if getattr(record, "model", None):
         facts["model"] = record.model  # type: ignore[union-attr]
@@ -282,14 +336,15 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         text = read_entry(archive, "modelDescription.xml", str(path))
         Path(folder, "modelDescription.xml").write_bytes(text)
         model = described(Path(folder), str(path))
-    simulation = model.coSimulation
+    typed = console.typed(path)
+    types = [name for name, found in _interfaces(model).items() if found]
     return {
         "file": path,
         "kind": "fmu",
         "name": model.modelName,
         "description": model.description or "",
         "fmi_version": model.fmiVersion,
-        "type": "co-simulation" if simulation is not None else "model exchange",
+        "type": ", ".join(types),
         "guid": model.guid,
         "generation_tool": model.generationTool,
         "generation_date": model.generationDateAndTime,
@@ -307,6 +362,18 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
             }
             for variable in model.modelVariables
         ],
+        "next": f"Next: cosim init {typed} LOG writes a mapping for a log of it, cosim simulate {typed} runs it"
+        if "co-simulation" in types
+        else f"It cannot be run here, since it is for {' and '.join(types)} only: export it for co-simulation",
+    }
+
+
+def _interfaces(model: "ModelDescription") -> dict[str, bool]:
+    """Which interface types of FMI an FMU offers; cosim runs co-simulation."""
+    return {
+        "co-simulation": model.coSimulation is not None,
+        "model exchange": model.modelExchange is not None,
+        "scheduled execution": model.scheduledExecution is not None,
     }
 
 
@@ -357,8 +424,8 @@ def _system_facts(path: Path) -> dict[str, Any]:
                 "inputs": ", ".join(system.inputs) or "none",
                 "connectors": connectors,
                 "warnings": list(system.notes),
-                "next": f"Next: cosim init {path} LOG writes a mapping for a log of it; columns called like the connectors "
-                "need none",
+                "next": f"Next: cosim init {console.typed(path)} LOG writes a mapping for a log of it; columns called "
+                "like the connectors need none",
             }
     except ModelError as error:
         return {"warnings": [f"it cannot be run here: {error}"]}

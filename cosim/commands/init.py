@@ -63,16 +63,19 @@ def init(
     for line in told:
         say(line)
     if left:
-        say(f"open: {'; '.join(left)}")
+        say(f"left without a signal: {'; '.join(left)}")
     check = "complete it" if needed else "check each line, above all those marked CHECK"
     say(f"written to {target}: {check}")
     if needed:
         say(
             f"Missing: {needed}. A machine that is no crane: docs/machines.md; any FMU: --model, docs/any_system.md"
         )
-        say(f"Next: complete {target} in an editor, or choose the columns on a page: cosim open {log}")
+        say(
+            f"Next: complete {target} in an editor, or choose the columns on a page: cosim open {console.typed(log)}"
+        )
         return
-    say(f"Next: cosim info {log} --mapping {target}, then cosim diagnose {log} --mapping {target}")
+    words = f"{console.typed(log)} --mapping {console.typed(target)}"
+    say(f"Next: cosim info {words}, then cosim diagnose {words}")
 
 
 def _log_and_model(first: Path, second: Path | None, model: str | None) -> tuple[Path, str]:
@@ -118,7 +121,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     Raises:
         DataError: as `cosim.logs.overview.overview`.
     """
-    from cosim.logs.guess import guesses, mapping_text, texts_of, used_by
+    from cosim.logs.guess import clock_column, guesses, mapping_text, texts_of, used_by
     from cosim.logs.overview import Column, overview
 
     found = overview(log)
@@ -131,7 +134,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
         f"{shown(g.column)}{f' minus {shown(g.minus)}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
-    used: set[Any] = used_by(made) | {found.clock.column if found.clock else None}
+    used: set[Any] = used_by(made) | {clock_column(found, made)}
     left = [f"column '{shown(c)}'" for c in found.columns if c.index not in used]
     if found.clock is None:
         left.insert(0, "no column looks like a time: the interval between samples is to be given")

@@ -42,6 +42,12 @@ def tables(comparison: Comparison) -> "list[Table]":
     ]
 
 
+def above_noise(comparison: Comparison) -> bool:
+    """Whether the simulation is off by more than noise anywhere, or that cannot be told."""
+    ratios = [found.score.ratio for found in comparison.signals.values()]
+    return any(ratio is None or ratio > NOISY for ratio in ratios)
+
+
 def answer(comparison: Comparison) -> list[str]:
     """What a comparison says, in a few lines: what is most wrong, where it arises, what agrees, what was not judged."""
     found = []

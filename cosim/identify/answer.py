@@ -29,6 +29,8 @@ class Answer:
         parameters: ``component.parameter`` -> number (SI), for the .ssv.
         tables: titles, columns and rows for people.
         lines: sentences for people.
+        brief: the numbers in sentences, for an answer without parameters, whose tables are then shown on demand.
+        model: system of ours that takes the parameters, for what to type next.
         details: more of them, shown with the tables.
         notes: warnings.
         draw: makes the picture.
@@ -40,6 +42,8 @@ class Answer:
     parameters: dict[str, Quantity] = field(default_factory=dict)
     tables: list[tuple[str, list[str], list[list[object]]]] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
+    brief: list[str] = field(default_factory=list)
+    model: str = ""
     details: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     draw: "Callable[[], Figure] | None" = None
@@ -52,7 +56,7 @@ class Answer:
 
     def summary(self) -> list[str]:
         """The answer in a few lines: each parameter with its interval in the unit people read, and the sentences."""
-        found = []
+        found = list(self.brief)
         for name, quantity in self.parameters.items():
             unit, scale = current().quantity(quantity.unit, declared(name).display)
             low, high = sorted(end * scale for end in quantity.interval)
@@ -61,8 +65,20 @@ class Answer:
             digits = _digits(value, high - low)
             # a choice has no interval
             known = f", {low:.{digits}g} to {high:.{digits}g} (95 %)" if low < high else ""
-            found.append(f"{name} = {value:.{digits}g}{shown}{known}")
+            found.append(f"{name} = {value:.{digits}g}{shown}{known}: {_within(declared(name).text)}")
         return found + self.lines
+
+    def next_step(self, written: Mapping[str, Path]) -> str:
+        """What to type next with the numbers; empty where none go into a model of ours."""
+        if not self.parameters or not self.model:
+            return ""
+        if "ssv" not in written:
+            return (
+                "Next: the same with --out DIR writes these numbers as a parameter set, which cosim simulate and "
+                "cosim compare take (--parameter-set)"
+            )
+        words = f"{self.model} --parameter-set {console.typed(written['ssv'])}"
+        return f"Next: cosim simulate {words} runs the model with these numbers"
 
     def as_data(self, files: Mapping[str, Path]) -> dict[str, Any]:
         """The JSON object."""
@@ -74,6 +90,11 @@ class Answer:
             "notes": self.notes,
             "files": {name: str(path) for name, path in files.items()},
         }
+
+
+def _within(text: str) -> str:
+    """A description as it goes on within a sentence: "Time constant" -> "time constant", "J of ..." as it is."""
+    return text[:1].lower() + text[1:] if text[1:2].islower() else text
 
 
 def _digits(value: float, width: float) -> int:
@@ -149,7 +170,7 @@ def write_files(answer: Answer, folder: Path) -> dict[str, Path]:
 
 
 def finish(answer: Answer, out: Path | None, as_json: bool, verbose: bool = True) -> None:
-    """Write the files, and print the answer: a line for each parameter, or with `verbose` the tables."""
+    """Write the files, and print the answer: a line for each number, or with `verbose` the tables; then what to do next."""
     written = write_files(answer, out) if out is not None else {}
     for note in answer.notes:
         console.warn(note)
@@ -159,7 +180,7 @@ def finish(answer: Answer, out: Path | None, as_json: bool, verbose: bool = True
     output = console.stdout_console()
     if answer.synthetic:
         output.print("from a synthetic log", markup=False)
-    if verbose or not answer.parameters:  # without parameters the tables are the answer
+    if verbose or not (answer.parameters or answer.brief):  # without either the tables are the answer
         for title, columns, rows in answer.tables:
             if rows:
                 output.print(console.table(title, columns, rows))
@@ -170,3 +191,6 @@ def finish(answer: Answer, out: Path | None, as_json: bool, verbose: bool = True
             output.print(line, markup=False, soft_wrap=True)
     for path in written.values():
         output.print(f"written: {path}", markup=False, soft_wrap=True)
+    following = answer.next_step(written)
+    if following:
+        output.print(following, markup=False, soft_wrap=True)

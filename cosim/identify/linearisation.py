@@ -133,7 +133,7 @@ def linearisation_answer(starts: tuple[str, str], points: Sequence[str], full: s
         "table": [{"command": c, "signal_V": v, "travel_mm": x, "valve_V": y} for c, v, x, y in table],
     }
     found = {name: Quantity(value, 0.0, 1.0, unit) for name, (value, unit) in values.items()}
-    answer = Answer("linearisation", data, found, notes=notes)
+    answer = Answer("linearisation", data, found, notes=notes, model="full_order")
     answer.tables.append((
         "command, its voltage, the travel it is to give, and the voltage at the valve",
         ["command", "V", "spool [mm]", "valve [V]"],

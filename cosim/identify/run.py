@@ -78,6 +78,11 @@ def records_of(logs: Sequence[Log], chosen: Channel, known: Mapping[str, float])
     ]
 
 
+def model_of(values: Mapping[str, Quantity]) -> str:
+    """Our system that takes the numbers."""
+    return "simplified" if any(name.startswith("simplified.") for name in values) else "full_order"
+
+
 def record_notes(records: Sequence[Record]) -> list[str]:
     """What was done to the records."""
     return [f"{item.name}: {note}" for item in records for note in item.notes]
@@ -113,7 +118,7 @@ def dead_zone_answer(
             if (of := found.sides.get(side))
         },
     }
-    answer = Answer("dead-zone", data, values, notes=list(found.notes))
+    answer = Answer("dead-zone", data, values, notes=list(found.notes), model="full_order")
     title = f"dead zone from {found.response}, best fit {found.best_fit:.2f} %"
     answer.tables.append((title, COLUMNS, parameter_table(values, nominal)))
     low, high = found.lag.interval
@@ -185,7 +190,7 @@ def transfer_function_answer(
         "model": model_data(choice.chosen.model),
     }
     notes += record_notes(items) + [f"{name}: {text}" for name, text in choice.failed.items()]
-    answer = Answer("transfer-function", data, values, notes=notes)
+    answer = Answer("transfer-function", data, values, notes=notes, model=model_of(values))
     answer.tables.append(_candidate_table(choice, str(chosen)))
     if chosen.block and len(logs) > 1:
         by_log = _by_log(items, chosen, known, choice)

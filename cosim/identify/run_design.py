@@ -57,10 +57,14 @@ def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> An
         zone = identify_dead_zone(log, numbers, cutoff=cutoff)
         values |= dead_zone_parameters(zone)
         fits["dead_zone"] = zone.best_fit
-        notes += list(zone.notes)
+        notes += [
+            f"{log.name}: {note}" for note in zone.notes
+        ]  # as those of the blocks, so that none is said twice
         for name in ("dead_zone.b_r", "dead_zone.b_l"):
             if name in values and not values[name].interval[0] <= numbers[name] <= values[name].interval[1]:
-                notes.append(f"{name} is not {numbers[name]:g}: the valve is identified behind the one found")
+                notes.append(
+                    f"{name} is {values[name].value:.5g}, not {numbers[name]:g}: the valve is identified with the one found"
+                )
                 numbers[name] = values[name].value
     for block in CHAIN:
         wanted = channel(block, None, None, cutoff=cutoff)
@@ -84,7 +88,7 @@ def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> An
             " `cosim identify transfer-function --block simplified`"
         )
     data = {**log_data([log]), "best_fit_percent": fits, "left_out": left_out}
-    answer = Answer("all", data, values, notes=[*dict.fromkeys(notes)])
+    answer = Answer("all", data, values, notes=[*dict.fromkeys(notes)], model="full_order")
     answer.tables.append((f"identified from {log.source.name}", COLUMNS, parameter_table(values, known)))
     answer.lines.append("best fit: " + ", ".join(f"{name} {value:.2f} %" for name, value in fits.items()))
     answer.lines += [f"{block} left out: {why}" for block, why in left_out.items()]
@@ -136,7 +140,7 @@ def observer_answer(
             for name, locus in loci.items()
         },
     }
-    answer = Answer("observer", data, values, notes=notes)
+    answer = Answer("observer", data, values, notes=notes, model="full_order")
     ends, gains = observer.poles, observer.gain
     answer.lines = [
         f"drive, {origin}: theta/u = {gain:.5g} / (s (s + {pole:.5g})), deg",

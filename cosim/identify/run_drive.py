@@ -154,6 +154,55 @@ def table_rows(curve: DriveCurve, told: Told) -> list[list[object]]:
     return rows
 
 
+def sentences(curve: DriveCurve, told: Told) -> list[str]:
+    """The curve in words: dead zone, slope and top speed of either side with their 95 % intervals."""
+
+    def shown(name: str) -> str:
+        item = number(curve.values[name], *told.of(name))
+        low, high = item["ci95"]
+        return f"{item['value']:.3g} ({low:.3g} to {high:.3g})"
+
+    def known(kind: str) -> dict[str, str]:
+        return {side: shown(f"{kind}_{side}") for side in ("low", "high") if f"{kind}_{side}" in curve.values}
+
+    lines = []
+    dead = known("dead")
+    if dead:
+        unit = "" if told.command_unit == "1" else f" {told.command_unit}"
+        text = f"Dead zone: nothing moves for a command {told.command} {_between(dead, 'from', 'to')}{unit}"
+        if told.column:
+            read = {
+                s: f"{told.reading(number(curve.values[f'dead_{s}'], *told.of(f'dead_{s}'))['value']):.4g}"
+                for s in dead
+            }
+            text += f"; in the log's column '{told.column}' {_between(read, 'from', 'to')}"
+        lines.append(text)
+    for kind, what in (("slope", "Slope beyond it"), ("top", "Top speed")):
+        sides = known(kind)
+        if sides:
+            unit = told.of(f"{kind}_low")[0]
+            per = " per unit of the command" if kind == "slope" and told.command_unit == "1" else ""
+            parts = " and ".join(
+                f"{text} {'below' if side == 'low' else 'above'}" for side, text in sides.items()
+            )
+            lines.append(f"{what}: {parts}, {unit}{per}")
+    return [
+        *lines,
+        "In brackets 95 % intervals, which hold for the next log of this machine"
+        + (
+            ""
+            if len(curve.names) > 1
+            else ": wide, since one log says nothing of how much the next one differs"
+        ),
+    ]
+
+
+def _between(sides: dict[str, str], start: str, end: str) -> str:
+    """``from A to B`` of a low and a high side, or the one of them that is known."""
+    words = [f"{word} {sides[side]}" for side, word in (("low", start), ("high", end)) if side in sides]
+    return " ".join(words)
+
+
 def drive_answer(
     logs: Sequence[Log], mapping: Mapping | None, command: str | None, motion: str | None
 ) -> Answer:
@@ -180,7 +229,7 @@ def drive_answer(
     notes = [f"not reached in the log{'s' if len(logs) > 1 else ''}: {'; '.join(missing)}"] if missing else []
     if len(logs) == 1:
         notes.append(
-            "one log says nothing of the next: its intervals take the scatter between the logs of other drives"
+            "one log says nothing of the next: the scatter between logs of other drives widens its intervals"
         )
 
     def draw() -> Any:
@@ -196,11 +245,16 @@ def drive_answer(
             table_rows(curve, told),
         )
     ]
+    if len(logs) == 1:
+        lines.append("Next: name more logs of the machine to narrow the intervals; --verbose shows the table")
+    else:
+        lines.append("Next: --out DIR draws the curve; --verbose shows the table")
     return Answer(
         "drive",
         {"synthetic": synthetic, "drive_curve": data},
         tables=table,
         lines=lines,
+        brief=sentences(curve, told),
         notes=notes,
         draw=draw,
     )

@@ -14,7 +14,7 @@ from cosim.identify.blocks import form, parameters
 from cosim.identify.data import Record, even
 from cosim.identify.frf import Frf, stepped, welch_frf
 from cosim.identify.frf_fit import fit_frf, frf_best_fit, without_transients
-from cosim.identify.run import Channel, log_data, model_data, pole_lines, record_notes, records_of
+from cosim.identify.run import Channel, log_data, model_data, model_of, pole_lines, record_notes, records_of
 from cosim.identify.transfer_function import Structure, TransferFunction
 from cosim.logs import Log
 
@@ -104,7 +104,7 @@ def _frf_answer(
         "points": points,
         "model": model_data(model) | {"best_fit_percent": frf_best_fit(used, model)},
     }
-    answer = Answer("frf", data, values, notes=record_notes(items))
+    answer = Answer("frf", data, values, notes=record_notes(items), model=model_of(values))
     low, high = used.frequency[0], used.frequency[-1]
     answer.lines.append(
         f"{model_name}: {used.frequency.size} points from {low:.3g} to {high:.3g} rad/s by {raw.method}; {model.structure},"

@@ -42,7 +42,7 @@ def kalman_answer(known: Mapping[str, float], noises: Noises) -> Answer:
         if math.isnan(found.innovation_external)
         else {"value": math.sqrt(found.innovation_external) / DEG, "unit": "deg"},
     }
-    answer = Answer("kalman", data, values)
+    answer = Answer("kalman", data, values, model="full_order_extended")
     answer.lines = lines(found)
     rows: list[list[object]] = [[name, f"{q.value:.6g}", q.unit] for name, q in values.items()]
     answer.tables.append(

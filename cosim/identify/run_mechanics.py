@@ -99,7 +99,8 @@ def mechanics_answer(
         "share_in_motion": float(found.used.mean()),
         "not_shown": {f"{COMPONENT}.{name}": q.as_data() for name, q in found.not_shown.items()},
     }
-    answer = Answer("mechanics", data, values, notes=list(log.warnings))
+    ours = machine.name if machine.name == "full_order" else ""
+    answer = Answer("mechanics", data, values, notes=list(log.warnings), model=ours)
     with speaking(machine.lexicon):
         before = {**machine.wiring.values, **machine.values}
         title = f"torque and motion up to {found.highest:.3g} Hz, best fit {found.fit:.2f} %"

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from cosim.console import typed
 from cosim.errors import ColumnsError, DataError, UsageError
 from cosim.logs.mapping import Column, Mapping, SignalColumn
 from cosim.logs.source import Label, Source, closest
@@ -43,7 +44,7 @@ class Pick:
 
 def remedy(source: Source) -> str:
     """What to type where the headings do not say which column is which."""
-    return f"'cosim init {source.path}' writes a mapping with guesses"
+    return f"'cosim init {typed(source.path)}' writes a mapping with guesses"
 
 
 def choose(

@@ -26,7 +26,7 @@ NAMES: dict[str, str] = {
     "slew_rate_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
     "slew": rf"(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}|{_COMMAND}))",
     "p_supply": rf"(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor|matning|syotto|zasil"
-    r"|\bs\b|\bp\s?0\b))|\bps\b",
+    r"|\bs\b|\bp\s?[0p]\b))|\bps\b",
     "p_a": rf"(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
     "p_b": rf"(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
@@ -58,6 +58,9 @@ GENERIC = {
     "column",
     "signal",
     "sig",
+    "yout",
+    "xout",
+    "simout",
     "unnamed",
     "value",
     "out",
@@ -404,6 +407,18 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
     return Guess(signal, column, unit, 1.0, f"{why}; unit by its range", check=True)
 
 
+def clock_column(found: Overview, made: dict[str, Guess]) -> int | None:
+    """Index of the column that a mapping names for time, or None where nothing tells it.
+
+    Where each column has stamps of its own, the one that holds these stamps, else the longest: its own stamps count then.
+    """
+    if found.clock is None or found.clock.column is not None:
+        return None if found.clock is None else found.clock.column
+    same = [c.index for c in found.columns if np.array_equal(c.values, found.clock.seconds)]
+    chosen = [guess.column for guess in made.values()] or list(found.columns)
+    return same[0] if same else max(chosen, key=lambda c: c.values.size).index
+
+
 def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> str:
     """A mapping with the guesses, each with its reason, and the other columns in comments.
 
@@ -428,16 +443,19 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         "[time]",
     ]
     clock = found.clock
-    if clock is None or clock.column is None:
+    stamps = clock_column(found, made)
+    if clock is None:
         lines += [
             "# no column looks like a time: name one (column = ...), or give the interval between samples",
             "step = 0.001    # CHECK",
             'unit = "s"',
         ]
     else:
+        if clock.column is None:
+            lines.append("# each column has stamps of its own in the file, which count")
         note = f"    # CHECK: {clock.guessed}" if clock.guessed else ""
         lines += [
-            f"column = {_column_of(found, found.columns[clock.column])}",
+            f"column = {_column_of(found, found.columns[stamps or 0])}",
             f"unit = {_quoted(clock.unit)}{note}",
         ]
     for guess in made.values():
@@ -446,7 +464,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         lines += ["", *MACHINE]
     elif "u" in made and "slew" in made:
         lines += ["", *(f"# {line}" for line in (OTHER, *MACHINE))]
-    used = used_by(made) | ({clock.column} if clock else set())
+    used = used_by(made) | {stamps}
     rest = [c for c in found.columns if c.index not in used]
     missing = [n for n in NAMES if n not in made and not n.endswith("estimate")]
     if missing:

@@ -14,8 +14,10 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
+from cosim.console import typed
 from cosim.errors import DataError, HeadlessError
 from cosim.logs import controldesk
+from cosim.logs.preamble import read_preamble
 from cosim.logs.source import Array, Label, Source, parse_label
 from cosim.logs.window import Window, head_text, survey
 
@@ -73,7 +75,12 @@ class TextSource(Source):
     ) -> None:
         self._survey = survey(path, encoding)
         first = self._survey.first_line
+        above = None
+        if header and not first.startswith(controldesk.FIRST):
+            above = read_preamble(head_text(path, self._survey, encoding), separator, _may_be_number)
         self._separator = separator or next((sign for sign in (";", "\t") if sign in first), ",")
+        if above is not None:
+            self._separator = above.separator
         self._decimal = decimal
         try:
             cells = next(csv.reader([first], delimiter=self._separator), [])
@@ -89,15 +96,27 @@ class TextSource(Source):
                     f"{path}: row 1 is that of a ControlDesk export, but the lines 'trace_names' and 'trace_values' are"
                     " not both there: export it again"
                 )
+        if above is not None:
+            cells = [label.text for label in above.labels]
+            self._width = len(cells)
         if header and cells and all(_is_number(cell, ".") or _is_number(cell, ",") for cell in cells):
             raise HeadlessError(
                 f"{path}: row 1 holds numbers, not names: put a header such as 'time [s],slew [deg]' before it, or let "
-                f"'cosim init {path}' write a mapping in which columns go by their place"
+                f"'cosim init {typed(path)}' write a mapping in which columns go by their place"
             )
         labels = [
             parse_label(cell) if header else Label(str(k), str(k), None) for k, cell in enumerate(cells, 1)
         ]
+        if above is not None:
+            labels = list(above.labels)
         super().__init__(path, labels if export is None else export.labels)
+        if above is not None:
+            self._survey = dataclasses.replace(self._survey, header_lines=above.lines)
+            if not above.blank:
+                rows = "row 1" if above.before == 1 else f"rows 1 to {above.before}"
+                self.warnings.append(f"left out above the names: {rows}")
+            if above.has_units:
+                self.warnings.append(f"units were read from row {above.before + 2}")
         self._announced = None
         if export is not None:
             before = self._survey.header_lines - 1
@@ -293,6 +312,11 @@ def _text(file: Window) -> io.TextIOWrapper:
 def _breaks(cell: str) -> int:
     """Line breaks in a cell."""
     return len((cell + "|").splitlines()) - 1
+
+
+def _may_be_number(text: str) -> bool:
+    """Whether a cell holds a number with either decimal sign, or says that one is missing."""
+    return text in _MISSING or _is_number(text, ".") or _is_number(text, ",")
 
 
 def _is_number(text: str, decimal: str) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cosim.console import stderr_console, warn
+from cosim.console import stderr_console, typed, warn
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.answer.credibility import credited
 from cosim.diagnosis.answer.curve import curve_of
@@ -198,7 +198,9 @@ def written(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: 
     with part(found.notes, "the report"):
         if found.budget.gone and not found.budget.ended:
             keep(gather(found, result, folder, proposal), folder)
-            found.notes.append(f"{found.budget.omitted('the report')}; 'cosim report {folder}' makes it")
+            found.notes.append(
+                f"{found.budget.omitted('the report')}; 'cosim report {typed(folder)}' makes it"
+            )
         elif save_and_report(found, result, folder, proposal) is None:
             warn(
                 "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from cosim.console import stdout_console, table
+from cosim.console import stdout_console, table, typed
 from cosim.diagnosis.answer.schema import Answer, NamedCause
 from cosim.lexicon import speaking
 from cosim.report.folder import lexicon_of
@@ -206,6 +206,8 @@ def next_step(result: Answer, out: Path) -> str:
         return "correct the label (in the header or a mapping) and diagnose again"
     if result.verdict == "interrupted":
         return "run it again for the rest"
+    if result.unexplained and any("; not tried: " in text for text in result.warnings):
+        return "run it again with more time (--budget): not everything was tried"
     proposed = result.next_experiment
     if proposed is not None:
         shape, length = (proposed.excitation.get(name, "") for name in ("shape", "duration_s"))
@@ -216,8 +218,8 @@ def next_step(result: Answer, out: Path) -> str:
         return "use the model as it is"
     if result.advice and not result.causes:
         return "correct the mapping or record again as noted, and diagnose again"
-    if result.extended is not None:
-        return f"cosim simulate {result.extended.ssp} runs the extended model"
+    if result.extended is not None and result.causes:
+        return f"cosim simulate {typed(result.extended.ssp)} runs the extended model"
     if result.helpful_signals:
         return f"log more: {in_words(few(result.helpful_signals[0], MOST))}"
     return (

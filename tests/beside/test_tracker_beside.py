@@ -1,9 +1,11 @@
 """The tracker beside a comparison says what the motion can show of seam and bias, and no more."""
 
+import re
+
 import numpy as np
 import pytest
 
-from cosim.beside.tracker import TOGETHER, TrackerRun, as_data, estimates, lines, rows
+from cosim.beside.tracker import TOGETHER, TrackerRun, answer, as_data, estimates, lines, rows
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.diagnosis.tracker.comparison import compare_tracker
@@ -51,4 +53,10 @@ def test_where_the_motion_reaches_the_seam_or_stays_above_it(start: float, says:
     if start == 12.0:
         value, deviation, accepted = found["tracker.seam"]
         assert accepted
+        told = re.match(
+            r"Slew sensor and tracker: tracker\.seam (\S+) \+- (\S+) deg \(added below 12 deg", answer(run)
+        )
+        assert told
+        assert float(told[1]) == pytest.approx(value / DEG, rel=1e-3)
+        assert float(told[2]) == pytest.approx(1.96 * deviation / DEG, rel=0.05)
         assert abs(value - 0.3 * DEG) < 4.0 * deviation

@@ -189,8 +189,35 @@ def test_command_for_a_person_shows_remedies(
     finding = doctor.Finding("host", "name[1]", "missing", "what is [wrong]", "do [this]")
     monkeypatch.setattr(doctor, "examine", lambda *_: [finding])
     _, out, _ = _cosim(capsys, "doctor")
-    assert "missing  name[1]: what is [wrong]" in out
-    assert "remedy: do [this]" in out
+    assert "missing  name[1]: what is [wrong]; remedy: do [this]" in out
+    assert out.splitlines()[-1].startswith("This host cannot build or run the models")
+
+
+def test_an_absent_extra_is_one_line_with_what_to_type(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = {
+        "": (Requirement("numpy"),),
+        "docs": tuple(Requirement(f"surely-not-there-{n}>=1") for n in range(9)),
+        "tdms": (Requirement("numpy"), Requirement("surely-not-there>=1")),
+    }
+    monkeypatch.setattr(packages, "requirements", lambda: wanted)
+    monkeypatch.setattr(doctor, "requirements", lambda: wanted)
+    findings = list(doctor.check_packages([]))
+    monkeypatch.setattr(doctor, "examine", lambda *_: findings)
+    lines = _cosim(capsys, "doctor")[1].splitlines()
+    assert lines == [
+        "      ok  core packages: all 1 in range",
+        " warning  extra docs: not installed, needed for the documents as a site only; remedy: "
+        "pip install 'slew-cosim[docs]'",
+        " warning  extra tdms: 1 of 2 packages absent or too old, needed for logs in .tdms files only; remedy: "
+        "pip install 'slew-cosim[tdms]'",
+        "This host builds, runs and compares the models; 2 optional things absent or at risk.",
+    ]
+
+
+def test_every_extra_says_what_it_is_for() -> None:
+    assert set(doctor.PURPOSES) == {extra for extra in packages.requirements() if extra}
 
 
 def test_build_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """The static curve of a drive from its logs: what is put in comes out, and intervals hold from log to log."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +10,10 @@ import pytest
 from scipy.signal import lfilter
 
 from cosim.errors import DataError
+from cosim.identify.answer import finish
 from cosim.identify.drive_curve import NAMES, Estimate, drive_curve, next_log
 from cosim.identify.drive_fit import Run, static
-from cosim.identify.run_drive import drive_answer
+from cosim.identify.run_drive import Told, drive_answer, sentences
 from cosim.logs import load_log, load_mapping
 
 # dead zone, slopes, top speeds
@@ -143,3 +146,46 @@ def test_the_dead_zone_is_told_as_it_stands_in_the_log(tmp_path: Path):
     )
     assert answer.draw is not None
     assert len(answer.draw().axes) == 1
+    dead, slope, top, how_sure = answer.summary()[:4]
+    value, reading = found["dead_zone"]["high"]["value"], high["reading"]["value"]
+    assert re.fullmatch(
+        rf"Dead zone: nothing moves for a command u from -0\.\d+ \(.*\) to {value:.3g} \(\S+ to \S+\); "
+        rf"in the log's column 'duty' from \S+ to {reading:.4g}",
+        dead,
+    )
+    assert slope.startswith("Slope beyond it: ")
+    assert slope.endswith(f"{unit} per unit of the command")
+    assert top.endswith(unit)
+    assert "95 % intervals, which hold for the next log" in how_sure
+
+
+def test_the_answer_is_in_words_and_the_table_on_demand(tmp_path: Path, capsys):
+    run = made(6)
+    table = np.column_stack([run.time, run.command, np.degrees(run.position)])
+    np.savetxt(
+        tmp_path / "log.csv",
+        table,
+        delimiter=",",
+        header="time [s],u [1],slew [deg]",
+        comments="",
+        fmt="%.9g",
+    )
+    answer = drive_answer([load_log(tmp_path / "log.csv")], None, None, None)
+    finish(answer, None, as_json=False, verbose=False)
+    said = capsys.readouterr().out
+    assert said.startswith("Dead zone: nothing moves for a command u from ")
+    assert "in the log's column" not in said  # it reads as the command
+    assert "Next: name more logs" in said
+    assert "95 % from" not in said
+    finish(answer, None, as_json=False, verbose=True)
+    assert "95 % from" in capsys.readouterr().out
+
+
+def test_a_side_that_is_not_known_is_left_out_of_the_words():
+    run = made(3, seconds=200.0)
+    curve = drive_curve([run])
+    known = {name: e for name, e in curve.values.items() if not name.endswith("_low") and name != "top_high"}
+    lines = sentences(replace(curve, values=known), Told("u", "slew", "1", "deg"))
+    assert len(lines) == 3
+    assert "for a command u to 0.2" in lines[0]
+    assert "below" not in lines[1]

@@ -102,6 +102,75 @@ def test_a_component(tmp_path):
     }
 
 
+SCHEDULED = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="clocked" instantiationToken="{1}">
+  %s
+  <ModelVariables>
+    <Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>
+  </ModelVariables>
+  <ModelStructure/>
+</fmiModelDescription>
+"""
+
+
+@pytest.mark.parametrize(
+    ("interfaces", "told"),
+    [
+        ("<ScheduledExecution modelIdentifier='c'/>", "scheduled execution"),
+        (
+            "<ModelExchange modelIdentifier='c'/><ScheduledExecution modelIdentifier='c'/>",
+            "model exchange, scheduled execution",
+        ),
+        (
+            "<ModelExchange modelIdentifier='c'/><CoSimulation modelIdentifier='c'/>",
+            "co-simulation, model exchange",
+        ),
+    ],
+)
+def test_every_interface_type_of_a_component_is_said(tmp_path, interfaces, told):
+    path = tmp_path / "clocked.fmu"
+    with zipfile.ZipFile(path, "w") as package:
+        package.writestr("modelDescription.xml", SCHEDULED % interfaces)
+    facts = json.loads(run(path, "--json").stdout)
+    assert facts["type"] == told
+    assert ("cosim simulate" in facts["next"]) == ("co-simulation" in told)
+    assert ("export it for co-simulation" in facts["next"]) == ("co-simulation" not in told)
+
+
+def test_a_system_of_ours_is_found_by_its_name(tmp_path, monkeypatch):
+    monkeypatch.setenv("COSIM_BUILD", str(tmp_path))
+    result = run("full_order")
+    assert result.returncode == 3
+    assert "run `cosim build` first" in result.stderr
+    result = run("nowhere/full_order_open.ssp")
+    assert result.returncode == 3
+    assert "cosim build makes it, and cosim info full_order finds it" in result.stderr
+    (tmp_path / "ssp").mkdir()
+    with zipfile.ZipFile(tmp_path / "ssp" / "full_order.ssp", "w") as package:
+        package.writestr("SystemStructure.ssd", "<x/>")
+    assert json.loads(run("full_order", "--json").stdout)["kind"] == "ssp"
+
+
+def test_ignored_columns_that_look_like_signals_are_said(write):
+    """Of a log in which one column happens to be called as ours, nobody is sent to a diagnosis without its command."""
+    columns = full_log_columns()
+    renamed = {
+        ("valve command" if name == "u" else "slew angle" if name == "slew" else name, unit): values
+        for (name, unit), values in columns.items()
+    }
+    path = write(csv_text(renamed), "one of ours.csv")
+    facts = json.loads(run(path, "--json").stdout)
+    assert facts["kind"] == "log"
+    assert {name: g["column"] for name, g in facts["guesses"].items()} == {
+        "u": "valve command [1]",
+        "slew": "slew angle [deg]",
+    }
+    said = run(path).stdout
+    assert "u is probably 'valve command [1]' [1]: its name" in said
+    assert said.splitlines()[-1].startswith("Next: cosim init ")
+    assert "one of ours.csv' writes these guesses" in said or 'one of ours.csv" writes these guesses' in said
+
+
 def test_a_system_package(tmp_path):
     path = tmp_path / "crane.ssp"
     with zipfile.ZipFile(path, "w") as package:

@@ -230,6 +230,24 @@ def test_a_single_cause_prints_on_four_pages(browser, diagnosed):
     assert 1 <= len(pages) <= 4
 
 
+def test_two_causes_print_on_five_pages(browser, tmp_path):
+    """With every signal off and every block at fault, which makes ten pictures: more than two causes need."""
+    file = tmp_path / "report.html"
+    material = hidden_material("mechanical.coulomb_friction", duration=25.0, also=("continuity.flow_gain",))
+    file.write_text(made_page(material), encoding="utf-8")
+    page = visit(browser, file).page
+    heights = "() => [...document.querySelectorAll('.plot')].filter(p => p.data).map(p => p.layout.height)"
+    before = page.evaluate(heights)
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    page.wait_for_timeout(500)
+    pages = re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4"))
+    assert len(page.query_selector_all(".plot")) >= 8
+    assert 1 <= len(pages) <= 5
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    page.wait_for_timeout(500)
+    assert page.evaluate(heights) == before
+
+
 def test_bars_logarithms_and_loops_are_drawn_too(browser, tmp_path):
     also = ("sensor.dropout", "dcv.hysteresis", "continuity.leakage", "dcv.stroke_limit")
     material = hidden_material("mechanical.compliance", duration=25.0, also=also)

@@ -163,6 +163,17 @@ def test_no_cause_is_told_where_none_was_named():
         assert not any(line.startswith(("Cause", "Better")) for line in told)
 
 
+def test_what_is_unexplained_has_no_extended_model_to_run_and_may_lack_time():
+    rest = Unexplained(block="mechanical", what="a missing torque", residual_rms=0.1, unit="deg")
+    package = Packages(ssp="results/extended.ssp", ssv="x")
+    open_ = empty_answer(verdict="unexplained", unexplained=[rest], extended=package)
+    assert lines(open_, OUT)[-1].startswith("Next: look at what is left over in results/report.html")
+    late = open_.model_copy(
+        update={"warnings": ["mechanical: the time allowed (60 s) was over; not tried: sensor.lag"]}
+    )
+    assert lines(late, OUT)[-1] == "Next: run it again with more time (--budget): not everything was tried"
+
+
 def test_what_would_help_is_said_and_is_the_next_step_where_nothing_is_named():
     told = lines(empty_answer(verdict="unexplained", advice=["slew goes back by 70 deg while u is 0"]), OUT)
     assert "Note: slew angle goes back by 70 deg while u is 0" in told

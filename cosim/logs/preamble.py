@@ -1,0 +1,138 @@
+"""Lines that loggers write above a table: title, operator, date; and a row of units below that of the names.
+
+    Messung vom 24.11.2026;Pruefstand 3;;
+    Zeit;Kolbenposition;pA;
+    ms;mm;bar;
+    0,0;0,01;85,2;
+
+The table begins at the first two rows of numbers of one width. Above it stands the row of names, or one of units and then
+that of names. Where this is not so (a bad cell in the first row of data), nothing is taken for a preamble.
+"""
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from cosim.errors import UsageError
+from cosim.logs.source import Label, parse_label
+from cosim.units import parse_unit
+
+LONGEST = 200  # lines in which the table must begin
+SEPARATORS = (";", "\t", ",")
+_LONGEST_UNIT = 12
+_NO_UNIT = ("", "-", "--", "1", "[]", "[-]")
+_SIGNS = ("°", "°/s")  # read as deg elsewhere
+
+
+@dataclass(frozen=True)
+class Preamble:
+    """Where the table begins.
+
+    Attributes:
+        before: lines before the row of names.
+        blank: whether nothing stands in them.
+        lines: lines before the first row of numbers.
+        separator: column separator.
+        labels: one for each column.
+        has_units: whether a row of units stands below the names.
+    """
+
+    before: int
+    blank: bool
+    lines: int
+    separator: str
+    labels: tuple[Label, ...]
+    has_units: bool
+
+
+def read_preamble(head: str, separator: str | None, number: Callable[[str], bool]) -> Preamble | None:
+    """What stands above the table, or None where it is a row of names alone, as it should be.
+
+    Args:
+        head: the first lines of the file.
+        separator: column separator, None where it is to be found out.
+        number: whether a cell holds a number, or says that one is missing.
+    """
+    lines = head.splitlines()[:LONGEST]
+    for sign in SEPARATORS if separator is None else (separator,):
+        try:
+            rows = [next(csv.reader([line], delimiter=sign), []) for line in lines]
+        except csv.Error:
+            continue
+        found = _table(rows, number)
+        if found is not None:
+            return _preamble(rows, found, sign)
+    return None
+
+
+def _table(rows: Sequence[Sequence[str]], number: Callable[[str], bool]) -> int | None:
+    """Index of the first of two rows of numbers, at least two of one width."""
+    for k, (row, below) in enumerate(pairwise(rows)):
+        if len(row) == len(below) > 1 and all(_numbers(cells, number) for cells in (row, below)):
+            return k
+    return None
+
+
+def _numbers(row: Sequence[str], number: Callable[[str], bool]) -> bool:
+    cells = [cell.strip() for cell in row]
+    return any(cells) and all(number(cell) for cell in cells)
+
+
+def _preamble(rows: Sequence[Sequence[str]], first: int, separator: str) -> Preamble | None:
+    width = len(rows[first])
+    # a separator at the end of every line makes an empty column, which has no name
+    above = [[cell.strip() for cell in row] for row in rows[:first]]
+    names = first - 1
+    units: Sequence[str] = [""] * width
+    if (
+        names >= 1
+        and len(above[names]) == width
+        and _are_units(above[names])
+        and _are_names(above[names - 1], width)
+    ):
+        units, names = above[names], names - 1
+    if names < 0 or (names == 0 and first == 1) or not _are_names(above[names], width):
+        return None
+    rivals = [row for row in above[:names] if _are_names(row, width)]
+    if any(_with_units(row) >= _with_units(above[names]) for row in rivals):
+        return None  # two rows of names: which one counts is for a person to say
+    labels = tuple(
+        parse_label(name, None if unit in _NO_UNIT else unit.strip("[]()"))
+        for name, unit in zip(above[names], units, strict=True)
+    )
+    return Preamble(names, not any(map(any, above[:names])), first, separator, labels, first - names == 2)
+
+
+def _are_names(row: Sequence[str], width: int) -> bool:
+    """Whether a row names its columns: each but the last has a name of its own, and none is a number."""
+    filled = row if row[-1:] != [""] else row[:-1]
+    return (
+        len(row) == width
+        and all(filled)
+        and len(set(filled)) == len(filled)
+        and not any(cell.replace(",", ".").replace(".", "", 1).lstrip("+-").isdecimal() for cell in filled)
+    )
+
+
+def _with_units(row: Sequence[str]) -> int:
+    """How many names have a unit with them, as ``time [s]``."""
+    return sum(parse_label(cell).unit is not None for cell in row)
+
+
+def _are_units(row: Sequence[str]) -> bool:
+    """Whether a row holds units: short cells, of which most can be read as a unit."""
+    filled = [cell.strip("[]() ") for cell in row if cell not in _NO_UNIT]
+    if not filled or any(len(cell) > _LONGEST_UNIT for cell in filled):
+        return False
+    return sum(map(_is_unit, filled)) > 0.5 * len(filled)
+
+
+def _is_unit(text: str) -> bool:
+    if text in _SIGNS:
+        return True
+    try:
+        parse_unit(text)
+    except UsageError:
+        return False
+    return True

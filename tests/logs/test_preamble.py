@@ -1,0 +1,102 @@
+"""What loggers write above a table (title, operator, units) is left out and said; a bad cell is not taken for it."""
+
+import numpy as np
+import pytest
+
+from cosim.console import typed
+from cosim.errors import DataError
+from cosim.logs import load_log, load_mapping
+from cosim.logs.guess import guesses, mapping_text
+from cosim.logs.overview import overview
+from cosim.logs.text import TextSource
+
+GERMAN = """Messung vom 24.11.2026;Prüfstand 3;;
+Bediener: X;;;
+Zeit;Sollwert Schwenkventil;Drehwinkel;pP
+ms;%;°;bar
+0;0,0;10,5;170,0
+10;50,0;10,6;169,5
+20;-50,0;10,7;170,5
+30;0,0;10,6;170,0
+"""
+
+
+def test_title_and_units_of_a_german_logger(tmp_path):
+    path = tmp_path / "prüfstand 3.csv"
+    path.write_text(GERMAN, encoding="utf-8-sig")
+    found = overview(path)
+    assert found.samples == 4
+    assert found.clock is not None
+    assert found.clock.unit == "ms"
+    assert any("left out above the names: rows 1 to 2" in text for text in found.warnings)
+    assert any("units were read from row 4" in text for text in found.warnings)
+    made = guesses(found)
+    assert {name: g.unit for name, g in made.items()} == {"u": "%", "slew": "deg", "p_supply": "bar"}
+    mapping = tmp_path / "prüfstand 3.toml"
+    mapping.write_text(mapping_text(found, made, "full_order"), encoding="utf-8")
+    log = load_log(path, load_mapping(mapping))
+    np.testing.assert_allclose(log["u"], [0.0, 0.5, -0.5, 0.0])
+    np.testing.assert_allclose(log["slew"], np.radians([10.5, 10.6, 10.7, 10.6]))
+    np.testing.assert_allclose(log.time, [0.0, 0.01, 0.02, 0.03], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "said"),
+    [
+        # a title without separators, commas between columns
+        ("Run 12, second try\ntime [s],u [1]\n0,1\n1,2\n2,3\n", ["time [s]", "u [1]"], ["row 1"]),
+        # units only
+        ("t\tu\ns\t-\n0\t1\n1\t2\n", ["t", "u"], ["row 2"]),
+        ("t;u;\n[s];[%];\n0;1;\n1;2;\n", ["t", "u", ""], ["row 2"]),
+        # a row of names alone is no preamble, whatever they are called
+        ("s,bar\n0,1\n1,2\n", ["s", "bar"], []),
+        ("time [s];u [1]\n0;1,5\n1;2,5\n", ["time [s]", "u [1]"], []),
+    ],
+)
+def test_where_the_table_begins(tmp_path, text, names, said):
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    source = TextSource(path)
+    assert [label.text for label in source.labels] == names
+    assert len(source.warnings) == len(said)
+    assert all(part in warning for part, warning in zip(said, source.warnings, strict=True))
+    first, *_ = source.read([0])
+    np.testing.assert_array_equal(first, np.arange(first.size))
+    assert source.row(0) == next(k for k, line in enumerate(text.splitlines(), 1) if line.startswith("0"))
+
+
+@pytest.mark.parametrize(
+    ("text", "row"),
+    [
+        ("time [s],slew [deg]\n0,x\n1,2\n2,3\n", 2),  # one bad cell
+        ("time [s],slew [deg]\nfoo,bar baz\n1,2\n2,3\n", 2),  # a row of words that are no units
+        ("time [s],slew [deg]\n0,1\n1,x\n2,3\n3,4\n", 3),
+    ],
+)
+def test_a_bad_row_is_named_and_not_taken_for_a_preamble(tmp_path, text, row):
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    with pytest.raises(DataError, match=rf"row {row}, column .* is not a number"):
+        TextSource(path).read([0, 1])
+
+
+def test_columns_of_a_simulink_array_have_no_names():
+    from cosim.logs.guess import GENERIC
+
+    assert {"yout", "simout"} <= GENERIC
+
+
+@pytest.mark.parametrize(
+    ("path", "shown"),
+    [
+        ("a/run_1.csv", "a/run_1.csv"),
+        ("Messung.csv", "Messung.csv"),
+        ("run 3.csv", "'run 3.csv'"),
+        ("März.csv", "März.csv"),
+    ],
+)
+def test_a_path_is_shown_as_it_is_typed(path, shown, monkeypatch):
+    monkeypatch.setattr("cosim.console.os.name", "posix")
+    assert typed(path) == shown
+    monkeypatch.setattr("cosim.console.os.name", "nt")
+    assert typed(path) == shown.replace("'", '"')
