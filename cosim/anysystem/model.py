@@ -111,11 +111,15 @@ class GroupModel:
         return max(int(np.ceil(self.until * self.segments[k].count)), 2)
 
     @contextmanager
-    def first(self, part: float) -> Iterator[None]:
-        """Within this only the first part of each log is run."""
+    def first(self, part: float) -> Iterator[dict[str, int]]:
+        """Within this only the first part of each log is run: reading -> how many samples of it."""
         self.until = part
         try:
-            yield
+            yield {
+                place(signal, k): self.count(k)
+                for signal, _ in self.group.judged
+                for k in range(len(self.segments))
+            }
         finally:
             self.until = 1.0
 

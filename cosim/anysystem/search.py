@@ -759,12 +759,7 @@ class Search:
         value = self.trusted[str(action.port)][0]
         start = {unknown.name: unknown.within(value + OFF_STEP * (abs(value) or 1.0))}
         for part in HORIZONS:
-            counts = {
-                place(signal, k): max(int(part * segment.count), 2)
-                for signal, _ in self.model.group.judged
-                for k, segment in enumerate(self.model.segments)
-            }
-            with self.model.first(part), self.problem.first(counts):
+            with self.model.first(part) as counts, self.problem.first(counts):
                 fit = self.problem.fit([unknown], {**base.fit.values, **start}, HORIZON_STEPS)
             if fit is not None:
                 start = {unknown.name: fit.values[unknown.name]}
@@ -906,9 +901,8 @@ class Search:
         problem = self.problem
         null = self._scored(self.null)
         kept: list[Action] = []
-        trusted: dict[
-            str, float
-        ] = {}  # parameters that are no causes, being as they are trusted to be, but not nominal
+        # parameters that are no causes, being as they are trusted to be, but not nominal
+        trusted: set[str] = set()
         if best.actions and not self.budget.over:
             best = self._elsewhere(best)
             fine = problem.fit(
@@ -941,7 +935,7 @@ class Search:
                     )
                 )
             elif action.effect == PARAMETER and self._small(action, best.fit):
-                trusted |= {u.name: best.fit.values[u.name] for u in self.numbers(action)}
+                trusted |= {u.name for u in self.numbers(action)}
             elif not matters or self._small(action, best.fit):
                 finding.refused.append((action, "is too small to matter"))
             elif self._none_between(action, between):
@@ -952,7 +946,7 @@ class Search:
                 kept.append(action)
         if tuple(kept) != best.actions:
             numbers = [u for a in kept for u in self.numbers(a)]
-            names = {u.name for a in best.actions if a not in kept for u in self.numbers(a)} - set(trusted)
+            names = {u.name for a in best.actions if a not in kept for u in self.numbers(a)} - trusted
             fit = problem.fit(numbers, {n: v for n, v in best.fit.values.items() if n not in names})
             best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
         finding.fitted = best

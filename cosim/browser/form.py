@@ -1,7 +1,7 @@
 """What the page shows of a log: its columns, and a form with a row for each signal, filled with guesses."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -93,7 +93,7 @@ def column_facts(column: Column) -> dict[str, Any]:
     )
     facts: dict[str, Any] = {
         "index": column.index,
-        "name": column.label.alias or column.label.text,
+        "name": column.label.shown,
         "unit": column.unit or "",
         "low": low,
         "high": high,
@@ -137,7 +137,7 @@ def crane_form(found: Overview) -> Form:
             row.gain, row.zero = guess.gain, guess.zero
             if guess.minus is not None:
                 row.minus = (guess.column.index, guess.minus.index)
-                row.check = f"column '{guess.minus.label.alias or guess.minus.label.text}' is taken off it"
+                row.check = f"column '{guess.minus.label.shown}' is taken off it"
             elif guess.check:
                 row.check = (
                     "full command is taken to be the largest reading" if guess.gain != 1.0 else "the unit"
@@ -227,8 +227,3 @@ def named(found: Overview, index: int) -> str | int:
 def said(name: str) -> str:
     """What a signal of ours is, in a few words."""
     return re.split(r"[;(]", SIGNALS[name].text)[0].strip().rstrip(",")
-
-
-def longest(found: Overview, indices: Iterable[int]) -> int:
-    """The column with the most values; where each has stamps of its own its clock is the log's."""
-    return max(indices, key=lambda k: found.columns[k].values.size)

@@ -5,9 +5,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from cosim.browser.form import Form, Row, find, longest, named
+from cosim.browser.form import Form, Row, find, named
 from cosim.errors import UsageError
-from cosim.logs.overview import Overview
+from cosim.logs.overview import Overview, longest
 
 Content = dict[str, Any]
 MOST = 200  # characters of a text that comes from the page
@@ -104,7 +104,7 @@ def _time(sent: Content, found: Overview, columns: list[int]) -> Content:
     if not isinstance(unit, str) or not unit.strip() or len(unit) > MOST:
         raise FormError("time has no unit: write s, ms or us", "time")
     if sent.get("own") is True:
-        return {"column": named(found, longest(found, columns)), "unit": "s"}
+        return {"column": named(found, longest(found.columns[k] for k in columns).index), "unit": "s"}
     column = sent.get("column")
     if isinstance(column, int) and not isinstance(column, bool):
         if column in columns:

@@ -164,7 +164,7 @@ def log_or_columns(path: Path, mapping: Path | None, plot: bool) -> dict[str, An
             facts |= _overlooked(path, facts)
     if plot:
         columns = overview(path).columns
-        names = [c.label.alias or c.label.text for c in columns]
+        names = [c.label.shown for c in columns]
         wide = max(map(len, names))
         facts["plot"] = [f"{name:<{wide}}  {c.spark()}" for name, c in zip(names, columns, strict=True)]
     return facts
@@ -192,11 +192,11 @@ def _overlooked(path: Path, facts: dict[str, Any]) -> dict[str, Any]:
 def _guess_facts(guess: "Guess") -> dict[str, Any]:
     label = guess.column.label
     return {
-        "column": label.alias or label.text,
+        "column": label.shown,
         "unit": guess.unit,
         "gain": guess.gain,
         "zero": guess.zero,
-        **({} if guess.minus is None else {"minus": guess.minus.label.alias or guess.minus.label.text}),
+        **({} if guess.minus is None else {"minus": guess.minus.label.shown}),
         "why": guess.why,
     }
 
@@ -233,7 +233,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
     return facts | {
         "columns": [
             {
-                "column": c.label.alias or c.label.text,
+                "column": c.label.shown,
                 "unit": c.unit or "?",
                 "min": float(c.finite.min()) if c.finite.size else "",
                 "mean": float(c.finite.mean()) if c.finite.size else "",

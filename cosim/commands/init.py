@@ -122,20 +122,16 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
         DataError: as `cosim.logs.overview.overview`.
     """
     from cosim.logs.guess import clock_column, guesses, mapping_text, texts_of, used_by
-    from cosim.logs.overview import Column, overview
+    from cosim.logs.overview import overview
 
     found = overview(log)
     made = guesses(found)
-
-    def shown(column: Column) -> str:
-        return column.label.alias or column.label.text
-
     told = [
-        f"{shown(g.column)}{f' minus {shown(g.minus)}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
+        f"{g.column.label.shown}{f' minus {g.minus.label.shown}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
     used: set[Any] = used_by(made) | {clock_column(found, made)}
-    left = [f"column '{shown(c)}'" for c in found.columns if c.index not in used]
+    left = [f"column '{c.label.shown}'" for c in found.columns if c.index not in used]
     if found.clock is None:
         left.insert(0, "no column looks like a time: the interval between samples is to be given")
     return mapping_text(found, made, model), told, left, _lacking(made, texts_of(model))

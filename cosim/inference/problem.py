@@ -6,7 +6,7 @@ linear least squares with their priors (variable projection: Golub and Pereyra 1
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -172,25 +172,18 @@ class Problem:
         rows, nuisances = self.eliminated(self.whitened(raw)[0], values)
         return np.concatenate([rows, [v / u.prior for u, v in zip(self._nuisances, nuisances, strict=True)]])
 
-    @contextmanager
-    def whole(self) -> Iterator[None]:
+    def whole(self) -> AbstractContextManager[None]:
         """Within this, fits use what is held out as well: for the last estimate, once all is decided."""
-        before = self._data
-        self._data = np.ones_like(before)
-        self.share(self._nuisances, self._slopes)
-        try:
-            yield
-        finally:
-            self._data = before
-            self.share(self._nuisances, self._slopes)
+        return self._using(np.ones_like(self._data))
+
+    def first(self, counts: Mapping[str, int]) -> AbstractContextManager[None]:
+        """Within this, fits use the first samples alone: name -> how many."""
+        early = [np.arange(self.measured[n].size) < counts[n] for n in self.names]
+        return self._using(self._data & np.concatenate(early))
 
     @contextmanager
-    def first(self, counts: Mapping[str, int]) -> Iterator[None]:
-        """Within this, fits use the first samples alone: name -> how many."""
-        before = self._data
-        self._data = before & np.concatenate(
-            [np.arange(self.measured[n].size) < counts[n] for n in self.names]
-        )
+    def _using(self, data: NDArray[np.bool_]) -> Iterator[None]:
+        before, self._data = self._data, data
         self.share(self._nuisances, self._slopes)
         try:
             yield

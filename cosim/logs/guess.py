@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.errors import UsageError
-from cosim.logs.overview import Array, Column, Overview, plain
+from cosim.logs.overview import Array, Column, Overview, longest, plain
 from cosim.signals import SIGNALS, conversion
 
 # parts of words, without accents; German, English, French, Spanish, Italian, Scandinavian, Finnish, Polish
@@ -150,7 +150,7 @@ def guesses(found: Overview) -> dict[str, Guess]:
     taken: set[int] = set()
     for score, _, signal, column in ranked:
         if score > 0.0 and signal not in made and column.index not in taken:
-            made[signal] = _guess(signal, column, f"its name ('{column.label.alias or column.label.name}')")
+            made[signal] = _guess(signal, column, f"its name ('{column.label.short}')")
             taken.add(column.index)
     for signal, column, why in _by_shape([c for c in free if c.index not in taken], made):
         made[signal] = _guess(signal, column, why)
@@ -235,7 +235,7 @@ def _score(column: Column, signal: str) -> float:
     """How well a name and unit fit a signal; 0 where they do not."""
     if not _fits(column, signal):
         return 0.0
-    words = plain(column.label.alias or column.label.name)
+    words = plain(column.label.short)
     if signal in (column.label.name, column.label.alias):
         return 4.0
     if not re.search(NAMES[signal], words):
@@ -245,7 +245,7 @@ def _score(column: Column, signal: str) -> float:
 
 
 def _words(column: Column) -> list[str]:
-    return plain(column.label.alias or column.label.name).split()
+    return plain(column.label.short).split()
 
 
 def _fits(column: Column, signal: str) -> bool:
@@ -377,7 +377,7 @@ def _nameless(column: Column) -> bool:
 
 def _called(column: Column) -> str:
     """A column as it is spoken of."""
-    name = column.label.alias or column.label.name
+    name = column.label.short
     return f"column {name}" if name.isdigit() else f"'{name}'"
 
 
@@ -416,7 +416,7 @@ def clock_column(found: Overview, made: dict[str, Guess]) -> int | None:
         return None if found.clock is None else found.clock.column
     same = [c.index for c in found.columns if np.array_equal(c.values, found.clock.seconds)]
     chosen = [guess.column for guess in made.values()] or list(found.columns)
-    return same[0] if same else max(chosen, key=lambda c: c.values.size).index
+    return same[0] if same else longest(chosen).index
 
 
 def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> str:
@@ -535,7 +535,7 @@ def _column_of(found: Overview, column: Column) -> str:
 
 
 def _identifier(column: Column) -> str:
-    text = re.sub(r"\W+", "_", plain(column.label.alias or column.label.name)).strip("_") or "column"
+    text = re.sub(r"\W+", "_", plain(column.label.short)).strip("_") or "column"
     return text if text.isidentifier() else f"column_{column.index + 1}"
 
 

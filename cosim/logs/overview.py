@@ -5,6 +5,7 @@ Nothing is mended or converted here; `cosim.logs.load` does that once it is know
 
 import re
 import unicodedata
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -221,6 +222,11 @@ def spelled(unit: str | None) -> str | None:
     except UsageError:
         return None
     return found
+
+
+def longest(columns: Iterable[Column]) -> Column:
+    """The column with the most values; where each has stamps of its own its clock is the log's."""
+    return max(columns, key=lambda c: c.values.size)
 
 
 def plain(name: str) -> str:

@@ -45,6 +45,16 @@ class Label:
     alias: str | None = None
     others: tuple[str, ...] = ()
 
+    @property
+    def shown(self) -> str:
+        """How a person reads it: its own part of a path, else the heading as it stands in the file."""
+        return self.alias or self.text
+
+    @property
+    def short(self) -> str:
+        """Its own part of a path, else the name without the unit."""
+        return self.alias or self.name
+
     def called(self, name: str) -> bool:
         """Whether `name` is this column's text, name, alias or one of its other names."""
         return name in (self.text, self.name, self.alias, *self.others)

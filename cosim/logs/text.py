@@ -78,9 +78,8 @@ class TextSource(Source):
         above = None
         if header and not first.startswith(controldesk.FIRST):
             above = read_preamble(head_text(path, self._survey, encoding), separator, _may_be_number)
-        self._separator = separator or next((sign for sign in (";", "\t") if sign in first), ",")
-        if above is not None:
-            self._separator = above.separator
+        found = separator or next((sign for sign in (";", "\t") if sign in first), ",")
+        self._separator = found if above is None else above.separator
         self._decimal = decimal
         try:
             cells = next(csv.reader([first], delimiter=self._separator), [])
