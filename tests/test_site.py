@@ -45,6 +45,21 @@ def test_every_document_is_in_the_menu():
     assert missing == []
 
 
+def test_no_document_says_a_section_twice():
+    """A merge can leave the older copy of a section in place, whose figures then stand beside the new ones."""
+    twice = []
+    for path in [*(TOP / "docs").rglob("*.md"), TOP / "README.md"]:
+        text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+        above: list[str] = []
+        seen = set()
+        for marks, title in re.findall(r"^(#+) (.+)$", text, re.MULTILINE):
+            above = [*above[: len(marks) - 1], title]
+            if tuple(above) in seen:
+                twice.append(f"{path.name}: {title}")
+            seen.add(tuple(above))
+    assert twice == []
+
+
 @SLOW
 def test_the_site_builds_and_holds_every_document_command_and_function(tmp_path):
     done = build(TOP, tmp_path / "site")

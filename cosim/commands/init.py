@@ -111,7 +111,8 @@ def _lacking(made: Collection[str], texts: Mapping[str, str]) -> str:
     """
     lacks = [] if "u" in made else [f"a column for u ({texts['u']})"]
     if not set(made) - {"u"}:
-        lacks.append("one for what was measured, such as slew, spool or the pressures")
+        also = "travel, speed, " if "travel" in texts else ""
+        lacks.append(f"one for what was measured, such as {also}slew, spool or the pressures")
     return " and ".join(lacks)
 
 
@@ -125,7 +126,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     from cosim.logs.overview import overview
 
     found = overview(log)
-    made = guesses(found)
+    made = guesses(found, machine=model is None)
     told = [
         f"{g.column.label.shown}{f' minus {g.minus.label.shown}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()

@@ -20,17 +20,34 @@ _COMMAND = (
     r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
     r"|sterow|duty|\bpwm\b"
 )
+_REFERENCE = (
+    r"\bref\b|referen|\btarget\b|\bsoll|desired|demand|\bset\b"  # what was asked for, not what was measured
+)
 _ANGLE = r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
 NAMES: dict[str, str] = {
-    "slew_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
-    "slew_rate_estimate": rf"(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
-    "slew": rf"(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}|{_COMMAND}))",
-    "p_supply": rf"(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor|matning|syotto|zasil"
+    "slew_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
+    "slew_rate_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
+    "slew": rf"^(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}|{_COMMAND}|{_REFERENCE}))",
+    "p_supply": rf"^(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor|matning|syotto|zasil"
     r"|\bs\b|\bp\s?[0p]\b))|\bps\b",
-    "p_a": rf"(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
-    "p_b": rf"(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
+    "p_a": rf"^(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
+    "p_b": rf"^(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
     "u": rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape",
+}
+_POSITION = (
+    r"position|\bpos\b|displac|stroke|travel|extension|cylind|zylind|\bhub\b|\bweg\b|\blage\b|\bcourse\b|carrera|corsa"
+    r"|posicion|posizione|skok|asema"
+)
+_SPEED = r"speed|velocity|\bvel\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|nopeus|predkosc"
+_NO_MOTION = (
+    rf"{_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_PRESSURE}|spool|schieber|valve|ventil|torque|moment|force|kraft"
+)
+MOTIONS: dict[
+    str, tuple[str, tuple[str, ...]]
+] = {  # what another machine's axis may show instead of an angle; its units
+    "travel": (rf"^(?=.*({_POSITION}))(?!.*({_NO_MOTION}|{_RATE}))", ("m",)),
+    "speed": (rf"^(?=.*({_SPEED}))(?!.*({_NO_MOTION}))", ("rad/s", "m/s")),
 }
 RAW = ("V", "mV", "A", "mA")  # of a command: needs a gain
 OPPOSITE = (  # words by which the two columns of a command differ that has one for each direction
@@ -79,15 +96,11 @@ STRETCHES, LAGS = (
 )  # a log is averaged in so many stretches; a spool or angle may lag by so many of them
 
 
-MACHINE = (
-    "[machine]    # a drive of its own: docs/machines.md",
-    'chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]',
-    'speed = "?"    # at a command of 1, as "48 deg/s"; "?": from the log',
-    'lag = "?"    # as "150 ms"',
-)
 OF_MACHINE = {  # in place of the crane's, whose tables and ranges say nothing of another machine
     "u": "command of the valve or motor; 1 is full command",
     "slew": "angle of the axis",
+    "travel": "position of a linear axis, such as a cylinder",
+    "speed": "speed of the axis",
     "spool": "spool position",
     "p_supply": "supply pressure",
     "p_a": "pressure at port A",
@@ -121,30 +134,39 @@ class Guess:
     minus: Column | None = None
 
 
-def guesses(found: Overview) -> dict[str, Guess]:
-    """Signal -> the column that it probably is: by name first, then by unit and shape."""
+def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
+    """Signal -> the column that it probably is: by name first, then by unit and shape.
+
+    Args:
+        found: the file.
+        machine: it is of another machine than the crane, whose axis may show a position or a speed instead of an angle.
+    """
     clock = found.clock.column if found.clock else None
     free = [c for c in found.columns if c.index != clock and c.finite.size and c.label.name != "synthetic"]
     made: dict[str, Guess] = {}
     # of several axes: "Swing Cmd" goes with "Swing Ms", and the axis is one whose command moves
     commands = [c for c in free if _score(c, "u") > 0.0]
     driven = {word for c in commands if not c.constant for word in _words(c)}
-    angles = sorted(
-        (c for c in free if _score(c, "slew") > 0.0),
-        key=lambda c: (not driven & set(_words(c)), -float(np.ptp(c.finite))),
-    )
-    axis = set(_words(angles[0])) if angles else set()
+    shown, axes = "slew", list[Column]()
+    for shown in ("slew", *MOTIONS) if machine else ("slew",):
+        axes = sorted(
+            (c for c in free if _score(c, shown) > 0.0),
+            key=lambda c: (not driven & set(_words(c)), -float(np.ptp(c.finite))),
+        )
+        if axes:
+            break
+    axis = set(_words(axes[0])) if axes else set()
 
     def fits(column: Column, signal: str) -> float:
         score = _score(column, signal)
         if score <= 0.0:
             return 0.0
         of_axis = signal == "u" and bool(axis & set(_words(column)))
-        other_axis = signal == "slew" and column not in angles[:1]
+        other_axis = signal == shown and column not in axes[:1]
         return score + 0.25 * of_axis - 0.25 * column.constant - 0.25 * other_axis
 
     ranked = sorted(
-        ((fits(c, signal), -c.index, signal, c) for c in free for signal in NAMES),
+        ((fits(c, signal), -c.index, signal, c) for c in free for signal in dict.fromkeys((*NAMES, shown))),
         key=lambda item: (-item[0], -item[1]),
     )
     taken: set[int] = set()
@@ -153,22 +175,34 @@ def guesses(found: Overview) -> dict[str, Guess]:
             made[signal] = _guess(signal, column, f"its name ('{column.label.short}')")
             taken.add(column.index)
     for signal, column, why in _by_shape([c for c in free if c.index not in taken], made):
+        if signal == "slew" and shown in made:
+            continue  # the axis has shown itself by name
         made[signal] = _guess(signal, column, why)
         taken.add(column.index)
     for signal, column, why in by_motion([c for c in free if c.index not in taken], made):
         made[signal] = _guess(signal, column, why)
-    if "u" in made and "slew" in made and (zero := neutral(made["u"].column, made["slew"].column)):
+    motion = moved_by(made)
+    if "u" in made and motion is not None and (zero := neutral(made["u"].column, motion)):
         largest = float(np.max(np.abs(made["u"].column.finite - zero)))
         why = f"{made['u'].why.removesuffix('; unit by its range')}; the machine stands at {zero:g}"
         made["u"] = replace(
             made["u"], unit="1", gain=float(f"{1.0 / largest:.4g}"), why=why, check=True, zero=zero
         )
     elif "u" in made and (other := opposite(made["u"].column, free)):
-        made["u"] = both_ways(made["u"], other, made["slew"].column if "slew" in made else None)
+        made["u"] = both_ways(made["u"], other, motion)
     elif "u" in made and one_sided(made["u"].column):
         why = f"{made['u'].why}; CHECK: no reading is near 0, so `zero` may be missing"
         made["u"] = replace(made["u"], why=why, check=True)
-    return {signal: made[signal] for signal in SIGNALS if signal in made}
+    return {signal: made[signal] for signal in (*SIGNALS, *MOTIONS) if signal in made}
+
+
+def moved_by(made: dict[str, Guess]) -> Column | None:
+    """What shows where the axis is: an angle, a position, or the sum of a speed; None without one."""
+    for signal in ("slew", *MOTIONS):
+        if signal in made:
+            column = made[signal].column
+            return replace(column, values=np.cumsum(column.values)) if signal == "speed" else column
+    return None
 
 
 def neutral(command: Column, motion: Column) -> float:
@@ -238,7 +272,7 @@ def _score(column: Column, signal: str) -> float:
     words = plain(column.label.short)
     if signal in (column.label.name, column.label.alias):
         return 4.0
-    if not re.search(NAMES[signal], words):
+    if not re.search(NAMES[signal] if signal in NAMES else MOTIONS[signal][0], words):
         return 0.0
     exact = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # weak: any valve signal
     return 1.0 + (column.unit is not None) - 0.5 * exact
@@ -254,7 +288,8 @@ def _fits(column: Column, signal: str) -> bool:
         return True
     if signal == "u" and column.unit in RAW:
         return True
-    return _convertible(column.unit, SIGNALS[signal].si)
+    targets = (SIGNALS[signal].si,) if signal in SIGNALS else MOTIONS[signal][1]
+    return any(_convertible(column.unit, target) for target in targets)
 
 
 def _convertible(unit: str, target: str) -> bool:
@@ -400,6 +435,8 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
         "u": ((1.05, "1"), (105.0, "%")),
         "spool": ((0.01, "m"), (50.0, "mm"), (1e9, "um")),
         "slew": ((6.3, "rad"), (1e9, "deg")),
+        "travel": ((3.0, "m"), (1e9, "mm")),
+        "speed": ((1e9, "rpm" if re.search(r"drehzahl|\brpm\b", plain(column.label.short)) else "rad/s"),),
         "slew_estimate": ((6.3, "rad"), (1e9, "deg")),
         "slew_rate_estimate": ((0.5, "rad/s"), (1e9, "deg/s")),
     }.get(signal, ((450.0, "bar"), (4.5e4, "kPa"), (1e12, "Pa")))
@@ -461,12 +498,15 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     for guess in made.values():
         lines += ["", *_entry(found, guess, texts)]
     if model is None:
-        lines += ["", *MACHINE]
+        lines += ["", *machine_lines(made)]
     elif "u" in made and "slew" in made:
-        lines += ["", *(f"# {line}" for line in (OTHER, *MACHINE))]
+        lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(made)))]
     used = used_by(made) | {stamps}
     rest = [c for c in found.columns if c.index not in used]
-    missing = [n for n in NAMES if n not in made and not n.endswith("estimate")]
+    shown = any(signal in made for signal in MOTIONS)
+    missing = [
+        n for n in NAMES if n not in made and not n.endswith("estimate") and not (n == "slew" and shown)
+    ]
     if missing:
         lines += [
             "",
@@ -487,6 +527,22 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
             f"# unit = {_quoted(column.unit or '1')}    # {_range(column)}",
         ]
     return "\n".join(lines) + "\n"
+
+
+def machine_lines(made: dict[str, Guess]) -> list[str]:
+    """The table `[machine]` for a drive of its own, of which the log tells speed and lag."""
+    motion = next((signal for signal in MOTIONS if signal in made), "slew")
+    blocks = ["dead_zone", "dcv", "continuity", "mechanical", *([] if motion == "speed" else ["sensor"])]
+    linear = motion == "travel" or (motion == "speed" and _convertible(made[motion].unit, "m/s"))
+    example = "0.1 m/s" if linear else "48 deg/s"
+    return [
+        "[machine]    # a drive of its own: docs/machines.md",
+        f"chain = [{', '.join(map(_quoted, blocks))}]",
+        *(['motion = "travel"    # a linear axis: kg, N, m'] if linear else []),
+        *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
+        f'speed = "?"    # at a command of 1, as "{example}"; "?": from the log',
+        'lag = "?"    # as "150 ms"',
+    ]
 
 
 def texts_of(model: str | None) -> dict[str, str]:

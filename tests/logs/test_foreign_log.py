@@ -326,6 +326,57 @@ def test_init_makes_a_machine_of_its_own(write, servo):
     assert (refused.returncode, "--machine makes a model of its own" in refused.stderr) == (2, True)
 
 
+def test_init_makes_a_machine_of_a_cylinder(write, servo):
+    """A valve's voltage and the positions of two cylinders, one as it was asked for: the one that its valve moves counts."""
+    boom = 100.0 * servo[:, 2]  # mm: 80 mm/s at full command
+    table = np.column_stack([servo[:, :2], 0.5 * boom[::-1], boom + 3.0, boom])
+    path = write(
+        "t,Boom valve (V),Arm cylinder (mm),Boom position ref (mm),Boom position (mm)\n" + rows(table)
+    )
+    done = cosim("init", path, "--machine")
+    assert (done.returncode, "Boom position (mm) -> travel [mm]" in done.stdout) == (0, True), done.stderr
+    mapping = path.with_suffix(".toml")
+    log = load_log(path, mapping)
+    np.testing.assert_allclose(log["travel"], boom / 1000)
+    made = made_for(mapping, log)
+    assert made.numbers.speed == pytest.approx(0.08, rel=0.05)
+    assert made.diagnose["units"]["kg.m2"].endswith("s2/m"), "a mass as a command that moves it"
+
+
+def test_init_makes_a_machine_of_a_motor(write, servo):
+    """A motor whose speed is read: no angle, no sensor of one, and the command rests where the speed is none."""
+    speed = np.gradient(servo[:, 2], servo[:, 0]) * 60 / (2 * np.pi)
+    path = write(
+        "Zeit (s),PWM,Drehzahl soll (1/min),Drehzahl\n"
+        + rows(np.column_stack([servo[:, :2], speed + 1, speed]))
+    )
+    done = cosim("init", path, "--machine")
+    assert (done.returncode, "Drehzahl -> speed [rpm]" in done.stdout) == (0, True), done.stderr
+    mapping = path.with_suffix(".toml")
+    made = made_for(mapping, load_log(path, mapping))
+    assert made.numbers.speed == pytest.approx(0.8, rel=0.1)
+    assert "zero = 7.5" in mapping.read_text()
+    assert '"sensor"' not in mapping.read_text()
+
+
+@pytest.mark.parametrize(
+    ("signal", "headings"),
+    [
+        ("travel", ["PosFb", "cylinder_position", "Zylinderweg", "Hub (mm)", "stroke_act", "Boom displacement", "Lage"]),
+        ("speed", ["omega", "motor speed", "Drehzahl (1/min)", "EXP_Velocity", "rpm"]),
+        (None, ["PosRef", "Position soll", "target position", "set speed", "Solldrehzahl"]),
+        ("slew", ["Winkel", "angle (deg)"]),
+    ],
+)  # fmt: skip
+def test_what_the_axis_of_another_machine_shows(signal, headings, write):
+    ramp = np.sin(np.arange(50.0))
+    for heading in headings:
+        path = write(f"t,{heading}\n" + "".join(f"{k / 100},{ramp[k]}\n" for k in range(50)))
+        made = guesses(overview(path), machine=True)
+        assert list(made) == ([] if signal is None else [signal]), heading
+        assert not {"travel", "speed"} & set(guesses(overview(path))), "the crane's axis shows an angle"
+
+
 def test_columns_that_move_otherwise_are_left_alone(write):
     time = np.arange(4000) / 100
     rng = np.random.default_rng(1)
