@@ -224,6 +224,13 @@ WINDOWS_LEFT: Annotated[
     "of fewer the nominal parameters are not known",
     "not measured by itself",
 ] = 0.25
+IN_VAIN: Annotated[
+    int,
+    "effects",
+    "effects one after the other that make nothing surely better on held-out data, after which no more is looked for",
+    "some help together only: a friction and a load, a valve's damping and a flow taken up by the load",
+    "22 real logs: as good as without (0.40 of the error left in the median), processor time 39 -> 29 s in the median",
+] = 2
 SEARCHES: Annotated[
     int,
     "searches",

@@ -17,7 +17,7 @@ from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.diagnosis.record.record import Record, joined
-from cosim.diagnosis.thresholds import CALIBRATED_TRUST, GUESSED_TRUST
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST, GUESSED_TRUST, IN_VAIN
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus.contract import Effect
@@ -78,6 +78,39 @@ def test_where_no_effect_is_sure_alone_pairs_are_tried(
     assert found is not None
     assert len(found.effects) == 2
     assert "mechanical.end_stop" in found.names
+
+
+def test_a_search_ends_where_the_data_that_judge_it_gain_nothing_more(
+    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is sure of them stays; two effects that help together only are waited for, and no third."""
+    task, null, candidates = mechanical(pair)
+
+    def tried(_: Task, effects: tuple[Effect, ...], *__: object, **___: object) -> Trial:
+        """Every further effect takes nine tenths of the error away."""
+        return Trial(effects, replace(null.fit, log_likelihood=-1e6 * 0.1 ** len(effects)), len(effects))
+
+    monkeypatch.setattr(naming, "tried", tried)
+    monkeypatch.setattr(naming, "tried_all", lambda task, sets, *_: [tried(task, one) for one in sets])
+    monkeypatch.setattr(naming, "believable", lambda *_: True)
+    monkeypatch.setattr(naming, "swapped", lambda _, more, *__: more)
+    monkeypatch.setattr(naming, "promising", lambda _, __, further, *___: further)
+    steps: list[tuple[int, int]] = []
+
+    def found(gaining: set[int]) -> int:
+        steps.clear()
+
+        def better(_: Task, __: Trial, one: Trial, other: Trial) -> bool:
+            steps.append((len(one.effects), len(other.effects)))
+            return len(steps) in gaining
+
+        end = least_error(task, null, candidates, CALIBRATED_TRUST, 5, better=better)
+        assert end is not None
+        return len(end.effects)
+
+    assert (found(set()), steps) == (IN_VAIN, [(1, 0), (2, 0)])
+    assert (found({1}), steps) == (1, [(1, 0), (2, 1), (3, 1)])
+    assert (found({2}), steps) == (2, [(1, 0), (2, 0), (3, 2), (4, 2)])
 
 
 def test_the_other_end_of_the_travel_is_sought_though_one_was_found(pair: tuple[Record, Group]) -> None:

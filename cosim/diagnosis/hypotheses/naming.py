@@ -1,5 +1,6 @@
 """Which effects of the library explain a group's residual."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +38,7 @@ from cosim.diagnosis.residuals.slow_oscillation import slow_oscillation
 from cosim.diagnosis.thresholds import (
     BEYOND_TRUST,
     CALIBRATED_TRUST,
+    IN_VAIN,
     INDISTINGUISHABLE,
     LINE_PERIODS,
     NAMING_GAIN,
@@ -49,6 +51,10 @@ from cosim.diagnosis.thresholds import (
 )
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
+
+Judge = Callable[
+    [Task, Trial, Trial, Trial], bool
+]  # task, null, one, other: does one predict other data surely better?
 
 
 def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:
@@ -113,8 +119,8 @@ def find(
     record: Record,
     tolerance: float = NOMINAL_TRUST,
     most: int = 3,
-    within: bool = True,
     begin: Trial | None = None,
+    better: Judge | None = None,
 ) -> Finding:
     """Name the effects in one group: forward with swaps and removals, the noise learned anew after each step.
 
@@ -124,14 +130,15 @@ def find(
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
     whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
     this log left out do not bear out, or that explain less than what stays unexplained, are taken out again, unless other
-    data will judge them (`within` is False). A search may begin with a set of effects that is known to hold.
+    data judge them (`better`). A search may begin with a set of effects that is known to hold.
     """
+    within = better is None
     candidates = candidates_of(task)
     null, exact = nominal(task, record, tolerance), task.model
     if free := tolerance >= CALIBRATED_TRUST:
         candidates = identifiable(task, null, candidates)
     paced(task, exact, null.fit, candidates, tolerance)
-    largest = least_error(task, null, candidates, tolerance, most, begin) if most and free else None
+    largest = least_error(task, null, candidates, tolerance, most, begin, better) if most and free else None
     if largest is not None and not within:
         # other data will judge by the size of the error as well: what does not change that would not stay
         null, chosen, single = under_noise_left(task, record, null, largest, candidates, tolerance)
@@ -297,6 +304,7 @@ def least_error(
     tolerance: float,
     most: int,
     begin: Trial | None = None,
+    better: Judge | None = None,
 ) -> Trial | None:
     """What most reduces the error itself, as long as that is sure; None for nothing.
 
@@ -304,7 +312,8 @@ def least_error(
     its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
     counts as white noise, as few independent values as its correlation allows. Where no single effect is sure, pairs are
     tried with the likeliest: an end of the travel shows only once the machine moves at the right speed. A search may begin
-    with a set of effects that is known to hold.
+    with a set of effects that is known to hold, and ends where `IN_VAIN` steps have made nothing surely better on the data
+    that judge it.
     """
     known, chosen = task.rules, null
 
@@ -339,6 +348,7 @@ def least_error(
         if begin is not None and begin.effects:
             weighed(begin)
             chosen = tried(task, begin.effects, tolerance, begin.fit)
+        proven, in_vain = chosen, 0
         for _ in range(most):
             further = [e for e in candidates if e not in chosen.effects]
             if chosen.effects:
@@ -353,8 +363,13 @@ def least_error(
             if more is None:
                 break
             chosen = swapped(task, more, candidates, tolerance)
+            if better is not None:
+                proven, in_vain = (chosen, 0) if better(task, null, chosen, proven) else (proven, in_vain + 1)
+            if in_vain == IN_VAIN:
+                break
     finally:
         task.set_rules(known)
+    chosen = proven if better is not None and proven.effects else chosen
     return chosen if chosen.effects else None
 
 

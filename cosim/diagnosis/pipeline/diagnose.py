@@ -26,11 +26,12 @@ from cosim.diagnosis.held_out.causes import (
     each_in_turn,
     held_logs,
     key_of,
+    predicts_better,
     reconsider,
     refuse,
 )
 from cosim.diagnosis.hypotheses.exercised import never_exercised
-from cosim.diagnosis.hypotheses.naming import find, rivals, to_the_end
+from cosim.diagnosis.hypotheses.naming import Judge, find, rivals, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.model.groups import Group, left_out, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
@@ -209,10 +210,12 @@ def named_in(
     driving = known if group.integrates and not record.sparse else []
     # where nominal parameters are not trusted several logs judge one another; else windows do, with what is trusted
     others = held or (each_in_turn(record) if trust >= CALIBRATED_TRUST else None)
-    finding = searched(found, group, trust, constants, driving, most, within=others is None)
+    done: Steps = {}
+    better = None if others is None else predicts_better(others, trust, done)
+    finding = searched(found, group, trust, constants, driving, most, better=better)
     current().allow(share)
     if others is not None:
-        finding = borne_out(found, group, finding, others, driving, trust, constants, watch)
+        finding = borne_out(found, group, finding, others, driving, trust, constants, watch, done)
     with part_of(found.notes, f"the linear reference of {group.name}"):
         finding = beside_linear(finding, record, held)
     if driving:
@@ -235,10 +238,14 @@ def borne_out(
     trust: float,
     constants: Mapping[str, float] | None,
     watch: Watch | None,
+    done: Steps,
 ) -> Finding:
-    """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it."""
+    """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it.
+
+    `done` are the sets that they have judged already.
+    """
     record, most = found.record, found.machine.options.causes
-    done: Steps = {}
+    better = predicts_better(held, trust, done)
     best: tuple[Array | None, Finding, tuple[Effect, ...]] | None = None
     for left in reversed(range(SEARCHES)):
         if current().over:
@@ -268,7 +275,7 @@ def borne_out(
         group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
         begin = refound(finding, kept, trust, done) if kept else None
         before = finding
-        finding = searched(found, group, trust, constants, known, most, within=False, begin=begin)
+        finding = searched(found, group, trust, constants, known, most, begin=begin, better=better)
         finding = replace(finding, held_squares=before.held_squares, borne=before.borne)
     taken = finding.chosen.effects
     with part_of(found.notes, "holding rivals of the causes against the held-out data"):
@@ -335,8 +342,8 @@ def searched(
     known: list[Known],
     most: int,
     *,
-    within: bool = True,
     begin: Trial | None = None,
+    better: Judge | None = None,
 ) -> Finding:
     """What is found in a group that `known` blocks drive; `most` and what follows as `naming.find` takes them."""
     task = task_for(group, found.record, known)
@@ -345,7 +352,7 @@ def searched(
     if group.integrates and not known and heard:
         left = propagated(task, heard[0])
         task.set_rules({s: replace(rule, propagated=left[s]) for s, rule in task.rules.items()})
-    return find(task, found.record, trust, most, within, begin)
+    return find(task, found.record, trust, most, begin, better)
 
 
 def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> None:
