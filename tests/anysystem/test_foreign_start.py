@@ -7,7 +7,7 @@ import fmpy.fmi2
 import numpy as np
 import pytest
 
-from benchmarks.systems.foreign import step_by_fmpy
+from benchmarks.systems.foreign import own_parts, step_by_fmpy
 
 GAINS = {"one": 2.0, "two": -0.5, "three": 3.0}
 
@@ -42,7 +42,10 @@ def straight(monkeypatch):
         for k, (n, c) in enumerate([("u", "input"), ("y", "output")])
     ]
     description = SimpleNamespace(
-        guid="", coSimulation=SimpleNamespace(modelIdentifier="straight"), modelVariables=variables
+        guid="",
+        coSimulation=SimpleNamespace(modelIdentifier="straight"),
+        modelVariables=variables,
+        defaultExperiment=None,
     )
     monkeypatch.setattr(fmpy, "extract", lambda *_: None)
     monkeypatch.setattr(fmpy, "read_model_description", lambda *_, **__: description)
@@ -79,3 +82,11 @@ def test_a_start_on_which_the_components_do_not_agree_is_an_error(tmp_path):
     offset = {"effect": "port.offset", "port": "one.u", "where": "input", "values": {"offset": 1.0}}
     with pytest.raises(RuntimeError, match="no fixed point"):
         step_by_fmpy(spec(tmp_path, [offset], first="three.y"), {"u": np.zeros(12)})
+
+
+@pytest.mark.parametrize(
+    ("declared", "parts"), [(None, 1), ("0.001", 1), ("0.004", 5), ("0.005", 5), ("0.01", 10), ("0.1", 10)]
+)
+def test_an_fmu_is_not_asked_for_shorter_steps_than_it_declares(declared, parts):
+    model = SimpleNamespace(defaultExperiment=SimpleNamespace(stepSize=declared))
+    assert own_parts(model, 0.001, 10) == parts
