@@ -3,7 +3,7 @@
 No value is changed: the log loads, and a warning says where to look.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ CHANGES = 0.1
 
 STATES = 12
 """Whole numbers, as few as these: a switch, a gear or a mode, which goes and comes back as it likes."""
+
+STILL = 0.9
+"""A step is a signal's own if it exceeds four times what this share of its steps do: what drives a machine steps seldom."""
 
 _ENOUGH = 20
 _SAMPLED = 1 << 16
@@ -67,13 +70,30 @@ def jumps(time: Array, values: Array, held: bool) -> tuple[Index, float]:
     return starts, float(np.abs(step[np.array([edges - 1, edges]).clip(0, len(step) - 1)]).max())
 
 
-def describe(name: str, unit: str, starts: Index, size: float, place: Callable[[int], str]) -> str:
-    """The sentence for a log's warnings; `size` in `unit`."""
+def stepping(starts: Index, columns: Mapping[str, Array]) -> list[str]:
+    """Columns (n,) that step, too, wherever a stretch starts: what the signal may follow.
+
+    An output that its component hands straight on jumps with its input, and nothing is damaged.
+    """
+    found = []
+    for name, values in columns.items():
+        with np.errstate(over="ignore", invalid="ignore"):
+            size = np.abs(np.diff(values))
+        limit = TIMES * float(np.quantile(size[:: max(1, len(size) // _SAMPLED)], STILL))
+        if bool(np.all(size[np.maximum(starts - 1, 0)] > limit)):
+            found.append(name)
+    return found
+
+
+def describe(
+    name: str, unit: str, starts: Index, size: float, place: Callable[[int], str], others: Sequence[str] = ()
+) -> str:
+    """The sentence for a log's warnings; `size` in `unit`, `others` step there as well."""
     times = "once" if len(starts) == 1 else f"at {len(starts)} places"
-    return (
-        f"{name}: jumps away {times}, by up to {size:.4g} {unit} (first: {place(int(starts[0]))}): the file or the"
-        " signal may be damaged there"
-    )
+    told = f"{name}: jumps away {times}, by up to {size:.4g} {unit} (first: {place(int(starts[0]))})"
+    if others:
+        return f"{told}, where {' and '.join(others)} steps too: it may follow that; else the file may be damaged there"
+    return f"{told}: the file or the signal may be damaged there"
 
 
 def _states(values: Array) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cosim.errors import ColumnsError, DataError
 from cosim.logs.channels import MdfSource, TdmsSource
 from cosim.logs.choose import Pick, choose, choose_mapped, remedy
-from cosim.logs.jumps import describe, jumps
+from cosim.logs.jumps import describe, jumps, stepping
 from cosim.logs.log import Gap, Log, Tracker
 from cosim.logs.mapping import Mapping, load_mapping
 from cosim.logs.markers import holds_markers, tracker_of_markers
@@ -277,7 +277,8 @@ def _mend(
             valid[name] = mask
             notes.append(note)
         notes += _range_note(name, values, place, picks[name])
-        notes += _jump_note(time, values, place, picks[name])
+    for name in columns:
+        notes += _jump_note(time, columns, place, picks[name])
     return valid, notes
 
 
@@ -298,8 +299,9 @@ def _range_note(name: str, values: Array, place: Callable[[int], str], pick: Pic
     ]
 
 
-def _jump_note(time: Array, values: Array, place: Callable[[int], str], pick: Pick) -> list[str]:
-    starts, size = jumps(time, values, pick.held)
+def _jump_note(time: Array, columns: dict[str, Array], place: Callable[[int], str], pick: Pick) -> list[str]:
+    starts, size = jumps(time, columns[pick.name], pick.held)
     if not starts.size:
         return []
-    return [describe(pick.name, pick.unit, starts, size / conversion(pick.unit, pick.si), place)]
+    others = stepping(starts, {n: v for n, v in columns.items() if n != pick.name})
+    return [describe(pick.name, pick.unit, starts, size / conversion(pick.unit, pick.si), place, others[:2])]

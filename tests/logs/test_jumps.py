@@ -96,6 +96,20 @@ def test_the_log_warns_with_place_and_size(load):
     )
 
 
+def test_what_steps_with_another_column_may_follow_it(load):
+    command = np.repeat([0.0, 0.4, 0.1, -0.3, 0.2], 180)
+    moved = np.where((np.arange(900) >= 360) & (np.arange(900) < 540), 30.0, 0.0) + 0.05 * np.arange(900)
+    lines = [f"{k / 1000:.3f},{command[k]},{10 + moved[k]:.2f}" for k in range(900)]
+    (warning,) = load(lines).warnings
+    assert warning == (
+        "slew: jumps away once, by up to 30.05 deg (first: row 362), where u steps too: it may follow that; else the"
+        " file may be damaged there"
+    )
+    later = [f"{k / 1000:.3f},{command[k - 5]},{10 + moved[k]:.2f}" for k in range(900)]
+    (warning,) = load(later).warnings
+    assert warning.endswith("the file or the signal may be damaged there")
+
+
 @pytest.mark.data
 @pytest.mark.skipif(not MEASURED.is_dir(), reason="no measured data: set COSIM_DATA to their folder")
 @pytest.mark.parametrize("file", ["emps/DATA_EMPS.mat", "emps/DATA_EMPS_PULSES.mat"])
