@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -115,6 +116,17 @@ def command(capsys):
             main([*map(str, words)])
         captured = capsys.readouterr()
         return stop.value.code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def finished(command):
+    """Runs the command line in this process: words -> what `subprocess.run` would say of it."""
+
+    def call(*words):
+        code, out, err = command(*words)
+        return subprocess.CompletedProcess(words, code, out, err)
 
     return call
 
