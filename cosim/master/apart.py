@@ -9,6 +9,7 @@ import atexit
 import contextlib
 import json
 import math
+import multiprocessing
 import os
 import queue
 import shutil
@@ -353,7 +354,7 @@ class _DeathError(Exception):
 
 def _started(path: list[str], memory: float) -> "subprocess.Popen[bytes] | Forked":
     """A new child with this search path, and a limit of its memory [MiB]."""
-    if AVAILABLE:
+    if AVAILABLE and multiprocessing.parent_process() is None:  # a process of a batch starts one child only
         with contextlib.suppress(OSError):
             return _template(path).fork(path, memory)
     command = [sys.executable, "-c", START, json.dumps(path), str(os.getpid()), str(memory)]
