@@ -66,7 +66,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
         "rate": f"{1.0 / first.h:.4g}",
         "signals": drawn,
         "quiet_signals": [],
-        "nominal": [(name, *interval(p), p.unit) for name, p in answer.nominal.items()],
+        "nominal": [(name, *interval(p)) for name, p in answer.nominal.items()],
         "drive": [],
         "drive_rows": [],
         "shares": [],

@@ -638,7 +638,11 @@ class Session:
 
     def _keep(self, work: Work, found: DiagnosisResult, state: str) -> None:
         # what the page shows beside them anyway: the folder, and in the report how sure and how much better
-        shown = ("Report: ", "Results: ", *(("How sure", "Better: ") if found.report is not None else ()))
+        shown = (
+            "Report: ",
+            "Results: ",
+            *(("How sure", "Better: ", "Not better: ") if found.report is not None else ()),
+        )
         lines, verdict = [line for line in found.lines() if not line.startswith(shown)], found.verdict
         # what stands under the log anyway, there or with the log's name before it
         known = {said for w in self._facts.get("warnings", ()) for said in (w, *self._with_names(w))}

@@ -204,8 +204,8 @@ def completed(
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
     found["units"] = {**machine.units, **scale_free(machine, inner), **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
-    if machine.motion == "travel" and "mechanical" in machine.chain:
-        found["blocks"] = {"mechanical": "axis", **given.get("blocks", {})}
+    axis = {"mechanical": "axis"} if machine.motion == "travel" else {}
+    found["blocks"] = {"sensor": "sensor", **axis, **given.get("blocks", {})}
     return found
 
 

@@ -15,6 +15,7 @@ from functools import cache, cached_property, partial
 from pathlib import Path
 
 from cosim.errors import UsageError
+from cosim.report.names import OTHER_AXIS, replaced
 from cosim.report.picture import Picture
 
 ENGLISH = "en"
@@ -150,7 +151,25 @@ def catalogue(language: str) -> Catalogue | None:
     if language not in LANGUAGES:
         raise UsageError(f"the report is not there in '{language}': one of {', '.join(LANGUAGES)}")
     content = tomllib.loads((Path(__file__).parent / f"{language}.toml").read_text(encoding="utf-8"))
-    return Catalogue(content["messages"], content["to"], content["comma"])
+    messages = content["messages"]
+    return Catalogue(
+        of_other_axes(messages, content["other_axis"]) | messages, content["to"], content["comma"]
+    )
+
+
+def of_other_axes(messages: dict[str, str], words: dict[str, str]) -> dict[str, str]:
+    """The messages about the crane's slew, as `names.OTHER_AXIS` changes them for the axis of another machine.
+
+    Args:
+        messages: English -> translated.
+        words: translated word for the slew -> that of another axis.
+    """
+    found = {}
+    for english, translated in messages.items():
+        other = replaced(english, OTHER_AXIS)
+        if other != english:
+            found[other] = replaced(translated, words.items())
+    return found
 
 
 _LANGUAGE: ContextVar[str] = ContextVar("language", default=ENGLISH)

@@ -1,5 +1,7 @@
 """What people call the signals, blocks and quantities of the crane, and the words of a machine that moves along a line."""
 
+from collections.abc import Iterable
+
 SIGNAL_NAMES = {
     "slew": "slew angle",
     "spool": "spool position",
@@ -38,10 +40,10 @@ QUANTITIES: dict[str, tuple[str, str, str]] = {
     "lagged supply": ("missing supply pressure, lagged", "Pa", "bar"),
     "reading": ("missing reading", "rad", "deg"),
 }
+# words for the crane's slew -> words for the axis of another machine
+OTHER_AXIS = (("slew sensor", "sensor"), ("slew angle", "angle"), ("slew speed", "speed"))
 # words for rotation -> words for a linear axis
 TURNING = (
-    ("slew speed", "speed"),
-    ("slew angle", "position"),
     ("torque", "force"),
     ("Torque", "Force"),
     ("the column", "the axis"),
@@ -49,3 +51,10 @@ TURNING = (
     ("angle", "position"),
     *(("inertia", "mass"), ("Inertia", "Mass")),
 )
+
+
+def replaced(text: str, pairs: Iterable[tuple[str, str]]) -> str:
+    """A text in which the first of each pair of words stands no more, but the second."""
+    for one, other in pairs:
+        text = text.replace(one, other)
+    return text

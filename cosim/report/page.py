@@ -24,8 +24,10 @@ from cosim.report.plain import advice, chain, quiet_blocks, quiet_signals, three
 from cosim.report.words import (
     NAMES,
     NOT_MET,
+    Quantity,
     block_name,
     by_error,
+    called,
     doubts,
     effect_in_block,
     effect_name,
@@ -213,7 +215,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         "rate": f"{1.0 / material.h:.4g}",
         "signals": shown([p for p in drawn if p.key not in quiet] + ([seen] if seen else [])),
         "quiet_signals": shown([p for p in drawn if p.key in quiet]),
-        "nominal": [(name, *interval(p), p.unit) for name, p in answer.nominal.items()],
+        "nominal": [(name, *interval(p)) for name, p in answer.nominal.items()],
         "drive": shown([curve] if curve else []),
         "drive_rows": drive.rows(material),
         "shares": shown([overview.shares(material)] if answer.localisation else []),
@@ -242,14 +244,14 @@ def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str
 
     effect = registry.effects().get(cause.effect)
     _, how = phrase(cause, material)
-    title = NAMES.get(cause.effect) or effect_in_block(cause.effect)
+    title = called(cause.effect) if cause.effect in NAMES else effect_in_block(cause.effect)
     met = limits_met(cause, material)
     rows = [
         (
             name,
             described(effect, cause, name),
             parameter,
-            interval(parameter) if name in met else (NOT_MET, ""),
+            interval(parameter) if name in met else (NOT_MET, "", parameter.unit),
         )
         for name, parameter in cause.parameters.items()
     ]
@@ -276,11 +278,10 @@ def described(effect: Any, cause: NamedCause, name: str) -> str:
     return str((own or registry.parameter(effect.component, name)).text)
 
 
-def interval(parameter: Parameter) -> tuple[str, str]:
-    """Estimate and 95 % interval as texts with as many digits as the interval allows."""
-    low, high = parameter.ci95
-    spread = 0.5 * (high - low)
-    return number(parameter.value, spread), f"{number(low, spread)} to {number(high, spread)}"
+def interval(parameter: Parameter) -> tuple[str, str, str]:
+    """Estimate and 95 % interval as texts with as many digits as the interval allows, and the unit of both."""
+    size = Quantity(parameter, None)
+    return size.value, size.interval, size.unit
 
 
 def seed() -> str:

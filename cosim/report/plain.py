@@ -8,7 +8,16 @@ from pathlib import Path
 from cosim.diagnosis.answer.schema import Answer
 from cosim.report.material import Material, Part
 from cosim.report.screen import better
-from cosim.report.words import NAMES, NOISY, block_name, kind_of_motion, listed, phrase, sentence, signal_name
+from cosim.report.words import (
+    NOISY,
+    block_name,
+    called,
+    kind_of_motion,
+    listed,
+    phrase,
+    sentence,
+    signal_name,
+)
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "advice.toml").read_text(encoding="utf-8"))
 ADVICE: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what to check on the machine
@@ -43,7 +52,7 @@ def three_sentences(material: Material) -> list[tuple[str, str]]:
     if not answer.causes or answer.verdict == "interrupted":
         return [("Finding", sentence(material))]
     wrong = [phrase(cause, material) for cause in answer.causes]
-    names = listed([NAMES.get(c.effect, c.effect) for c in answer.causes])
+    names = listed([called(c.effect) for c in answer.causes])
     if len(wrong) == 1:
         found = f"The simulation gets {wrong[0][0]} wrong: {wrong[0][1]}."
     else:
@@ -61,9 +70,9 @@ def _sure(answer: Answer) -> str:
     named = {cause.effect for cause in answer.causes}
     told = []
     for cause in answer.causes:
-        alike = sorted(NAMES.get(o, o) for o in cause.indistinguishable_from if o not in named)
+        alike = sorted(called(o) for o in cause.indistinguishable_from if o not in named)
         if alike:
-            it = "it" if len(answer.causes) == 1 else NAMES.get(cause.effect, cause.effect)
+            it = "it" if len(answer.causes) == 1 else called(cause.effect)
             told.append(f"This log cannot tell {it} from {listed(alike)}")
     if told:
         end = "; the run proposed below would" if answer.next_experiment is not None else ""
@@ -92,7 +101,7 @@ def advice(answer: Answer) -> list[tuple[str, list[str]]]:
 
 
 def _title(effect: str) -> str:
-    name = NAMES.get(effect, effect)
+    name = called(effect)
     return f"{name[0].upper()}{name[1:]}"
 
 

@@ -12,13 +12,14 @@ from cosim.report.material import Material
 from cosim.report.words import (
     NAMES,
     NOISY,
+    Quantity,
     block_name,
+    called,
     few,
     kind_of_motion,
     limits_met,
     listed,
     nominal_of,
-    number,
     phrase,
     signal_name,
     span_of,
@@ -35,8 +36,7 @@ _WORD = re.compile(r"\b[a-z_]+\.[a-z_]+\b")
 
 def known_as(effect: str) -> str:
     """An effect by the name people know, with its identifier: "dry friction (mechanical.coulomb_friction)"."""
-    name = NAMES.get(effect)
-    return f"{name} ({effect})" if name else effect
+    return f"{called(effect)} ({effect})" if effect in NAMES else effect
 
 
 def in_words(text: str) -> str:
@@ -122,25 +122,14 @@ def sizes(cause: NamedCause, result: Answer) -> str:
             return f"{how}; intervals of 95 %"
     found = []
     for name in limits_met(cause, material):
-        item = cause.parameters[name]
-        spread = 0.5 * (item.ci95[1] - item.ci95[0])
-        low, high = (number(end, spread) for end in item.ci95)
-        unit = f" {unit_text(item.unit)}".rstrip()
+        nominal = nominal_of(cause, name, material)
+        size = Quantity(cause.parameters[name], nominal)
         label = "" if len(cause.parameters) == 1 and not cause.component else f"{name} = "
-        found.append(
-            f"{label}{number(item.value, spread)}{unit}, {low} to {high}{_nominal(material, cause, name)}"
-        )
+        # where the report names the nominal value, it says something
+        told = nominal is not None and f"{{{name}.nominal}}" in words_of(cause)[1]
+        instead = f" instead of {size.nominal}" if told else ""
+        found.append(f"{label}{size}, {size.interval}{instead}")
     return "; ".join(found) + " (95 %)"
-
-
-def _nominal(material: Material, cause: NamedCause, name: str) -> str:
-    """``instead of 764 kg m²`` for a parameter whose nominal value says something: where the report names it."""
-    if f"{{{name}.nominal}}" not in words_of(cause)[1]:
-        return ""
-    value = nominal_of(cause, name, material)
-    return (
-        "" if value is None else f" instead of {value:.4g} {unit_text(cause.parameters[name].unit)}".rstrip()
-    )
 
 
 def sure(result: Answer) -> Iterator[str]:
@@ -157,7 +146,7 @@ def sure(result: Answer) -> Iterator[str]:
             told.append(f"next best is {in_words(behind.effect)}, which {_clause(behind.why_not)}")
         if not told:
             told.append("no other effect of the library comes near")
-        name = f" of {NAMES.get(cause.effect, cause.effect)}" if len(result.causes) > 1 else ""
+        name = f" of {called(cause.effect)}" if len(result.causes) > 1 else ""
         yield f"How sure{name}: {'; '.join(told)}"
     if result.verdict == "adequate" and result.not_exercised and not result.at_rest:
         never = result.not_exercised
@@ -181,7 +170,8 @@ def better(result: Answer) -> Iterator[str]:
     gain = result.gain[signal]
     unit = f" {unit_text(gain.unit)}".rstrip()
     text = f"error of the {signal_name(signal)} on data not used for fitting{span_of(gain)} "
-    if gain.rmse_after < gain.rmse_before:
+    falls = f"{gain.rmse_after:.2g}" != f"{gain.rmse_before:.2g}" and gain.rmse_after < gain.rmse_before
+    if falls:
         text += f"falls from {gain.rmse_before:.2g} to {gain.rmse_after:.2g}{unit}"
     else:
         text += f"stays at {gain.rmse_before:.2g}{unit}"
@@ -189,8 +179,11 @@ def better(result: Answer) -> Iterator[str]:
     near = gain.rmse_after <= NOISY * gain.noise_floor
     text += f", the sensor's noise ({noise})" if near else f"; the sensor's noise is {noise}"
     if signal in result.linear:
-        text += f"; a linear model leaves {result.linear[signal].rmse:.2g}{unit}"
-    yield f"Better: {text}"
+        linear = result.linear[signal]
+        text += f"; a linear model leaves {linear.rmse:.2g}{unit}"
+        if result.verdict != "explained" and linear.ci95_of_ratio[0] > 1.0:
+            text += ": linear dynamics are missing"
+    yield f"{'Better' if falls else 'Not better'}: {text}"
 
 
 def not_judged(result: Answer) -> Iterator[str]:

@@ -9,7 +9,7 @@ from string import Formatter
 from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, SignalGain
 from cosim.lexicon import current
 from cosim.report.material import Material, component_of
-from cosim.report.names import BLOCK_NAMES, QUANTITIES, SIGNAL_NAMES, TURNING
+from cosim.report.names import BLOCK_NAMES, OTHER_AXIS, QUANTITIES, SIGNAL_NAMES, TURNING, replaced
 from fmus import registry
 
 NOISY = 1.1  # times the sensor's noise within which an error is called the noise
@@ -36,7 +36,7 @@ def unit_text(unit: str) -> str:
 
 def axis(name: str, unit: str) -> str:
     """Label of an axis: name and unit."""
-    return f"{name} [{unit_text(unit) or '1'}]"
+    return f"{kind_of_motion(name)} [{unit_text(unit) or '1'}]"
 
 
 def number(value: float, spread: float = 0.0) -> str:
@@ -56,34 +56,51 @@ def number(value: float, spread: float = 0.0) -> str:
 
 
 NOT_MET = "none that the log meets"
+SMALL = 0.1  # m or m/s, below which a length or a speed is shown in mm
+
+
+def readable(parameter: Parameter) -> tuple[str, float]:
+    """The unit in which people read a parameter, and the factor to it: small lengths are shown in mm."""
+    if parameter.unit in ("m", "m/s") and abs(parameter.value) < SMALL:
+        return f"m{parameter.unit}", 1000.0
+    return parameter.unit, 1.0
 
 
 class Quantity:
-    """One estimate as a phrase prints it."""
+    """One estimate as a phrase prints it; `unit` is that of its numbers."""
 
     def __init__(self, parameter: Parameter, nominal: float | None) -> None:
-        self._parameter = parameter
-        low, high = parameter.ci95
-        self._spread = 0.5 * (high - low)
-        self._unit = f" {unit_text(parameter.unit)}".rstrip()
+        self.unit, self._scale = readable(parameter)
+        self._value = parameter.value * self._scale
+        self._low, self._high = (end * self._scale for end in parameter.ci95)
+        self._spread = 0.5 * (self._high - self._low)
         self._nominal = nominal
 
     def __str__(self) -> str:
-        return number(self._parameter.value, self._spread) + self._unit
+        return self._with_unit(self.value)
 
     def __format__(self, spec: str) -> str:
         return str(self)
 
+    def _with_unit(self, text: str) -> str:
+        return f"{text} {unit_text(self.unit)}".rstrip()
+
+    @property
+    def value(self) -> str:
+        """The estimate, without unit."""
+        return number(self._value, self._spread)
+
     @property
     def interval(self) -> str:
         """The 95 % interval, without unit."""
-        low, high = (number(v, self._spread) for v in self._parameter.ci95)
-        return f"{low} to {high}"
+        return f"{number(self._low, self._spread)} to {number(self._high, self._spread)}"
 
     @property
     def nominal(self) -> str:
         """The nominal value with unit."""
-        return "its nominal value" if self._nominal is None else f"{self._nominal:.4g}{self._unit}"
+        if self._nominal is None:
+            return "its nominal value"
+        return self._with_unit(f"{self._nominal * self._scale:.4g}")
 
 
 def effect_name(effect: str) -> str:
@@ -119,8 +136,16 @@ _SIGNAL = re.compile(
 def with_signals(text: str) -> str:
     """A sentence with its signals, and what something depends on, called as people call them: "slew speed" for omega."""
     return _SIGNAL.sub(
-        lambda found: signal_name(found[1]), _DEPENDS.sub(lambda found: QUANTITIES[found[1]][0], text)
+        lambda found: signal_name(found[1]),
+        _DEPENDS.sub(lambda found: kind_of_motion(QUANTITIES[found[1]][0]), _MISSING.sub(_lacking, text)),
     )
+
+
+_MISSING = re.compile(r"(?<=a missing )(torque)(?= that depends on)")
+
+
+def _lacking(found: re.Match[str]) -> str:
+    return kind_of_motion(found[1])
 
 
 _DEPENDS = re.compile(
@@ -150,8 +175,8 @@ def signal_name(signal: str) -> str:
 
 def block_name(block: str) -> str:
     """A block as people call it; of several that are judged as one, all of them."""
-    names = block.split("+")
-    return current().blocks.get(block) or " + ".join(BLOCK_NAMES.get(name, name) for name in names)
+    own = current().blocks
+    return own.get(block) or " + ".join(own.get(n) or BLOCK_NAMES.get(n, n) for n in block.split("+"))
 
 
 def quantity(of: str) -> tuple[str, str, float]:
@@ -164,12 +189,15 @@ def quantity(of: str) -> tuple[str, str, float]:
 
 
 def kind_of_motion(text: str) -> str:
-    """Words about a turning machine, for a machine that moves along a line where this one does."""
-    if current().units.get("rad") != "m":
-        return text
-    for turning, linear in TURNING:
-        text = text.replace(turning, linear)
-    return text
+    """Words about the crane's slew, as they are said of another machine's axis, which may move along a line."""
+    lexicon = current()
+    pairs = (*(OTHER_AXIS if lexicon.blocks else ()), *(TURNING if lexicon.units.get("rad") == "m" else ()))
+    return replaced(text, pairs)
+
+
+def called(effect: str) -> str:
+    """An effect by the name that people know, on the machine at hand; its identifier where it has none."""
+    return kind_of_motion(NAMES.get(effect, effect))
 
 
 def listed(items: list[str]) -> str:

@@ -92,6 +92,21 @@ def test_a_cause_in_seven_lines():
     ]
 
 
+def test_no_gain_is_not_called_better():
+    slew = GAIN.model_copy(update={"rmse_after": 0.1634})
+    linear = LINEAR.model_copy(update={"rmse": 0.0801, "ci95_of_ratio": (1.7, 2.4)})
+    answer = empty_answer(
+        verdict="partly_explained", causes=[friction()], gain={"slew": slew}, linear={"slew": linear}
+    )
+    assert (
+        "Not better: error of the slew angle on data not used for fitting stays at 0.16 deg; the sensor's noise is "
+        "0.01 deg; a linear model leaves 0.08 deg: linear dynamics are missing"
+    ) in lines(answer, OUT)
+    open_ = linear.model_copy(update={"ci95_of_ratio": (0.9, 2.4)})
+    told = lines(answer.model_copy(update={"linear": {"slew": open_}}), OUT)
+    assert any(line.endswith("a linear model leaves 0.08 deg") for line in told)
+
+
 def test_a_changed_parameter_stands_beside_its_nominal_value():
     told = lines(empty_answer(causes=[named("mechanical.inertia", {"J": 900.0}, spread=0.01)]), OUT)
     assert (

@@ -1,15 +1,21 @@
+import math
 import string
 
 import pytest
 from report_helpers import empty_answer, named
 
 from cosim.diagnosis.answer.schema import SignalGain, Unexplained
+from cosim.lexicon import Lexicon, speaking
 from cosim.report.evidence import MAKERS
+from cosim.report.language import reported_in, said
 from cosim.report.material import Material, Noise, Part
 from cosim.report.words import (
     CAPTIONS,
     PHRASES,
     PHYSICAL,
+    axis,
+    block_name,
+    called,
     doubts,
     effect_in_block,
     few,
@@ -17,8 +23,10 @@ from cosim.report.words import (
     number,
     phrase,
     prose,
+    quantity,
     sentence,
     unit_text,
+    with_signals,
 )
 from cosim.rig import EFFECTS, Hidden
 from fmus import registry
@@ -99,6 +107,25 @@ def test_a_rest_above_the_noise_is_not_called_noise():
 def test_no_gain_is_not_called_a_gain():
     told = sentence(material(causes=[friction()], gain={"slew": gain(0.16, 0.17, 0.01)}))
     assert told.endswith("on data not used for fitting stays at 0.16 deg.")
+
+
+def test_another_machine_has_no_slew_and_a_line_no_torque():
+    coarse = named("sensor.quantisation", {"quantum": math.radians(2.5e-5)}, spread=0.01)
+    coarse.parameters["quantum"].unit = "m"
+    friction = "a missing torque that depends on omega explains 93% of it"
+    own = {"sensor": "sensor"}
+    assert called("sensor.quantisation") == "coarse steps of the slew sensor"
+    with speaking(Lexicon(blocks=own)):
+        assert called("sensor.quantisation") == "coarse steps of the sensor"
+        assert with_signals(friction) == "a missing torque that depends on speed explains 93% of it"
+        assert axis("measured slew speed", "deg/s") == "measured speed [deg/s]"
+    with speaking(Lexicon(blocks=own | {"mechanical": "axis"}, units={"rad": "m"})):
+        assert with_signals(friction) == "a missing force that depends on speed explains 93% of it"
+        assert quantity("theta")[0] == "position"
+        assert block_name("dcv+mechanical+sensor") == "valve + axis + sensor"
+        assert "in steps of 0.02500 mm (0.02" in sentence(material(causes=[coarse]))
+        with reported_in("de"):
+            assert said(called("sensor.quantisation")) == "grobe Stufen des Sensors"
 
 
 def test_an_adequate_model_is_said_to_agree():

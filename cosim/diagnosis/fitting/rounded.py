@@ -18,14 +18,17 @@ NEWTON_ROUNDS = 6  # of Newton's method for the offset of a window
 
 
 def beyond(residual: Array, step: float, rule: Whitener) -> Array:
-    """(n,) what of measured minus predicted (n,) lies beyond the step of the readings, each window at its best offset.
+    """(n,) what of measured minus predicted (n,) lies beyond the step of the readings, each window about its best offset.
+
+    The offset stays in it, as in any other residual: from window to window it says where the axis goes.
 
     Args:
         residual: measured minus predicted.
         step: of the readings, in the same unit.
         rule: windows of the residual; without free offsets it is taken as it is.
     """
-    return outside(placed(residual, step, rule), step)[0]
+    off = placed(residual, step, rule)
+    return outside(off, step)[0] + (residual - off)
 
 
 def placed(residual: Array, step: float, rule: Whitener) -> Array:

@@ -151,8 +151,10 @@ def onward(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near
     found = tried(known, effects, tolerance, near).fit
     task = Drifting(**{f.name: getattr(known, f.name) for f in fields(Task)})
     wanted, _ = unknowns(task.model, effects, tolerance)
+    # where a reading in steps lies within its step nobody knows: two windows, each off by up to half of one
+    coarse = task.steps.get(next(iter(task.rules)), 0.0) / np.sqrt(6.0)
     for _ in range(WALK_ROUNDS):
-        task.step = max(rms(task.walked(found.residuals)), 1e-300)
+        task.step = max(rms(task.walked(found.residuals)), coarse, 1e-300)
         found = fit(task, placed(wanted, found.values))
         if rms(task.walked(found.residuals)) > WALK_SETTLED * task.step or current().over:
             break
