@@ -1,8 +1,10 @@
 """What tests of several parts share: our packages and what takes long, made once for all processes of a run."""
 
+import gc
 import os
 import shutil
 import signal
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -44,6 +46,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     tests = Path(__file__).parent
     place = {name: i for i, name in enumerate(LONG)}
     items.sort(key=lambda item: place.get(item.path.relative_to(tests).as_posix(), len(LONG)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """What is collected lasts: it is not searched for garbage, neither now nor while the tests run."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")
@@ -115,6 +128,17 @@ def command(capsys):
             main([*map(str, words)])
         captured = capsys.readouterr()
         return stop.value.code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def finished(command):
+    """Runs the command line in this process: words -> what `subprocess.run` would say of it."""
+
+    def call(*words):
+        code, out, err = command(*words)
+        return subprocess.CompletedProcess(words, code, out, err)
 
     return call
 

@@ -5,9 +5,11 @@ second where it stands, what memory it has and whether it lives. What the loop h
 a child that dies leaves every value up to its last whole step.
 """
 
+import atexit
 import contextlib
 import json
 import math
+import multiprocessing
 import os
 import queue
 import shutil
@@ -37,6 +39,7 @@ from cosim.master.engine import pieces
 from cosim.master.host import Progress, Task
 from cosim.master.limits import Limits
 from cosim.master.modules import search_path
+from cosim.master.template import AVAILABLE, Forked, Template
 from cosim.ssp.system import System
 
 Array = NDArray[np.float64]
@@ -57,8 +60,23 @@ def _starter() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "cosim-children")
 
 
+_templates: list[Template] = []  # one at most
+
+
+def _in_a_fork() -> None:
+    _starter.cache_clear()  # a fork has no such thread
+    while _templates:
+        _templates.pop().forget()
+
+
+@atexit.register
+def _at_exit() -> None:
+    while _templates:
+        _templates.pop().end()
+
+
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_starter.cache_clear)  # a fork has no such thread
+    os.register_at_fork(after_in_child=_in_a_fork)
 
 
 class Apart:
@@ -79,7 +97,7 @@ class Apart:
         self.system, self.limits = system, limits
         self.messages: list[str] = []
         self.wall_time = 0.0
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: subprocess.Popen[bytes] | Forked | None = None
         self._order: tuple[str, ...] = ()
         self._first = 0
         self._base = 0
@@ -161,15 +179,7 @@ class Apart:
         self._said: deque[str] = deque(maxlen=3)
         self._order, self._first, self._grid = (), 0, np.zeros(1)
         self._within, self._begun = math.inf, 0.0
-        command = [
-            sys.executable,
-            "-c",
-            START,
-            json.dumps(search_path()),
-            str(os.getpid()),
-            str(self.limits.memory),
-        ]
-        self._process = _starter().submit(_started, command).result()
+        self._process = _starter().submit(_started, search_path(), self.limits.memory).result()
         assert self._process.stdout is not None
         self._lines: queue.Queue[bytes | None] = queue.Queue()
         threading.Thread(target=_read, args=(self._process.stdout, self._lines), daemon=True).start()
@@ -191,6 +201,9 @@ class Apart:
         if more == 0:
             with contextlib.suppress(psutil.Error):
                 self._base = psutil.Process(self._process.pid).memory_info().rss
+                if isinstance(self._process, Forked):  # what it shares counts as soon as it is touched
+                    whole = psutil.Process(self._process.template.pid).memory_info().rss
+                    self._base = max(self._base, whole)
         self._allowed = self._base + self.limits.memory * 2**20 + more
 
     def _send(self, *request: Any) -> None:
@@ -287,6 +300,8 @@ class Apart:
             else:
                 process.kill()
         process.wait()
+        if isinstance(process, Forked):
+            process.release()
         for stream in (process.stdin, process.stdout):
             if stream is not None:
                 with contextlib.suppress(OSError):
@@ -337,11 +352,26 @@ class _DeathError(Exception):
     """A child is no more; the text says why."""
 
 
-def _started(command: list[str]) -> "subprocess.Popen[bytes]":
+def _started(path: list[str], memory: float) -> "subprocess.Popen[bytes] | Forked":
+    """A new child with this search path, and a limit of its memory [MiB]."""
+    if AVAILABLE and multiprocessing.parent_process() is None:  # a process of a batch starts one child only
+        with contextlib.suppress(OSError):
+            return _template(path).fork(path, memory)
+    command = [sys.executable, "-c", START, json.dumps(path), str(os.getpid()), str(memory)]
     # its own session: Ctrl-C reaches the parent alone, and what the FMUs start can be ended with it
     return subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=os.name == "posix"
     )
+
+
+def _template(path: list[str]) -> Template:
+    """The process from which children are forked; another one where the environment is another."""
+    if _templates and _templates[0].serves:
+        return _templates[0]
+    while _templates:
+        _templates.pop().retire()
+    _templates.append(Template(path))
+    return _templates[0]
 
 
 def _read(stream: IO[bytes], lines: "queue.Queue[bytes | None]") -> None:

@@ -4,7 +4,6 @@ It gets pickled requests on stdin. What it answers is JSON, since an FMU may hav
 says is executed. Numbers go through a file that parent and child map.
 """
 
-import ctypes
 import json
 import os
 import pickle
@@ -20,12 +19,12 @@ from numpy.typing import NDArray
 from cosim.errors import CosimError
 from cosim.master import instance, marks
 from cosim.master.host import Host
+from cosim.master.template import end_with
 
 LENGTH = struct.Struct("<Q")
 MARKS, ROWS = "marks", "rows"  # files in the run's folder
 MOST_WORDS = 2000  # characters of one message of an FMU
 MOST_MESSAGES = 1000
-DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG
 # the parent ends a child at its limit; beyond this the system refuses what the parent is too slow for
 SPARE = 512.0  # MiB: tables of ours, compiled code
 SLACK = 1.25
@@ -119,9 +118,7 @@ def guard(parent: int, memory: float) -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform.startswith("linux"):
-        ctypes.CDLL(None).prctl(DEATH_OF_PARENT, signal.SIGKILL)
-        if os.getppid() != parent:
-            sys.exit()
+        end_with(parent)
     if sys.platform != "win32":
         import resource
 

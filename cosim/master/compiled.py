@@ -254,3 +254,14 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
         for r in range(len(t.recorded)):
             t.rows[k + 1, r] = t.values[t.recorded[r]]
     return last, -1, 0, 0
+
+
+def load() -> None:
+    """Load the loop from numba's cache, or compile it, before it is needed."""
+    kinds = {Array: np.float64, Index: np.int64, Flags: np.bool_, Singles: np.float32, int: int}
+    shapes = dict.fromkeys(("table", "rows", "setters", "getters"), (0, 0))
+    tables: dict[str, Any] = {
+        name: 0 if kind is int else np.zeros(shapes.get(name, (0,)), dtype=kinds[kind])
+        for name, kind in Tables.__annotations__.items()
+    }
+    advance(0, 0, 0.0, Tables(**tables))

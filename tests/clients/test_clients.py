@@ -91,7 +91,18 @@ def largest_difference(engine, found, expected, signals):
     return worst
 
 
-@pytest.mark.parametrize("system", list(SIGNALS))
+# every client runs the drive and the loop around it in every run, and each other system runs in one of them; the others
+# with the slow tests
+EVERYWHERE = ("full_order", "position_loop_observer")
+QUICK = {"physical": "fmpy", "full_order_extended": "ecos", "simplified": "libcosim", "position_loop": "fmpy"}
+AGREE = [
+    pytest.param(e, s, marks=() if s in EVERYWHERE or QUICK[s] == e else pytest.mark.slow, id=f"{e}-{s}")
+    for e in MODULES
+    for s in SIGNALS
+]
+
+
+@pytest.mark.parametrize(("engine", "system"), AGREE, indirect=["engine"])
 def test_system_agrees_with_the_blocks_under_the_master_s_scheme(engine, system, packages):
     signals = SIGNALS[system]
     found, _ = run_engine(engine, packages[system], steps=STEPS, h=H, signals=signals, timeout=120)

@@ -79,8 +79,18 @@ def by_us(package: Path) -> np.ndarray:
         return runner.run(STEPS * H, H, record=["plant.y"])["plant.y"]
 
 
-@pytest.mark.parametrize("kind", ["python", "native"])
-@pytest.mark.parametrize("engine", list(MODULES))
+# each client and each kind of FMU in every run, all pairs with the slow tests
+QUICK = {"fmpy": "python", "ecos": "native", "libcosim": "python"}
+
+
+@pytest.mark.parametrize(
+    ("engine", "kind"),
+    [
+        pytest.param(e, k, marks=() if QUICK[e] == k else pytest.mark.slow)
+        for e in MODULES
+        for k in ("python", "native")
+    ],
+)
 def test_the_effect_in_the_wire_acts_in_every_client(engine, kind, packages):
     if importlib.util.find_spec(MODULES[engine]) is None:
         pytest.skip(f"{MODULES[engine]} is not installed: pip install 'slew-cosim[clients]'")

@@ -34,7 +34,7 @@ def test_nothing_is_named_where_nothing_is_wrong() -> None:
     assert found().causes == []
 
 
-@pytest.mark.parametrize("seed", [89, 90, 91, 92])
+@pytest.mark.parametrize("seed", [89, *(pytest.param(s, marks=pytest.mark.slow) for s in (90, 91, 92))])
 def test_the_clock_is_not_fitted_to_slow_noise_of_the_sensor(seed: int) -> None:
     noise = Noise(scale=1.4, kind="ar1", correlation_time=0.05)
     run = make_log("small_steps", 60.0, seed=seed, tracker=True, noise=noise)

@@ -112,7 +112,7 @@ def test_a_changed_table_is_read_again(unpacked, tmp_path) -> None:
 
 def test_an_instance_leaves_next_to_nothing_behind(fmu_files) -> None:
     """pythonfmu keeps every class it finds; were it a new one for each instance, that would be 160 kB each."""
-    command = [sys.executable, "benchmarks/instances.py", "--count", "400", "--json"]
+    command = [sys.executable, "benchmarks/instances.py", "--count", "150", "--json"]
     done = subprocess.run(
         [*command, "--fmu", str(fmu_files["mechanical"])],
         cwd=HERE.parents[1],

@@ -44,15 +44,22 @@ def heavier(tmp_path_factory):
     return write_ssp(folder / "full_order.ssd", folder.parent / "heavier.ssp", open=True)
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Where the limits of the nominal model are written once; as deep as a test's own folder, for the paths in it."""
+    return tmp_path_factory.mktemp("made") / "checks"
+
+
 @pytest.fixture
-def file(run, log, tmp_path):
+def file(run, log, made, tmp_path):
     """Limits of the nominal model."""
-    path = tmp_path / "checks" / "cosim-check.toml"
-    path.parent.mkdir()
-    code, out, err = run("check", path, "--add", log, "--no-cause")
-    assert code == 0, err
-    assert f"written: {path}" in out
-    return path
+    path = made / "cosim-check.toml"
+    if not path.exists():
+        made.mkdir()
+        code, out, err = run("check", path, "--add", log, "--no-cause")
+        assert code == 0, err
+        assert f"written: {path}" in out
+    return shutil.copytree(made, tmp_path / "checks") / path.name
 
 
 def test_limits_are_written_with_a_margin_and_kept(run, file, log):

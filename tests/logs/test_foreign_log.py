@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -49,12 +47,14 @@ def german(rig, write):
     return write("\n".join([head, *lines]) + "\n", "messung.csv", encoding="cp1252")
 
 
-def cosim(*words):
-    command = [sys.executable, "-m", "cosim", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=120, cwd=TOP)
+@pytest.fixture
+def cosim(finished, monkeypatch):
+    """Runs the command line in this process."""
+    monkeypatch.chdir(TOP)
+    return finished
 
 
-def test_a_german_log_is_shown_guessed_and_read(german, rig):
+def test_a_german_log_is_shown_guessed_and_read(cosim, german, rig):
     shown = cosim("info", german, "--plot")
     assert shown.returncode == 0, shown.stderr
     first = "samples, 3 s at 1000 a second, no gap; time is 'Zeit (ms)' in ms; 6 of 8 columns look like signals of the crane"
@@ -76,7 +76,7 @@ def test_a_german_log_is_shown_guessed_and_read(german, rig):
     assert cosim("init", german).returncode == 2, "a mapping is not written over"
 
 
-def test_columns_as_json_and_a_model_by_option(german):
+def test_columns_as_json_and_a_model_by_option(cosim, german):
     facts = json.loads(cosim("info", german, "--json").stdout)
     assert facts["kind"] == "log with other columns"
     assert {name: g["column"] for name, g in facts["guesses"].items()} == {
@@ -88,7 +88,7 @@ def test_columns_as_json_and_a_model_by_option(german):
     assert load_log(german, out).model == "simplified"
 
 
-def test_every_message_about_columns_names_the_command(german, write):
+def test_every_message_about_columns_names_the_command(cosim, german, write):
     for text in ("time [s],slew\n0,1\n1,2\n", "slew [deg]\n1\n2\n", "time [s],u [deg]\n0,1\n1,2\n"):
         path = write(text, "a.csv")
         with pytest.raises(ColumnsError, match=re.escape(f"'cosim init {path}'")):
@@ -170,7 +170,7 @@ def test_the_unit_of_a_clock_without_one(step, unit, write):
     assert "# CHECK: steps of" in mapping_text(found, guesses(found), "full_order")
 
 
-def test_gaps_and_text_are_shown_and_do_not_stop_anything(write):
+def test_gaps_and_text_are_shown_and_do_not_stop_anything(cosim, write):
     rows = [f"{k / 100},{k % 3},{'auto' if k < 50 else 'hand'}" for k in range(100) if k not in (40, 41, 42)]
     path = write("time,angle,mode\n" + "\n".join(rows) + "\n")
     found = overview(path)
@@ -219,7 +219,7 @@ def test_words_and_units():
     assert set(NAMES) <= set(SIGNALS)
 
 
-def test_init_needs_a_log(tmp_path):
+def test_init_needs_a_log(cosim, tmp_path):
     done = cosim("init", tmp_path / "a.ssp")
     assert (done.returncode, "name the log too" in done.stderr) == (2, True)
 
@@ -264,7 +264,7 @@ def test_columns_without_names_are_told_by_how_they_move(write, nameless, head):
     assert all(guess.check for guess in made.values())
 
 
-def test_a_file_without_a_header_is_mapped_by_place(write, nameless):
+def test_a_file_without_a_header_is_mapped_by_place(cosim, write, nameless):
     path = write(rows(nameless), "export.csv")
     shown = cosim("info", path)
     assert shown.returncode == 0, shown.stderr
@@ -313,7 +313,7 @@ def test_a_level_that_is_held_while_the_machine_moves_is_no_zero(write, servo):
     assert guesses(overview(write("t,Swing Cmd,Swing angle\n" + rows(servo))))["u"].zero == 0.0
 
 
-def test_init_makes_a_machine_of_its_own(write, servo):
+def test_init_makes_a_machine_of_its_own(cosim, write, servo):
     path = write("t,Swing Cmd,Swing angle\n" + rows(servo))
     done = cosim("init", path, "--machine")
     assert done.returncode == 0, done.stderr
@@ -326,7 +326,7 @@ def test_init_makes_a_machine_of_its_own(write, servo):
     assert (refused.returncode, "--machine makes a model of its own" in refused.stderr) == (2, True)
 
 
-def test_init_makes_a_machine_of_a_cylinder(write, servo):
+def test_init_makes_a_machine_of_a_cylinder(cosim, write, servo):
     """A valve's voltage and the positions of two cylinders, one as it was asked for: the one that its valve moves counts."""
     boom = 100.0 * servo[:, 2]  # mm: 80 mm/s at full command
     table = np.column_stack([servo[:, :2], 0.5 * boom[::-1], boom + 3.0, boom])
@@ -343,7 +343,7 @@ def test_init_makes_a_machine_of_a_cylinder(write, servo):
     assert made.diagnose["units"]["kg.m2"].endswith("s2/m"), "a mass as a command that moves it"
 
 
-def test_init_makes_a_machine_of_a_motor(write, servo):
+def test_init_makes_a_machine_of_a_motor(cosim, write, servo):
     """A motor whose speed is read: no angle, no sensor of one, and the command rests where the speed is none."""
     speed = np.gradient(servo[:, 2], servo[:, 0]) * 60 / (2 * np.pi)
     path = write(
@@ -446,7 +446,7 @@ def test_the_travel_of_the_crane_is_not_that_of_another_machine(write, tmp_path)
     assert warned == [True, False]
 
 
-def test_a_log_of_which_nothing_is_known_ends_with_what_to_do(write):
+def test_a_log_of_which_nothing_is_known_ends_with_what_to_do(cosim, write):
     path = write(
         "t,qm,vir\n"
         + rows(np.column_stack([np.arange(50) / 100, *np.random.default_rng(3).normal(size=(2, 50))]))

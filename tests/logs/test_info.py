@@ -1,5 +1,6 @@
-"""``cosim info``, run as a program: stdout and exit codes are what a caller sees."""
+"""``cosim info``: stdout and exit codes are what a caller sees."""
 
+import functools
 import json
 import subprocess
 import sys
@@ -9,12 +10,19 @@ import pytest
 from log_files import TOP, csv_text, full_log_columns
 
 
-def run(*words):
+@pytest.fixture
+def run(finished, monkeypatch):
+    """Runs ``cosim info`` in this process."""
+    monkeypatch.chdir(TOP)
+    return functools.partial(finished, "info")
+
+
+def run_as_a_program(*words):
     command = [sys.executable, "-m", "cosim", "info", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=120, cwd=TOP)
 
 
-def test_a_log_as_json(write):
+def test_a_log_as_json(run, write):
     columns = {**full_log_columns(), ("synthetic", "1"): [1.0] * 400, ("torque", "N.m"): [0.0] * 400}
     path = write(csv_text(columns))
     result = run(path, "--json")
@@ -41,7 +49,7 @@ def test_a_whole_csv_is_read_without_pandas(write):
     assert done.stdout.strip() == "False", "its import is a quarter of the time of a short command"
 
 
-def test_a_log_for_people(write):
+def test_a_log_for_people(run, write):
     result = run(write(csv_text({**full_log_columns(), ("torque", "N.m"): [0.0] * 400})))
     assert result.returncode == 0, result.stderr
     first, *rest = result.stdout.splitlines()
@@ -52,7 +60,7 @@ def test_a_log_for_people(write):
     assert "warning: ignored columns: 'torque [N.m]'" in result.stderr
 
 
-def test_a_tracker_and_a_mapping(write):
+def test_a_tracker_and_a_mapping(run, write):
     text = "t;phi\n" + "".join(f"{k / 80};{k / 100}\n" for k in range(20))
     mapping = '[time]\ncolumn = "t"\nunit = "s"\n[signals.slew_external]\ncolumn = "phi"\nunit = "rad"\n'
     result = run(write(text), "--mapping", write(mapping, "map.toml"), "--json")
@@ -63,7 +71,7 @@ def test_a_tracker_and_a_mapping(write):
 
 
 def test_a_bad_log_gives_exit_code_3_and_one_json_object(write):
-    result = run(write("time [s],slew [deg]\n0,1\n1,x\n2,3\n"), "--json")
+    result = run_as_a_program(write("time [s],slew [deg]\n0,1\n1,x\n2,3\n"), "--json")
     assert result.returncode == 3
     assert "row 3, column 'slew [deg]': 'x' is not a number" in json.loads(result.stdout)["error"]
     assert "Traceback" not in result.stderr
@@ -82,7 +90,7 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-def test_a_component(tmp_path):
+def test_a_component(run, tmp_path):
     path = tmp_path / "valve.fmu"
     with zipfile.ZipFile(path, "w") as package:
         package.writestr("modelDescription.xml", DESCRIPTION)
@@ -127,7 +135,7 @@ SCHEDULED = """<?xml version="1.0" encoding="UTF-8"?>
         ),
     ],
 )
-def test_every_interface_type_of_a_component_is_said(tmp_path, interfaces, told):
+def test_every_interface_type_of_a_component_is_said(run, tmp_path, interfaces, told):
     path = tmp_path / "clocked.fmu"
     with zipfile.ZipFile(path, "w") as package:
         package.writestr("modelDescription.xml", SCHEDULED % interfaces)
@@ -137,7 +145,7 @@ def test_every_interface_type_of_a_component_is_said(tmp_path, interfaces, told)
     assert ("export it for co-simulation" in facts["next"]) == ("co-simulation" not in told)
 
 
-def test_a_system_of_ours_is_found_by_its_name(tmp_path, monkeypatch):
+def test_a_system_of_ours_is_found_by_its_name(run, tmp_path, monkeypatch):
     monkeypatch.setenv("COSIM_BUILD", str(tmp_path))
     result = run("full_order")
     assert result.returncode == 3
@@ -151,7 +159,7 @@ def test_a_system_of_ours_is_found_by_its_name(tmp_path, monkeypatch):
     assert json.loads(run("full_order", "--json").stdout)["kind"] == "ssp"
 
 
-def test_ignored_columns_that_look_like_signals_are_said(write):
+def test_ignored_columns_that_look_like_signals_are_said(run, write):
     """Of a log in which one column happens to be called as ours, nobody is sent to a diagnosis without its command."""
     columns = full_log_columns()
     renamed = {
@@ -171,7 +179,7 @@ def test_ignored_columns_that_look_like_signals_are_said(write):
     assert "one of ours.csv' writes these guesses" in said or 'one of ours.csv" writes these guesses' in said
 
 
-def test_a_system_package(tmp_path):
+def test_a_system_package(run, tmp_path):
     path = tmp_path / "crane.ssp"
     with zipfile.ZipFile(path, "w") as package:
         package.writestr("SystemStructure.ssd", "<x/>")
@@ -182,7 +190,7 @@ def test_a_system_package(tmp_path):
 @pytest.mark.parametrize(
     ("suffix", "message"), [("ssp", "not a readable zip"), ("fmu", "not a readable zip")]
 )
-def test_files_that_are_not_what_they_say(write, suffix, message):
+def test_files_that_are_not_what_they_say(run, write, suffix, message):
     result = run(write("1,2\n3,4\n", f"bad.{suffix}"))
     assert result.returncode == 3
     assert message in result.stderr

@@ -42,9 +42,25 @@ def nominal(name):
     return material_of(make_log("steps", 5.0, [], seed=3), []).nominal(name)
 
 
+@cache
+def hidden(effect):
+    """A log with the effect in it, made once for all claims about it."""
+    return begun(effect)
+
+
+def begun(effect, **options):
+    return make_log("mixed", 30.0, [Hidden(effect)], seed=3, tracker=needs_tracker(effect), **options)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _logs_go():
+    yield
+    hidden.cache_clear()
+
+
 def made(effect, scale=1.0, **options):
     """Material of a log with the effect in it, its parameters claimed to be `scale` times their true deviation."""
-    run = make_log("mixed", 30.0, [Hidden(effect)], seed=3, tracker=needs_tracker(effect), **options)
+    run = begun(effect, **options) if options else hidden(effect)
     values = {}
     for name, value in Hidden(effect).numbers().items():
         short = name.partition(".")[2]

@@ -113,8 +113,8 @@ def test_an_interval_is_held_against_the_truth():
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_every_out_of_library_fault_changes_what_is_measured(name):
-    cases = [c for c in map(draw_out_of_library, range(40)) if name in c.hidden]
-    assert max(shown(case)[name] for case in cases) > 5.0
+    cases = (c for c in map(draw_out_of_library, range(40)) if name in c.hidden)
+    assert any(shown(case)[name] > 5.0 for case in cases)
 
 
 def test_an_out_of_library_fault_is_to_be_called_unexplained_in_its_block():

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.inference.pieces import by_piece
@@ -209,7 +209,7 @@ def chance_of(gained: float, used: int, level: float, spare: int) -> float:
     """Probability that `used` free parameters explain this much of noise of a `level` known from `spare` values."""
     if not used or level <= 0.0:
         return 1.0
-    return float(f_distribution.sf(gained / used / level, used, max(spare, 1)))
+    return float(fdtrc(used, max(spare, 1), max(gained, 0.0) / used / level))
 
 
 def again(matrix: Array, target: Array, window: NDArray[np.int64]) -> float:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
-from scipy.stats import f as f_distribution
+from scipy.ndimage import median_filter
+from scipy.special import fdtrc
 
 from cosim.diagnosis.thresholds import (
     EVENT_EDGE,
@@ -84,7 +85,7 @@ def burst(white: Array, interval: float, skip: float = 0.0) -> Event:
             ratio = energy / ((high - low) * level)
             at = int(np.argmax(ratio))
             freedom = INDEPENDENT_VALUES * (high - low)
-            p_value = float(f_distribution.sf(ratio[at], freedom, INDEPENDENT_VALUES * (row.size - piece)))
+            p_value = float(fdtrc(freedom, INDEPENDENT_VALUES * (row.size - piece), ratio[at]))
             if p_value >= best.p_value:
                 continue
             first, last = stretch_of(ratio > 1.0 + EVENT_EDGE * np.sqrt(2.0 / freedom), at)
@@ -160,14 +161,13 @@ def line(white: Array, interval: float) -> Event:
     power = np.mean(np.abs(np.fft.rfft(white * taper, axis=1)[:, 1:]) ** 2, axis=0)
     # of what the whitening could not flatten a smooth part may remain: compare with the neighbourhood
     reach = 12
-    padded = np.pad(power, reach, mode="reflect")
-    around = np.array([np.median(padded[i : i + 2 * reach + 1]) for i in range(power.size)])
+    around = median_filter(power, 2 * reach + 1, mode="mirror")
     freedom = INDEPENDENT_OF_LINE * 2.0 * windows
     around /= 1.0 - 2.0 / (9.0 * 2.0 * windows) * 3.0  # median of a chi-square against its mean
     ratio = power / np.maximum(around, LEAST_LOCAL_NOISE * float(taper @ taper))
     # fewer periods in a window are slow noise as well, and what free functions took of it has thinned the rest
     at = LINE_PERIODS - 1 + int(np.argmax(ratio[LINE_PERIODS - 1 :]))
-    one = float(f_distribution.sf(ratio[at], freedom, freedom * reach))
+    one = float(fdtrc(freedom, freedom * reach, ratio[at]))
     frequency = (at + 1) / (bins * interval)
     gain = windows * (ratio[at] - 1.0 - float(np.log(max(ratio[at], 1e-300))))
     return Event(min(1.0, one * power.size), float(gain), float(ratio[at]), frequency, frequency)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import detrend
 from scipy.signal.windows import dpss
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from cosim.diagnosis.residuals.local import NO_EVENT, Event
 from cosim.diagnosis.thresholds import (
@@ -67,7 +67,7 @@ def slow_oscillation(residual: Array, motions: Sequence[Array], interval: float,
     # a motion that is itself an oscillation there leaves nothing to tell the two apart by
     ratio = np.where(power > OFF_THE_MOTION * float(pure @ pure), explained / left, 0.0)
     at = int(np.argmax(ratio))
-    p_value = float(f_distribution.sf(ratio[at] * freedom, 2, 2 * freedom))
+    p_value = float(fdtrc(2, 2 * freedom, ratio[at] * freedom))
     amplitude = 2.0 * float(np.abs(size[at]))
     others = max(float(np.mean(detrend(residual) ** 2)) - 0.5 * amplitude**2, 1e-300)
     frequency = float(frequencies[asked][at])
