@@ -48,6 +48,7 @@ class Child:
             os.dup2(nothing.fileno(), 0)
         os.dup2(2, 1)
         self.said = 0
+        self.own = os.getpid()
         self.host: Host | None = None
 
     def receive(self) -> Any:
@@ -58,7 +59,9 @@ class Child:
         return pickle.loads(self.requests.read(LENGTH.unpack(head)[0]))
 
     def answer(self, **content: Any) -> None:
-        """Write one answer."""
+        """Write one answer; the copy of this process that an FMU may have made with fork() ends instead of a second one."""
+        if os.getpid() != self.own:
+            os._exit(1)
         self.answers.write(json.dumps(content).encode() + b"\n")
         self.answers.flush()
 
