@@ -244,6 +244,7 @@ def stepper(
     """
     done = {} if done is None else done
     searched = {key_of(t.effects): t.fit for t in listed_trials(finding)}
+    quiet = held.record.rounding(signal) ** 2
 
     def judged(effects: tuple[Effect, ...], near: Fit) -> Step:
         model, rule = finding.task.model, finding.task.rules[signal]
@@ -259,7 +260,18 @@ def stepper(
             or not worth_naming(trial, e, model, tolerance)
             or cannot_be(e, sizes_in(fit_, e), model, torque)
         )
-        square, squares = squares_of(finding, held, signal, effects, fit_, tolerance, anew)
+        if held.in_turn:
+            each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
+            spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
+            # each log counts as much; few logs are cut into as many parts as make an interval
+            count = -(-FEWEST_PARTS // len(each))
+            own = [np.maximum(mean_squares(e, count, anew), quiet) for e in each]
+            square = np.concatenate(own)
+            squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
+        else:
+            gone = errors(finding, fit_, held.record)[signal][held.first :]
+            cuts = tuple(c - held.first for c in held.record.cuts)
+            square = squares = np.maximum(parts_of(gone, rule, anew, cuts), quiet)
         placed = model.group.integrates and not anew
         error = float(np.sqrt(np.mean(square)))
         return Step(effects, fit_, fitted, error, unsure, squares, placed)
@@ -280,48 +292,19 @@ def stepper(
     return step
 
 
-def squares_of(
-    finding: Finding,
-    held: Held,
-    signal: str,
-    effects: tuple[Effect, ...],
-    fit_: Fit,
-    tolerance: float,
-    walked: bool,
-) -> tuple[Array, Array]:
-    """(parts,) mean squares of a fit's error on held-out data, SI, and the same as they count in a `Step`."""
-    model, rule, anew = finding.task.model, finding.task.rules[signal], finding.task.model.group.drifts
-    quiet = held.record.rounding(signal) ** 2
-    if not held.in_turn:
-        gone = errors(finding, fit_, held.record)[signal][held.first :]
-        cuts = tuple(c - held.first for c in held.record.cuts)
-        square = np.maximum(parts_of(gone, rule, anew, cuts), quiet)
-        return square, square
-    each = left_out_errors(finding, effects, fit_, signal, tolerance, walked)
-    spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
-    # each log counts as much; few logs are cut into as many parts as make an interval
-    count = -(-FEWEST_PARTS // len(each))
-    own = [np.maximum(mean_squares(e, count, anew), quiet) for e in each]
-    return np.concatenate(own), np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
-
-
 def predicts_better(held: Held, tolerance: float, done: Steps) -> Judge:
     """What held-out data say of two sets while causes are looked for; `done` as `stepper` takes it."""
+    apart: Steps = {}
 
     def better(task: Task, null: Trial, one: Trial, other: Trial) -> bool:
         signal = next((s for s in task.measured if s in held.record.signals), "")
         if not signal or task.model.group.drive not in held.record.signals:
             return True  # nothing is said against it
-        if not task.model.group.drifts:
-            step = stepper(Finding(task, null, one, [other]), held, signal, tolerance, done)
-            new, old = (step(tuple(e for e in t.effects if e.name not in SAMPLED)) for t in (one, other))
-            return new.gain_over(old).sure
-        # of an axis that drifts the fit in windows predicts the windows of other data as well as another one would
-        richer, poorer = (
-            squares_of(Finding(task, null, t), held, signal, t.effects, t.fit, tolerance, False)[1]
-            for t in (one, other)
-        )
-        return gain_of_errors(richer, poorer).sure
+        # of an axis that drifts a fit depends on what the noise is held to be meanwhile
+        known = apart if task.model.group.drifts else done
+        step = stepper(Finding(task, null, one, [other]), held, signal, tolerance, known)
+        new, old = (step(tuple(e for e in t.effects if e.name not in SAMPLED)) for t in (one, other))
+        return new.gain_over(old).sure
 
     return better
 
