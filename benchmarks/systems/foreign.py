@@ -25,7 +25,7 @@ from benchmarks.systems.truth import Hidden, Wire, read
 Array = NDArray[np.float64]
 NOISE = 0.01  # of a reading's spread
 LIMIT = 300.0  # s for one run of fmpy
-ROUNDS = 20  # of outputs handed on before a run begins; no system has so many components in a row
+START_ROUNDS = 20  # of outputs handed on before a run begins; no system has so many components in a row
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -142,7 +142,7 @@ def step_by_fmpy(spec: Mapping[str, Any], series: Mapping[str, Array]) -> dict[s
     # what is handed straight on goes through all components before time runs; effects with a memory have none yet
     begun = {name: values[0] for name, values in series.items()}
     now = get(deepcopy(at))
-    for _ in range(ROUNDS):
+    for _ in range(START_ROUNDS):
         put({**now, **begun}, deepcopy(at))
         before, now = now, get(deepcopy(at))
         if now == before:

@@ -20,9 +20,8 @@ _COMMAND = (
     r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
     r"|sterow|duty|\bpwm\b"
 )
-_REFERENCE = (
-    r"\bref\b|referen|\btarget\b|\bsoll|desired|demand|\bset\b"  # what was asked for, not what was measured
-)
+# what was asked for, not what was measured
+_REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|demand|\bset\b"
 _ANGLE = r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
 NAMES: dict[str, str] = {
     "slew_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
@@ -43,9 +42,8 @@ _SPEED = r"speed|velocity|\bvel\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|
 _NO_MOTION = (
     rf"{_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_PRESSURE}|spool|schieber|valve|ventil|torque|moment|force|kraft"
 )
-MOTIONS: dict[
-    str, tuple[str, tuple[str, ...]]
-] = {  # what another machine's axis may show instead of an angle; its units
+# what another machine's axis may show instead of an angle, and its units
+MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "travel": (rf"^(?=.*({_POSITION}))(?!.*({_NO_MOTION}|{_RATE}))", ("m",)),
     "speed": (rf"^(?=.*({_SPEED}))(?!.*({_NO_MOTION}))", ("rad/s", "m/s")),
 }

@@ -137,16 +137,14 @@ def with_signals(text: str) -> str:
     """A sentence with its signals, and what something depends on, called as people call them: "slew speed" for omega."""
     return _SIGNAL.sub(
         lambda found: signal_name(found[1]),
-        _DEPENDS.sub(lambda found: kind_of_motion(QUANTITIES[found[1]][0]), _MISSING.sub(_lacking, text)),
+        _DEPENDS.sub(
+            lambda found: kind_of_motion(QUANTITIES[found[1]][0]),
+            _MISSING.sub(lambda lacking: kind_of_motion(lacking[0]), text),
+        ),
     )
 
 
-_MISSING = re.compile(r"(?<=a missing )(torque)(?= that depends on)")
-
-
-def _lacking(found: re.Match[str]) -> str:
-    return kind_of_motion(found[1])
-
+_MISSING = re.compile(r"(?<=a missing )torque(?= that depends on)")
 
 _DEPENDS = re.compile(
     rf"(?<=that depends on )({'|'.join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))})(?= explains|,)"

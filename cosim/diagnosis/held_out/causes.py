@@ -189,10 +189,10 @@ def refuse(
         tolerance: trust in the nominal parameters.
         done: sets judged already, in an earlier search of this group; it grows.
     """
-    signal = next((s for s in finding.task.measured if s in held.record.signals), "")
+    signal = compared(finding.task, held)
     finding = preferred(finding, tolerance)
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
-    if not signal or finding.task.model.group.drive not in held.record.signals:
+    if not signal:
         return finding, [], finding.chosen.effects
     step = stepper(finding, held, signal, tolerance, done)
     losses = {e.name: loss(finding, e, tolerance) for e in waiting}
@@ -217,6 +217,13 @@ def refuse(
     if not refused and not current().over:
         refused = outdone(finding, at, step, signal)
     return finding, refused, at.effects
+
+
+def compared(task: Task, held: Held) -> str:
+    """The group's signal that held-out data judge; empty where they do not have it, or not what drives the group."""
+    if task.model.group.drive not in held.record.signals:
+        return ""
+    return next((s for s in task.measured if s in held.record.signals), "")
 
 
 def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
@@ -297,8 +304,8 @@ def predicts_better(held: Held, tolerance: float, done: Steps) -> Judge:
     apart: Steps = {}
 
     def better(task: Task, null: Trial, one: Trial, other: Trial) -> bool:
-        signal = next((s for s in task.measured if s in held.record.signals), "")
-        if not signal or task.model.group.drive not in held.record.signals:
+        signal = compared(task, held)
+        if not signal:
             return True  # nothing is said against it
         # of an axis that drifts a fit depends on what the noise is held to be meanwhile
         known = apart if task.model.group.drifts else done

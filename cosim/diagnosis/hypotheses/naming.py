@@ -52,9 +52,8 @@ from cosim.diagnosis.thresholds import (
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
-Judge = Callable[
-    [Task, Trial, Trial, Trial], bool
-]  # task, null, one, other: does one predict other data surely better?
+# of task, null, one and other: whether the one predicts other data surely better
+Judge = Callable[[Task, Trial, Trial, Trial], bool]
 
 
 def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: float) -> bool:
