@@ -16,6 +16,7 @@ ROOM = (
     256  # datagrams read a slot, and kept; more is a flood, whose rest stays with the system, which drops it
 )
 FLOOD = 10  # datagrams more than are due in a slot, above which it is called flooded
+BUFFER = 1 << 20  # bytes that the system is asked to keep: about a second of samples, while we pause
 STALE = 100  # slots without a usable datagram after which the link counts as down
 LATE = 20  # slots in which none was empty or late, after which nothing makes up for an empty one any more
 AHEAD = 2  # datagrams that may have come before their slot, as where we woke late or the other clock jitters
@@ -110,6 +111,8 @@ class Link:
         self._size, self._waiting = size, deque[bytes](maxlen=ROOM)
         try:
             self.socket.setblocking(False)
+            with contextlib.suppress(OSError):  # then it keeps as much as it does by itself
+                self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
             self.socket.bind(address)
             self.peer = None if peer is None else _resolved(*peer, "--peer", family)[1]
             self._given = self.peer is not None
@@ -133,10 +136,10 @@ class Link:
         self.socket.close()
 
     def drain(self, due: int = 1) -> int:
-        """Reads what has come, at most `ROOM` datagrams, where so many are `due`; returns how many good ones wait."""
+        """Reads what has come, where so many are `due`; returns how many good ones wait, at most `ROOM`."""
         counts, waiting, size = self.counts, self._waiting, self._size
-        number = 0
-        while number < ROOM:
+        number, room = 0, ROOM - len(waiting)
+        while number < room:
             try:
                 payload, sender = self.socket.recvfrom(size + 1)
             except BlockingIOError:

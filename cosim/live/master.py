@@ -145,6 +145,11 @@ class Master:
                 self.lateness.add(late)
                 behind = pace.behind()
                 if (reason := stop()) is not None:
+                    # what came before the word to stop belongs on the log, however late we are
+                    for _ in range(max(0, int(behind)) + 1):
+                        if not self._link.drain(int(behind) + 2):
+                            break
+                        self.tick(overdue=True, due=int(behind) + 2)
                     return reason
                 if count >= end:
                     return "duration"

@@ -185,3 +185,19 @@ def test_two_cannot_listen_on_one_port(command) -> None:
         code, _, error = command("live", "--listen", other.getsockname()[1])
     assert code == 2
     assert "choose another --listen or --bind" in " ".join(error.split())
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no such signal here")
+def test_what_comes_while_the_process_stands_still_is_received(side, tmp_path) -> None:
+    """Longer than the system keeps by itself; the word to end comes meanwhile."""
+    master = side("--out", tmp_path / "m.csv")
+    first, _ = fed(master.address, 0.3)
+    master.process.send_signal(signal.SIGSTOP)
+    second, _ = fed(master.address, 0.45)
+    master.process.send_signal(signal.SIGTERM)
+    master.process.send_signal(signal.SIGCONT)
+    told = master.end()
+    counts = told["datagrams"]
+    assert counts["received"] == counts["used"] == first + second
+    slew = load_log(tmp_path / "m.csv")["slew"]
+    assert len(slew) == told["slots"] >= first + second
