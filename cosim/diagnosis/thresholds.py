@@ -210,6 +210,13 @@ UNSEEN_LIMIT: Annotated[
     "the data say nothing of a limit beyond the signal's extreme",
     "blind suite as a whole, not by itself",
 ] = 1.0
+PASSED_BY_CHANCE: Annotated[
+    float,
+    "probability",
+    "probability with which noise alone carries a reading as far beyond a limit as makes it none",
+    "a limit holds every reading; one in a thousand logs may be wronged",
+    "not measured by itself",
+] = 1e-3
 NEAR_STOP: Annotated[
     float,
     "share of the way",

@@ -5,12 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.limits import Passed, passed
 from cosim.diagnosis.found import Cause, Diagnosis
 from cosim.diagnosis.model.groups import left_out
-from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.rig import make_log
 from cosim.rig.write import as_log
+from fmus import registry
 
+MACHINE = our_machine("full_order")
 START = {"mechanical.theta_0": np.radians(15.0)}
 
 
@@ -19,6 +25,32 @@ def found(hidden: str, excitation: str = "steps", without: tuple[str, ...] = ())
     return diagnose(
         dataclasses.replace(log, signals={n: v for n, v in log.signals.items() if n not in without})
     )
+
+
+@pytest.mark.parametrize("gives_way", [0.0, 0.5])
+def test_a_limit_that_other_readings_pass_is_none(gives_way: float) -> None:
+    """By more than the fitted ones pass it: a stop is no wall, and a sensor has noise."""
+    fitted, other = (
+        prepare(as_log(make_log("steps", 20.0, ["mechanical.end_stop"], seed=seed, settings=START)), MACHINE)
+        for seed in (7, 8)
+    )
+    task = task_for(next(g for g in MACHINE.groups if g.name == "mechanical"), fitted, [])
+    stop = registry.effects()["mechanical.end_stop"]
+    end = np.radians(16.0 - gives_way)
+    limits = {"mechanical.theta_max": end, "mechanical.theta_min": np.radians(11.9)}
+    fit = Fit(limits, dict.fromkeys(limits, 1e-5), 0.0, 0, {}, np.empty((0, 0)))
+
+    def beyond(by: float) -> list[Passed]:
+        """Of a log that goes on for an angle [deg] beyond the stop."""
+        slew = other.signals["slew"]
+        shift = np.where(slew > np.radians(15.9), np.radians(by), 0.0)
+        return passed(task, stop, fit, {"slew": slew + shift})
+
+    assert fitted.signals["slew"].max() > np.radians(15.98)
+    assert beyond(0.0) == []
+    (found,) = beyond(1.0)
+    assert (found.signal, found.limit, found.rate) == ("slew", end, False)
+    assert np.degrees(found.reading) == pytest.approx(17.0, abs=0.1)
 
 
 def only(told: Diagnosis) -> Cause:

@@ -139,6 +139,14 @@ def turned_down(item: Refused) -> RefusedCause:
             f"in place of {item.instead} it explains the fitted data alike ({item.gain:+.1f} in log-likelihood, less the "
             f"price of its parameters), but {error}"
         )
+    elif item.passed:
+        beyond = item.passed[0]
+        unit, scale = shown(beyond.signal)
+        unit += "/s" if beyond.rate else ""
+        why = (
+            f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but held-out readings pass the limit: "
+            f"{beyond.signal} reaches {beyond.reading * scale:.4g} {unit}, and it would end at {beyond.limit * scale:.4g}"
+        )
     elif not item.sure:
         why = (
             f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but taken as a whole these do not determine "

@@ -2,12 +2,16 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
+from cosim.compare.metrics import noise_floor
 from cosim.diagnosis.fitting.fit import Fit, Task
-from cosim.diagnosis.thresholds import UNSEEN_LIMIT
+from cosim.diagnosis.thresholds import PASSED_BY_CHANCE, UNSEEN_LIMIT
+from cosim.inference.pieces import Cuts
 from fmus.contract import Effect, Free
 
 Array = NDArray[np.float64]
@@ -15,6 +19,21 @@ Array = NDArray[np.float64]
 MET = (1.0, 0.99)  # of the extreme of what was measured: there or just below it a limit that was met lies
 ANGLES = ("theta", "slew")  # outputs whose zero is arbitrary
 PREDICTED = (0.99, 0.95)  # the same of what the model predicts without the limit
+
+
+class Passed(NamedTuple):
+    """A limit that readings pass.
+
+    Attributes:
+        signal: what was measured.
+        limit, reading: where the fit has it, and the farthest reading, SI; of a rate limit, rates.
+        rate: it limits the signal's rate.
+    """
+
+    signal: str
+    limit: float
+    reading: float
+    rate: bool
 
 
 def reached(
@@ -48,6 +67,42 @@ def measured_by(task: Task, effect: Effect, free: Free) -> str:
     """The measured signal that shows what a parameter limits; empty where none does."""
     signal = task.model.group.shows(effect.component, free.limits) if free.limits else ""
     return signal if signal in task.measured else ""
+
+
+def passed(
+    task: Task, effect: Effect, found: Fit, readings: Mapping[str, Array], cuts: Cuts = ()
+) -> list[Passed]:
+    """Limits that readings of other data pass: there is none where the fit has it.
+
+    By more than the fitted data themselves pass it (a stop gives way, a sensor has noise), and by more than chance.
+
+    Args:
+        task: the fitted data.
+        effect: the effect.
+        found: a fit with it.
+        readings: name -> (n,) of the other data, SI.
+        cuts: first sample of each log but the first of them.
+    """
+    beyond: list[Passed] = []
+    for parameter, free in effect.free.items():
+        signal, name = measured_by(task, effect, free), f"{effect.component}.{parameter}"
+        if signal not in readings or name not in found.values:
+            continue
+        own, rule = limited(task, effect, free, found.values), task.rules[signal]
+        other = replace(rule, skip=0, cuts=cuts).windows(readings[signal])
+        noise = noise_floor(readings[signal], task.model.h)
+        if free.rate:
+            interval = rule.bins * task.model.h
+            other, noise = np.abs(np.diff(other, axis=1)) / interval, np.sqrt(2.0) * noise / interval
+        if own is None or not other.size:
+            continue
+        side, limit = np.copysign(1.0, free.starts[0]), found.values[name]
+        given_way = max(0.0, float(np.max(side * own)) - side * limit)
+        chance = norm.isf(PASSED_BY_CHANCE / other.size) * np.hypot(noise, found.deviations.get(name, 0.0))
+        farthest = float(np.max(side * other))
+        if farthest - side * limit > given_way + chance:
+            beyond.append(Passed(signal, float(limit), float(side * farthest), free.rate))
+    return beyond
 
 
 def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] | None) -> Array | None:

@@ -16,6 +16,7 @@ from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.limits import Passed, passed
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import (
     QUICK_ROUNDS,
@@ -104,6 +105,7 @@ class Refused:
         sure: the whole fitting log determines its size.
         instead: the named cause in whose place it would stand, if it explains the fitting log as well as that.
         in_fitted: the errors are those of a free run over the fitted log.
+        passed: its limits that held-out readings pass.
     """
 
     effect: Effect
@@ -115,6 +117,7 @@ class Refused:
     sure: bool = True
     instead: str = ""
     in_fitted: bool = False
+    passed: tuple[Passed, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -126,8 +129,8 @@ class Step:
         fit: with them.
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
-        unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, or
-            of which two make up for each other.
+        unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, of
+            which two make up for each other, or limits that held-out readings pass.
         squares: (parts,) mean square of the error in each part of the held-out data, SI, at least that of the sensor's
             rounding: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
             signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
@@ -204,8 +207,12 @@ def refuse(
     refused = []
     for effect in (e for e in waiting if e.name not in kept):
         with_it = step(widened(finding, at.effects, effect))
-        gain = losses[effect.name]
-        refused.append(Refused(effect, group, signal, gain, at.held, with_it.held, with_it.sure))
+        beyond = tuple(passed_in(held, finding.task, effect, with_it.fit))
+        refused.append(
+            Refused(
+                effect, group, signal, losses[effect.name], at.held, with_it.held, with_it.sure, passed=beyond
+            )
+        )
     if current().over:  # what is kept has not been held against all that could be left out
         current().leave_out(group, "some of its causes on the held-out data")
     finding = replace(
@@ -217,6 +224,15 @@ def refuse(
     if not refused and not current().over:
         refused = outdone(finding, at, step, signal)
     return finding, refused, at.effects
+
+
+def passed_in(held: Held, task: Task, effect: Effect, found: Fit) -> list[Passed]:
+    """Limits of an effect that readings of the held-out data pass (`passed`)."""
+    record, first = held.record, held.first
+    if held.in_turn:  # they are the fitted ones
+        return []
+    readings = {n: v[first:] for n, v in record.signals.items()}
+    return passed(task, effect, found, readings, tuple(c - first for c in record.cuts))
 
 
 def compared(task: Task, held: Held) -> str:
@@ -266,6 +282,7 @@ def stepper(
             if e.name in apart
             or not worth_naming(trial, e, model, tolerance)
             or cannot_be(e, sizes_in(fit_, e), model, torque)
+            or passed_in(held, finding.task, e, fit_)
         )
         if held.in_turn:
             each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
