@@ -136,6 +136,7 @@ class Step:
             signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
             where the machine stands, and `fitted` and `held` are of the same.
         placed: the parts are those of one run of an axis whose place counts.
+        above: larger sets by whose removal of causes this one was reached: each is known to be about as good.
     """
 
     effects: tuple[Effect, ...]
@@ -145,6 +146,7 @@ class Step:
     unsure: tuple[str, ...] = ()
     squares: Array = field(default_factory=lambda: np.zeros(1), repr=False)
     placed: bool = False
+    above: tuple["Step", ...] = field(default=(), repr=False)
 
     @property
     def sure(self) -> bool:
@@ -157,8 +159,11 @@ class Step:
 
     def about_as_good(self, other: "Step") -> bool:
         """True if another set is not clearly better on held-out data, or by so little that nobody would mind."""
-        more = other.gain_over(self).gain / min(other.squares.size, MOST_BLOCKS)
-        return more < np.log(AS_WELL) or not other.clearly_better(self)
+        return not (other.noticeably_better(self) and other.clearly_better(self))
+
+    def noticeably_better(self, other: "Step") -> bool:
+        """True if held-out data are predicted better by more than nobody would mind, be it by chance."""
+        return self.gain_over(other).gain / min(self.squares.size, MOST_BLOCKS) >= np.log(AS_WELL)
 
     def gain_over(self, other: "Step") -> HeldOutGain:
         """What this set gains on held-out data over another."""
@@ -202,6 +207,8 @@ def refuse(
     at = balanced(finding, step(waiting), waiting, step, losses)
     if len(at.effects) < len(waiting):  # some that were left out may help with fewer beside them
         at = least([at, balanced(finding, step(()), waiting, step, losses)])
+    if done is not None:
+        done[key_of(at.effects)] = at  # with what stands above it
     kept = {e.name for e in at.effects}
     group = finding.task.model.group.name
     refused = []
@@ -243,8 +250,9 @@ def compared(task: Task, held: Held) -> str:
 
 
 def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
-    """What an effect of a set gains on held-out data beside the others."""
-    return at.gain_over(step(tuple(e for e in at.effects if e != effect)))
+    """What is lost on held-out data where an effect is left out of a set: over this set, or one above it that is surer."""
+    fewer = step(tuple(e for e in at.effects if e != effect))
+    return max((s.gain_over(fewer) for s in (at, *at.above)), key=lambda gain: gain.ci95[0])
 
 
 def loss(finding: Finding, effect: Effect, tolerance: float) -> float:
@@ -328,7 +336,7 @@ def predicts_better(held: Held, tolerance: float, done: Steps) -> Judge:
         known = apart if task.model.group.drifts else done
         step = stepper(Finding(task, null, one, [other]), held, signal, tolerance, known)
         new, old = (step(tuple(e for e in t.effects if e.name not in SAMPLED)) for t in (one, other))
-        return new.gain_over(old).sure
+        return new.noticeably_better(old)
 
     return better
 
@@ -481,7 +489,8 @@ def reconsider(
             told[other.name] = [effect.name]
     if taken != chosen.effects:
         marked = tuple(e for e in taken if e.name in SAMPLED)
-        after = shrunk(finding, step(tuple(e for e in taken if e.name not in SAMPLED)), step, {})
+        begin = step(tuple(e for e in taken if e.name not in SAMPLED))
+        after = shrunk(finding, replace(begin, above=(*at.above, at)), step, {})
         if not after.about_as_good(at):  # what is likelier by itself costs another cause its size
             return replace(finding, rivals=listed, undecided=kept_apart), chosen.effects
         taken = (*after.effects, *marked)
@@ -597,33 +606,30 @@ def pairs(
 def shrunk(
     finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], losses: Mapping[str, float]
 ) -> Step:
-    """The set without what held-out data do not bear out, or with something simpler in its place.
+    """The smallest set, down from one, that is not clearly worse on held-out data than any on the way to it.
 
-    Each effect that is left is clearly borne out beside the others. On the way lie sets whose sizes are unsure: what they
-    lead to must not be clearly worse than the last one that was sure. Nor may it be clearly worse than an earlier one of
-    which each effect is borne out, where one simpler in its place was no loss and that one then went.
+    An effect stays if the set without it, or with something simpler in its place, is clearly worse than one of them. So
+    effects that help together only stay together, though none of them is sure by itself, and what goes by small steps
+    goes no further than one step might have. On the way lie sets whose sizes are unsure: nothing is held against those.
+    (Of a model confidence set the simplest; Hansen, Lunde and Nason, Econometrica 79, 2011.)
     """
-    passed = [at] if at.sure else []
+    passed = [*at.above, at] if at.sure else [*at.above]
     while at.effects and not current().over:
-        smaller = next_smaller(finding, at, step, losses)
-        if smaller is None or (smaller.sure and passed and passed[-1].clearly_better(smaller)):
+        smaller = next_smaller(finding, at, step, losses, passed)
+        if smaller is None or (smaller.sure and any(s.clearly_better(smaller) for s in passed)):
             break
         at = smaller
         if at.sure:
-            better = [s for s in passed if s.clearly_better(at) and all_borne(s, step)]
-            if better:
-                return better[-1]
             passed.append(at)
-    return passed[-1] if passed else at
-
-
-def all_borne(at: Step, step: Callable[[tuple[Effect, ...]], Step]) -> bool:
-    """True if held-out data bear out each effect of a set beside the others."""
-    return all(borne(at, effect, step).sure for effect in at.effects)
+    return replace(passed[-1], above=tuple(passed[:-1])) if passed else at
 
 
 def next_smaller(
-    finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], losses: Mapping[str, float]
+    finding: Finding,
+    at: Step,
+    step: Callable[[tuple[Effect, ...]], Step],
+    losses: Mapping[str, float],
+    passed: Sequence[Step],
 ) -> Step | None:
     """A set with an effect less, or a simpler one in its place, that held-out data do not speak against; None without one.
 
@@ -637,7 +643,7 @@ def next_smaller(
     for effect in in_order:
         for effects in narrowed(finding, at.effects, effect):
             fewer = step(effects)
-            if at.clearly_better(fewer):
+            if any(s.clearly_better(fewer) for s in passed):
                 continue
             if fewer.sure:
                 return fewer
