@@ -7,9 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cosim.diagnosis.answer.remarks import turned_down
 from cosim.diagnosis.extension.estimate import vanished
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.limits import Passed
 from cosim.diagnosis.fitting.trials import Trial
 from cosim.diagnosis.held_out import causes as held_out
 from cosim.diagnosis.held_out.causes import (
@@ -40,6 +42,7 @@ from fmus.contract import Effect
 COULOMB, STRIBECK, BACKLASH = (
     registry.effects()[f"mechanical.{name}"] for name in ("coulomb_friction", "stribeck_friction", "backlash")
 )
+STOP = registry.effects()["mechanical.end_stop"]
 CRACKING = registry.effects()["continuity.cracking_pressure"]
 # all that is asked of a finding here is which candidates there are
 MECHANICS = SimpleNamespace(
@@ -90,8 +93,8 @@ def test_two_that_help_together_only_stay(begin: tuple[Effect, ...]) -> None:
     assert kept(errors, begin, COULOMB, BACKLASH, CRACKING) == {COULOMB.name, BACKLASH.name}
 
 
-def test_each_cause_that_is_kept_is_borne_out_beside_the_others() -> None:
-    """Two are clearly better than none, but without either of them no window tells for sure: neither is named."""
+def test_what_goes_by_small_steps_goes_no_further_than_one_step_might() -> None:
+    """Two are clearly better than none, either alone is clearly neither worse than both nor better than none: one stays."""
     rng = np.random.default_rng(3)
     noise = rng.normal(size=(2, 24))
     noise = (noise - noise.mean(axis=1, keepdims=True)) / noise.std(axis=1, keepdims=True)
@@ -105,10 +108,14 @@ def test_each_cause_that_is_kept_is_borne_out_beside_the_others() -> None:
     assert not step(named).clearly_better(step((COULOMB,)))
     assert not step((COULOMB,)).clearly_better(step(()))
     assert step(named).clearly_better(step(()))
-    assert balanced(MECHANICS, step(named), named, step, {}).effects == ()  # type: ignore[arg-type]
+    found = balanced(MECHANICS, step(named), named, step, {COULOMB.name: 1.0})  # type: ignore[arg-type]
+    assert found.effects == (COULOMB,)
+    # what decided: the two against none
+    assert borne(found, COULOMB, step) == step(named).gain_over(step(()))
+    assert borne(found, COULOMB, step).sure
 
 
-def test_a_cause_does_not_go_by_way_of_a_simpler_one_in_its_place() -> None:
+def test_a_cause_does_not_go_where_a_simpler_one_in_its_place_is_about_as_good() -> None:
     """Coulomb friction is hardly worse than Stribeck friction, none hardly worse than Coulomb, but clearly than Stribeck."""
     rng = np.random.default_rng(3)
     noise = rng.normal(size=(2, 24))
@@ -122,7 +129,7 @@ def test_a_cause_does_not_go_by_way_of_a_simpler_one_in_its_place() -> None:
     assert not step((STRIBECK,)).clearly_better(step((COULOMB,)))
     assert not step((COULOMB,)).clearly_better(step(()))
     found = balanced(MECHANICS, step((STRIBECK,)), (STRIBECK,), step, {})  # type: ignore[arg-type]
-    assert found.effects == (STRIBECK,)
+    assert found.effects == (COULOMB,)
 
 
 @pytest.mark.parametrize(("fuller", "expected"), [(4.98, COULOMB), (4.0, STRIBECK)])
@@ -272,12 +279,12 @@ def stepper_of(monkeypatch, refitted, rounding: float = 0.0, searched: tuple[Tri
     model = SimpleNamespace(group=replace(MODELS["full_order"][2], absolute=("slew",)), cuts=(), stages=())
     rule = SimpleNamespace(bins=1, window=6)
     finding = SimpleNamespace(
-        task=SimpleNamespace(model=model, rules={"slew": rule}),
+        task=SimpleNamespace(model=model, rules={"slew": rule}, measured={}),
         chosen=Trial((COULOMB, BACKLASH), FIT, 0),
         single=list(searched[:1]),
         rivals={COULOMB.name: list(searched[1:])},
     )
-    record = SimpleNamespace(cuts=(), rounding=lambda _: rounding)
+    record = SimpleNamespace(cuts=(), rounding=lambda _: rounding, signals={})
     return stepper(finding, Held(record, 0), "slew", 0.01)  # type: ignore[arg-type]
 
 
@@ -290,6 +297,18 @@ def test_a_machine_that_stands_does_not_decide(monkeypatch) -> None:
 
     step = stepper_of(monkeypatch, refitted, rounding=1e-4)
     assert step((COULOMB,)).gain_over(step((COULOMB, BACKLASH))).gain == 0.0
+
+
+def test_a_limit_that_held_out_readings_pass_is_not_sure(monkeypatch) -> None:
+    def refitted(finding, effects, tolerance, near):
+        return replace(FIT, residuals={"slew": np.ones(48)})
+
+    step = stepper_of(monkeypatch, refitted)
+    beyond = Passed("slew", 0.3, 0.4, False)
+    monkeypatch.setattr(held_out, "passed", lambda task, effect, *_: [beyond] if effect is STOP else [])
+    assert step((STOP, COULOMB)).unsure == (STOP.name,)
+    told = turned_down(Refused(STOP, "mechanical", "slew", 5.0, 1.0, 0.5, False, passed=(beyond,)))
+    assert told.why.endswith("pass the limit: slew reaches 22.92 deg, and it would end at 17.19")
 
 
 def test_a_set_that_the_search_has_fitted_is_judged_from_there(monkeypatch) -> None:

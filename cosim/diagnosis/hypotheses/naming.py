@@ -361,7 +361,8 @@ def least_error(
                 more = believed([pair for one in near for pair in joined_by(one)])
             if more is None:
                 break
-            chosen = swapped(task, more, candidates, tolerance)
+            # few values count here: whether what pays its price is sure is asked later
+            chosen = swapped(task, more, candidates, tolerance, worth)
             if better is not None:
                 proven, in_vain = (chosen, 0) if better(task, null, chosen, proven) else (proven, in_vain + 1)
             if in_vain == IN_VAIN:
@@ -512,8 +513,23 @@ def with_signatures(trial: Trial, seen: list[Signature]) -> Trial:
     return Trial(trial.effects, fit_, trial.price)
 
 
-def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance: float) -> Trial:
-    """Exchange or drop single effects of a set of two or more while that pays."""
+def swapped(
+    task: Task,
+    chosen: Trial,
+    candidates: tuple[Effect, ...],
+    tolerance: float,
+    worth: Callable[[Trial], float] | None = None,
+) -> Trial:
+    """Exchange or drop single effects of a set of two or more while that pays.
+
+    Args:
+        task: data, model and noise.
+        chosen: the set.
+        candidates: the effects.
+        tolerance: trust in the nominal parameters.
+        worth: of a set, where not its score counts; what does not pay its price then goes, and not all that is not sure.
+    """
+    worth, sure = (lambda t: t.score, NAMING_GAIN) if worth is None else (worth, 0.0)
     while len(chosen.effects) > 1 and not current().over:
         sets: list[tuple[Effect, ...]] = []
         for out in chosen.effects:
@@ -525,9 +541,9 @@ def swapped(task: Task, chosen: Trial, candidates: tuple[Effect, ...], tolerance
             lost = chosen.fit.log_likelihood - fewer.fit.log_likelihood
             needed = lost if tolerance >= CALIBRATED_TRUST else 0.0
             sets += [kept, *((*kept, e) for e in promising(task, fewer, free, tolerance, needed))]
-        best = next(iter(tried_all(task, sets, tolerance, chosen.fit)), chosen)
+        best = max(tried_all(task, sets, tolerance, chosen.fit), key=worth, default=chosen)
         dropped = len(best.effects) < len(chosen.effects)
-        if best.score > chosen.score + (-NAMING_GAIN if dropped else 1.0):
+        if worth(best) > worth(chosen) + (-sure if dropped else 1.0):
             chosen = best
         else:
             break
