@@ -44,25 +44,26 @@ BETTER = "on data held out a linear model"  # with what is not clear enough to b
 
 @dataclass(frozen=True)
 class Case:
-    """One log held out.
+    """One log held out, or several.
 
     Attributes:
         machine, axis: what the case belongs to; names are compared from log to log of one axis.
         mapping: name of the mapping's file.
         fit: logs that are fitted, below the folder of the data.
-        held: the log held out; empty where the mapping holds out a part of the only log.
+        held: the logs held out; none where the mapping holds out a part of the only log.
     """
 
     machine: str
     axis: str
     mapping: str
     fit: tuple[str, ...]
-    held: str = ""
+    held: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
         """Unambiguous, for people."""
-        return f"{self.axis}: {' + '.join(Path(f).stem for f in self.fit)} -> {Path(self.held).stem or 'its own end'}"
+        fit, held = (" + ".join(Path(f).stem for f in files) for files in (self.fit, self.held))
+        return f"{self.axis}: {fit} -> {held or 'its own end'}"
 
 
 @dataclass
@@ -87,7 +88,7 @@ class Row:
     machine: str
     axis: str
     fit: list[str]
-    held: str
+    held: list[str]
     unit: str = ""
     verdict: str = ""
     before: float | None = None
@@ -108,7 +109,7 @@ class Row:
     @property
     def name(self) -> str:
         """As of its case."""
-        return Case(self.machine, self.axis, "", tuple(self.fit), self.held).name
+        return Case(self.machine, self.axis, "", tuple(self.fit), tuple(self.held)).name
 
     @property
     def worse(self) -> bool:
@@ -123,14 +124,31 @@ class Row:
         return self.extended <= WORSE * self.linear or self.linear_missing
 
 
-def excavator(together: bool) -> Iterator[Case]:
-    """Each duty held out, fitted on all others of the same axis, direction, pose and coupling, or on the nearest one."""
-    groups: dict[str, dict[str, str]] = defaultdict(dict)
+Motion = tuple[str, str, str, str]  # axis, direction, pose, coupling
+
+
+def excavator_logs() -> dict[Motion, dict[str, str]]:
+    """The logs of each motion of the excavator: duty -> file below the folder of the data."""
+    groups: dict[Motion, dict[str, str]] = defaultdict(dict)
     for file in sorted((DATA / "excavator").glob("*.csv")):
         axis, direction, duty, pose, coupling = file.stem.split("-")
-        groups[f"{axis}-{direction}-{pose}-{coupling}"][duty] = f"excavator/{file.name}"
-    for group, logs in groups.items():
-        axis, direction = group.split("-")[:2]
+        groups[axis, direction, pose, coupling][duty] = f"excavator/{file.name}"
+    return groups
+
+
+def other_poses() -> Iterator[Case]:
+    """All duties of one pose or load fitted, all those of the other held out: only together they show a valve's curve."""
+    logs = excavator_logs()
+    for (axis, direction, pose, coupling), fitted in logs.items():
+        held = logs.get((axis, direction, "L" if pose == "H" else "H", coupling), {})
+        if coupling == "single" and held:
+            fit, other = tuple(fitted.values()), tuple(held.values())
+            yield Case("excavator", f"{axis} {direction}, all", f"excavator_{axis}.toml", fit, other)
+
+
+def excavator(together: bool) -> Iterator[Case]:
+    """Each duty held out, fitted on all others of the same axis, direction, pose and coupling, or on the nearest one."""
+    for (axis, direction, *_), logs in excavator_logs().items():
         for duty, held in logs.items():
             others = [other for other in DUTIES if other != duty and other in logs]
             if not others:
@@ -138,7 +156,7 @@ def excavator(together: bool) -> Iterator[Case]:
             # of two that are as near the faster motion shows less of the drive, so the slower one is fitted
             near = min(others, key=lambda o: (abs(int(o) - int(duty)), int(o)))
             fit = tuple(logs[o] for o in (others if together else [near]))
-            yield Case("excavator", f"{axis} {direction}", f"excavator_{axis}.toml", fit, held)
+            yield Case("excavator", f"{axis} {direction}", f"excavator_{axis}.toml", fit, (held,))
 
 
 def mini_excavator() -> Iterator[Case]:
@@ -146,7 +164,9 @@ def mini_excavator() -> Iterator[Case]:
     logs = sorted(f"mini_excavator/{file.name}" for file in (DATA / "mini_excavator").glob("*.csv"))
     for k, held in enumerate(logs):
         for axis in AXES:
-            yield Case("mini excavator", f"mini {axis}", f"mini_excavator_{axis}.toml", (logs[k - 1],), held)
+            yield Case(
+                "mini excavator", f"mini {axis}", f"mini_excavator_{axis}.toml", (logs[k - 1],), (held,)
+            )
 
 
 def cases(together: bool) -> list[Case]:
@@ -159,11 +179,11 @@ def cases(together: bool) -> list[Case]:
             "actuator_forest_crane.toml",
             ("actuator_forest_crane/actuator.mat",),
         ),
-        Case("EMPS", "EMPS", "emps.toml", (emps[0],), emps[1]),
-        Case("EMPS", "EMPS", "emps.toml", (emps[1],), emps[0]),
+        Case("EMPS", "EMPS", "emps.toml", (emps[0],), (emps[1],)),
+        Case("EMPS", "EMPS", "emps.toml", (emps[1],), (emps[0],)),
     ]
-    found = [*one, *mini_excavator(), *excavator(together)]
-    return [c for c in found if all((DATA / f).is_file() for f in (*c.fit, c.held or c.fit[0]))]
+    found = [*one, *mini_excavator(), *excavator(together), *other_poses()]
+    return [c for c in found if all((DATA / f).is_file() for f in (*c.fit, *c.held))]
 
 
 def stratified(found: Sequence[Case], count: int) -> list[Case]:
@@ -179,7 +199,8 @@ def command(case: Case, budget: str, out: str) -> list[str]:
     """What a user would type behind ``cosim``."""
     words = ["diagnose", *(str(DATA / f) for f in case.fit)]
     words += ["--mapping", str(MAPPINGS / case.mapping), "--calibrate", "--json", "--out", out]
-    words += ["--held-out", str(DATA / case.held)] if case.held else []
+    for held in case.held:
+        words += ["--held-out", str(DATA / held)]
     return words + (["--budget", budget] if budget else [])
 
 
@@ -192,7 +213,7 @@ def run(case: Case, budget: str, limit: float, program: Sequence[str] = PROGRAM)
         limit: s after which the process is asked to end, and later killed.
         program: what stands for ``cosim``.
     """
-    row = Row(case.machine, case.axis, list(case.fit), case.held, budget=budget, version=version())
+    row = Row(case.machine, case.axis, list(case.fit), list(case.held), budget=budget, version=version())
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder:
         child = subprocess.Popen(
@@ -328,7 +349,7 @@ def cells(row: Row) -> tuple[str, ...]:
     return (
         row.axis,
         fitted,
-        Path(row.held).stem or "its own end",
+        ", ".join(Path(f).stem for f in row.held) or "its own end",
         f"{error(row.before)} {row.unit}".strip(),
         error(row.after),
         error(row.linear),

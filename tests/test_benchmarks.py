@@ -64,14 +64,26 @@ def excavator(tmp_path, monkeypatch):
 
 
 def test_each_duty_is_held_out_once(excavator):
-    together = {Path(c.held).stem[8:10]: [Path(f).stem[8:10] for f in c.fit] for c in excavator.cases(True)}
+    together = {
+        Path(c.held[0]).stem[8:10]: [Path(f).stem[8:10] for f in c.fit] for c in excavator.cases(True)
+    }
     assert together == {
         "50": ["70", "90"],
         "70": ["50", "90"],
         "90": ["50", "70"],
     }  # the arm has one log only
-    one = {Path(c.held).stem[8:10]: [Path(f).stem[8:10] for f in c.fit] for c in excavator.cases(False)}
+    one = {Path(c.held[0]).stem[8:10]: [Path(f).stem[8:10] for f in c.fit] for c in excavator.cases(False)}
     assert one == {"50": ["70"], "70": ["50"], "90": ["70"]}
+
+
+def test_all_duties_of_one_pose_are_held_against_those_of_the_other(excavator, tmp_path):
+    for name in ("boom-up-50-H-single", "boom-up-50-H-coupled", "arm-in-50-L-coupled"):
+        (tmp_path / "excavator" / f"{name}.csv").touch()
+    found = {
+        tuple(Path(f).stem for f in c.fit): [Path(f).stem for f in c.held] for c in excavator.other_poses()
+    }
+    low = tuple(f"boom-up-{duty}-L-single" for duty in (50, 70, 90))
+    assert found == {low: ["boom-up-50-H-single"], ("boom-up-50-H-single",): list(low)}
 
 
 def test_an_interrupted_run_goes_on(excavator, tmp_path, monkeypatch):
@@ -86,7 +98,7 @@ def test_an_interrupted_run_goes_on(excavator, tmp_path, monkeypatch):
         if len(ran) == 1 and not file.with_suffix(".again").exists():
             raise KeyboardInterrupt
         ran.append(case.name)
-        row = excavator.Row(case.machine, case.axis, list(case.fit), case.held, cpu=10.0 * len(ran))
+        row = excavator.Row(case.machine, case.axis, list(case.fit), list(case.held), cpu=10.0 * len(ran))
         excavator.read(row, json.loads(printed[len(ran) - 1]))
         return row
 

@@ -113,6 +113,25 @@ def test_a_search_ends_where_the_data_that_judge_it_gain_nothing_more(
     assert (found({2}), steps) == (2, [(1, 0), (2, 0), (3, 2), (4, 2)])
 
 
+def test_where_few_values_count_what_pays_its_price_stays(
+    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An effect that takes nine tenths away gains less there than naming asks for: that is asked later."""
+    task, null, candidates = mechanical(pair)
+    left = {2: -1.0, 1: -9.0}
+
+    def tried(_: Task, effects: tuple[Effect, ...], *__: object) -> Trial:
+        return Trial(effects, replace(null.fit, log_likelihood=left[len(effects)]), 0)
+
+    monkeypatch.setattr(naming, "tried_all", lambda task, sets, *_: [tried(task, one) for one in sets])
+    monkeypatch.setattr(naming, "without", lambda task, chosen, out, *_: tried(task, chosen.effects[1:]))
+    monkeypatch.setattr(naming, "promising", lambda *_: [])
+    both = tried(task, candidates[:2])
+    assert len(naming.swapped(task, both, candidates, CALIBRATED_TRUST).effects) == 1
+    kept = naming.swapped(task, both, candidates, CALIBRATED_TRUST, lambda t: t.fit.log_likelihood)
+    assert kept is both
+
+
 def test_the_other_end_of_the_travel_is_sought_though_one_was_found(pair: tuple[Record, Group]) -> None:
     record, group = pair
     task = task_for(group, record, [])

@@ -320,10 +320,11 @@ def least_error(
         task.set_rules({s: broad(rule, trial.fit.residuals[s]) for s, rule in task.rules.items()})
 
     def worth(trial: Trial) -> float:
-        # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price
+        # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price, and the odds
         count = max(-2.0 * chosen.fit.log_likelihood, 2.0)
         left = float(np.log(max(-2.0 * trial.fit.log_likelihood, 1e-300)))
-        return -0.5 * count * left - 0.5 * trial.price * float(np.log(count))
+        odds = sum(effect.prior for effect in trial.effects)
+        return -0.5 * count * left - 0.5 * trial.price * float(np.log(count)) + odds
 
     def believed(options: list[Trial]) -> Trial | None:
         # the best by far may be one whose size nobody knows
