@@ -234,7 +234,7 @@ WINDOWS_LEFT: Annotated[
 IN_VAIN: Annotated[
     int,
     "effects",
-    "effects one after the other that make nothing surely better on held-out data, after which no more is looked for",
+    "effects one after the other that make nothing noticeably better on held-out data, after which no more is looked for",
     "some help together only: a friction and a load, a valve's damping and a flow taken up by the load",
     "22 real logs: as good as without (0.40 of the error left in the median), processor time 39 -> 24 s in the median, 108 -> 52 s at most",
 ] = 2

@@ -185,7 +185,7 @@ def refuse(
     """A finding as held-out data see it, its causes that do not help on them, and what is kept of it.
 
     A cause is kept if without it the error on held-out data is larger by more than the choice of these data may have made
-    (95 %), and if the whole fitting log determines its size.
+    (95 %), that of the set or of one passed on the way to it (`shrunk`), and if the whole fitting log determines its size.
     Because some help together only (friction and a limit of the stroke bend the same curve at its two ends), causes are
     taken in one by one from none and left out one by one from all, and the better end counts. Of a cause that holds
     another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler. A rival that explains

@@ -52,7 +52,7 @@ from cosim.diagnosis.thresholds import (
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
-# of task, null, one and other: whether the one predicts other data surely better
+# of task, null, one and other: whether the one predicts other data noticeably better
 Judge = Callable[[Task, Trial, Trial, Trial], bool]
 
 
@@ -311,7 +311,7 @@ def least_error(
     its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
     counts as white noise, as few independent values as its correlation allows. Where no single effect is sure, pairs are
     tried with the likeliest: an end of the travel shows only once the machine moves at the right speed. A search may begin
-    with a set of effects that is known to hold, and ends where `IN_VAIN` steps have made nothing surely better on the data
+    with a set of effects that is known to hold, and ends where `IN_VAIN` steps have made nothing noticeably better on the data
     that judge it.
     """
     known, chosen = task.rules, null
