@@ -26,12 +26,14 @@ lag = "?"
 LAG, GAIN = 0.05, 200.0  # s; rad/s at full command
 
 
-def motor(folder: Path, unit: str = "rad/s", more: str = "", lag: float = LAG) -> tuple[Path, Log]:
+def motor(
+    folder: Path, unit: str = "rad/s", more: str = "", lag: float = LAG, interval: float = 2e-3
+) -> tuple[Path, Log]:
     """The mapping and a log of a motor of first order with a rocking command (synthetic)."""
-    t = np.arange(0.0, 20.0, 2e-3)
+    t = np.arange(0.0, 20.0, interval)
     u = np.sin(2.0 * np.pi * 0.5 * t) + 0.3 * np.sin(2.0 * np.pi * 3.1 * t)
     w = np.zeros_like(t)
-    keep = np.exp(-2e-3 / lag)
+    keep = np.exp(-interval / lag)
     for k in range(1, t.size):
         w[k] = keep * w[k - 1] + (1.0 - keep) * GAIN * u[k - 1]
     file = folder / "log.csv"
@@ -51,6 +53,30 @@ def test_an_output_in_a_unit_of_speed_is_one(tmp_path: Path, unit: str, size: fl
     assert made.numbers.speed == pytest.approx(GAIN * size, rel=0.02)
     assert 'startConnector="omega" endConnector="speed"' in made.ssd.read_text()
     assert made.sizes.speed == pytest.approx(1.2 * GAIN * size, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("lag", "interval", "shown"),
+    [(0.01, 1e-3, 1e-3), (0.05, 2e-3, 5e-3), (0.05, 8e-3, 8e-3), (0.4, 2e-3, 15e-3)],
+)
+def test_blocks_of_which_nothing_is_said_stay_below_what_the_log_shows(
+    tmp_path: Path, lag: float, interval: float, shown: float
+) -> None:
+    """Valve and oil add less than a sample or a tenth of the machine's own lag, and no less than a slow log needs."""
+    values = made_for(*motor(tmp_path, lag=lag, interval=interval), folder=tmp_path / "made").numbers.values
+    added = 2.0 * values["dcv.zeta"] / values["dcv.w0"] + values["continuity.T"]
+    assert added == pytest.approx(shown, rel=0.15)
+    assert values["dcv.w0"] * values["continuity.T"] == pytest.approx(1.0, rel=1e-3), "both alike"
+
+
+def test_blocks_of_which_something_is_said_stay_as_they_are(tmp_path: Path) -> None:
+    mapping, log = motor(tmp_path, lag=0.01, interval=1e-3)
+    mapping.write_text(
+        mapping.read_text() + '[machine.parameters]\n"dcv.w0" = "50 rad/s"\n"continuity.T" = "20 ms"\n',
+        encoding="utf-8",
+    )
+    values = made_for(mapping, log, folder=tmp_path / "made").numbers.values
+    assert (values["dcv.w0"], values["continuity.T"]) == (50.0, 0.02)
 
 
 def test_a_variable_that_a_block_lacks_is_named(tmp_path: Path) -> None:
