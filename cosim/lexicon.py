@@ -9,6 +9,8 @@ from cosim.signals import SIGNALS
 from cosim.units import factor
 from fmus.contract import Variable
 
+ELECTRIC_DRIVER = "driver"  # what the block in place of a motor's valve is called
+
 
 @dataclass(frozen=True)
 class Shown:
@@ -39,6 +41,11 @@ class Lexicon:
     signals: dict[str, Shown] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     blocks: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def electric(self) -> bool:
+        """Whether a motor moves it, of which nobody says valve or spool."""
+        return self.blocks.get("dcv") == ELECTRIC_DRIVER
 
     def signal(self, name: str) -> tuple[str, float]:
         """Display unit of a signal and the factor from SI to it."""

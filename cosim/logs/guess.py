@@ -45,6 +45,7 @@ _NO_MOTION = (
     rf"{_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_PRESSURE}|spool|schieber|valve|ventil|torque|moment|force|kraft"
 )
 _MEASURED = rf"{_PRESSURE}|spool|torque|moment|force|kraft|temper"  # neither a command nor a motion
+_MOTOR = r"motor|\bpwm\b|volt|spannung|current|\bstrom|armature|anker|encoder|\bservo"
 # what another machine's axis may show instead of an angle, and its units
 MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "travel": (rf"^(?=.*({_POSITION}))(?!.*({_NO_MOTION}|{_RATE}))", ("m",)),
@@ -588,9 +589,9 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     for guess in made.values():
         lines += ["", *_entry(found, guess, texts)]
     if model is None:
-        lines += ["", *machine_lines(made)]
+        lines += ["", *machine_lines(found, made)]
     elif "u" in made and "slew" in made:
-        lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(made)))]
+        lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(found, made)))]
     used = used_by(made) | {stamps}
     rest = [c for c in found.columns if c.index not in used]
     shown = any(signal in made for signal in MOTIONS)
@@ -619,7 +620,15 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     return "\n".join(lines) + "\n"
 
 
-def machine_lines(made: dict[str, Guess]) -> list[str]:
+def electric(found: Overview, made: dict[str, Guess]) -> bool:
+    """Whether a motor moves the axis: a column says so, or a speed is shown and nothing speaks of oil."""
+    said = " ".join(plain(c.label.short) for c in found.columns)
+    if re.search(rf"{_PRESSURE}|spool|valve|ventil|cylind|zylind|hydraul|\boil|pump", said):
+        return False
+    return "speed" in made or bool(re.search(_MOTOR, said))
+
+
+def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     """The table `[machine]` for a drive of its own, of which the log tells speed and lag."""
     motion = next((signal for signal in MOTIONS if signal in made), "slew")
     blocks = ["dead_zone", "dcv", "continuity", "mechanical", *([] if motion == "speed" else ["sensor"])]
@@ -629,6 +638,7 @@ def machine_lines(made: dict[str, Guess]) -> list[str]:
         "[machine]    # a drive of its own: docs/machines.md",
         f"chain = [{', '.join(map(_quoted, blocks))}]",
         *(['motion = "travel"    # a linear axis: kg, N, m'] if linear else []),
+        *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
         f'speed = "?"    # at a command of 1, as "{example}"; "?": from the log',
         'lag = "?"    # as "150 ms"',

@@ -11,6 +11,7 @@ import numpy as np
 from cosim.compare.binding import DEFAULTS, START_PARAMETER, START_SIGNAL, gain_between
 from cosim.compare.mapping import CompareTable, Target, load_mapping
 from cosim.errors import DataError, UsageError
+from cosim.lexicon import ELECTRIC_DRIVER
 from cosim.logs import Log, Mapping
 from cosim.machines.scale import Sizes, scales
 from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_table
@@ -22,6 +23,9 @@ from fmus import registry
 
 SHORTEST_STEP = 1e-3  # s that the step of a simulation needs at most to be
 STEPS_A_SAMPLE, STEPS_A_LAG = 5.0, 10.0  # steps of a simulation between two samples, and in a lag, at least
+# what the driver of a motor can do of that which a valve can: come late, be limited in rate and size, be off
+DRIVER = ("dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dcv.offset")
+MOTOR = {"dcv": ELECTRIC_DRIVER, "continuity": "winding", "mechanical": "motor"}  # block -> what it is called
 # effects that change one gain; between two signals only the last block's gain is asked for
 GAINS = {
     "dcv": ("dcv.gain",),
@@ -205,6 +209,8 @@ def completed(
     found["units"] = {**machine.units, **scale_free(machine, inner), **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
     axis = {"mechanical": "axis"} if machine.motion == "travel" else {}
+    if machine.drive == "electric":
+        axis = MOTOR | axis
     found["blocks"] = {"sensor": "sensor", **axis, **given.get("blocks", {})}
     return found
 
@@ -226,6 +232,12 @@ def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:
         if "continuity" in machine.chain and "p_supply" not in inner.values()
         else []
     )
+    if machine.drive == "electric":
+        found += [
+            name
+            for name in registry.effects()
+            if name.partition(".")[0] in ("dcv", "continuity") and name not in DRIVER
+        ]
     for component, behind in zip(machine.chain, machine.chain[1:], strict=False):
         carries = block_of(behind).name in ("continuity", "mechanical", "simplified")
         if component not in inner and carries:

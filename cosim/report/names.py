@@ -42,6 +42,13 @@ QUANTITIES: dict[str, tuple[str, str, str]] = {
 }
 # words for the crane's slew -> words for the axis of another machine
 OTHER_AXIS = (("slew sensor", "sensor"), ("slew angle", "angle"), ("slew speed", "speed"))
+# words for a valve -> words for what drives a motor
+DRIVEN = (
+    ("the spool's", "the output's"),
+    ("The spool", "The driver's output"),
+    ("spool", "driver's output"),
+    ("valve", "driver"),
+)
 # words for rotation -> words for a linear axis
 TURNING = (
     ("torque", "force"),

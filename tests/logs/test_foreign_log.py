@@ -418,6 +418,23 @@ def test_the_motion_of_a_motor_is_what_follows_its_command(write):
     assert set(made) == {"u", "slew"}, "its rate of change follows"
 
 
+@pytest.mark.parametrize(
+    ("heading", "drive"),
+    [
+        ("t,u,omega", True),
+        ("t,pwm,angle", True),
+        ("t,u,angle", False),  # nothing tells
+        ("t,valve,omega", False),
+        ("t,motor_cmd,cylinder_position", False),
+    ],
+)
+def test_a_machine_is_electric_where_a_motor_is_shown_and_no_oil(heading, drive, write):
+    time, command, speed = motor()
+    found = overview(write(f"{heading}\n{rows(np.column_stack([time, command, speed]))}"))
+    text = mapping_text(found, guesses(found, machine=True), None)
+    assert ('drive = "electric"' in text) == drive
+
+
 def test_a_speed_that_was_logged_in_steps_is_no_command(write):
     time, command, speed = motor()
     held = np.repeat(speed[::5], 5)

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from cosim.errors import DataError, UsageError
+from cosim.lexicon import Lexicon, speaking
 from cosim.logs import Log, load_log
 from cosim.machines.make import made_for
+from cosim.report.language import catalogue
+from cosim.report.words import block_name, called
 
 MACHINE = """
 name = "motor"
@@ -77,6 +80,30 @@ def test_blocks_of_which_something_is_said_stay_as_they_are(tmp_path: Path) -> N
     )
     values = made_for(mapping, log, folder=tmp_path / "made").numbers.values
     assert (values["dcv.w0"], values["continuity.T"]) == (50.0, 0.02)
+
+
+def test_a_motor_has_no_oil_and_no_spool(tmp_path: Path) -> None:
+    mapping, log = motor(tmp_path)
+    plain = made_for(mapping, log, folder=tmp_path / "made").diagnose
+    mapping.write_text(
+        mapping.read_text().replace('output = "speed"', 'output = "speed"\ndrive = "electric"')
+    )
+    electric = made_for(mapping, log, folder=tmp_path / "made").diagnose
+    left_out = set(electric["exclude"]) - set(plain["exclude"])
+    assert {"continuity.cracking_pressure", "continuity.compressibility", "dcv.hysteresis"} <= left_out
+    assert not {"dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dead_zone.mismatch"} & set(
+        electric["exclude"]
+    )
+    assert not any(name.startswith("mechanical.") for name in left_out)
+    with speaking(Lexicon(blocks=electric["blocks"])):
+        assert called("dcv.stroke_limit") == "a stop of the driver's output"
+        assert called("dcv.delay") == "a delay of the driver"
+        assert block_name("dcv+continuity+mechanical") == "driver + winding + motor"
+        german = catalogue("de").messages
+        assert german[called("dcv.delay")] == "eine Totzeit des Stellglieds"
+        assert german[called("dcv.rate_limit")] == "eine Grenze der Geschwindigkeit des Ausgangs"
+    with speaking(Lexicon(blocks=plain["blocks"])):
+        assert called("dcv.delay") == "a delay of the valve"
 
 
 def test_a_variable_that_a_block_lacks_is_named(tmp_path: Path) -> None:
