@@ -44,6 +44,7 @@ QUANTITIES: dict[str, tuple[str, str, str]] = {
 OTHER_AXIS = (("slew sensor", "sensor"), ("slew angle", "angle"), ("slew speed", "speed"))
 # words for a valve -> words for what drives a motor
 DRIVEN = (
+    ("load pressure", "motor current"),
     ("the spool's", "the output's"),
     ("The spool", "The driver's output"),
     ("spool", "driver's output"),

@@ -168,7 +168,7 @@ def fit_text(percent: float) -> str:
 def signal_name(signal: str) -> str:
     """A signal as people call it."""
     own = current().signals.get(signal)
-    return own.text if own else SIGNAL_NAMES.get(signal, signal)
+    return own.text if own else kind_of_motion(SIGNAL_NAMES.get(signal, signal))
 
 
 def block_name(block: str) -> str:

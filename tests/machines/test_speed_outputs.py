@@ -10,7 +10,7 @@ from cosim.lexicon import Lexicon, speaking
 from cosim.logs import Log, load_log
 from cosim.machines.make import made_for
 from cosim.report.language import catalogue
-from cosim.report.words import block_name, called
+from cosim.report.words import block_name, called, with_signals
 
 MACHINE = """
 name = "motor"
@@ -98,6 +98,7 @@ def test_a_motor_has_no_oil_and_no_spool(tmp_path: Path) -> None:
     with speaking(Lexicon(blocks=electric["blocks"])):
         assert called("dcv.stroke_limit") == "a stop of the driver's output"
         assert called("dcv.delay") == "a delay of the driver"
+        assert with_signals("log p_load") == "log motor current"
         assert block_name("dcv+continuity+mechanical") == "driver + winding + motor"
         german = catalogue("de").messages
         assert german[called("dcv.delay")] == "eine Totzeit des Stellglieds"
