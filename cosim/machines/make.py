@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections.abc import Mapping as Values
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -206,7 +207,7 @@ def completed(
     if not {"trusted", "free"} & found.keys():
         found["free" if told.from_log else "trusted"] = list(dict.fromkeys(stated))
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
-    found["units"] = {**machine.units, **scale_free(machine, inner), **given.get("units", {})}
+    found["units"] = {**machine.units, **scale_free(machine, inner, told.values), **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
     axis = {"mechanical": "axis"} if machine.motion == "travel" else {}
     if machine.drive == "electric":
@@ -215,14 +216,25 @@ def completed(
     return found
 
 
-def scale_free(machine: MachineTable, inner: dict[str, str]) -> dict[str, str]:
-    """Units of torque, inertia and friction where only their ratio to the torque at full command can be known."""
+def scale_free(machine: MachineTable, inner: dict[str, str], values: Values[str, float]) -> dict[str, str]:
+    """Units of torque, inertia and friction, spool and pressure where only their ratio to full command's can be known."""
     gains = {"dcv.K", "continuity.K_c", "mechanical.A", "mechanical.r", "mechanical.J", "mechanical.b"}
     commanded = "mechanical" in machine.chain and machine.chain[0] != "mechanical"
     if not commanded or {"dcv", "continuity"} & set(inner) or gains & set(machine.parameters):
         return {}
     length = machine.units.get("rad", "rad")
-    return {si: text.format(length) for si, text in SCALE_FREE.items()}
+    return {si: text.format(length) for si, text in SCALE_FREE.items()} | parts_of_full(machine, values)
+
+
+def parts_of_full(machine: MachineTable, values: Values[str, float]) -> dict[str, str]:
+    """Units of spool and pressure that nobody has measured: parts of what full command brings."""
+    found = {}
+    if "dcv" in machine.chain:
+        spool = values["dcv.K"]
+        found = {"m": f"{1.0 / spool:.6g} full command", "m/s": f"{1.0 / spool:.6g} full command/s"}
+        if "continuity" in machine.chain:
+            found["Pa"] = f"{1.0 / (spool * values['continuity.K_c']):.6g} full command"
+    return found
 
 
 def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:

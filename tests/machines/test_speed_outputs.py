@@ -107,6 +107,20 @@ def test_a_motor_has_no_oil_and_no_spool(tmp_path: Path) -> None:
         assert called("dcv.delay") == "a delay of the valve"
 
 
+def test_what_nobody_measured_is_a_part_of_full_command(tmp_path: Path) -> None:
+    """Full command is 1 mm of spool and 1 bar only by convention: no reader should take them for lengths and pressures."""
+    lexicon = Lexicon(units=made_for(*motor(tmp_path), folder=tmp_path / "made").diagnose["units"])
+    for si, value in (("m", 1e-3), ("Pa", 1e5), ("N.m", 1.0)):
+        unit, scale = lexicon.quantity(si)
+        assert (unit, scale * value) == ("full command", pytest.approx(1.0))
+        assert lexicon.to_si("full command", si) == pytest.approx(value)
+    assert lexicon.quantity("m/s") == ("full command/s", pytest.approx(1e3))
+    assert lexicon.to_si("mm", "m") == pytest.approx(1e-3), "what is not told so stays as it is"
+    measured = 'spool = { column = "w", unit = "mm" }\n'
+    mapping, log = motor(tmp_path, more=measured)
+    assert "m" not in made_for(mapping, log, folder=tmp_path / "made").diagnose["units"]
+
+
 def test_a_variable_that_a_block_lacks_is_named(tmp_path: Path) -> None:
     more = '[compare.signals]\nspeed = { variable = "mechanical.speed" }\n'
     with pytest.raises(UsageError, match="'mechanical' has no 'speed' for the signal 'speed'"):
