@@ -285,7 +285,14 @@ def _score(column: Column, signal: str) -> float:
     words = plain(column.label.short)
     if signal in (column.label.name, column.label.alias):
         return 4.0
-    if not re.search(NAMES[signal] if signal in NAMES else MOTIONS[signal][0], words):
+    # a position that is given in degrees is that of an axis that turns
+    turned = (
+        signal == "slew"
+        and column.unit is not None
+        and _convertible(column.unit, "rad")
+        and bool(re.search(MOTIONS["travel"][0], words))
+    )
+    if not turned and not re.search(NAMES[signal] if signal in NAMES else MOTIONS[signal][0], words):
         return 0.0
     weak = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # any valve signal
     weak |= signal == "u" and not re.search(rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape", words)

@@ -365,7 +365,7 @@ def test_init_makes_a_machine_of_a_motor(cosim, write, servo):
         ("travel", ["PosFb", "cylinder_position", "Zylinderweg", "Hub (mm)", "stroke_act", "Boom displacement", "Lage"]),
         ("speed", ["omega", "motor speed", "Drehzahl (1/min)", "EXP_Velocity", "rpm"]),
         (None, ["PosRef", "Position soll", "target position", "set speed", "Solldrehzahl"]),
-        ("slew", ["Winkel", "angle (deg)"]),
+        ("slew", ["Winkel", "angle (deg)", "motor position [rad]", "Position (°)"]),
     ],
 )  # fmt: skip
 def test_what_the_axis_of_another_machine_shows(signal, headings, write):
