@@ -108,10 +108,10 @@ def _leaves(opened: Any, values: Any, name: str, path: Path) -> Iterator[Stream]
     regular, own = _numbers(values.get("CompressedTime")), _numbers(values.get("TimeR2"))
     if own.size:
         stamps = _stream(opened, own, "f8", name, path)
-    elif regular.size == 3:
+    elif regular.size == 3 and regular[2] * width == data.size:  # a damaged count would fill the memory
         stamps = regular[0] + regular[1] * np.arange(int(regular[2]))
     else:
-        raise DataError(f"{path}: signal '{name}' has no time stamps")
+        raise DataError(f"{path}: signal '{name}' has {data.size} values, but not as many time stamps")
     if width < 1 or data.size != width * stamps.size:
         raise DataError(f"{path}: signal '{name}' has {data.size} values at {stamps.size} time stamps")
     clock = _text(_value(values.get("TimeUnits"))) or "seconds"

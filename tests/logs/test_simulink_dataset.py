@@ -53,10 +53,10 @@ def logged(tmp_path):
     """A file as Simulink logs to it: the command without a name, behind a block, and the speed in single precision."""
     path = tmp_path / "logsout.mat"
 
-    def make(units="seconds", lost=False, own_stamps=False, pair=False):
+    def make(units="seconds", lost=False, own_stamps=False, pair=False, count=TIME.size):
         with h5py.File(path, "w", userblock_size=512) as made:
             refs = made.create_group("#refs#")
-            regular = [0.0, 0.0005, TIME.size]
+            regular = [0.0, 0.0005, count]
             speed = describe(refs, "a", 1, "single", 2 if own_stamps else regular, 2 if pair else 1, units)
             text(speed, "Name", "Angular_Velocity")
             command = describe(refs, "b", 7 if lost else 0, "double", regular, units=units)
@@ -101,7 +101,11 @@ def test_stamps_of_a_logged_signal_in_milliseconds(logged):
 
 @pytest.mark.parametrize(
     ("damage", "message"),
-    [({"lost": True}, "does not say where its samples lie"), ({"units": "weeks"}, "save it in seconds")],
+    [
+        ({"lost": True}, "does not say where its samples lie"),
+        ({"units": "weeks"}, "save it in seconds"),
+        ({"count": 1e15}, "400 values, but not as many time stamps"),
+    ],
 )
 def test_a_logged_signal_that_cannot_be_read_is_said_by_name(logged, damage, message):
     with pytest.raises(DataError, match=message):
