@@ -95,6 +95,11 @@ def test_a_logged_vector_has_a_column_for_each_element(logged):
     np.testing.assert_array_equal(columns["Angular_Velocity(:,1)"], -columns["Angular_Velocity(:,2)"])
 
 
+def test_what_info_says_of_time_where_each_signal_has_its_own(logged, finished):
+    told = finished("info", logged()).stdout.splitlines()[0]
+    assert "no gap; each column has stamps of its own; 0 of 2 columns look like" in told
+
+
 def test_stamps_of_a_logged_signal_in_milliseconds(logged):
     assert overview(logged(units="milliseconds")).clock.step == pytest.approx(0.5e-6)
 
