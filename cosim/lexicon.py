@@ -9,6 +9,8 @@ from cosim.signals import SIGNALS
 from cosim.units import factor
 from fmus.contract import Variable
 
+ELECTRIC_DRIVER = "driver"  # what the block in place of a motor's valve is called
+
 
 @dataclass(frozen=True)
 class Shown:
@@ -31,7 +33,7 @@ class Lexicon:
 
     Attributes:
         signals: signal -> how it is shown, where that is not as on the crane.
-        units: SI unit -> name that people read for it, the numbers being the same.
+        units: SI unit -> name that people read for it, the numbers being the same; "1000 full command": it is so many.
         blocks: block -> what it is called.
         time: what the unit of time is called, where it is not the second, and how many of it make one second.
     """
@@ -39,6 +41,11 @@ class Lexicon:
     signals: dict[str, Shown] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     blocks: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def electric(self) -> bool:
+        """Whether a motor moves it, of which nobody says valve or spool."""
+        return self.blocks.get("dcv") == ELECTRIC_DRIVER
 
     def signal(self, name: str) -> tuple[str, float]:
         """Display unit of a signal and the factor from SI to it."""
@@ -51,17 +58,27 @@ class Lexicon:
     def quantity(self, si: str, display: str | None = None) -> tuple[str, float]:
         """Unit in which a quantity is shown and the factor from SI to it."""
         if si in self.units:
-            return self.units[si], 1.0
+            return named(self.units[si])
         unit = display or si
         return unit, factor(si, unit)
 
     def to_si(self, unit: str, si: str) -> float:
         """Factor from a unit that this lexicon shows for `si` to it."""
-        return 1.0 if self.units.get(si) == unit else factor(unit, si)
+        own, count = named(self.units.get(si, ""))
+        return 1.0 / count if own == unit and own else factor(unit, si)
 
     def parameter(self, variable: Variable) -> tuple[str, float]:
         """Unit in which a parameter is shown and the factor from SI to it."""
         return self.quantity(variable.unit, variable.display)
+
+
+def named(text: str) -> tuple[str, float]:
+    """A unit of a lexicon: its name, and how many of it make one SI unit."""
+    count, _, name = text.partition(" ")
+    try:
+        return name, float(count)
+    except ValueError:
+        return text, 1.0
 
 
 CRANE = Lexicon()

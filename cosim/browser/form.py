@@ -10,6 +10,7 @@ import numpy as np
 from cosim.anysystem.start import matches
 from cosim.errors import UsageError
 from cosim.logs.guess import guesses
+from cosim.logs.mapping import Column as Named
 from cosim.logs.mapping import Mapping, SignalColumn
 from cosim.logs.overview import Column, Overview
 from cosim.plots import thinned
@@ -204,8 +205,10 @@ def time_row(found: Overview) -> TimeRow:
     return TimeRow(clock.column, clock.column is None, None, clock.unit, clock.guessed)
 
 
-def find(found: Overview, named: str | int) -> int | None:
-    """Index of the column that a mapping names by heading or by position from 1; None where there is not just one."""
+def find(found: Overview, named: Named) -> int | None:
+    """Index of the column that a mapping names by headings or by position from 1; None where there is not just one."""
+    if isinstance(named, tuple):
+        return next((k for heading in named if (k := find(found, heading)) is not None), None)
     if isinstance(named, int):
         return named - 1 if named <= len(found.columns) else None
     fitting = [c.index for c in found.columns if c.label.called(named)]

@@ -82,7 +82,8 @@ def told_of(log: Log, mapping: Mapping | None, command: str, motion: str) -> Tol
     zero = column.zero - column.offset / (column.sign * column.gain)
     if (gain, zero) == (1.0, 0.0):
         return found
-    return Told(**{**vars(found), "column": str(column.column), "zero": zero, "gain": gain})
+    heading = column.column[0] if isinstance(column.column, tuple) else str(column.column)
+    return Told(**{**vars(found), "column": heading, "zero": zero, "gain": gain})
 
 
 def run_of(log: Log, told: Told) -> Run:

@@ -204,6 +204,9 @@ def _gain(source: Source, name: str, gain: float | str) -> float:
 
 
 def _find(source: Source, column: Column, name: str) -> int:
+    if isinstance(column, tuple):
+        there = [heading for heading in column if any(label.called(heading) for label in source.labels)]
+        column = (there or column)[0]
     if isinstance(column, int):
         if column > len(source.labels):
             raise DataError(
@@ -222,5 +225,6 @@ def _find(source: Source, column: Column, name: str) -> int:
     listed = ", ".join(texts[:20]) + (" ..." if len(texts) > 20 else "")
     raise DataError(
         f"{source.path}: the mapping takes '{name}' from column '{column}', which is not there"
-        f"{closest(column, texts)}; columns: {listed}"
+        f"{closest(column, texts)}; columns: {listed} (where logs of one machine call it differently, name all: "
+        f"column = ['{column}', ...])"
     )

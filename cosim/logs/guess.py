@@ -15,11 +15,13 @@ from cosim.signals import SIGNALS, conversion
 # parts of words, without accents; German, English, French, Spanish, Italian, Scandinavian, Finnish, Polish
 _PRESSURE = r"pressure|druck|pression|presion|pressione|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
-_RATE = r"rate|speed|velocity|geschw|drehzahl|vitesse|velocidad|velocit|hastig|nopeus|predkosc|omega|torque|moment|drehmo"
+_RATE = r"rate|speed|velocity|\bvelo?\b|geschw|drehzahl|vitesse|velocidad|velocit|hastig|nopeus|predkosc|omega|torque|moment"
 _COMMAND = (
     r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
     r"|sterow|duty|\bpwm\b"
 )
+# what a command may be called where nothing is called a command
+_INPUT = r"(?<!analog )(?<!digital )\binput\b(?! ?\d)|\beingang\b|\bentrada\b|\bentree\b|\bingresso\b"
 # what was asked for, not what was measured
 _REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|demand|\bset\b"
 _ANGLE = r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
@@ -32,16 +34,18 @@ NAMES: dict[str, str] = {
     "p_a": rf"^(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
     "p_b": rf"^(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
-    "u": rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape",
+    "u": rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape|{_INPUT}",
 }
 _POSITION = (
     r"position|\bpos\b|displac|stroke|travel|extension|cylind|zylind|\bhub\b|\bweg\b|\blage\b|\bcourse\b|carrera|corsa"
     r"|posicion|posizione|skok|asema"
 )
-_SPEED = r"speed|velocity|\bvel\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|nopeus|predkosc"
+_SPEED = r"speed|velocity|\bvelo?\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|nopeus|predkosc"
 _NO_MOTION = (
     rf"{_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_PRESSURE}|spool|schieber|valve|ventil|torque|moment|force|kraft"
 )
+_MEASURED = rf"{_PRESSURE}|spool|torque|moment|force|kraft|temper"  # neither a command nor a motion
+_MOTOR = r"motor|\bpwm\b|volt|spannung|current|\bstrom|armature|anker|encoder|\bservo"
 # what another machine's axis may show instead of an angle, and its units
 MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "travel": (rf"^(?=.*({_POSITION}))(?!.*({_NO_MOTION}|{_RATE}))", ("m",)),
@@ -81,6 +85,12 @@ GENERIC = {
     "out",
     "port",
     "ai",
+    "y",
+    "output",
+    "response",
+    "measured",
+    "measurement",
+    "reading",
 }
 RESTING, OFF_ZERO, STILL = (
     0.2,
@@ -177,8 +187,13 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
             continue  # the axis has shown itself by name
         made[signal] = _guess(signal, column, why)
         taken.add(column.index)
-    for signal, column, why in by_motion([c for c in free if c.index not in taken], made):
-        made[signal] = _guess(signal, column, why)
+    if machine:
+        for signal, column, why in by_cause([c for c in free if c.index not in taken], made):
+            made[signal] = _guess(signal, column, why)
+            taken.add(column.index)
+    else:
+        for signal, column, why in by_motion([c for c in free if c.index not in taken], made):
+            made[signal] = _guess(signal, column, why)
     motion = moved_by(made)
     if "u" in made and motion is not None and (zero := neutral(made["u"].column, motion)):
         largest = float(np.max(np.abs(made["u"].column.finite - zero)))
@@ -270,10 +285,28 @@ def _score(column: Column, signal: str) -> float:
     words = plain(column.label.short)
     if signal in (column.label.name, column.label.alias):
         return 4.0
-    if not re.search(NAMES[signal] if signal in NAMES else MOTIONS[signal][0], words):
+    # a position that is given in degrees is that of an axis that turns
+    turned = (
+        signal == "slew"
+        and column.unit is not None
+        and _convertible(column.unit, "rad")
+        and bool(re.search(MOTIONS["travel"][0], words))
+    )
+    if not turned and not re.search(NAMES[signal] if signal in NAMES else MOTIONS[signal][0], words):
         return 0.0
-    exact = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # weak: any valve signal
-    return 1.0 + (column.unit is not None) - 0.5 * exact
+    weak = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # any valve signal
+    weak |= signal == "u" and not re.search(rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape", words)
+    return 1.0 + (column.unit is not None) - 0.5 * weak
+
+
+def _shows_motion(column: Column) -> bool:
+    """Whether a column's name says that it is what a machine did, in whatever steps it was logged."""
+    return any(_score(column, signal) > 0.0 for signal in ("slew", *MOTIONS))
+
+
+def _measured(column: Column) -> bool:
+    """Whether a column's name says that it is a quantity that neither commands nor moves."""
+    return bool(re.search(_MEASURED, plain(column.label.short)))
 
 
 def _words(column: Column) -> list[str]:
@@ -308,7 +341,11 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
             told.append(
                 (signal, alone[0], f"it is the only column that is {what} and is not named otherwise")
             )
-    commands = [c for c in moving if c.held and (c.unit in (None, "1", "%", *RAW))]
+    commands = [
+        c
+        for c in moving
+        if c.held and c.unit in (None, "1", "%", *RAW) and not (_shows_motion(c) or _measured(c))
+    ]
     if "u" not in made and len(commands) == 1:
         told.append(("u", commands[0], "it is the only column that moves in steps, as a command does"))
     electric = [c for c in moving if c.unit in RAW]
@@ -356,6 +393,69 @@ def by_motion(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
             told.append((signal, column, why))
             left.remove(column)
     return told
+
+
+def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Column, str]]:
+    """The command and the motion of a machine of its own, where one of them is not told by name: the one follows the other.
+
+    Args:
+        free: columns that are nothing yet.
+        made: the guesses so far.
+    """
+    left = [c for c in free if not c.constant and not c.missing]
+    told: list[tuple[str, Column, str]] = []
+    motion = next((made[signal] for signal in ("slew", *MOTIONS) if signal in made), None)
+    command = made["u"].column if "u" in made else None
+    if command is None and motion is not None and not motion.column.missing:
+        able = [c for c in left if c.unit in (None, "1", "%", *RAW) and not _names_other(c)]
+        shown = motion.column
+        rate = motion.signal != "speed"
+        fitting = [
+            (following(c, shown, rate), -c.index, c) for c in able if c.values.size == shown.values.size
+        ]
+        likely = [item for item in fitting if abs(item[0]) > DRIVEN]
+        if likely:
+            what = f"the rate of change of {_called(shown)}" if rate else _called(shown)
+            told.append(
+                (
+                    "u",
+                    max(likely, key=lambda item: item[:2])[2],
+                    f"{what} follows it, as a motion does its command",
+                )
+            )
+    elif command is not None and motion is None and not command.missing:
+        able = [
+            c
+            for c in left
+            if c.values.size == command.values.size
+            and not _names_other(c)
+            and (c.unit is None or any(_convertible(c.unit, x) for x in ("rad", "m", "rad/s", "m/s")))
+        ]
+        found = [
+            (following(command, c, rate), -c.index, c, rate)
+            for c in able
+            for rate in (False, True)
+            if c.unit is None or rate != any(_convertible(c.unit, x) for x in ("rad/s", "m/s"))
+        ]
+        moving = [item for item in found if item[0] > (DRIVEN if item[3] else FOLLOWS)]
+        if moving:
+            _, _, column, rate = max(moving, key=lambda item: item[:2])
+            also = sorted({item[2].index for item in moving if item[2] is not column})
+            signal = "slew" if rate else "speed"
+            if column.unit is not None and rate and _convertible(column.unit, "m"):
+                signal = "travel"
+            why = (
+                f"its rate of change follows {_called(command)}" if rate else f"it follows {_called(command)}"
+            )
+            others = f" (as {len(also)} more {'do' if len(also) > 1 else 'does'})" if also else ""
+            told.append((signal, column, f"{why}, as {'an angle' if rate else 'a speed'} does{others}"))
+    return told
+
+
+def _names_other(column: Column) -> bool:
+    """Whether a name says that a column is neither a command nor a motion, or what was asked for or reckoned."""
+    said = rf"{_REFERENCE}|{_ESTIMATE}|{_MEASURED}|error|fehler"
+    return bool(re.search(said, plain(column.label.short)))
 
 
 def _pressures(alone: list[Column], command: Column | None) -> list[tuple[str, Column, str]]:
@@ -496,9 +596,9 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     for guess in made.values():
         lines += ["", *_entry(found, guess, texts)]
     if model is None:
-        lines += ["", *machine_lines(made)]
+        lines += ["", *machine_lines(found, made)]
     elif "u" in made and "slew" in made:
-        lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(made)))]
+        lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(found, made)))]
     used = used_by(made) | {stamps}
     rest = [c for c in found.columns if c.index not in used]
     shown = any(signal in made for signal in MOTIONS)
@@ -527,7 +627,15 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     return "\n".join(lines) + "\n"
 
 
-def machine_lines(made: dict[str, Guess]) -> list[str]:
+def electric(found: Overview, made: dict[str, Guess]) -> bool:
+    """Whether a motor moves the axis: a column says so, or a speed is shown and nothing speaks of oil."""
+    said = " ".join(plain(c.label.short) for c in found.columns)
+    if re.search(rf"{_PRESSURE}|spool|valve|ventil|cylind|zylind|hydraul|\boil|pump", said):
+        return False
+    return "speed" in made or bool(re.search(_MOTOR, said))
+
+
+def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     """The table `[machine]` for a drive of its own, of which the log tells speed and lag."""
     motion = next((signal for signal in MOTIONS if signal in made), "slew")
     blocks = ["dead_zone", "dcv", "continuity", "mechanical", *([] if motion == "speed" else ["sensor"])]
@@ -537,6 +645,7 @@ def machine_lines(made: dict[str, Guess]) -> list[str]:
         "[machine]    # a drive of its own: docs/machines.md",
         f"chain = [{', '.join(map(_quoted, blocks))}]",
         *(['motion = "travel"    # a linear axis: kg, N, m'] if linear else []),
+        *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
         f'speed = "?"    # at a command of 1, as "{example}"; "?": from the log',
         'lag = "?"    # as "150 ms"',

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from cosim.errors import DataError
 
-SIMULINK = b"#sigstream#"  # the group in which Simulink keeps logged signals
 _HEAP, _ENTRY = 16, 16  # bytes of the headers
 
 
@@ -13,19 +12,12 @@ def check_heaps(path: Path) -> None:
     """Walks the entries of every global heap, as H5HG__cache_heap_deserialize does; other files pass.
 
     Raises:
-        DataError: an entry has no length, or one that leads out of its heap; or the file holds a Simulink data set, whose
-            signals lie in streams that only MATLAB reads.
+        DataError: an entry has no length, or one that leads out of its heap.
     """
     with path.open("rb") as stream:
         if b"\x89HDF\r\n\x1a\n" not in stream.read(1024):
             return
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            if data.find(SIMULINK) >= 0:
-                raise DataError(
-                    f"{path}: it holds a Simulink data set, which only MATLAB can read: there, "
-                    "writetimetable(extractTimetable(NAME), 'log.csv') writes its signals as a log (NAME: the "
-                    "variable, often 'out.logsout' or 'data')"
-                )
             at = data.find(b"GCOL\x01\0\0\0")
             while at >= 0:
                 if not _sound(data, at):

@@ -90,7 +90,8 @@ def describe(
 ) -> str:
     """The sentence for a log's warnings; `size` in `unit`, `others` step there as well."""
     times = "once" if len(starts) == 1 else f"at {len(starts)} places"
-    told = f"{name}: jumps away {times}, by up to {size:.4g} {unit} (first: {place(int(starts[0]))})"
+    of = "" if unit == "1" else f" {unit}"
+    told = f"{name}: jumps away {times}, by up to {size:.4g}{of} (first: {place(int(starts[0]))})"
     if others:
         return f"{told}, where {' and '.join(others)} steps too: it may follow that; else the file may be damaged there"
     return f"{told}: the file or the signal may be damaged there"

@@ -292,9 +292,10 @@ def _range_note(name: str, values: Array, place: Callable[[int], str], pick: Pic
         return []
     first = int(np.argmax((values < plausible[0]) | (values > plausible[1])))
     scale = conversion(pick.unit, pick.si)
+    of = "" if pick.unit == "1" else f" {pick.unit}"
     shown = [f"{value / scale:.6g}" for value in (low, high, *plausible)]
     return [
-        f"{name}: values from {shown[0]} to {shown[1]} {pick.unit}, plausible are {shown[2]} to {shown[3]}: check unit"
+        f"{name}: values from {shown[0]} to {shown[1]}{of}, plausible are {shown[2]} to {shown[3]}: check unit"
         f" and scaling (first: {place(first)})"
     ]
 

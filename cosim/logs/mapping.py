@@ -31,7 +31,9 @@ from cosim.errors import DataError, UsageError
 from cosim.logs.source import closest
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
 
-Column = Annotated[str, Field(min_length=1)] | PositiveInt
+Heading = Annotated[str, Field(min_length=1)]
+# several headings: the one that a file has, where logs of one machine call a signal differently
+Column = Heading | PositiveInt | Annotated[tuple[Heading, ...], Field(min_length=1)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 REMEDIES = {
     "signals": ": a table such as [signals.u] with 'column' and 'unit' for each signal; 'cosim init LOG' writes what it can",
@@ -84,7 +86,7 @@ class TimeColumn(_Strict):
     """Where time comes from: a column, or a fixed interval between samples.
 
     Attributes:
-        column: heading, or position counted from 1.
+        column: heading, or position counted from 1; of several headings the first that the file has.
         step: interval between samples in `unit`, for a file without a time column.
         unit: unit of the column or step; ``sample`` to work in samples, where the interval is not known.
     """
@@ -108,7 +110,7 @@ class SignalColumn(_Strict):
     """Where one signal comes from.
 
     Attributes:
-        column: heading, or position counted from 1.
+        column: heading, or position counted from 1; of several headings the first that the file has.
         minus: a second column, whose reading is taken off the first's: where each direction has a column of its own.
         unit: unit of the value after the scaling; by default the one in the heading.
         gain: factor on the reading, or the name of a single number stored in the file (MAT files).

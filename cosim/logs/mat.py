@@ -17,11 +17,13 @@ import numpy as np
 from cosim.errors import DataError, MissingExtraError
 from cosim.logs.hdf5 import check_heaps
 from cosim.logs.mat5 import check_elements
+from cosim.logs.simulink import CLOCKS, has_streams, read_streams
 from cosim.logs.source import Array, Label, Source, parse_label, translated
 
 _NAMES = ("names", "columns", "headers", "labels", "signals")
 _UNITS = ("units", "unit")
 _DEPTH = 6
+_DATA_SET = "Simulink.SimulationData."
 
 
 @dataclass(frozen=True)
@@ -46,9 +48,8 @@ class MatSource(Source):
         check_heaps(path)
         check_elements(path)
         with translated(path, "MAT", notes):
-            content = _variables(path)
             constants: dict[str, float] = {}
-            self._entries = list(_flatten(content, "", constants, 0))
+            self._entries = _logged(path) or list(_flatten(_variables(path), "", constants, 0))
         if not self._entries:
             raise DataError(f"{path}: holds no column of numbers")
         super().__init__(path, [entry.label for entry in self._entries], constants)
@@ -61,6 +62,21 @@ class MatSource(Source):
     def clock(self, index: int) -> Array | None:
         """See `Source.clock`: the stamps of a timeseries or a Simulink structure with time."""
         return self._entries[index].clock
+
+
+def _logged(path: Path) -> list[_Entry]:
+    """The signals of a Simulink data set that was logged to a file; none in other files.
+
+    Raises:
+        DataError: as `cosim.logs.simulink.read_streams`.
+        MissingExtraError: h5py, which comes with mat-io, is not installed.
+    """
+    try:
+        if not has_streams(path):
+            return []
+    except ImportError:
+        raise MissingExtraError(f"{path}: a MATLAB file of version 7.3", "mat") from None
+    return [_Entry(parse_label(s.name, s.unit), s.values, s.stamps) for s in read_streams(path)]
 
 
 def _variables(path: Path) -> Mapping[str, Any]:
@@ -193,25 +209,74 @@ def _numbers(
 
 
 def _object(value: Any, path: str, constants: dict[str, float], depth: int) -> Iterator[_Entry]:
-    """A timeseries: data and stamps under the names with which MATLAB saves them; other objects are passed over."""
-    fields = value.properties if isinstance(value.properties, Mapping) else {}
-    if value.classname != "timeseries":
+    """A timeseries, or those in a Simulink data set; other objects are passed over."""
+    if value.classname == "timeseries":
+        yield from _timeseries(value, path)
+    elif str(value.classname).startswith(_DATA_SET):
+        seen: dict[str, int] = {}
+        for name, series in _members(value.properties, "", 0):
+            seen[name] = number = seen.get(name, 0) + 1
+            own = f"{name}{number if number > 1 else ''}" if name else f"signal{number}"
+            yield from _timeseries(series, f"{path}.{own}")
+
+
+def _members(value: Any, name: str, depth: int) -> Iterator[tuple[str, Any]]:
+    """Each timeseries within a Simulink data set, under the name of the signal that holds it, or else its own."""
+    if depth > 2 * _DEPTH:
         return
-    data = _vector(_first(fields, "Data_", "Data"))
+    classname = str(getattr(value, "classname", ""))
+    fields = getattr(value, "properties", value)
+    if classname == "timeseries":
+        yield name or "".join(_texts(_first(fields, "Name"))[:1]), value
+    elif isinstance(fields, Mapping):
+        inside = "".join(_texts(fields.get("Name"))[:1]) if "Values" in fields else ""
+        for inner in fields.values():
+            yield from _members(inner, inside or name, depth + 1)
+    elif isinstance(fields, np.ndarray) and fields.dtype.names:
+        for item in fields.flat:
+            yield from _members({key: item[key] for key in fields.dtype.names}, name, depth + 1)
+    elif isinstance(fields, np.ndarray) and fields.dtype == object:
+        for inner in fields.flat:
+            yield from _members(inner, name, depth + 1)
+
+
+def _timeseries(value: Any, path: str) -> Iterator[_Entry]:
+    """Data and stamps of a timeseries under the names with which MATLAB saves them, one column for each of its signals."""
+    fields = value.properties if isinstance(value.properties, Mapping) else {}
+    data = _first(fields, "Data_", "Data")
+    data = data if isinstance(data, np.ndarray) and data.dtype.kind in "fiub" else np.empty(0)
     stamps = _vector(_first(fields, "Time_", "Time"))
     about = _properties(_first(fields, "TimeInfo"))
-    if stamps.size != data.size:  # equidistant: only start, increment and length are stored
+    if not stamps.size:
+        stamps = _vector(_first(about, "Time_", "Time"))
+    if not stamps.size:  # equidistant: only start, increment and length are stored
         start, step = (_vector(_first(about, name, name.rstrip("_"))) for name in ("Start_", "Increment_"))
-        if not (start.size and step.size):
-            raise DataError(f"timeseries '{path}' has {data.size} values and {stamps.size} time stamps")
-        stamps = start[0] + step[0] * np.arange(data.size)
-    scale = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0, "hours": 3600.0}
+        length = _vector(_first(about, "Length"))
+        count = int(length[0]) if length.size else data.size
+        if start.size and step.size:
+            stamps = start[0] + step[0] * np.arange(count)
+    columns = _over_time(data, stamps.size)
+    if columns is None:
+        raise DataError(f"timeseries '{path}' has {data.size} values and {stamps.size} time stamps")
     unit = "".join(_texts(_first(about, "Units"))[:1]) or "seconds"
-    if unit not in scale:
+    if unit not in CLOCKS:
         raise DataError(f"timeseries '{path}' has its time in '{unit}': save it in seconds")
     measured = "".join(_texts(_first(_properties(_first(fields, "DataInfo")), "Units"))[:1])
     folder, _, leaf = path.rpartition(".")
-    yield _Entry(parse_label(leaf, measured, f"{folder}." if folder else ""), data, stamps * scale[unit])
+    for k, column in enumerate(columns, 1):
+        heading = leaf if len(columns) == 1 else f"{leaf}(:,{k})"
+        label = parse_label(heading, measured, f"{folder}." if folder else "")
+        yield _Entry(label, column, stamps * CLOCKS[unit])
+
+
+def _over_time(data: np.ndarray[Any, Any], count: int) -> np.ndarray[Any, Any] | None:
+    """(signals, count): time is the first axis of a timeseries, or the last; None where neither is as long as the stamps."""
+    data = data.squeeze()
+    if data.ndim <= 1:
+        return data.reshape(1, -1) if data.size == count else None
+    if data.shape[0] == count:
+        return data.reshape(count, -1).T
+    return data.reshape(-1, count) if data.shape[-1] == count else None
 
 
 def _first(fields: Mapping[str, Any], *names: str) -> Any:

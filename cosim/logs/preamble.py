@@ -7,6 +7,13 @@
 
 The table begins at the first two rows of numbers of one width. Above it stands the row of names, or one of units and then
 that of names. Where this is not so (a bad cell in the first row of data), nothing is taken for a preamble.
+
+Amplifiers and recorders write several rows of names; then a column is called by its cells in all of them:
+
+    Axis1
+    Sampling time interval(ms),0.667        Interval,0.0005,Interval,0.0005
+    Time,Analog 1,Digital 1                 Channel name,Force,Channel name,Input 1
+    ms,Servo motor speed,Not selected       Unit,V,Unit,V
 """
 
 import csv
@@ -21,6 +28,7 @@ from cosim.units import parse_unit
 LONGEST = 200  # lines in which the table must begin
 SEPARATORS = (";", "\t", ",")
 _LONGEST_UNIT = 12
+_UNIT_KEYS = ("unit", "units", "einheit", "einheiten", "unite", "unidad", "unita", "enhet")
 _NO_UNIT = ("", "-", "--", "1", "[]", "[-]")
 _SIGNS = ("°", "°/s")  # read as deg elsewhere
 
@@ -36,6 +44,7 @@ class Preamble:
         separator: column separator.
         labels: one for each column.
         has_units: whether a row of units stands below the names.
+        several: whether all rows from that of the names on name the columns together.
     """
 
     before: int
@@ -44,6 +53,7 @@ class Preamble:
     separator: str
     labels: tuple[Label, ...]
     has_units: bool
+    several: bool = False
 
 
 def read_preamble(head: str, separator: str | None, number: Callable[[str], bool]) -> Preamble | None:
@@ -92,16 +102,56 @@ def _preamble(rows: Sequence[Sequence[str]], first: int, separator: str) -> Prea
         and _are_names(above[names - 1], width)
     ):
         units, names = above[names], names - 1
-    if names < 0 or (names == 0 and first == 1) or not _are_names(above[names], width):
+    if names < 0 or (names == 0 and first == 1):
         return None
     rivals = [row for row in above[:names] if _are_names(row, width)]
-    if any(_with_units(row) >= _with_units(above[names]) for row in rivals):
-        return None  # two rows of names: which one counts is for a person to say
+    several = any(_with_units(row) >= _with_units(above[names]) for row in rivals)
+    if several or not _are_names(above[names], width):
+        return _joined(above, first, width, separator)
     labels = tuple(
         parse_label(name, None if unit in _NO_UNIT else unit.strip("[]()"))
         for name, unit in zip(above[names], units, strict=True)
     )
     return Preamble(names, not any(map(any, above[:names])), first, separator, labels, first - names == 2)
+
+
+def _joined(above: Sequence[Sequence[str]], first: int, width: int, separator: str) -> Preamble | None:
+    """A table whose columns are named by several rows; None where the first row of the file may be that of the names.
+
+    What stands in one row more than once is a key, such as "Channel name", and names no column.
+    """
+    if first < 2 or _are_names(above[0], width):
+        return None  # the rows below it may be damaged data
+    top = first
+    while top > 0 and len(above[top - 1]) == width:
+        top -= 1
+    names: list[list[str]] = [[] for _ in range(width)]
+    units = [""] * width
+    for row in above[top:first]:
+        of_units = row[0].strip(":").lower() in _UNIT_KEYS or _are_units(row)
+        for k, cell in enumerate(row):
+            own = bool(cell) and row.count(cell) == 1 and not _is_number(cell)
+            short = cell.strip("[]() ")
+            if (
+                len(short) <= _LONGEST_UNIT
+                and short not in _NO_UNIT
+                and _is_unit(short)
+                and (of_units or names[k])
+            ):
+                units[k] = short
+            elif own and not of_units:
+                names[k].append(cell)
+    if not any(names):
+        return None
+    labels = tuple(
+        parse_label(" ".join(parts) or above[top][k], unit or None)
+        for k, (parts, unit) in enumerate(zip(names, units, strict=True))
+    )
+    return Preamble(top, not any(map(any, above[:top])), first, separator, labels, False, several=True)
+
+
+def _is_number(cell: str) -> bool:
+    return cell.replace(",", ".").replace(".", "", 1).lstrip("+-").isdecimal()
 
 
 def _are_names(row: Sequence[str], width: int) -> bool:
@@ -111,7 +161,7 @@ def _are_names(row: Sequence[str], width: int) -> bool:
         len(row) == width
         and all(filled)
         and len(set(filled)) == len(filled)
-        and not any(cell.replace(",", ".").replace(".", "", 1).lstrip("+-").isdecimal() for cell in filled)
+        and not any(map(_is_number, filled))
     )
 
 

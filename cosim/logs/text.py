@@ -111,6 +111,8 @@ class TextSource(Source):
         super().__init__(path, labels if export is None else export.labels)
         if above is not None:
             self._survey = dataclasses.replace(self._survey, header_lines=above.lines)
+            if above.several:
+                self.warnings.append(f"names were read from rows {above.before + 1} to {above.lines}")
             if not above.blank:
                 rows = "row 1" if above.before == 1 else f"rows 1 to {above.before}"
                 self.warnings.append(f"left out above the names: {rows}")

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections.abc import Mapping as Values
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from cosim.compare.binding import DEFAULTS, START_PARAMETER, START_SIGNAL, gain_between
 from cosim.compare.mapping import CompareTable, Target, load_mapping
 from cosim.errors import DataError, UsageError
+from cosim.lexicon import ELECTRIC_DRIVER
 from cosim.logs import Log, Mapping
 from cosim.machines.scale import Sizes, scales
 from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_table
@@ -22,6 +24,9 @@ from fmus import registry
 
 SHORTEST_STEP = 1e-3  # s that the step of a simulation needs at most to be
 STEPS_A_SAMPLE, STEPS_A_LAG = 5.0, 10.0  # steps of a simulation between two samples, and in a lag, at least
+# what the driver of a motor can do of that which a valve can: come late, be limited in rate and size, be off
+DRIVER = ("dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dcv.offset")
+MOTOR = {"dcv": ELECTRIC_DRIVER, "continuity": "winding", "mechanical": "motor"}  # block -> what it is called
 # effects that change one gain; between two signals only the last block's gain is asked for
 GAINS = {
     "dcv": ("dcv.gain",),
@@ -202,21 +207,34 @@ def completed(
     if not {"trusted", "free"} & found.keys():
         found["free" if told.from_log else "trusted"] = list(dict.fromkeys(stated))
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
-    found["units"] = {**machine.units, **scale_free(machine, inner), **given.get("units", {})}
+    found["units"] = {**machine.units, **scale_free(machine, inner, told.values), **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
     axis = {"mechanical": "axis"} if machine.motion == "travel" else {}
+    if machine.drive == "electric":
+        axis = MOTOR | axis
     found["blocks"] = {"sensor": "sensor", **axis, **given.get("blocks", {})}
     return found
 
 
-def scale_free(machine: MachineTable, inner: dict[str, str]) -> dict[str, str]:
-    """Units of torque, inertia and friction where only their ratio to the torque at full command can be known."""
+def scale_free(machine: MachineTable, inner: dict[str, str], values: Values[str, float]) -> dict[str, str]:
+    """Units of torque, inertia and friction, spool and pressure where only their ratio to full command's can be known."""
     gains = {"dcv.K", "continuity.K_c", "mechanical.A", "mechanical.r", "mechanical.J", "mechanical.b"}
     commanded = "mechanical" in machine.chain and machine.chain[0] != "mechanical"
     if not commanded or {"dcv", "continuity"} & set(inner) or gains & set(machine.parameters):
         return {}
     length = machine.units.get("rad", "rad")
-    return {si: text.format(length) for si, text in SCALE_FREE.items()}
+    return {si: text.format(length) for si, text in SCALE_FREE.items()} | parts_of_full(machine, values)
+
+
+def parts_of_full(machine: MachineTable, values: Values[str, float]) -> dict[str, str]:
+    """Units of spool and pressure that nobody has measured: parts of what full command brings."""
+    found = {}
+    if "dcv" in machine.chain:
+        spool = values["dcv.K"]
+        found = {"m": f"{1.0 / spool:.6g} full command", "m/s": f"{1.0 / spool:.6g} full command/s"}
+        if "continuity" in machine.chain:
+            found["Pa"] = f"{1.0 / (spool * values['continuity.K_c']):.6g} full command"
+    return found
 
 
 def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:
@@ -226,6 +244,12 @@ def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:
         if "continuity" in machine.chain and "p_supply" not in inner.values()
         else []
     )
+    if machine.drive == "electric":
+        found += [
+            name
+            for name in registry.effects()
+            if name.partition(".")[0] in ("dcv", "continuity") and name not in DRIVER
+        ]
     for component, behind in zip(machine.chain, machine.chain[1:], strict=False):
         carries = block_of(behind).name in ("continuity", "mechanical", "simplified")
         if component not in inner and carries:

@@ -45,6 +45,7 @@ class MachineTable(BaseModel):
         input: signal that drives the first block.
         output: signal that the last block makes.
         motion: "turn" (angles) or "travel" (a linear axis: kg, N, m).
+        drive: what moves it, "hydraulic" or "electric"; a motor has no oil, and a driver in place of the valve.
         speed: of the motion at a command of 1, such as ``0.8 rad/s``; ``?``: from the log.
         lag: time constant of that speed, such as ``70 ms``; ``?``: from the log.
         parameters: ``component.parameter`` -> quantity with its unit, a number in SI, or ``?``: from the log.
@@ -56,6 +57,7 @@ class MachineTable(BaseModel):
     input: str = "u"
     output: str = "slew"
     motion: Literal["turn", "travel"] = "turn"
+    drive: Literal["hydraulic", "electric"] = "hydraulic"
     speed: str | None = None
     lag: str | None = None
     parameters: Stated = {}

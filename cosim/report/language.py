@@ -15,7 +15,7 @@ from functools import cache, cached_property, partial
 from pathlib import Path
 
 from cosim.errors import UsageError
-from cosim.report.names import OTHER_AXIS, replaced
+from cosim.report.names import DRIVEN, OTHER_AXIS, replaced
 from cosim.report.picture import Picture
 
 ENGLISH = "en"
@@ -153,20 +153,27 @@ def catalogue(language: str) -> Catalogue | None:
     content = tomllib.loads((Path(__file__).parent / f"{language}.toml").read_text(encoding="utf-8"))
     messages = content["messages"]
     return Catalogue(
-        of_other_axes(messages, content["other_axis"]) | messages, content["to"], content["comma"]
+        of_other_axes(messages, content["other_axis"])
+        | of_other_axes(messages, content["other_axis"] | content["driven"], (*OTHER_AXIS, *DRIVEN))
+        | messages,
+        content["to"],
+        content["comma"],
     )
 
 
-def of_other_axes(messages: dict[str, str], words: dict[str, str]) -> dict[str, str]:
-    """The messages about the crane's slew, as `names.OTHER_AXIS` changes them for the axis of another machine.
+def of_other_axes(
+    messages: dict[str, str], words: dict[str, str], pairs: tuple[tuple[str, str], ...] = OTHER_AXIS
+) -> dict[str, str]:
+    """The messages about the crane's slew and valve, as `names` changes them for another machine.
 
     Args:
         messages: English -> translated.
-        words: translated word for the slew -> that of another axis.
+        words: translated word of the crane -> that of another machine.
+        pairs: the same in English.
     """
     found = {}
     for english, translated in messages.items():
-        other = replaced(english, OTHER_AXIS)
+        other = replaced(english, pairs)
         if other != english:
             found[other] = replaced(translated, words.items())
     return found

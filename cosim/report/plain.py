@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.diagnosis.answer.schema import Answer
+from cosim.lexicon import current
 from cosim.report.material import Material, Part
 from cosim.report.screen import better
 from cosim.report.words import (
@@ -21,6 +22,7 @@ from cosim.report.words import (
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "advice.toml").read_text(encoding="utf-8"))
 ADVICE: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what to check on the machine
+MOTOR: dict[str, list[str]] = _TEXTS["motor"]  # the same where a motor drives it
 _VERDICTS: dict[str, list[str]] = _TEXTS["verdict"]
 _NAME = re.compile(r" \((?:[a-z_]+\.)+[a-z_]+\)")  # an identifier behind the name that people know
 
@@ -96,7 +98,8 @@ def advice(answer: Answer) -> list[tuple[str, list[str]]]:
         return [("The machine", _VERDICTS["adequate"])]
     names = [cause.effect for cause in answer.causes]
     names += [other for cause in answer.causes for other in cause.indistinguishable_from]
-    found = [(_title(name), ADVICE[name]) for name in dict.fromkeys(names) if name in ADVICE]
+    steps = ADVICE | MOTOR if current().electric else ADVICE
+    found = [(_title(name), steps[name]) for name in dict.fromkeys(names) if name in steps]
     return found or [("The machine", _VERDICTS["other"])]
 
 

@@ -163,9 +163,12 @@ def _more(names: list[str]) -> str:
 
 
 def better(result: Answer) -> Iterator[str]:
-    """How much the extended model gains on data not used for fitting, in the signal that gains most."""
+    """How much the extended model gains on data not used for fitting, in the signal that gains most.
+
+    Where nothing is named the error is said too: a linear model may leave less.
+    """
     signal = telling(result)
-    if signal is None or not result.causes:
+    if signal is None or not (result.causes or result.verdict == "unexplained"):
         return
     gain = result.gain[signal]
     unit = f" {unit_text(gain.unit)}".rstrip()

@@ -9,7 +9,7 @@ from string import Formatter
 from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, SignalGain
 from cosim.lexicon import current
 from cosim.report.material import Material, component_of
-from cosim.report.names import BLOCK_NAMES, OTHER_AXIS, QUANTITIES, SIGNAL_NAMES, TURNING, replaced
+from cosim.report.names import BLOCK_NAMES, DRIVEN, OTHER_AXIS, QUANTITIES, SIGNAL_NAMES, TURNING, replaced
 from fmus import registry
 
 NOISY = 1.1  # times the sensor's noise within which an error is called the noise
@@ -168,7 +168,7 @@ def fit_text(percent: float) -> str:
 def signal_name(signal: str) -> str:
     """A signal as people call it."""
     own = current().signals.get(signal)
-    return own.text if own else SIGNAL_NAMES.get(signal, signal)
+    return own.text if own else kind_of_motion(SIGNAL_NAMES.get(signal, signal))
 
 
 def block_name(block: str) -> str:
@@ -189,7 +189,11 @@ def quantity(of: str) -> tuple[str, str, float]:
 def kind_of_motion(text: str) -> str:
     """Words about the crane's slew, as they are said of another machine's axis, which may move along a line."""
     lexicon = current()
-    pairs = (*(OTHER_AXIS if lexicon.blocks else ()), *(TURNING if lexicon.units.get("rad") == "m" else ()))
+    pairs = (
+        *(OTHER_AXIS if lexicon.blocks else ()),
+        *(DRIVEN if lexicon.electric else ()),
+        *(TURNING if lexicon.units.get("rad") == "m" else ()),
+    )
     return replaced(text, pairs)
 
 

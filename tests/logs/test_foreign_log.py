@@ -365,7 +365,7 @@ def test_init_makes_a_machine_of_a_motor(cosim, write, servo):
         ("travel", ["PosFb", "cylinder_position", "Zylinderweg", "Hub (mm)", "stroke_act", "Boom displacement", "Lage"]),
         ("speed", ["omega", "motor speed", "Drehzahl (1/min)", "EXP_Velocity", "rpm"]),
         (None, ["PosRef", "Position soll", "target position", "set speed", "Solldrehzahl"]),
-        ("slew", ["Winkel", "angle (deg)"]),
+        ("slew", ["Winkel", "angle (deg)", "motor position [rad]", "Position (°)"]),
     ],
 )  # fmt: skip
 def test_what_the_axis_of_another_machine_shows(signal, headings, write):
@@ -375,6 +375,74 @@ def test_what_the_axis_of_another_machine_shows(signal, headings, write):
         made = guesses(overview(path), machine=True)
         assert list(made) == ([] if signal is None else [signal]), heading
         assert not {"travel", "speed"} & set(guesses(overview(path))), "the crane's axis shows an angle"
+
+
+def motor(count=3000, step=0.005, lag=0.1):
+    """Stamps, a command in volts that is random in steps and rests now and then, and the speed that follows, in rad/s."""
+    rng = np.random.default_rng(3)
+    command = np.repeat(np.round(rng.uniform(-12, 12, count // 60), 1), 60) * (np.arange(count) % 600 < 480)
+    speed = np.zeros(count)
+    for k in range(1, count):
+        speed[k] = speed[k - 1] + step / lag * (18.0 * command[k - 1] - speed[k - 1])
+    return np.arange(count) * step, command, speed
+
+
+@pytest.mark.parametrize(
+    ("heading", "found"),
+    [
+        ("t,Input,Velo", {"u": "Input", "speed": "Velo"}),
+        ("t,input signal,Motor Angular Velocity", {"u": "input signal", "speed": "Motor Angular Velocity"}),
+        ("t,Chirp,AngVel", {"u": "Chirp", "speed": "AngVel"}),
+        ("t,voltage,Drehzahl", {"u": "voltage", "speed": "Drehzahl"}),
+        ("t,u,y", {"u": "u", "speed": "y"}),
+        ("t,Analog Input 1,omega", {"u": "Analog Input 1", "speed": "omega"}),
+        ("t,torque,omega", {"speed": "omega"}),
+    ],
+)
+def test_the_command_of_a_motor_is_what_its_motion_follows(heading, found, write):
+    table = np.column_stack(motor())
+    made = guesses(overview(write(f"{heading}\n{rows(table)}")), machine=True)
+    assert {name: g.column.label.name for name, g in made.items()} == found
+
+
+def test_the_motion_of_a_motor_is_what_follows_its_command(write):
+    time, command, speed = motor()
+    noise = np.random.default_rng(4).normal(size=time.size)
+    table = np.column_stack([time, command, 20 + noise, speed + noise, 0.7 * speed + 9 * noise])
+    made = guesses(overview(write(f"t,u,ch1,ch2,ch3\n{rows(table)}")), machine=True)
+    assert {n: g.column.label.name for n, g in made.items()} == {"u": "u", "speed": "ch2"}
+    assert "(as 1 more does)" in made["speed"].why
+    assert made["speed"].check
+    turned = np.column_stack([time, command, np.cumsum(speed) * 0.005])
+    made = guesses(overview(write(f"t,u,y\n{rows(turned)}")), machine=True)
+    assert set(made) == {"u", "slew"}, "its rate of change follows"
+
+
+@pytest.mark.parametrize(
+    ("heading", "drive"),
+    [
+        ("t,u,omega", True),
+        ("t,pwm,angle", True),
+        ("t,u,angle", False),  # nothing tells
+        ("t,valve,omega", False),
+        ("t,motor_cmd,cylinder_position", False),
+    ],
+)
+def test_a_machine_is_electric_where_a_motor_is_shown_and_no_oil(heading, drive, write):
+    time, command, speed = motor()
+    found = overview(write(f"{heading}\n{rows(np.column_stack([time, command, speed]))}"))
+    text = mapping_text(found, guesses(found, machine=True), None)
+    assert ('drive = "electric"' in text) == drive
+
+
+def test_a_speed_that_was_logged_in_steps_is_no_command(write):
+    time, command, speed = motor()
+    held = np.repeat(speed[::5], 5)
+    smooth = command + 1e-3 * np.sin(time)
+    found = guesses(
+        overview(write(f"t,Angular_Velocity,other\n{rows(np.column_stack([time, held, smooth]))}"))
+    )
+    assert "u" not in found
 
 
 def test_columns_that_move_otherwise_are_left_alone(write):

@@ -64,6 +64,27 @@ def test_columns_by_number_and_own_names(foreign):
     assert log.held == {"force"}
 
 
+def test_logs_of_one_machine_may_call_a_signal_differently(write):
+    """A Simulink data set names a command by the block from which it comes: Chirp in one log, Sine in the next."""
+    given = {
+        "time": {"column": ["t", "time"], "unit": "s"},
+        "signals": {"u": {"column": ["Chirp", "Sine"], "unit": "%"}},
+    }
+    mapping = Mapping.model_validate(given)
+    for heading in ("t,Chirp,y", "time,y,Sine", "time,Sine,Chirp"):
+        place = heading.split(",").index("Chirp" if "Chirp" in heading else "Sine")
+        lines = [[k / 10, 0, 0] for k in range(3)]
+        for k, line in enumerate(lines):
+            line[place] = 10 * k
+        text = "\n".join(",".join(map(str, line)) for line in lines)
+        log = load_log(write(f"{heading}\n{text}\n", "log.csv"), mapping)
+        assert log["u"].tolist() == [0.0, 0.1, 0.2]
+    with pytest.raises(
+        DataError, match=r"'u' from column 'Chirp', which is not there.*name all: column = \['Chirp'"
+    ):
+        load_log(write("t,Stair,y\n0,1,1\n1,2,2\n", "log.csv"), mapping)
+
+
 def test_a_file_without_header(write):
     path = write("0;1,5\n1;2,5\n2;3,5\n", "bare.csv")
     mapping = Mapping.model_validate(

@@ -65,6 +65,58 @@ def test_where_the_table_begins(tmp_path, text, names, said):
     assert source.row(0) == next(k for k, line in enumerate(text.splitlines(), 1) if line.startswith("0"))
 
 
+RECORDER = """Axis1
+Number of sampling data,4
+Sampling time interval(ms),0.667
+Time,Analog 1,Analog 2,Digital 1,Digital 2
+ms,Servo motor speed,Torque,Not selected,Not selected
+0.000,0,-1.0,0,0
+0.667,5,-0.8,0,0
+1.333,9,-0.6,0,0
+2.000,9,-0.6,0,0
+"""
+AMPLIFIER = """Timestamp,2020-03-16 17:04:51,Timestamp,2020-03-16 17:04:51
+Interval,0.0005,Interval,0.0005
+Channel name,"Force",Channel name,"Input 1"
+Unit,"kN",Unit,"V"
+0,-0.12,0,-3.2
+0.0005,-0.13,0.0005,-3.1
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "units", "row"),
+    [
+        (
+            RECORDER,
+            ["Time", "Analog 1 Servo motor speed", "Analog 2 Torque", "Digital 1", "Digital 2"],
+            ["ms", None, None, None, None],
+            6,
+        ),
+        (AMPLIFIER, ["Timestamp", "Force", "Timestamp", "Input 1"], [None, "kN", None, "V"], 5),
+    ],
+)
+def test_columns_named_by_several_rows(tmp_path, text, names, units, row):
+    """A servo amplifier names the channel in one row and what it shows in the next; a recorder repeats its keys."""
+    path = tmp_path / "log.csv"
+    path.write_text(text, encoding="utf-8-sig")
+    source = TextSource(path)
+    assert [label.name for label in source.labels] == names
+    assert [label.unit for label in source.labels] == units
+    assert source.row(0) == row
+    assert f"to {row - 1}" in source.warnings[0]
+    found = overview(path)
+    assert found.clock is not None
+    assert found.clock.step == pytest.approx(0.5e-3 if row == 5 else 0.667e-3, rel=2e-3)
+
+
+def test_several_rows_of_words_below_the_names_are_damaged_data(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time [s],slew [deg]\nms,foo\nbar,baz\n1,2\n2,3\n")
+    with pytest.raises(DataError, match=r"row 2, column .* is not a number"):
+        TextSource(path).read([0, 1])
+
+
 @pytest.mark.parametrize(
     ("text", "row"),
     [

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from cosim.errors import DataError, UsageError
+from cosim.lexicon import Lexicon, speaking
 from cosim.logs import Log, load_log
 from cosim.machines.make import made_for
+from cosim.report.language import catalogue
+from cosim.report.words import block_name, called, with_signals
 
 MACHINE = """
 name = "motor"
@@ -26,12 +29,14 @@ lag = "?"
 LAG, GAIN = 0.05, 200.0  # s; rad/s at full command
 
 
-def motor(folder: Path, unit: str = "rad/s", more: str = "", lag: float = LAG) -> tuple[Path, Log]:
+def motor(
+    folder: Path, unit: str = "rad/s", more: str = "", lag: float = LAG, interval: float = 2e-3
+) -> tuple[Path, Log]:
     """The mapping and a log of a motor of first order with a rocking command (synthetic)."""
-    t = np.arange(0.0, 20.0, 2e-3)
+    t = np.arange(0.0, 20.0, interval)
     u = np.sin(2.0 * np.pi * 0.5 * t) + 0.3 * np.sin(2.0 * np.pi * 3.1 * t)
     w = np.zeros_like(t)
-    keep = np.exp(-2e-3 / lag)
+    keep = np.exp(-interval / lag)
     for k in range(1, t.size):
         w[k] = keep * w[k - 1] + (1.0 - keep) * GAIN * u[k - 1]
     file = folder / "log.csv"
@@ -51,6 +56,69 @@ def test_an_output_in_a_unit_of_speed_is_one(tmp_path: Path, unit: str, size: fl
     assert made.numbers.speed == pytest.approx(GAIN * size, rel=0.02)
     assert 'startConnector="omega" endConnector="speed"' in made.ssd.read_text()
     assert made.sizes.speed == pytest.approx(1.2 * GAIN * size, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("lag", "interval", "shown"),
+    [(0.01, 1e-3, 1e-3), (0.05, 2e-3, 5e-3), (0.05, 8e-3, 8e-3), (0.4, 2e-3, 15e-3)],
+)
+def test_blocks_of_which_nothing_is_said_stay_below_what_the_log_shows(
+    tmp_path: Path, lag: float, interval: float, shown: float
+) -> None:
+    """Valve and oil add less than a sample or a tenth of the machine's own lag, and no less than a slow log needs."""
+    values = made_for(*motor(tmp_path, lag=lag, interval=interval), folder=tmp_path / "made").numbers.values
+    added = 2.0 * values["dcv.zeta"] / values["dcv.w0"] + values["continuity.T"]
+    assert added == pytest.approx(shown, rel=0.15)
+    assert values["dcv.w0"] * values["continuity.T"] == pytest.approx(1.0, rel=1e-3), "both alike"
+
+
+def test_blocks_of_which_something_is_said_stay_as_they_are(tmp_path: Path) -> None:
+    mapping, log = motor(tmp_path, lag=0.01, interval=1e-3)
+    mapping.write_text(
+        mapping.read_text() + '[machine.parameters]\n"dcv.w0" = "50 rad/s"\n"continuity.T" = "20 ms"\n',
+        encoding="utf-8",
+    )
+    values = made_for(mapping, log, folder=tmp_path / "made").numbers.values
+    assert (values["dcv.w0"], values["continuity.T"]) == (50.0, 0.02)
+
+
+def test_a_motor_has_no_oil_and_no_spool(tmp_path: Path) -> None:
+    mapping, log = motor(tmp_path)
+    plain = made_for(mapping, log, folder=tmp_path / "made").diagnose
+    mapping.write_text(
+        mapping.read_text().replace('output = "speed"', 'output = "speed"\ndrive = "electric"')
+    )
+    electric = made_for(mapping, log, folder=tmp_path / "made").diagnose
+    left_out = set(electric["exclude"]) - set(plain["exclude"])
+    assert {"continuity.cracking_pressure", "continuity.compressibility", "dcv.hysteresis"} <= left_out
+    assert not {"dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dead_zone.mismatch"} & set(
+        electric["exclude"]
+    )
+    assert not any(name.startswith("mechanical.") for name in left_out)
+    with speaking(Lexicon(blocks=electric["blocks"])):
+        assert called("dcv.stroke_limit") == "a stop of the driver's output"
+        assert called("dcv.delay") == "a delay of the driver"
+        assert with_signals("log p_load") == "log motor current"
+        assert block_name("dcv+continuity+mechanical") == "driver + winding + motor"
+        german = catalogue("de").messages
+        assert german[called("dcv.delay")] == "eine Totzeit des Stellglieds"
+        assert german[called("dcv.rate_limit")] == "eine Grenze der Geschwindigkeit des Ausgangs"
+    with speaking(Lexicon(blocks=plain["blocks"])):
+        assert called("dcv.delay") == "a delay of the valve"
+
+
+def test_what_nobody_measured_is_a_part_of_full_command(tmp_path: Path) -> None:
+    """Full command is 1 mm of spool and 1 bar only by convention: no reader should take them for lengths and pressures."""
+    lexicon = Lexicon(units=made_for(*motor(tmp_path), folder=tmp_path / "made").diagnose["units"])
+    for si, value in (("m", 1e-3), ("Pa", 1e5), ("N.m", 1.0)):
+        unit, scale = lexicon.quantity(si)
+        assert (unit, scale * value) == ("full command", pytest.approx(1.0))
+        assert lexicon.to_si("full command", si) == pytest.approx(value)
+    assert lexicon.quantity("m/s") == ("full command/s", pytest.approx(1e3))
+    assert lexicon.to_si("mm", "m") == pytest.approx(1e-3), "what is not told so stays as it is"
+    measured = 'spool = { column = "w", unit = "mm" }\n'
+    mapping, log = motor(tmp_path, more=measured)
+    assert "m" not in made_for(mapping, log, folder=tmp_path / "made").diagnose["units"]
 
 
 def test_a_variable_that_a_block_lacks_is_named(tmp_path: Path) -> None:

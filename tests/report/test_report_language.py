@@ -13,7 +13,7 @@ from cosim.report import names
 from cosim.report.folder import load
 from cosim.report.language import PLACE, Catalogue, catalogue, reported_in, said
 from cosim.report.page import page
-from cosim.report.plain import ADVICE
+from cosim.report.plain import ADVICE, MOTOR
 from cosim.report.words import CAPTIONS, FORMS, NAMES, PHRASES, PHYSICAL, effect_name
 from cosim.rig import EFFECTS
 from fmus import registry
@@ -65,7 +65,7 @@ def test_every_literal_of_the_page_is_known(german):
 
 
 def test_every_word_about_effects_is_known(german):
-    sentences = [s for steps in ADVICE.values() for s in steps]
+    sentences = [s for steps in (*ADVICE.values(), *MOTOR.values()) for s in steps]
     for effect in registry.effects().values():
         sentences += [effect.text, effect.residual, effect_name(effect.name)]
         sentences += [variable.text for variable in effect.parameters.values()]

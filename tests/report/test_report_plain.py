@@ -5,9 +5,11 @@ import pytest
 from report_helpers import empty_answer, named
 
 from cosim.diagnosis.answer.schema import Location, Signal, SignalGain
+from cosim.lexicon import ELECTRIC_DRIVER, Lexicon, speaking
+from cosim.machines.make import DRIVER
 from cosim.report.material import Material, Noise, Part
 from cosim.report.overview import nothing_to_extend
-from cosim.report.plain import ADVICE, advice, chain, ordered, quiet_signals, three_sentences
+from cosim.report.plain import ADVICE, MOTOR, advice, chain, ordered, quiet_signals, three_sentences
 from fmus import registry
 
 
@@ -28,11 +30,26 @@ def part(name, drive, *signals):
 
 def test_every_effect_of_the_library_has_something_to_check():
     assert set(ADVICE) == set(registry.effects())
-    for name, steps in ADVICE.items():
+    for name, steps in (*ADVICE.items(), *MOTOR.items()):
         assert 1 <= len(steps) <= 3, name
         for step in steps:
             assert step.endswith("."), name
             assert 30 < len(step) < 200, name
+
+
+def test_a_motor_is_no_slewing_drive():
+    """What can be named on a motor has steps of its own, which speak of no oil, boom or rack."""
+    oil = {n for n in registry.effects() if n.partition(".")[0] in ("dcv", "continuity")} - set(DRIVER)
+    nameable = {
+        n for n in registry.effects() if n.partition(".")[0] in ("dead_zone", "dcv", "mechanical")
+    } - oil
+    assert nameable - set(MOTOR) == {"mechanical.end_stop", "mechanical.linkage"}
+    words = ("oil", "boom", "rack", "spool", "valve", "pressure", "slew")
+    assert not [s for steps in MOTOR.values() for s in steps if any(w in s.lower().split() for w in words)]
+    answer = material(causes=[friction()]).answer
+    with speaking(Lexicon(blocks={"dcv": ELECTRIC_DRIVER})):
+        assert advice(answer)[0][1] == MOTOR["mechanical.coulomb_friction"]
+    assert advice(answer)[0][1] == ADVICE["mechanical.coulomb_friction"]
 
 
 def test_a_cause_in_three_sentences():

@@ -107,6 +107,20 @@ def test_no_gain_is_not_called_better():
     assert any(line.endswith("a linear model leaves 0.08 deg") for line in told)
 
 
+def test_the_error_is_told_where_nothing_is_named():
+    """A servo that was taken for a drive: no cause, and a plain lag predicts it better."""
+    slew = GAIN.model_copy(update={"rmse_after": GAIN.rmse_before})
+    linear = LINEAR.model_copy(update={"rmse": 0.0801, "ci95_of_ratio": (1.7, 2.4)})
+    told = lines(empty_answer(verdict="unexplained", gain={"slew": slew}, linear={"slew": linear}), OUT)
+    assert any(
+        line.startswith("Not better: ")
+        and line.endswith("a linear model leaves 0.08 deg: linear dynamics are missing")
+        for line in told
+    )
+    told = lines(empty_answer(verdict="adequate", gain={"slew": slew}, linear={"slew": linear}), OUT)
+    assert not any(line.startswith("Not better") for line in told)
+
+
 def test_a_changed_parameter_stands_beside_its_nominal_value():
     told = lines(empty_answer(causes=[named("mechanical.inertia", {"J": 900.0}, spread=0.01)]), OUT)
     assert (

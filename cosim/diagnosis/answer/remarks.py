@@ -123,6 +123,15 @@ def files(logs: Sequence[Log]) -> dict[str, str]:
     return found
 
 
+def apart(one: float, other: float) -> tuple[str, str]:
+    """Two numbers with four digits, or so many more that they differ."""
+    for digits in range(4, 10):
+        texts = f"{one:.{digits}g}", f"{other:.{digits}g}"
+        if texts[0] != texts[1]:
+            break
+    return texts
+
+
 def turned_down(item: Refused) -> RefusedCause:
     """A refused cause in display units."""
     unit, scale = shown(item.signal)
@@ -130,9 +139,8 @@ def turned_down(item: Refused) -> RefusedCause:
     where = "in a free run over them" if item.in_fitted else "on held-out data"
     way = "falls only" if with_it < without else "rises"
     chance = ", no more than chance may do" if with_it < without and item.sure else ""
-    error = (
-        f"{where} the error of {item.signal} {way} from {without:.4g} to {with_it:.4g} {unit} with it{chance}"
-    )
+    one, other = apart(without, with_it)
+    error = f"{where} the error of {item.signal} {way} from {one} to {other} {unit} with it{chance}"
     why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
     if item.instead:
         why = (

@@ -40,7 +40,7 @@ class Options(BaseModel):
         sample: what one sample counts as, s, where the sampling interval is not known.
         held_out_from: the log from this time on (samples, for a log in samples) is not fitted but held out.
         causes: causes looked for in one group at most.
-        units: SI unit -> name people read for it, such as "kg" for "kg.m2" on a linear axis.
+        units: SI unit -> name people read for it, such as "kg" for "kg.m2" on a linear axis; see `Lexicon.units`.
         blocks: block -> what people call it on this machine.
     """
 
