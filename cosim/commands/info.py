@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 OTHER = "log with other columns"
 MOST_ROWS = 2000  # of a table for a person; laying out more takes seconds
+OWN_STAMPS = "each column has stamps of its own"
 
 
 def register(app: typer.Typer) -> None:
@@ -129,10 +130,10 @@ def headline(facts: dict[str, Any]) -> str:
         back = f", time stands or goes back {facts['not_rising']} times" if facts["not_rising"] else ""
         name, (unit, _, guessed) = facts["time_column"], facts["time_unit"].partition(" (")
         called = f"column {name}" if name.isdigit() else f"'{name}'"
-        time = (
-            f"{facts['duration']} at {facts['rate'].replace(' samples', '')}{holes}{back}; time is {called}"
-            f"{', taken to count' if guessed else ' in'} {unit}"
-        )
+        counted = f"time is {called}{', taken to count' if guessed else ' in'} {unit}"
+        if name == OWN_STAMPS:
+            counted = name
+        time = f"{facts['duration']} at {facts['rate'].replace(' samples', '')}{holes}{back}; {counted}"
     likely = f"{len(facts['guesses'])} of {len(facts['columns'])} columns look like signals of the crane"
     return f"{facts['file']}: {samples}, {time}; {likely}"
 
@@ -222,7 +223,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
     else:
         named = "" if clock.column is None else found.columns[clock.column].label.text
         facts |= {
-            "time_column": named or "each column has stamps of its own",
+            "time_column": named or OWN_STAMPS,
             "time_unit": clock.unit + (f" (guessed: {clock.guessed})" if clock.guessed else ""),
             "duration": f"{clock.duration:.6g} s",
             "rate": f"{clock.rate:.6g} samples a second",
