@@ -9,8 +9,8 @@ from lxml import etree
 from cosim.calibrate.outcome import Calibration, Parameter, SignalFit
 from cosim.compare import Score
 from cosim.compare.outcome import Comparison
-from cosim.compare.present import known_as
 from cosim.files import write_bytes
+from cosim.report.names import known_as
 from cosim.ssp.quantities import BASE_UNITS, UnitDefinition
 from cosim.ssp.read import resolve
 from cosim.ssp.system import System, Value

@@ -53,6 +53,12 @@ TURNING = (
 )
 
 
+def known_as(signal: str) -> str:
+    """A signal by the name people know, with its own: "slew angle (slew)"."""
+    name = SIGNAL_NAMES.get(signal)
+    return f"{name} ({signal})" if name else signal
+
+
 def replaced(text: str, pairs: Iterable[tuple[str, str]]) -> str:
     """A text in which the first of each pair of words stands no more, but the second."""
     for one, other in pairs:
