@@ -137,4 +137,10 @@ def test_info_shows_the_connectors_of_a_package_and_what_they_are_joined_with(na
         "plant.u": "valve.y",
         "plant.y": "",
     }
-    assert "Next: cosim init" in command("info", native)[1]
+    said = command("info", native)[1]
+    assert said.startswith(
+        f"{native}: system of 2 components (SSP), driven from outside by command\n  valve: resources/"
+    )
+    assert "kind: ssp" not in said
+    assert f"Next: cosim simulate {native} --input LOG runs it; cosim init {native} LOG " in said
+    assert "kind: ssp" in command("info", native, "--verbose")[1]

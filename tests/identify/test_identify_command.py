@@ -213,7 +213,9 @@ def test_a_frequency_response_is_told_in_sentences_and_its_points_on_demand(log)
 
 def test_a_scaling_is_told_in_sentences_and_hands_its_mapping_on(tmp_path):
     told = call("scaling", "--point", "spool=3.248 V:2.6 mm", "--point", "spool=1.769 V:-2.6 mm").stdout
-    assert re.search(r"spool position \(spool\): 3.5159 mm a volt, zero at 2.50\d+ V: 2 measured points", told)
+    assert re.search(
+        r"spool position \(spool\): 3.5159 mm a volt, zero at 2.50\d+ V: 2 measured points", told
+    )
     assert "How sure: spool from 2 points" in told
     assert "source  " not in told
     assert told.splitlines()[-1].startswith("Next: name a log recorded in volts")
