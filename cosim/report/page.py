@@ -17,7 +17,7 @@ from cosim.packages import project_version
 from cosim.report import drive, experiment, overview
 from cosim.report.evidence import free_form, pictures
 from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, lexicon_of, load
-from cosim.report.language import current, picture_said, reported_in, said, separators
+from cosim.report.language import current, picture_said, picture_with, reported_in, said, separators
 from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
 from cosim.report.plain import advice, chain, quiet_blocks, quiet_signals, three_sentences
@@ -127,14 +127,14 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     from markupsafe import Markup, escape
     from plotly.offline import get_plotlyjs
 
-    made = {p.key: figure(picture_said(p)) for p in drawn}
+    made = {p.key: figure(picture_said(picture_with(p, kind_of_motion))) for p in drawn}
     for one in made.values():
         one["layout"]["separators"] = separators()
     figures = json.dumps(made, separators=(",", ":"))
 
     @jinja2.pass_context  # so that literals come here too, and are not escaped before
     def finalized(context: Any, value: Any) -> Any:
-        return said(str(value)) if type(value) in (str, float) else value
+        return said(kind_of_motion(str(value))) if type(value) in (str, float) else value
 
     words = {
         "light": said("Light"),

@@ -5,6 +5,7 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
+from cosim import lexicon
 from cosim.diagnosis.answer.schema import Answer
 from cosim.report.material import Material, Part
 from cosim.report.screen import better
@@ -21,6 +22,8 @@ from cosim.report.words import (
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "advice.toml").read_text(encoding="utf-8"))
 ADVICE: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what to check on the machine
+# the same where it is not the crane, whose parts have other names
+OF_OTHERS: dict[str, list[str]] = _TEXTS["other_machines"]
 _VERDICTS: dict[str, list[str]] = _TEXTS["verdict"]
 _NAME = re.compile(r" \((?:[a-z_]+\.)+[a-z_]+\)")  # an identifier behind the name that people know
 
@@ -95,8 +98,14 @@ def advice(answer: Answer) -> list[tuple[str, list[str]]]:
     if answer.verdict == "adequate":
         return [("The machine", _VERDICTS["adequate"])]
     names = [cause.effect for cause in answer.causes]
-    names += [other for cause in answer.causes for other in cause.indistinguishable_from]
-    found = [(_title(name), ADVICE[name]) for name in dict.fromkeys(names) if name in ADVICE]
+    # of any system an effect has its place behind it
+    names += [other.partition(" at ")[0] for cause in answer.causes for other in cause.indistinguishable_from]
+    known = ADVICE | OF_OTHERS if lexicon.current().blocks else ADVICE
+    found = [
+        (_title(name), [kind_of_motion(text) for text in known[name]])
+        for name in dict.fromkeys(names)
+        if name in known
+    ]
     return found or [("The machine", _VERDICTS["other"])]
 
 

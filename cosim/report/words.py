@@ -171,6 +171,12 @@ def signal_name(signal: str) -> str:
     return own.text if own else SIGNAL_NAMES.get(signal, signal)
 
 
+def the(signal: str) -> str:
+    """A signal within a sentence: "the slew angle"; one that has no name but its own stands alone, as "valve.y"."""
+    name = signal_name(signal)
+    return name if name == signal else f"the {name}"
+
+
 def block_name(block: str) -> str:
     """A block as people call it; of several that are judged as one, all of them."""
     own = current().blocks
@@ -290,15 +296,13 @@ def gain_clause(answer: Answer) -> str:
     before, after = f"{gain.rmse_before:.2g}", f"{gain.rmse_after:.2g}"
     noise = f"{gain.noise_floor:.2g} {unit}"
     if gain.rmse_after >= gain.rmse_before:
-        return (
-            f"; the error of the {signal_name(signal)} on data not used for fitting stays at {before} {unit}"
-        )
+        return f"; the error of {the(signal)} on data not used for fitting stays at {before} {unit}"
     end = (
         "the sensor's noise" if gain.rmse_after <= NOISY * gain.noise_floor else f"against a noise of {noise}"
     )
     joint = ", which is " if end == "the sensor's noise" else ", "
     return (
-        f"the error of the {signal_name(signal)} on data not used for fitting{span_of(gain)} falls from "
+        f"the error of {the(signal)} on data not used for fitting{span_of(gain)} falls from "
         f"{before} to {after} {unit}{joint}{end}"
     )
 
