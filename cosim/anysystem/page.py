@@ -50,6 +50,8 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
     sections: dict[str, Any] = {
         "answer": answer,
         "foreign": True,
+        "not_exercised": answer.not_exercised,
+        "helpful_signals": answer.helpful_signals,
         "clean": False,
         "log_name": ", ".join(log.source.name for log in found.logs),
         "told": [

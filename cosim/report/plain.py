@@ -106,7 +106,9 @@ def advice(answer: Answer) -> list[tuple[str, list[str]]]:
         for name in dict.fromkeys(names)
         if name in known
     ]
-    return found or [("The machine", _VERDICTS["other"])]
+    if found:
+        return found
+    return [("The machine", _VERDICTS["other" if answer.next_experiment is None else "other_with_run"])]
 
 
 def _title(effect: str) -> str:

@@ -149,8 +149,9 @@ def sure(result: Answer) -> Iterator[str]:
             told.append("no other effect of the library comes near")
         name = f" of {called(cause.effect)}" if len(result.causes) > 1 else ""
         yield f"How sure{name}: {'; '.join(told)}"
-    if result.verdict == "adequate" and result.not_exercised and not result.at_rest:
-        never = result.not_exercised
+    # without a tracker nobody expects to hear of its faults
+    never = [effect for effect in result.not_exercised if not effect.startswith("tracker.")]
+    if result.verdict == "adequate" and never and not result.at_rest:
         yield f"How sure: this log could not have shown {listed([in_words(e) for e in never[:MOST]])}{_more(never)}"
 
 

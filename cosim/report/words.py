@@ -112,7 +112,9 @@ def effect_name(effect: str) -> str:
 
 
 def effect_in_block(effect: str) -> str:
-    """An effect with its block: "Coulomb friction (mechanics)"."""
+    """An effect by the name that people know, or one without with its block: "snow load (mechanics)"."""
+    if effect in NAMES:
+        return called(effect)
     block = effect.partition(".")[0]
     if block == "port" or block.startswith("parameter "):
         return effect_name(effect)  # of any system: the words say where it is
@@ -151,6 +153,13 @@ _DEPENDS = re.compile(
 )
 
 
+def without_tracker(text: str) -> str:
+    """A list of effects without those of a tracker, where there was none; empty if nothing is left of it."""
+    head, colon, rest = text.partition(": ")
+    left = [item for item in rest.split(", ") if not item.startswith("tracker.")]
+    return f"{head}{colon}{', '.join(left)}" if left else ""
+
+
 def few(text: str, most: int = 5) -> str:
     """A sentence that ends in a list, ``x would show: a, b, c``, with no more than the first of a long one."""
     head, colon, rest = text.partition(": ")
@@ -183,11 +192,18 @@ def block_name(block: str) -> str:
     return own.get(block) or " + ".join(own.get(n) or BLOCK_NAMES.get(n, n) for n in block.split("+"))
 
 
+CHANGING = ", changing with "  # of a law that is not the same everywhere
+
+
 def quantity(of: str) -> tuple[str, str, float]:
     """What something depends on, in words; the unit in which it is shown, and the factor from SI to it."""
     lexicon = current()
     if of in lexicon.signals:
         return signal_name(of), *lexicon.signal(of)
+    driver, changing, by = of.partition(CHANGING)
+    if changing:
+        text, unit, scale = quantity(driver)
+        return f"{text}{changing}{quantity(by)[0]}", unit, scale
     text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
     return kind_of_motion(text), *lexicon.quantity(si, unit)
 
