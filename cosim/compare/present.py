@@ -58,8 +58,9 @@ def answer(comparison: Comparison) -> list[str]:
         worst = comparison.worst
         if worst is not None and _ratio(worst[1]) > NOISY:
             block, signal = worst
+            driven = ", ".join(map(known_as, block.driven_by))
             found.append(
-                f"It arises in: {block.name} (driven by {', '.join(block.driven_by)}), in the {known_as(signal.signal)}: "
+                f"It arises in: {block.name}, driven by {driven}, in the {known_as(signal.signal)}: "
                 f"{_ratio(signal):.3g} times its noise"
             )
         if len(off) > 1:

@@ -78,7 +78,9 @@ def test_a_calibration_in_a_line_for_each_parameter(run, log_file, tmp_path):
     code, out, _ = run("compare", log_file, *words, "--set", "mechanical.b=20000")
     assert code == 0
     assert re.search(
-        r"^Calibrated: mechanical.b = [\d.]+ N.m.s/rad, [\d.]+ to [\d.]+, from 20000", out, re.M
+        r"^Calibrated: mechanical.b = [\d.]+ N m s/rad, [\d.]+ to [\d.]+ \(95 %\); it was 20000 N m s/rad$",
+        out,
+        re.M,
     ), out
     said = r"^Better: error of the slew angle \(slew\) on held-out data falls from [\d.]+ to [\d.]+ deg$"
     assert re.search(said, out, re.M), out
