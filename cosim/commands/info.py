@@ -136,13 +136,14 @@ def headline(facts: dict[str, Any]) -> str:
     time = facts.get("time", "")
     if not time:
         holes = f", {facts['gaps']} gaps" if facts["gaps"] else ", no gap"
+        even = "" if facts["uniform"] else ", unevenly spaced"
         back = f", time stands or goes back {facts['not_rising']} times" if facts["not_rising"] else ""
         name, (unit, _, guessed) = facts["time_column"], facts["time_unit"].partition(" (")
         called = f"column {name}" if name.isdigit() else f"'{name}'"
         counted = f"time is {called}{', taken to count' if guessed else ' in'} {unit}"
         if name == OWN_STAMPS:
             counted = name
-        time = f"{facts['duration']} at {facts['rate'].replace(' samples', '')}{holes}{back}; {counted}"
+        time = f"{facts['duration']} at {facts['rate'].replace(' samples', '')}{even}{holes}{back}; {counted}"
     likely = f"{len(facts['guesses'])} of {len(facts['columns'])} columns look like signals of the crane"
     return f"{facts['file']}: {samples}, {time}; {likely}"
 
@@ -263,6 +264,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             "time_unit": clock.unit + (f" (guessed: {clock.guessed})" if clock.guessed else ""),
             "duration": f"{clock.duration:.6g} s",
             "rate": f"{clock.rate:.6g} samples a second",
+            "uniform": clock.even,
             "gaps": clock.gaps,
             "not_rising": clock.backwards,
         }
@@ -284,8 +286,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
         "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
         "why": why,
         "next": f"Next: cosim init {typed} writes {'these guesses' if made else 'the columns'} into a mapping to "
-        f"correct, for --mapping; cosim open {typed} does the same on a page"
-        + ("" if made else "; for a machine that is no crane see docs/machines.md"),
+        f"correct (--machine: of another machine than the crane); cosim open {typed} does the same on a page",
     }
 
 
