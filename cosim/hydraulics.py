@@ -77,13 +77,14 @@ def poles(system: System) -> NDArray[np.complex128]:
 def facts(system: System) -> dict[str, Any]:
     """The same for people, in three lines, and as numbers under ``hydraulics``."""
     found, p = linearised(system), poles(system)
+    roots = ", ".join(f"{x.real:.4g}" if abs(x.imag) < 1e-9 else f"{x:.4g}" for x in p)
     gains = (
-        f"K_flow {found['K_flow'] * LITRES_A_MINUTE * 1e-3:.4g} l/min per mm, K_pressure "
-        f"{found['K_pressure'] * LITRES_A_MINUTE * BAR:.3g} l/min per bar at {found['opening'] * 1e3:.3g} mm (4.23), "
-        f"Q_max {found['Q_max'] * LITRES_A_MINUTE:.3g} l/min at full command"
+        f"flow per spool opening K_flow {found['K_flow'] * LITRES_A_MINUTE * 1e-3:.4g} l/min per mm, less per load pressure "
+        f"K_pressure {found['K_pressure'] * LITRES_A_MINUTE * BAR:.3g} l/min per bar at {found['opening'] * 1e3:.3g} mm "
+        f"(4.23), at most Q_max {found['Q_max'] * LITRES_A_MINUTE:.3g} l/min at full command"
     )
     motion = (
-        f"w_mh {found['w_mh']:.4g} rad/s, zeta_mh {found['zeta_mh']:.4g}, of it {found['zeta_mh_friction']:.4g} by friction "
-        f"(5.7), (5.8); poles {', '.join(f'{x.real:.4g}' if abs(x.imag) < 1e-9 else f'{x:.4g}' for x in p)} 1/s"
+        f"natural frequency w_mh {found['w_mh']:.4g} rad/s, damping ratio zeta_mh {found['zeta_mh']:.4g}, of it "
+        f"{found['zeta_mh_friction']:.4g} by friction (5.7), (5.8); poles {roots} 1/s"
     )
     return {"flow_gains": gains, "pressure_and_motion": motion, "hydraulics": found}

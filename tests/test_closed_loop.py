@@ -198,7 +198,7 @@ def test_info_prints_the_margins(command, loops) -> None:
     code, out, _ = command("info", loops["position_loop"])
     assert code == 0
     assert "swings by itself from 6.345 1/deg on" in " ".join(out.split())
-    assert "limit_cycle: none" in out
+    assert "Limit cycle: none" in out
     code, out, _ = command("info", loops["position_loop_observer"], "--json")
     facts = json.loads(out)
     assert code == 0

@@ -14,7 +14,7 @@ from cosim.plots import thinned
 from cosim.report.page import REPORT, interval, need_extra, render, versions
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.plain import advice
-from cosim.report.screen import place, wrong
+from cosim.report.screen import in_words, place, wrong
 
 TEXTS = {
     "parameter": "A trusted parameter has another value.",
@@ -50,6 +50,8 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
     sections: dict[str, Any] = {
         "answer": answer,
         "foreign": True,
+        "not_exercised": answer.not_exercised,
+        "helpful_signals": answer.helpful_signals,
         "clean": False,
         "log_name": ", ".join(log.source.name for log in found.logs),
         "told": [
@@ -58,7 +60,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
         "advice": advice(answer),
         "chain": [],
         "doubts": [
-            f"This log cannot tell {place(c)} from {' or '.join(c.indistinguishable_from)}."
+            f"This log cannot tell {place(c)} from {' or '.join(in_words(other) for other in c.indistinguishable_from)}."
             for c in answer.causes
             if c.indistinguishable_from
         ],

@@ -89,7 +89,7 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
             continue
         unit, own = _column_unit(path, label, _unit(system, port))
         # our own signals have units and ranges that another system's need not have
-        name = f"system.{label.name}" if label.name in SIGNALS and not port.component else label.name
+        name = own_name(label.name) if not port.component else label.name
         name = str(port) if port.component else name
         found[name] = SignalColumn(column=label.text, unit=unit, text=OWN if own else "")
     if not found:
@@ -103,6 +103,11 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
         time=clock, signals=found, file=LogMapping.model_fields["file"].default, sha256={}, path=None, model=None,
         compare={}, diagnose={}, machine={}, name="", description="",
     ), others  # fmt: skip
+
+
+def own_name(name: str) -> str:
+    """The name of a signal of another system: one of ours would have our unit and the crane's range."""
+    return f"system.{name}" if name in SIGNALS else name
 
 
 def heading(label: Label, system: System) -> Label:
@@ -183,12 +188,18 @@ def read(
         lacking += _bad_parameters(system, options, measured)
         if lacking:
             raise DataError(f"{mapping}: " + "; ".join(lacking))
+    foreign = None
+    if plain is not None:
+        foreign = plain.model_copy(update={"signals": {own_name(n): c for n, c in plain.signals.items()}})
+        targets |= {own_name(n): target for n, target in targets.items()}
     logs = []
     for item in given:
         chosen, path = plain, item if isinstance(item, Path) else item.source
         if chosen is None:
             chosen, others = named_columns(path, system)
         whole = isinstance(item, Log) and item.signals.keys() <= chosen.signals.keys() and plain is not None
+        if not whole and foreign is not None:
+            chosen = foreign
         log = item if whole and isinstance(item, Log) else load_log(path, chosen)
         logs.append(_recording(log, chosen, targets, system, options))
     return logs, options, others

@@ -1,14 +1,16 @@
 """`cosim init`: a first mapping for a model and a log, columns matched by name and unit, the rest in comments."""
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 from pathlib import Path
 
 from cosim.anysystem.read import heading, value_of
 from cosim.errors import DataError
-from cosim.logs.load import open_source
+from cosim.logs.guess import column_of, stamped, time_lines
+from cosim.logs.overview import TIME_WORDS, Column, Overview, overview
+from cosim.logs.overview import plain as in_words
 from cosim.logs.source import Label
 from cosim.ssp.quantities import definition
 from cosim.ssp.system import System, Variable
@@ -17,6 +19,7 @@ from cosim.system.graph import connectors, port_of
 ALIKE = 0.72  # of two names, from 0 to 1
 SHORTEST = 3  # letters of a word that may be short for another
 SLIP = 0.8  # of two words that are the same but for a slip
+LETTERS = {"u": ("in", "input"), "y": ("out", "output")}  # Modelica's names of a block's connectors
 TIMES = ("time", "t", "zeit", "temps", "tid", "timestamp", "seconds")
 
 
@@ -32,7 +35,7 @@ def words(name: str) -> list[str]:
 
 def akin(one: str, other: str) -> float:
     """How well two words fit, from 0 to 1: the same, one short for the other (``pos``, ``cmd``), or a slip of the pen."""
-    if one == other:
+    if one == other or any(x in LETTERS.get(y, ()) for x, y in ((one, other), (other, one))):
         return 1.0
     short, long = sorted((one, other), key=len)
     if len(short) >= SHORTEST and long.startswith(short):
@@ -48,13 +51,24 @@ def likeness(label: Label, connector: str, unit: str) -> float:
     """How well a column fits a connector, from 0 to 1; 0 where the units rule it out."""
     if label.unit and unit and not same_dimension(label.unit, unit):
         return 0.0
-    name = plain(label.name)
+    return max(_likeness(name, connector) for name in _names(label))
+
+
+def _names(label: Label) -> list[str]:
+    """What a column may be called: in a file with folders its own part, with its folders or without."""
+    parts = label.name.split(".") if label.alias else [label.name]
+    paths = [".".join(parts[k:]) for k in range(len(parts))]
+    return list(dict.fromkeys([label.short, *paths]))
+
+
+def _likeness(name: str, connector: str) -> float:
+    """How well a name fits a connector, from 0 to 1."""
     component, _, variable = connector.rpartition(".")
-    if name == plain(connector):
+    if plain(name) == plain(connector):
         return 1.0
-    if name in (plain(variable), plain(f"{variable}{component}")):
+    if plain(name) in (plain(variable), plain(f"{variable}{component}")):
         return 0.95
-    own, wanted, beside = words(label.name), words(variable), words(component)
+    own, wanted, beside = words(name), words(variable), words(component)
     if not own or not wanted:
         return 0.0
     found = [max(akin(w, o) for o in own) for w in wanted]
@@ -80,6 +94,7 @@ class Matches:
         taken: index of a column -> connector.
         units: connector -> unit of the FMU's variable, empty where it has none.
         by_unit: columns of `taken` of which only the unit fits, and that of no other column or connector.
+        by_place: columns of `taken` that have no name but stand where the output does.
     """
 
     labels: tuple[Label, ...]
@@ -87,39 +102,100 @@ class Matches:
     taken: dict[int, str]
     units: dict[str, str]
     by_unit: frozenset[int] = frozenset()
+    by_place: frozenset[int] = frozenset()
+
+    def check(self, column: int) -> str:
+        """What is uncertain in a match, or empty."""
+        if column in self.by_unit:
+            return "only the unit fits"
+        return "by its place among the outputs" if column in self.by_place else ""
 
 
-def matches(system: System, labels: Sequence[Label]) -> Matches:
+def matches(
+    system: System, labels: Sequence[Label], clock: int | None = None, stamps: frozenset[int] = frozenset()
+) -> Matches:
     """Columns matched to connectors by name and unit, the best pairs first.
 
     Args:
         system: the model as read.
         labels: the log's headings.
+        clock: index of the time column; None where only its name can tell it.
+        stamps: further columns that hold time.
     """
     labels = tuple(heading(label, system) for label in labels)
-    clock = next((k for k, label in enumerate(labels) if plain(label.name) in TIMES), None)
+    if clock is None:
+        clock = next((k for k, label in enumerate(labels) if plain(label.short) in TIMES), None)
+    times = stamps | ({clock} if clock is not None else set())
     # an input of the system and what it feeds are one signal
-    fed = {str(wire.target) for item in system.inputs.values() for wire in item.targets}
+    feeds = {name: [str(wire.target) for wire in item.targets] for name, item in system.inputs.items()}
+    fed = {target for targets in feeds.values() for target in targets}
     ports = [p for p in connectors(system) if p not in fed]
     # what only goes on inside is no connector, but a log that calls a column by its name has measured it
-    called = {plain(label.name) for label in labels}
+    called = {plain(name) for label in labels for name in _names(label)}
     ports += [p for p in internal(system) if {plain(p), plain(p.partition(".")[2])} & called]
     units = {p: _unit(system, p) for p in ports}
     pairs = sorted(
         (
-            (likeness(label, port, units[port]), k, port)
+            (
+                max(likeness(label, name, units[port]) for name in (port, *feeds.get(port, ()))),
+                port in feeds,
+                k,
+                port,
+            )
             for k, label in enumerate(labels)
-            if k != clock
+            if k not in times
             for port in ports
         ),
         reverse=True,
     )
     taken: dict[int, str] = {}
-    for score, k, port in pairs:
+    for score, _, k, port in pairs:
         if score >= ALIKE and k not in taken and port not in taken.values():
             taken[k] = port
-    guessed = only_by_unit(labels, clock, taken, units)
-    return Matches(labels, clock, taken | guessed, units, frozenset(guessed))
+    placed = by_place(system, labels, taken)
+    taken |= placed
+    guessed = only_by_unit(labels, times, taken, units)
+    return Matches(labels, clock, taken | guessed, units, frozenset(guessed), frozenset(placed))
+
+
+def by_place(system: System, labels: Sequence[Label], taken: Mapping[int, str]) -> dict[int, str]:
+    """Simulink's array `yout` without names, which holds the outputs in their order: of a single FMU these are its own."""
+    columns = [k for k, label in enumerate(labels) if re.fullmatch(r"yout(\(:,\d+\))?", label.short)]
+    if len(system.components) != 1:
+        return {}
+    (component,) = system.components.values()
+    outputs = [
+        f"{component.name}.{v.name}" for v in component.fmu.variables.values() if v.causality == "output"
+    ]
+    if len(columns) != len(outputs):
+        return {}
+    pairs = zip(columns, outputs, strict=True)
+    return {k: port for k, port in pairs if k not in taken and port not in taken.values()}
+
+
+def of_file(system: System, found: Overview) -> Matches:
+    """`matches` of a file, whose time may be told by more than a name, units as a mapping takes them."""
+    labels = [replace(c.label, unit=c.unit or c.label.unit) for c in found.columns]
+    clock = found.clock.column if found.clock else None
+    made = matches(system, labels, clock, _stamps(found))
+    if clock is None or _is_time(found.columns[clock]):
+        return made
+    # what only rises evenly may be a ramp: it is one where its name is a connector's
+    others = matches(system, labels, None, _stamps(found))
+    return others if clock in others.taken else made
+
+
+def _is_time(column: Column) -> bool:
+    """Whether a column is called a time, or has its unit."""
+    named = bool(TIME_WORDS.search(in_words(column.label.short)))
+    return named or (dimensional(column.unit or "") and same_dimension(column.unit or "", "s"))
+
+
+def _stamps(found: Overview) -> frozenset[int]:
+    """The columns that hold stamps of others: every structure of Simulink has its own."""
+    if found.clock is None or found.clock.column is not None:
+        return frozenset()
+    return frozenset(c.index for c in found.columns if plain(c.label.short) in TIMES)
 
 
 def internal(system: System) -> list[str]:
@@ -135,12 +211,14 @@ def internal(system: System) -> list[str]:
 
 
 def only_by_unit(
-    labels: Sequence[Label], clock: int | None, taken: Mapping[int, str], units: Mapping[str, str]
+    labels: Sequence[Label], times: Collection[int], taken: Mapping[int, str], units: Mapping[str, str]
 ) -> dict[int, str]:
     """Columns left over of which the unit fits one connector that is left over, and this no other column."""
     left = [p for p in units if p not in taken.values() and dimensional(units[p])]
     rest = [
-        k for k, label in enumerate(labels) if k != clock and k not in taken and dimensional(label.unit or "")
+        k
+        for k, label in enumerate(labels)
+        if k not in times and k not in taken and dimensional(label.unit or "")
     ]
     fits = {k: [p for p in left if same_dimension(labels[k].unit or "", units[p])] for k in rest}
     return {
@@ -168,49 +246,41 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
     Raises:
         DataError: the log cannot be read.
     """
-    matched = matches(system, open_source(log).labels)
-    labels, clock, taken, units = matched.labels, matched.clock, matched.taken, matched.units
+    found = overview(log)
+    matched = of_file(system, found)
+    taken, units = matched.taken, matched.units
+    if found.clock is not None and found.clock.column in taken:  # a ramp, no time
+        found = replace(found, clock=None)
+    clock = stamped(found, [found.columns[k] for k in taken])
     ports = list(units)
-    reference = _relative(model, folder)
     lines = [
         f"# which column of {log.name} is which connector of {model.name}",
-        f"model = {_quoted(reference)}",
+        f"model = {_quoted(_relative(model, folder))}",
         "",
-        "[time]",
+        *([] if found.header else ["[file]", "header = false    # its first row holds numbers", ""]),
+        *time_lines(found, clock),
     ]
-    if clock is None:
-        lines += [
-            "# no column looks like a time: name it, or give the step",
-            '# column = "time"',
-            "step = 0.001",
-            'unit = "s"',
-        ]
-    else:
-        lines += [f"column = {_quoted(labels[clock].text)}", f"unit = {_quoted(labels[clock].unit or 's')}"]
     told, open_ = [], []
-    for k, label in enumerate(labels):
-        if k == clock:
-            continue
+    times = _stamps(found) | {clock}
+    for k, column in enumerate(found.columns):
         if k in taken:
             port = taken[k]
-            unit = label.unit or units[port] or "1"
-            note = "" if label.unit else "  # the heading has no unit: check"
-            note = "  # only the unit fits: CHECK" if k in matched.by_unit else note
+            doubt = matched.check(k)
+            unit = column.unit or units[port] or "1"
+            note = "" if column.unit else "  # the heading has no unit: check"
+            note = f"  # {doubt}: CHECK" if doubt else note
             lines += [
                 "",
                 f"[signals.{_quoted(port)}]",
-                f"column = {_quoted(label.text)}",
+                f"column = {column_of(found, column)}",
                 f"unit = {_quoted(unit)}{note}",
             ]
-            told.append(
-                f"{label.text} -> {port}{' (only the unit fits: CHECK)' if k in matched.by_unit else ''}"
-            )
-        else:
-            unit = label.unit or "1"
+            told.append(f"{column.label.shown} -> {port}{f' ({doubt}: CHECK)' if doubt else ''}")
+        elif k not in times:
             rest = ", ".join(p for p in ports if p not in taken.values())
             lines += ["", f"# what is this column? connectors: {rest}", '# [signals."component.connector"]']
-            lines += [f"# column = {_quoted(label.text)}", f"# unit = {_quoted(unit)}"]
-            open_.append(f"column '{label.text}'")
+            lines += [f"# column = {column_of(found, column)}", f"# unit = {_quoted(column.unit or '1')}"]
+            open_.append(f"column '{column.label.shown}'")
     open_ += [
         f"connector {p} is not measured" for p in ports if p not in taken.values() and p in system.inputs
     ]

@@ -31,9 +31,14 @@ def lines(run: ExtendedRun) -> list[str]:
     source = "measured load pressure" if run.measured_pressure else "the model's load pressure"
     begin = round(SETTLING / run.designed.noises.step)
     low, high = np.percentile(run.estimates["disturbance"][begin:], MIDDLE)
+    good = 1.96 * deviations.get("tau", 0.0)
+    shows = max(abs(low), abs(high)) > good
+    what = (
+        "the model lacks a torque of" if shows else "no torque that the model lacks stands out: it is within"
+    )
     found.append(
-        f"Extended observer on {source}: a torque of {low:.3g} to {high:.3g} N.m is what the model lacks "
-        f"(95 % of the time; one estimate +-{1.96 * deviations.get('tau', 0.0):.2g} N.m)."
+        f"Extended observer on {source}: {what} {low:.3g} to {high:.3g} N m 95 % of the time (one estimate is good to "
+        f"+-{good:.2g} N m)."
     )
     if "beta" in deviations:
         error = run.estimates["sensor_error"][begin:] / DEG
@@ -44,16 +49,16 @@ def lines(run: ExtendedRun) -> list[str]:
         )
     for name, nis in (("slew sensor", run.nis), ("tracker", run.nis_external)):
         if nis is not None:
-            found.append(f"NIS of the {name}: {_judged(nis)}.")
+            found.append(f"By the readings of the {name} {_judged(nis)}.")
     return [*found, *(f"{note[0].upper()}{note[1:]}." for note in run.notes)]
 
 
 def _judged(nis: Consistency) -> str:
     low, high = nis.interval
-    text = f"{nis.mean:.4g}, {low:.4g} to {high:.4g} if noise and disturbance are as stated"
+    ratio = f"normalised innovation squared {nis.mean:.4g}, as stated {low:.4g} to {high:.4g}"
     if low <= nis.mean <= high:
-        return f"{text}: they are"
-    return f"{text}: there is {'more' if nis.mean > high else 'less'} of them in this log"
+        return f"noise and disturbance are as stated ({ratio})"
+    return f"there is {'more' if nis.mean > high else 'less'} noise or disturbance than stated ({ratio})"
 
 
 def as_data(run: ExtendedRun) -> dict[str, Any]:

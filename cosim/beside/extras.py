@@ -112,14 +112,16 @@ class Extras:
         self.show_further(verbose=True)
 
     def show_further(self, verbose: bool = False) -> None:
-        """Print what observer and tracker say; with `verbose` the tracker's table, else its answer in a sentence."""
+        """Print what observer and tracker say; with `verbose` their tables, else their answers in sentences."""
         output = console.stdout_console()
         if self.observer is not None:
             from cosim.compare import observer_present
 
-            rows = observer_present.rows(self.observer)
-            output.print(console.table("Observer FMU on the log", observer_present.HEADS, rows))
-            for text in observer_present.lines(self.observer):
+            if verbose:
+                rows = observer_present.rows(self.observer)
+                output.print(console.table("Observer FMU on the log", observer_present.HEADS, rows))
+            told = observer_present.lines if verbose else observer_present.answer
+            for text in told(self.observer):
                 output.print(text, markup=False, soft_wrap=True)
         if self.extended is not None:
             from cosim.beside import extended_present

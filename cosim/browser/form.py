@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.start import matches
+from cosim.anysystem.start import of_file
 from cosim.errors import UsageError
 from cosim.logs.guess import guesses
 from cosim.logs.mapping import Column as Named
@@ -150,7 +150,7 @@ def crane_form(found: Overview) -> Form:
 
 def connector_form(found: Overview, system: System) -> Form:
     """The connectors of any system with the guesses of `cosim init`; those with a column first."""
-    matched = matches(system, [column.label for column in found.columns])
+    matched = of_file(system, found)
     clock = found.clock.column if found.clock else None
     columns = {port: k for k, port in matched.taken.items() if k != clock}
     rows = []
@@ -159,7 +159,9 @@ def connector_form(found: Overview, system: System) -> Form:
         if port in columns:
             column = found.columns[columns[port]]
             row.column, row.unit, row.why = column.index, column.unit or own or "1", "its name"
-            row.check = "" if column.unit or not own else "the heading has no unit"
+            row.check = matched.check(column.index)
+            if not row.check and own and not column.unit:
+                row.check = "the heading has no unit"
         rows.append(row)
     rows.sort(key=lambda row: row.column is None)
     outputs = [row.signal for row in rows if row.signal not in system.inputs]

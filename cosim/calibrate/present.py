@@ -9,8 +9,9 @@ from lxml import etree
 from cosim.calibrate.outcome import Calibration, Parameter, SignalFit
 from cosim.compare import Score
 from cosim.compare.outcome import Comparison
-from cosim.compare.present import known_as
 from cosim.files import write_bytes
+from cosim.report.names import known_as
+from cosim.report.words import number, unit_text
 from cosim.ssp.quantities import BASE_UNITS, UnitDefinition
 from cosim.ssp.read import resolve
 from cosim.ssp.system import System, Value
@@ -93,11 +94,11 @@ def answer(found: Calibration, comparison: Comparison) -> list[str]:
     for p in found.parameters:
         unit, scale = p.shown
         head, _, *numbers = _cells(p)
-        name, shown = head.rsplit(" [", 1)[0], "" if unit == "1" else f" {unit}"
+        name, shown = head.rsplit(" [", 1)[0], f" {unit_text(unit)}".rstrip()
         if not p.determined:
             continue
         lines.append(
-            f"Calibrated: {name} = {numbers[0]}{shown}, {numbers[1].replace(' .. ', ' to ')}, from {p.start * scale:.6g}"
+            f"Calibrated: {name} = {numbers[0]}{shown}, {_ends(numbers[1])}; it was {number(p.start * scale)}{shown}"
         )
     lines += [f"Not determined: {item.why}." for item in found.undetermined]
     same = []
@@ -115,6 +116,12 @@ def answer(found: Calibration, comparison: Comparison) -> list[str]:
             f"{'falls' if better else 'rises'} from {before} to {after} {unit}"
         )
     return lines + ([f"Unchanged on held-out data: {', '.join(same)}"] if same else [])
+
+
+def _ends(text: str) -> str:
+    """An interval of the table in words."""
+    low, dots, high = text.partition(" .. ")
+    return f"{low} to {high} (95 %)" if dots else text
 
 
 def explanations(found: Calibration) -> list[str]:

@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 OTHER = "log with other columns"
 OWN_STAMPS = "each column has stamps of its own"
 MOST_ROWS = 2000  # of a table for a person; laying out more takes seconds
+CAUSALITIES = ("input", "output", "parameter")
+WHOLE = {  # what is told of a system as a whole
+    "position_loop": "Position loop",
+    "limit_cycle": "Limit cycle",
+    "flow_gains": "Flow gains",
+    "pressure_and_motion": "Pressure and motion",
+}
 
 
 def register(app: typer.Typer) -> None:
@@ -122,21 +129,51 @@ def headline(facts: dict[str, Any]) -> str:
             f"{facts['file']}: {what}, {samples}, {facts['duration']:.5g} {unit}{rate}{even}{holes}, "
             f"{len(facts['signals'])} signals{model}"
         )
-    if facts["kind"] != OTHER:
-        return ""
+    if facts["kind"] == "fmu":
+        return _fmu_line(facts)
+    if facts["kind"] == "ssp":
+        return _ssp_line(facts)
     time = facts.get("time", "")
     if not time:
         holes = f", {facts['gaps']} gaps" if facts["gaps"] else ", no gap"
+        even = "" if facts["uniform"] else ", unevenly spaced"
         back = f", time stands or goes back {facts['not_rising']} times" if facts["not_rising"] else ""
         name, (unit, _, guessed) = facts["time_column"], facts["time_unit"].partition(" (")
         called = f"column {name}" if name.isdigit() else f"'{name}'"
         told = f"time is {called}{', taken to count' if guessed else ' in'} {unit}"
         time = (
-            f"{facts['duration']} at {facts['rate'].replace(' samples', '')}{holes}{back}; "
+            f"{facts['duration']} at {facts['rate'].replace(' samples', '')}{even}{holes}{back}; "
             f"{OWN_STAMPS if name == OWN_STAMPS else told}"
         )
     likely = f"{len(facts['guesses'])} of {len(facts['columns'])} columns look like signals of the crane"
     return f"{facts['file']}: {samples}, {time}; {likely}"
+
+
+def _fmu_line(facts: dict[str, Any]) -> str:
+    """What an FMU is, in a line."""
+    count = {kind: sum(v["causality"] == kind for v in facts["variables"]) for kind in CAUSALITIES}
+    what = ", ".join(f"{n} {kind}{'s' * (n != 1)}" for kind, n in count.items())
+    text = f": {facts['description']}" if facts["description"] else ""
+    here = "" if facts["here"] else f"; without a binary for this machine, only for {facts['platforms']}"
+    return f"{facts['file']}: FMU {facts['name']}{text} (FMI {facts['fmi_version']}, {facts['type']}); {what}{here}"
+
+
+def _ssp_line(facts: dict[str, Any]) -> str:
+    """What a package is, and with names and units what is known of the system as a whole."""
+    from cosim.report.names import BLOCK_NAMES
+
+    if "connectors" not in facts:
+        return f"{facts['file']}: system package (SSP)"
+    inputs = [] if facts["inputs"] == "none" else facts["inputs"].split(", ")
+    outside = f"driven from outside by {', '.join(inputs)}" if inputs else "with its own stimulus"
+    told = [f"{facts['file']}: system of {len(facts['parts'])} components (SSP), {outside}"]
+    names = BLOCK_NAMES if _ours(facts["file"]) else {}
+    for part in facts["parts"]:
+        own = part["component"]
+        name = names.get(own, own.replace("_", " "))
+        told.append(f"  {own}{'' if name == own.replace('_', ' ') else f', {name}'}: {part['fmu']}")
+    told += [f"{title}: {facts[key]}" for key, title in WHOLE.items() if key in facts]
+    return "\n".join(told)
 
 
 def _guessed(guesses: dict[str, dict[str, Any]]) -> list[str]:
@@ -228,6 +265,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             "time_unit": clock.unit + (f" (guessed: {clock.guessed})" if clock.guessed else ""),
             "duration": f"{clock.duration:.6g} s",
             "rate": f"{clock.rate:.6g} samples a second",
+            "uniform": clock.even,
             "gaps": clock.gaps,
             "not_rising": clock.backwards,
         }
@@ -249,8 +287,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
         "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
         "why": why,
         "next": f"Next: cosim init {typed} writes {'these guesses' if made else 'the columns'} into a mapping to "
-        f"correct, for --mapping; cosim open {typed} does the same on a page"
-        + ("" if made else "; for a machine that is no crane see docs/machines.md"),
+        f"correct (--machine: of another machine than the crane); cosim open {typed} does the same on a page",
     }
 
 
@@ -338,7 +375,7 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         text = read_entry(archive, "modelDescription.xml", str(path))
         Path(folder, "modelDescription.xml").write_bytes(text)
         model = described(Path(folder), str(path))
-    typed = console.typed(path)
+    typed, platforms = console.typed(path), fmpy.supported_platforms(str(path))
     types = [name for name, found in _interfaces(model).items() if found]
     return {
         "file": path,
@@ -350,7 +387,8 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         "guid": model.guid,
         "generation_tool": model.generationTool,
         "generation_date": model.generationDateAndTime,
-        "platforms": ", ".join(fmpy.supported_platforms(str(path))),
+        "platforms": ", ".join(platforms),
+        "here": fmpy.platform in platforms,
         "variables": [
             {
                 "variable": variable.name,
@@ -420,17 +458,33 @@ def _system_facts(path: Path) -> dict[str, Any]:
                 for port, name in [(Port(c.name, variable.name), f"{c.name}.{variable.name}")]
             ]
             components = [{"component": c.name, "fmu": c.fmu.source} for c in system.components.values()]
+            typed = str(path.stem if _ours(path) else console.typed(path))
+            runs = f"cosim simulate {typed}" + (" --input LOG" if system.inputs else "")
             names = ", ".join(f"{c['component']} ({c['fmu']})" for c in components)
             return {
                 "components": names,
+                "parts": components,
                 "inputs": ", ".join(system.inputs) or "none",
                 "connectors": connectors,
                 "warnings": list(system.notes),
-                "next": f"Next: cosim init {console.typed(path)} LOG writes a mapping for a log of it; columns called "
-                "like the connectors need none",
+                "next": f"Next: {runs} runs it; cosim diagnose LOG --model {typed} says what it gets wrong"
+                if _ours(path)
+                else f"Next: {runs} runs it; cosim init {typed} LOG writes a mapping for a log of it (columns called "
+                "like the connectors need none)",
             }
     except ModelError as error:
         return {"warnings": [f"it cannot be run here: {error}"]}
+
+
+def _ours(path: Path) -> bool:
+    """Whether it is the package that a system of ours goes by its name for."""
+    from cosim.request import model_path
+    from cosim.ssp.build import SYSTEMS
+
+    try:
+        return path.stem in SYSTEMS and model_path(path.stem).resolve() == path.resolve()
+    except ModelError:
+        return False
 
 
 def joined(source: "tuple[Port, float, float] | None", causality: str) -> str:

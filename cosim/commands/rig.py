@@ -177,7 +177,8 @@ def _report(run: "RigRun", out: Path, truth: Path, others: list[Path | None], js
 
     `others` are the files of the tracker's record, its markers and their models, as far as they were asked for.
     """
-    from cosim.console import emit_json, stderr_console, stdout_console
+    from cosim.console import emit_json, stderr_console, stdout_console, typed
+    from cosim.report.screen import known_as
 
     if json:
         found: dict[str, object] = {
@@ -194,7 +195,7 @@ def _report(run: "RigRun", out: Path, truth: Path, others: list[Path | None], js
     if json:
         return
     console = stdout_console()
-    names = ", ".join(effect["effect"] for effect in run.truth["hidden"]) or "nothing"
+    names = ", ".join(known_as(effect["effect"]) for effect in run.truth["hidden"]) or "nothing"
     console.print(f"synthetic log, {run.time[-1]:g} s, hidden in it: {names}", markup=False)
     if run.markers is not None:
         step = run.truth["markers"]["seam"]["value"] * 180.0 / math.pi
@@ -203,6 +204,12 @@ def _report(run: "RigRun", out: Path, truth: Path, others: list[Path | None], js
         )
     for path in filter(None, (out, *others, truth)):
         console.print(f"  {path}", markup=False, soft_wrap=True)
+    tracker = next((path for path in others[:2] if path is not None), None)
+    words = f"{typed(out)}{'' if tracker is None else f' --external {typed(tracker)}'}"
+    model = run.truth["model"]
+    words += "" if model == "full_order" else f" --model {model}"
+    what = "looks for it" if run.truth["hidden"] else "shows what a diagnosis says of a log without a fault"
+    console.print(f"Next: cosim diagnose {words} {what}", markup=False, soft_wrap=True)
 
 
 def _list_effects(json: bool) -> None:

@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
     from cosim.master import Limits
     from cosim.results import Result
+
+ROUNDING = 1e-12  # of a signal's range, below which a number is a rest of rounding
 
 Model = Annotated[
     str, typer.Argument(help="An .ssp or .fmu file, a machine (.toml), or simplified, full_order, physical.")
@@ -189,7 +191,7 @@ def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
         console.emit_json({**about, **tracking, "path": out})
         return
     output = console.stdout_console()
-    rows = [{"signal": name, **row} for name, row in about["signals"].items()]
+    rows = [{"signal": name, **_without_rests(row)} for name, row in about["signals"].items()]
     output.print(
         result.lines()[0], markup=False, soft_wrap=True
     )  # a title would be as narrow as a short table
@@ -205,6 +207,17 @@ def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
         )
     if out is not None:
         output.print(f"written: {out}", markup=False, soft_wrap=True)
+    else:
+        output.print(
+            "Next: the same with --out run.csv writes the signals over time", markup=False, soft_wrap=True
+        )
+
+
+def _without_rests(row: dict[str, Any]) -> dict[str, Any]:
+    """A signal's numbers for a table: 0 where one is no more than what rounding leaves of the signal's range."""
+    numbers = {key: value for key, value in row.items() if isinstance(value, float)}
+    rest = ROUNDING * max(map(abs, numbers.values()), default=0.0)
+    return row | {key: 0.0 for key, value in numbers.items() if abs(value) < rest}
 
 
 def _tracking(result: "Result") -> dict[str, float] | None:

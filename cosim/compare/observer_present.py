@@ -46,6 +46,33 @@ def as_data(run: ObserverRun) -> dict[str, Any]:
     }
 
 
+NAMES = {ANGLE: "slew angle", RATE: "slew speed"}
+
+
+def answer(run: ObserverRun) -> list[str]:
+    """How far the estimates are off, a sentence for each comparison, and how sure that is."""
+    found = []
+    for trace in run.traces:
+        unit, scale = shown(trace.estimate)
+        text = (
+            f"Observer: its {NAMES[trace.estimate]} is {trace.rmse * scale:.3g} {unit} RMSE off the {trace.against}, "
+            f"{trace.largest * scale:.3g} {unit} at most"
+        )
+        if trace.fit_percent is not None:
+            text += f" (fit {trace.fit_percent:.1f} %)"
+        if not math.isnan(trace.lag):
+            late = "late" if trace.lag > 0.0 else "early"
+            text += f", {abs(trace.lag) * 1e3:.3g} ms {late}" if trace.lag else ", without lag"
+        if trace.floor is not None:
+            text += f"; that derivative is itself uncertain by {trace.floor * scale:.2g} {unit}"
+        found.append(text)
+    return found + [_said(note) for note in run.notes]
+
+
+def _said(note: str) -> str:
+    return f"{note[0].upper()}{note[1:]}."
+
+
 def lines(run: ObserverRun) -> list[str]:
     """What stands below the table, one sentence each."""
     text = (
@@ -57,7 +84,7 @@ def lines(run: ObserverRun) -> list[str]:
         unit, scale = shown(floors[0].estimate)
         noise = f"{(floors[0].floor or 0.0) * scale:.2g} {unit}"
         text += f" The derivative itself (cubic over {WINDOW:g} s) is uncertain by {noise} of sensor noise."
-    return [text, *(f"{note[0].upper()}{note[1:]}." for note in run.notes)]
+    return [text, *map(_said, run.notes)]
 
 
 def rows(run: ObserverRun) -> list[list[object]]:

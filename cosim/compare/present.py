@@ -12,7 +12,7 @@ from cosim.compare.metrics import WINDOW
 from cosim.compare.outcome import BlockOutcome, Comparison, SignalOutcome
 from cosim.compare.recording import WHOLE
 from cosim.files import whole
-from cosim.report.names import SIGNAL_NAMES
+from cosim.report.names import known_as
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -58,8 +58,9 @@ def answer(comparison: Comparison) -> list[str]:
         worst = comparison.worst
         if worst is not None and _ratio(worst[1]) > NOISY:
             block, signal = worst
+            driven = ", ".join(map(known_as, block.driven_by))
             found.append(
-                f"It arises in: {block.name} (driven by {', '.join(block.driven_by)}), in the {known_as(signal.signal)}: "
+                f"It arises in: {block.name}, driven by {driven}, in the {known_as(signal.signal)}: "
                 f"{_ratio(signal):.3g} times its noise"
             )
         if len(off) > 1:
@@ -85,12 +86,6 @@ def _error(comparison: Comparison, found: SignalOutcome) -> str:
     if not score.constant and score.fit_percent is not None:
         text += f", fit {score.fit_percent:.1f} %"
     return text if score.ratio is None else f"{text}, {score.ratio:.3g} times its noise"
-
-
-def known_as(signal: str) -> str:
-    """A signal by the name people know, with its own: "slew angle (slew)"."""
-    name = SIGNAL_NAMES.get(signal)
-    return f"{name} ({signal})" if name else signal
 
 
 def _unjudged(comparison: Comparison) -> list[str]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cosim.console import typed
 from cosim.errors import CosimError
 
 
@@ -147,12 +148,16 @@ class GateResult:
         """The answer in a few lines."""
         found = [text for item in self.checked for text in item.lines()]
         if self.updated:
-            return [*found, f"Limits measured anew and written: {self.file}"]
+            return [
+                *found,
+                f"Limits measured anew and written: {self.file}",
+                f"Next: commit it with its logs; cosim check {typed(self.file)} then holds the model against them",
+            ]
         bad = sum(not item.passed for item in self.checked)
         count = f"{len(self.checked)} reference log{'s' if len(self.checked) != 1 else ''}"
         last = f"Failed: {bad} of {count}" if bad else f"Passed: {count}"
         if bad and not any(item.error for item in self.checked):
-            last += f". If the change is meant: cosim check {self.file} --update"
+            last += f". If the change is meant: cosim check {typed(self.file)} --update"
         return [*found, last]
 
     def to_dict(self) -> dict[str, Any]:

@@ -29,8 +29,9 @@ class Answer:
         parameters: ``component.parameter`` -> number (SI), for the .ssv.
         tables: titles, columns and rows for people.
         lines: sentences for people.
-        brief: the numbers in sentences, for an answer without parameters, whose tables are then shown on demand.
+        brief: what was found and how sure, in sentences, before all else; tables are then shown on demand.
         model: system of ours that takes the parameters, for what to type next.
+        following: what to type next, where no parameters go into a model; or what makes it of the written files.
         details: more of them, shown with the tables.
         notes: warnings.
         draw: makes the picture.
@@ -44,6 +45,7 @@ class Answer:
     lines: list[str] = field(default_factory=list)
     brief: list[str] = field(default_factory=list)
     model: str = ""
+    following: str | Callable[[Mapping[str, Path]], str] = ""
     details: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     draw: "Callable[[], Figure] | None" = None
@@ -69,9 +71,9 @@ class Answer:
         return found + self.lines
 
     def next_step(self, written: Mapping[str, Path]) -> str:
-        """What to type next with the numbers; empty where none go into a model of ours."""
+        """What to type next with the numbers; empty where there is nothing."""
         if not self.parameters or not self.model:
-            return ""
+            return self.following if isinstance(self.following, str) else self.following(written)
         if "ssv" not in written:
             return (
                 "Next: the same with --out DIR writes these numbers as a parameter set, which cosim simulate and "
@@ -170,7 +172,7 @@ def write_files(answer: Answer, folder: Path) -> dict[str, Path]:
 
 
 def finish(answer: Answer, out: Path | None, as_json: bool, verbose: bool = True) -> None:
-    """Write the files, and print the answer: a line for each number, or with `verbose` the tables; then what to do next."""
+    """Write the files, and print the answer: sentences, and a line for each number or with `verbose` the tables."""
     written = write_files(answer, out) if out is not None else {}
     for note in answer.notes:
         console.warn(note)
@@ -181,6 +183,8 @@ def finish(answer: Answer, out: Path | None, as_json: bool, verbose: bool = True
     if answer.synthetic:
         output.print("from a synthetic log", markup=False)
     if verbose or not (answer.parameters or answer.brief):  # without either the tables are the answer
+        for line in answer.brief:
+            output.print(line, markup=False, soft_wrap=True)
         for title, columns, rows in answer.tables:
             if rows:
                 output.print(console.table(title, columns, rows))

@@ -1,5 +1,6 @@
 """What the subcommands of ``cosim identify`` do with logs: from request to `Answer`."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from cosim.identify.estimate import Quantity
 from cosim.identify.smooth_dead_zone import SmoothDeadZone, smooth_dead_zone
 from cosim.identify.transfer_function import Structure, TransferFunction, fit_records
 from cosim.logs import Log
+from cosim.report.names import known_as
 
 
 @dataclass(frozen=True)
@@ -202,12 +204,29 @@ def transfer_function_answer(
         answer.tables.append(
             (f"{chosen.block} {form(chosen.block).table}", COLUMNS, parameter_table(values, known))
         )
-    answer.lines.append(f"chosen: {choice.chosen.name} ({choice.chosen.structure}): {choice.why}")
-    answer.lines += [f"  {text}" for text in pole_lines(choice.chosen.model)]
+    answer.brief = _sentences(choice, chosen)
+    (answer.details if values else answer.lines).extend(pole_lines(choice.chosen.model))
+    answer.following = (
+        "Next: --out DIR writes the picture of fit and residual; --verbose shows every candidate"
+    )
     answer.draw = lambda: picture.transfer_function_figure(
         f"{chosen} in {items[0].name}", choice, chosen.target
     )
     return answer
+
+
+def _sentences(choice: Choice, chosen: Channel) -> list[str]:
+    """What was found and how sure it is."""
+    best, others = choice.chosen, [row for row in choice.candidates if row is not choice.chosen]
+    found = f"Transfer function {between(chosen)}: {best.structure}; {choice.why}"
+    part = f"{HELD_OUT * 100:.0f} % of the log"
+    sure = f"on the last {part}, which its fit has not seen, it predicts {best.held_out:.2f} % (best fit)"
+    if others:
+        rival = max(others, key=lambda row: row.held_out)
+        known = "" if rival.determined else ", with poles that the log does not determine"
+        many = f"{len(others)} other{'s' * (len(others) > 1)}"
+        sure += f"; the best of {many} ({rival.structure}) predicts {rival.held_out:.2f} %{known}"
+    return [found, f"How sure: {sure}"]
 
 
 def _values(
@@ -305,11 +324,29 @@ def _log_table(
     return "log by log (SI, ± half the 95 % interval)", ["log", *by_log[0][1], "best fit %"], rows
 
 
+POLES = {"rate": "", "w0": "natural frequency", "zeta": "damping ratio"}
+
+
 def pole_lines(found: TransferFunction) -> list[str]:
     """Poles and zeros in words."""
     texts = ["pole at 0"] * found.structure.integrators
     for pole in found.poles():
-        parts = [f"{n} {q.value:.5g} ± {q.interval[1] - q.value:.2g} {q.unit}" for n, q in pole.items()]
-        texts.append("pole: " + ", ".join(parts))
+        parts = [f"{POLES[n]} {_about(q)}".strip() for n, q in pole.items()]
+        texts.append(f"{'pole' if len(parts) == 1 else 'pair of poles'}: {', '.join(parts)}")
     texts += [f"zero at {z.real:.5g}{f' ± {abs(z.imag):.5g}i' if z.imag else ''} 1/s" for z in found.zeros()]
     return texts
+
+
+def _about(quantity: Quantity) -> str:
+    """``25.23 ± 0.82 rad/s``: two digits of half the 95 % interval, and as many of the value."""
+    half = quantity.interval[1] - quantity.value
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    if not 0.0 < half < math.inf:
+        return f"{quantity.value:.4g}{unit}"
+    places = max(0, 1 - math.floor(math.log10(half)))
+    return f"{quantity.value:.{places}f} ± {half:.2g}{unit}"
+
+
+def between(chosen: Channel) -> str:
+    """Input and output in words: "from the command (u) to the spool position (spool)"."""
+    return f"from the {known_as(chosen.source)} to the {known_as(chosen.target)}"

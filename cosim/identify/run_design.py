@@ -1,11 +1,12 @@
 """The subcommands of ``cosim identify`` that design or prepare: observer, scaling, experiment; and all blocks at once."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim import console
 from cosim.errors import DataError, UsageError
 from cosim.identify import picture
 from cosim.identify.answer import COLUMNS, Answer, parameter_table
@@ -38,6 +39,7 @@ from cosim.identify.state_space import (
 from cosim.identify.transfer_function import fit_records
 from cosim.logs import Log
 from cosim.logs.load import open_source
+from cosim.report.names import known_as
 
 Array = NDArray[np.float64]
 DEGREE = np.pi / 180.0
@@ -231,21 +233,63 @@ def scaling_answer(
         [c.signal, f"{c.gain:.6g} {c.unit}/V", f"{c.zero:.5g} V", c.source] for c in shown
     ]
     answer.tables.append(("value = gain (voltage - zero)  (3.2)", ["signal", "gain", "zero", "source"], rows))
-    answer.lines += [
+    answer.brief = [_scaled(c) for c in shown]
+    answer.brief.append(_how_sure(shown))
+    answer.details += [
         f"{name}: spool feedback {volts:g} V is {value:g} mm there, {STANDARD['spool'].value(volts):.4g} mm by 3.5 mm/V"
         for name, pairs in TABLES.items()
         for volts, value in pairs
     ]
-    for channel_ in measured.values():
-        worst = max((abs(r) for r in channel_.residuals), default=0.0)
-        answer.lines.append(
-            f"{channel_.signal}: {len(channel_.points)} points, none further off than {worst:.3g} {channel_.unit}"
-        )
     if chosen:
         answer.texts["mapping.toml"] = mapping_text(channels, chosen, time, "s")
-        answer.lines.append("read the log in volts with --mapping mapping.toml (written with --out)")
+        answer.following = _read_with(file)
+    else:
+        answer.following = (
+            "Next: name a log recorded in volts: cosim identify scaling LOG --out DIR writes its mapping"
+        )
     answer.draw = lambda: picture.scaling_figure(shown)
     return answer
+
+
+def _read_with(file: Path | None) -> Callable[[Mapping[str, Path]], str]:
+    """What to type next with the mapping, once it is known where it lies."""
+
+    def following(written: Mapping[str, Path]) -> str:
+        if "mapping.toml" not in written:
+            return "Next: the same with --out DIR writes mapping.toml, with which every command reads the log (--mapping)"
+        log, mapping = (console.typed(p) for p in (file or Path("LOG"), written["mapping.toml"]))
+        return f"Next: cosim info {log} --mapping {mapping} shows the log in these units"
+
+    return following
+
+
+def _scaled(c: Channel) -> str:
+    """``spool position (spool): 3.5 mm/V from zero at 2.5 V``, with intervals where points told them."""
+    unit = f"{c.unit if c.unit != '1' else 'of full command'} a volt"
+    gain, zero = f"{c.gain:.5g}", f"{c.zero:.4g}"
+    if c.errors is not None:
+        gain, zero = (f"{q.value:.5g} ({q.interval[0]:.5g} to {q.interval[1]:.5g})" for q in c.errors)
+    return f"{known_as(c.signal)}: {gain} {unit}, zero at {zero} V: {c.source}"
+
+
+def _how_sure(shown: Sequence[Channel]) -> str:
+    """Which of the lines were measured, and how far their points lie off."""
+    parts = []
+    for c in shown:
+        if c.points:
+            worst = max(abs(r) for r in c.residuals)
+            less = "" if c.errors else "; two points leave nothing to judge by, a third one would"
+            known = "in brackets 95 % intervals" if c.errors else "no interval"
+            parts.append(
+                f"{c.signal} from {len(c.points)} points, none further off than {worst:.3g} {c.unit}, {known}{less}"
+            )
+    given = [c.signal for c in shown if not c.points]
+    if given:
+        points = "" if parts else ": measured points (--point) replace them"
+        parts.append(
+            f"{', '.join(given)} from the data sheets and tables of the source, not measured here{points}"
+        )
+    return f"How sure: {'; '.join(parts)}"
 
 
 def _columns(file: Path, named: Sequence[str]) -> dict[str, str]:

@@ -168,7 +168,15 @@ def sentences(curve: DriveCurve, told: Told) -> list[str]:
 
     lines = []
     dead = known("dead")
-    if dead:
+    if dead and all(_none_shows(curve.values[f"dead_{side}"]) for side in dead):
+        widest = max(
+            abs(end) for s in dead for end in number(curve.values[f"dead_{s}"], *told.of(f"dead_{s}"))["ci95"]
+        )
+        unit = "" if told.command_unit == "1" else f" {told.command_unit}"
+        lines.append(
+            f"Dead zone: none shows; one wider than {widest:.2g}{unit} of the command {told.command} would have shown (95 %)"
+        )
+    elif dead:
         unit = "" if told.command_unit == "1" else f" {told.command_unit}"
         text = f"Dead zone: nothing moves for a command {told.command} {_between(dead, 'from', 'to')}{unit}"
         if told.column:
@@ -196,6 +204,11 @@ def sentences(curve: DriveCurve, told: Told) -> list[str]:
             else ": wide, since one log says nothing of how much the next one differs"
         ),
     ]
+
+
+def _none_shows(dead: Estimate) -> bool:
+    """Whether one end of a dead zone is 0 within its 95 % interval."""
+    return dead.low <= 0.0 <= dead.high
 
 
 def _between(sides: dict[str, str], start: str, end: str) -> str:

@@ -14,11 +14,23 @@ from cosim.identify.blocks import form, parameters
 from cosim.identify.data import Record, even
 from cosim.identify.frf import Frf, stepped, welch_frf
 from cosim.identify.frf_fit import fit_frf, frf_best_fit, without_transients
-from cosim.identify.run import Channel, log_data, model_data, model_of, pole_lines, record_notes, records_of
+from cosim.identify.run import (
+    Channel,
+    between,
+    log_data,
+    model_data,
+    model_of,
+    pole_lines,
+    record_notes,
+    records_of,
+)
 from cosim.identify.transfer_function import Structure, TransferFunction
 from cosim.logs import Log
 
 Array = NDArray[np.float64]
+NORMAL = 1.959964  # 95 % of a normal distribution lie within so many standard deviations
+TURN = 2.0 * np.pi  # rad
+METHODS = {"welch": "Welch's method", "stepped sine": "stepped sines"}
 
 
 @dataclass(frozen=True)
@@ -106,11 +118,18 @@ def _frf_answer(
     }
     answer = Answer("frf", data, values, notes=record_notes(items), model=model_of(values))
     low, high = used.frequency[0], used.frequency[-1]
-    answer.lines.append(
-        f"{model_name}: {used.frequency.size} points from {low:.3g} to {high:.3g} rad/s by {raw.method}; {model.structure},"
-        f" best fit {frf_best_fit(used, model):.2f} %"
-    )
-    answer.lines += [f"  {text}" for text in pole_lines(model)]
+    how = METHODS.get(raw.method, raw.method)
+    spread = NORMAL * used.deviation / np.abs(used.response)
+    answer.brief = [
+        f"Frequency response {between(chosen)}: {used.frequency.size} points from {low:.3g} to {high:.3g} rad/s "
+        f"({low / TURN:.2g} to {high / TURN:.2g} Hz) by {how} in {items[0].name}; a fit with {model.structure} "
+        f"follows them by {frf_best_fit(used, model):.2f} %",
+        f"How sure: half of the points are good to {_share(np.median(spread))} of their size, the worst to "
+        f"{_share(np.max(spread))} (95 %)",
+    ]
+    (answer.details if values else answer.lines).extend(pole_lines(model))
+    answer.tables.append(_points_table(used, spread))
+    answer.following = "Next: --out DIR writes the points (frf.csv) and the Bode plot; --verbose shows them"
     if values:
         answer.tables.append(
             (f"{chosen.block} {form(chosen.block).table}", COLUMNS, parameter_table(values, known))
@@ -118,6 +137,19 @@ def _frf_answer(
     answer.draw = lambda: picture.bode_figure(model_name, raw, None if used is raw else used, model)
     answer.texts["frf.csv"] = frf_text(used)
     return answer
+
+
+def _share(part: float) -> str:
+    """A part of 1 in percent, two digits."""
+    return f"{100.0 * part:.2g} %"
+
+
+def _points_table(frf: Frf, spread: Array) -> tuple[str, list[str], list[list[object]]]:
+    rows: list[list[object]] = [
+        [f"{w:.4g}", f"{w / TURN:.3g}", f"{magnitude:.2f}", f"{phase:.1f}", _share(part)]
+        for w, magnitude, phase, part in zip(frf.frequency, frf.magnitude, frf.phase, spread, strict=True)
+    ]
+    return "Points", ["rad/s", "Hz", "magnitude dB (SI)", "phase deg", "good to (95 %)"], rows
 
 
 def frf_text(frf: Frf) -> str:

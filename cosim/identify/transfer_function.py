@@ -65,9 +65,11 @@ class Structure:
         return self.free + self.delay + self.zeros + 1
 
     def __str__(self) -> str:
-        parts = [f"{self.poles} pole{'s' * (self.poles != 1)}", f"{self.zeros} zero{'s' * (self.zeros != 1)}"]
-        if self.integrators:
-            parts.append(f"{self.integrators} at 0")
+        at_zero = f" ({self.integrators} at 0)" if self.integrators else ""
+        parts = [
+            f"{self.poles} pole{'s' * (self.poles != 1)}{at_zero}",
+            f"{self.zeros} zero{'s' * (self.zeros != 1)}",
+        ]
         return ", ".join([*parts, "delay"] if self.delay else parts)
 
     def denominator(self, theta: Array) -> Array:

@@ -11,7 +11,8 @@ from cosim.logs.source import Label, Source, closest
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
 from cosim.units import base_exponents
 
-OF_THE_CRANE = ("slew", "spool")  # whose plausible range is that of the crane's travel, of no other machine's
+# whose plausible range is that of the crane's travel and sensors, of no other machine's; a command of 1 is full anywhere
+OF_THE_CRANE = tuple(name for name in SIGNALS if name not in ("time", "u"))
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
@@ -144,7 +145,7 @@ def choose_mapped(source: Source, mapping: Mapping, select: Sequence[str] | None
             )
         picks.append(Pick("time", index, "s", "s", _factor(source, label, unit, "s")))
     picks += [
-        _pick_mapped(source, name, column, bool(mapping.machine))
+        _pick_mapped(source, name, column, mapping)
         for name, column in mapping.signals.items()
         if select is None or name in select
     ]
@@ -152,7 +153,7 @@ def choose_mapped(source: Source, mapping: Mapping, select: Sequence[str] | None
     return picks + [Pick(SYNTHETIC_COLUMN, k, "1", "1", 1.0) for k in mark[:1]]
 
 
-def _pick_mapped(source: Source, name: str, column: SignalColumn, machine: bool) -> Pick:
+def _pick_mapped(source: Source, name: str, column: SignalColumn, mapping: Mapping) -> Pick:
     index = _find(source, column.column, name)
     minus = None if column.minus is None else _find(source, column.minus, name)
     label = source.labels[index]
@@ -162,6 +163,8 @@ def _pick_mapped(source: Source, name: str, column: SignalColumn, machine: bool)
             f"{source.path}: column '{label.text}' has no unit: give 'signals.{name}.unit' in the mapping ('1' for none)"
         )
     signal = SIGNALS.get(name)
+    if signal is not None and mapping.of_others and not _of_dimension(unit, signal.si):
+        signal = None
     si = signal.si if signal else _si_name(source, label, unit)
     factor = _factor(source, label, unit, si)
     gain = column.sign * _gain(source, name, column.gain)
@@ -170,11 +173,19 @@ def _pick_mapped(source: Source, name: str, column: SignalColumn, machine: bool)
     plausible = (
         None if column.plausible is None else (column.plausible[0] * factor, column.plausible[1] * factor)
     )
-    if plausible is None and machine and name in OF_THE_CRANE:
+    if plausible is None and (mapping.of_others or (mapping.machine and name in OF_THE_CRANE)):
         plausible = (-math.inf, math.inf)
     return Pick(
         name, index, si, signal.unit if signal else unit, gain * factor, shift, held, minus, plausible
     )
+
+
+def _of_dimension(unit: str, si: str) -> bool:
+    try:
+        conversion(unit, si)
+    except UsageError:
+        return False
+    return True
 
 
 def _si_name(source: Source, label: Label, unit: str) -> str:

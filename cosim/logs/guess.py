@@ -4,6 +4,7 @@ A guess is a line for a person to check: it is written into a mapping with its r
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -547,11 +548,39 @@ def clock_column(found: Overview, made: dict[str, Guess]) -> int | None:
 
     Where each column has stamps of its own, the one that holds these stamps, else the longest: its own stamps count then.
     """
+    return stamped(found, [guess.column for guess in made.values()])
+
+
+def stamped(found: Overview, chosen: Sequence[Column]) -> int | None:
+    """As `clock_column`, with the columns that were chosen."""
     if found.clock is None or found.clock.column is not None:
         return None if found.clock is None else found.clock.column
     same = [c.index for c in found.columns if np.array_equal(c.values, found.clock.seconds)]
-    chosen = [guess.column for guess in made.values()] or list(found.columns)
-    return same[0] if same else longest(chosen).index
+    return same[0] if same else longest(chosen or found.columns).index
+
+
+def time_lines(found: Overview, stamps: int | None) -> list[str]:
+    """The table `[time]` of a mapping.
+
+    Args:
+        found: the file.
+        stamps: as `stamped` gives it.
+    """
+    clock = found.clock
+    if clock is None:
+        return [
+            "[time]",
+            "# no column looks like a time: name one (column = ...), or give the interval between samples",
+            "step = 0.001    # CHECK",
+            'unit = "s"',
+        ]
+    note = f"    # CHECK: {clock.guessed}" if clock.guessed else ""
+    return [
+        "[time]",
+        *(["# each column has stamps of its own in the file, which count"] if clock.column is None else []),
+        f"column = {column_of(found, found.columns[stamps or 0])}",
+        f"unit = {_quoted(clock.unit)}{note}",
+    ]
 
 
 def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> str:
@@ -564,6 +593,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     """
     name = found.path.name
     texts = texts_of(model)
+    stamps = clock_column(found, made)
     lines = [
         f"# Which column of {name} is which signal, as guessed by 'cosim init'. Check each line; a value is",
         "#   sign * gain * (reading - zero) + offset   in `unit`.",
@@ -575,24 +605,8 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
             if found.header
             else ["[file]", "header = false    # its first row holds numbers: columns go by their place", ""]
         ),
-        "[time]",
+        *time_lines(found, stamps),
     ]
-    clock = found.clock
-    stamps = clock_column(found, made)
-    if clock is None:
-        lines += [
-            "# no column looks like a time: name one (column = ...), or give the interval between samples",
-            "step = 0.001    # CHECK",
-            'unit = "s"',
-        ]
-    else:
-        if clock.column is None:
-            lines.append("# each column has stamps of its own in the file, which count")
-        note = f"    # CHECK: {clock.guessed}" if clock.guessed else ""
-        lines += [
-            f"column = {_column_of(found, found.columns[stamps or 0])}",
-            f"unit = {_quoted(clock.unit)}{note}",
-        ]
     for guess in made.values():
         lines += ["", *_entry(found, guess, texts)]
     if model is None:
@@ -621,7 +635,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     for column in rest:
         lines += [
             f"# [signals.{_identifier(column)}]",
-            f"# column = {_column_of(found, column)}",
+            f"# column = {column_of(found, column)}",
             f"# unit = {_quoted(column.unit or '1')}    # {_range(column)}",
         ]
     return "\n".join(lines) + "\n"
@@ -668,11 +682,11 @@ def _entry(found: Overview, guess: Guess, texts: dict[str, str]) -> list[str]:
     lines = [
         f"[signals.{guess.signal}]    # {texts[guess.signal]}",
         f"# guessed: {guess.why}; {_range(column)}",
-        f"column = {_column_of(found, column)}",
+        f"column = {column_of(found, column)}",
         *(
             []
             if guess.minus is None
-            else [f"minus = {_column_of(found, guess.minus)}    # CHECK: the other direction"]
+            else [f"minus = {column_of(found, guess.minus)}    # CHECK: the other direction"]
         ),
         f"unit = {_quoted(guess.unit)}{mark}",
     ]
@@ -691,7 +705,7 @@ def _range(column: Column) -> str:
     return f"{np.min(column.finite):.4g} to {np.max(column.finite):.4g}, {column.kind}"
 
 
-def _column_of(found: Overview, column: Column) -> str:
+def column_of(found: Overview, column: Column) -> str:
     """The heading, or the position where two columns have the same one."""
     same = [c for c in found.columns if c.label.called(column.label.text)]
     return _quoted(column.label.text) if len(same) == 1 else str(column.index + 1)

@@ -187,20 +187,26 @@ class Mapping(_Strict):
     @field_validator("signals")
     @classmethod
     def _names(cls, signals: dict[str, SignalColumn]) -> dict[str, SignalColumn]:
-        for name, column in signals.items():
+        for name in signals:
             # these signs are in connectors of any system only, such as "valve.spool", "crane.f[0]", "der(x)", "p@tank"
             connector = any(sign in name for sign in ".[(@") and name.isprintable()
             if not (name.isidentifier() or connector) or name in _RESERVED:
                 raise ValueError(f"'{name}' cannot be the name of a signal: use letters, digits and _")
-            if name in SIGNALS and column.unit is not None:
-                _convertible(column.unit, SIGNALS[name].si, f"signal '{name}': ")
         return signals
 
     @model_validator(mode="after")
     def _one_model(self) -> "Mapping":
         if self.machine and self.model is not None:
             raise ValueError("give either a model or a table [machine], which makes one")
+        for name, column in self.signals.items():
+            if name in SIGNALS and column.unit is not None and not self.of_others:
+                _convertible(column.unit, SIGNALS[name].si, f"signal '{name}': ")
         return self
+
+    @property
+    def of_others(self) -> bool:
+        """Whether it names a package or FMU, whose signals are not ours even where they are called so."""
+        return (self.model or "").lower().endswith((".ssp", ".fmu"))
 
     @property
     def model_reference(self) -> str | None:

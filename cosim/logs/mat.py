@@ -4,11 +4,12 @@ Without mat-io, which has no wheel for Python 3.14 yet, scipy reads what it can:
 
 A file is flattened into columns named by their path: ``slew``, ``log.slew``, ``data(:,2)``. A matrix takes the names
 of its columns from a list of texts beside it (``names``), units come from a list or struct beside them (``units``).
+A signal of Simulink's structure with time is called by its label, else by the block that gave it, else by its variable.
 """
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -175,12 +176,42 @@ def _structs(
     for number, item in enumerate(value.flat, 1):
         name = f"{path}{key}({number})" if value.size > 1 else f"{path}{key}"
         fields = {str(field): item[field] for field in value.dtype.names or ()}
-        label = "".join(_texts(fields.get("label"))[:1])
         values = fields.get("values")
-        if label and clock is not None and isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
-            yield _Entry(parse_label(label, path=f"{name}."), values.ravel(), clock)
+        if clock is not None and isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
+            yield from _signal(fields, values, name, path, clock)
         else:
             yield from _flatten(fields, f"{name}.", constants, depth + 1, clock)
+
+
+def _signal(
+    fields: Mapping[str, Any], values: np.ndarray[Any, Any], name: str, path: str, clock: Array
+) -> Iterator[_Entry]:
+    """A signal of Simulink's structure with time, ``simout.signals(2)``; a vector has a column for each element."""
+    label = "".join(_texts(fields.get("label"))[:1])
+    block = "".join(_texts(fields.get("blockName"))[:1]).replace("\n", " ").rpartition("/")[2]
+    own = parse_label(label or f"{name}.values", path=f"{name}." if label else "")
+    if not label:
+        variable = path.rstrip(".").rpartition(".")[2]
+        number = name[name.rindex("(") :] if name.endswith(")") else ""
+        own = replace(own, alias=block or f"{variable}{number}")
+    columns = by_time(values, clock.size)
+    for k, column in enumerate(columns, 1):
+        yield _Entry(own if len(columns) == 1 else element(own, k), column, clock)
+
+
+def by_time(values: np.ndarray[Any, Any], samples: int) -> list[np.ndarray[Any, Any]]:
+    """The elements of what was logged, each over time: time goes along the axis with as many places as there are samples."""
+    axis = next((k for k, size in enumerate(values.shape) if size == samples), None)
+    if axis is None:
+        return [values.ravel()]
+    return list(np.moveaxis(values, axis, 0).reshape(samples, -1).T)
+
+
+def element(label: Label, number: int) -> Label:
+    """The label of one element of a vector, counted from 1 as MATLAB does."""
+    mark = f"({number})"
+    alias = None if label.alias is None else label.alias + mark
+    return replace(label, text=label.text + mark, name=label.name + mark, alias=alias)
 
 
 def _numbers(
@@ -243,40 +274,31 @@ def _members(value: Any, name: str, depth: int) -> Iterator[tuple[str, Any]]:
 def _timeseries(value: Any, path: str) -> Iterator[_Entry]:
     """Data and stamps of a timeseries under the names with which MATLAB saves them, one column for each of its signals."""
     fields = value.properties if isinstance(value.properties, Mapping) else {}
-    data = _first(fields, "Data_", "Data")
-    data = data if isinstance(data, np.ndarray) and data.dtype.kind in "fiub" else np.empty(0)
+    values = _first(fields, "Data_", "Data")
+    data = values if isinstance(values, np.ndarray) and values.dtype.kind in "fiub" else np.empty(0)
     stamps = _vector(_first(fields, "Time_", "Time"))
     about = _properties(_first(fields, "TimeInfo"))
     if not stamps.size:
         stamps = _vector(_first(about, "Time_", "Time"))
-    if not stamps.size:  # equidistant: only start, increment and length are stored
+    if stamps.size != data.size and (stamps.size < 2 or stamps.size not in data.shape):
+        # equidistant: only start, increment and perhaps length are stored
         start, step = (_vector(_first(about, name, name.rstrip("_"))) for name in ("Start_", "Increment_"))
+        if not (start.size and step.size):
+            raise DataError(f"timeseries '{path}' has {data.size} values and {stamps.size} time stamps")
         length = _vector(_first(about, "Length"))
-        count = int(length[0]) if length.size else data.size
-        if start.size and step.size:
-            stamps = start[0] + step[0] * np.arange(count)
-    columns = _over_time(data, stamps.size)
-    if columns is None:
-        raise DataError(f"timeseries '{path}' has {data.size} values and {stamps.size} time stamps")
+        samples = data.shape[-1] if data.ndim > 2 else data.size if 1 in data.shape else len(data)
+        stamps = start[0] + step[0] * np.arange(int(length[0]) if length.size else samples)
+        if stamps.size != data.size and stamps.size not in data.shape:
+            raise DataError(f"timeseries '{path}' has {data.size} values and {stamps.size} time stamps")
     unit = "".join(_texts(_first(about, "Units"))[:1]) or "seconds"
     if unit not in CLOCKS:
         raise DataError(f"timeseries '{path}' has its time in '{unit}': save it in seconds")
     measured = "".join(_texts(_first(_properties(_first(fields, "DataInfo")), "Units"))[:1])
     folder, _, leaf = path.rpartition(".")
+    own = parse_label(leaf, measured, f"{folder}." if folder else "")
+    columns = by_time(data, stamps.size)
     for k, column in enumerate(columns, 1):
-        heading = leaf if len(columns) == 1 else f"{leaf}(:,{k})"
-        label = parse_label(heading, measured, f"{folder}." if folder else "")
-        yield _Entry(label, column, stamps * CLOCKS[unit])
-
-
-def _over_time(data: np.ndarray[Any, Any], count: int) -> np.ndarray[Any, Any] | None:
-    """(signals, count): time is the first axis of a timeseries, or the last; None where neither is as long as the stamps."""
-    data = data.squeeze()
-    if data.ndim <= 1:
-        return data.reshape(1, -1) if data.size == count else None
-    if data.shape[0] == count:
-        return data.reshape(count, -1).T
-    return data.reshape(-1, count) if data.shape[-1] == count else None
+        yield _Entry(own if len(columns) == 1 else element(own, k), column, stamps * CLOCKS[unit])
 
 
 def _first(fields: Mapping[str, Any], *names: str) -> Any:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cosim.errors import DataError, HeadlessError, UsageError
 from cosim.logs.load import open_source
 from cosim.logs.mapping import Mapping
+from cosim.logs.repair import wide_intervals
 from cosim.logs.source import Label, Source
 from cosim.logs.text import TextSource
 from cosim.signals import check_spelling, conversion
@@ -36,7 +37,6 @@ SPELLINGS = {
 }  # fmt: skip
 _EXACT = {"Pa": "Pa", "mm": "mm", "Nm": "N.m"}  # case matters where a small letter is another unit
 RATES = (5.0, 2e4)  # 1/s, of a machine's log: decides in which unit an unlabelled clock counts
-GAP = 1.5  # medians beyond which an interval is one with samples missing
 BARS = "▁▂▃▄▅▆▇█"
 
 
@@ -134,8 +134,13 @@ class Clock:
 
     @property
     def gaps(self) -> int:
-        """Intervals in which samples are missing."""
-        return int(np.sum(np.diff(self.seconds) > GAP * self.step)) if self.step > 0.0 else 0
+        """Intervals in which samples are missing, as the loader counts them."""
+        return wide_intervals(np.diff(self.seconds))[0].size if self.step > 0.0 else 0
+
+    @property
+    def even(self) -> bool:
+        """Whether the samples are evenly spaced but for gaps."""
+        return wide_intervals(np.diff(self.seconds))[1] if self.step > 0.0 else True
 
     @property
     def backwards(self) -> int:

@@ -133,11 +133,18 @@ def _short(place: str) -> str:
     return place.rpartition(": ")[2]
 
 
-def sampling(time: Array, place: Callable[[int], str], unit: str = "s") -> tuple[tuple[Gap, ...], list[str]]:
-    """Gaps, and sentences on missing samples, jitter and irregular sampling.
+def wide_intervals(intervals: Array) -> tuple[NDArray[np.intp], bool]:
+    """Places of the intervals (n,) in which samples are missing, and whether the others are regular.
 
-    In a log that is regular but for gaps, an interval of more than 1.5 median ones lacks samples; in an irregular
-    one, an interval of more than ten.
+    In a log that is regular but for gaps that is one of more than 1.5 median ones; in an irregular one, of more than ten.
+    """
+    step = float(np.median(intervals))
+    regular = bool(np.count_nonzero(np.abs(intervals - step) <= 0.1 * step) >= 0.95 * len(intervals))
+    return np.flatnonzero(intervals > (1.5 if regular else 10.0) * step), regular
+
+
+def sampling(time: Array, place: Callable[[int], str], unit: str = "s") -> tuple[tuple[Gap, ...], list[str]]:
+    """Gaps as `wide_intervals` has them, and sentences on missing samples, jitter and irregular sampling.
 
     Args:
         time: stamps (n,), strictly increasing.
@@ -146,8 +153,7 @@ def sampling(time: Array, place: Callable[[int], str], unit: str = "s") -> tuple
     """
     intervals = np.diff(time)
     step = float(np.median(intervals))
-    regular = np.count_nonzero(np.abs(intervals - step) <= 0.1 * step) >= 0.95 * len(intervals)
-    wide = np.flatnonzero(intervals > (1.5 if regular else 10.0) * step)
+    wide, regular = wide_intervals(intervals)
     gaps = tuple(Gap(float(time[k]), float(time[k + 1])) for k in wide)
     notes = []
     if wide.size:

@@ -218,15 +218,20 @@ def picture_said(picture: Picture) -> Picture:
     """A picture with its words in the language in use."""
     if current() == ENGLISH:
         return picture
+    return picture_with(picture, said)
+
+
+def picture_with(picture: Picture, say: Callable[[str], str]) -> Picture:
+    """A picture with its words as `say` says them."""
     panels = [
-        replace(panel, y=said(panel.y), layers=[replace(x, name=said(x.name)) for x in panel.layers])
+        replace(panel, y=say(panel.y), layers=[replace(x, name=say(x.name)) for x in panel.layers])
         for panel in picture.panels
     ]
     return replace(
         picture,
-        title=said(picture.title),
-        x=said(picture.x),
+        title=say(picture.title),
+        x=say(picture.x),
         panels=panels,
-        caption=said(picture.caption),
-        labels=tuple(said(label) for label in picture.labels),
+        caption=say(picture.caption),
+        labels=tuple(say(label) for label in picture.labels),
     )

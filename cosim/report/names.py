@@ -40,12 +40,30 @@ QUANTITIES: dict[str, tuple[str, str, str]] = {
     "lagged supply": ("missing supply pressure, lagged", "Pa", "bar"),
     "reading": ("missing reading", "rad", "deg"),
 }
-# words for the crane's slew -> words for the axis of another machine
+# words for the crane and its slew -> words for another machine and its axis; what is longer stands first
 OTHER_AXIS = (
+    ("between rack and column", "between drive and axis"),
+    ("between column and boom", "between drive and load"),
+    ("sensor and tracker see, the column", "the sensor sees, the drive"),
+    ("boom alone, column locked", "load alone, drive locked"),
+    ("of the boom with the column locked", "of the load with the drive locked"),
+    ("that is the boom", "that is the load beyond the flexible part"),
+    ("payload, or boom out", "payload, or its distance"),
+    ("a flexible boom", "a flexible mode"),
+    (", as of a base that is not level", ""),
+    ("a base that is not level", "a load that depends on the position"),
+    (": the base is not level", ""),
+    ("along the tilted base", "along the path"),
     ("the column", "the axis"),
-    ("slew sensor", "sensor"),
-    ("slew angle", "angle"),
-    ("slew speed", "speed"),
+    *(
+        pair
+        for word in ("sensor", "angle", "speed", "acceleration", "reading", "axis")
+        for pair in ((f"slew {word}", word), (f"Slew {word}", word.capitalize()))
+    ),
+    ("the slew stands", "the axis stands"),
+    ("the slew moves", "the axis moves"),
+    ("the measured slew takes", "the measured motion takes"),
+    ("slew less tracker", "reading less tracker"),
 )
 # words for a valve -> words for what drives a motor
 DRIVEN = (
@@ -60,11 +78,23 @@ DRIVEN = (
 TURNING = (
     ("torque", "force"),
     ("Torque", "Force"),
-    ("the column", "the axis"),
-    ("turns", "moves"),
+    ("Turn slowly", "Move slowly"),
+    ("many periods a turn", "many periods over the travel"),
+    ("one period a turn", "one period over the travel"),
+    ("Periods a turn", "Periods over the travel"),
+    ("joint turns", "joint moves"),
+    ("turns the joint", "moves the joint"),
+    ("it turns more", "it moves more"),
     ("angle", "position"),
+    ("Angle", "Position"),
     *(("inertia", "mass"), ("Inertia", "Mass")),
 )
+
+
+def known_as(signal: str) -> str:
+    """A signal by the name people know, with its own: "slew angle (slew)"."""
+    name = SIGNAL_NAMES.get(signal)
+    return f"{name} ({signal})" if name else signal
 
 
 def replaced(text: str, pairs: Iterable[tuple[str, str]]) -> str:

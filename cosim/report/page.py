@@ -17,7 +17,7 @@ from cosim.packages import project_version
 from cosim.report import drive, experiment, overview
 from cosim.report.evidence import free_form, pictures
 from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, lexicon_of, load
-from cosim.report.language import current, picture_said, reported_in, said, separators
+from cosim.report.language import current, picture_said, picture_with, reported_in, said, separators
 from cosim.report.material import Material, gather
 from cosim.report.picture import Picture, figure
 from cosim.report.plain import advice, chain, quiet_blocks, quiet_signals, three_sentences
@@ -40,6 +40,7 @@ from cosim.report.words import (
     prose,
     signal_name,
     unit_text,
+    without_tracker,
 )
 
 if TYPE_CHECKING:
@@ -127,14 +128,14 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     from markupsafe import Markup, escape
     from plotly.offline import get_plotlyjs
 
-    made = {p.key: figure(picture_said(p)) for p in drawn}
+    made = {p.key: figure(picture_said(picture_with(p, kind_of_motion))) for p in drawn}
     for one in made.values():
         one["layout"]["separators"] = separators()
     figures = json.dumps(made, separators=(",", ":"))
 
     @jinja2.pass_context  # so that literals come here too, and are not escaped before
     def finalized(context: Any, value: Any) -> Any:
-        return said(str(value)) if type(value) in (str, float) else value
+        return said(kind_of_motion(str(value))) if type(value) in (str, float) else value
 
     words = {
         "light": said("Light"),
@@ -201,10 +202,15 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
     drawn, left = overview.held_signals(material) + overview.signals(material), overview.residuals(material)
     quiet = {f"{kind}signal-{s}" for s in quiet_signals(answer) for kind in ("", "held-out-")}
     quiet |= {f"residual-{block}-{signal}" for block, signal in quiet_blocks(answer)}
+    tracked = bool(material.tracker)
     command, seen = experiment.picture(material), overview.tracker(material)
     return {
         "answer": answer,
         "foreign": False,
+        "not_exercised": [e for e in answer.not_exercised if tracked or not e.startswith("tracker.")],
+        "helpful_signals": [
+            line for text in answer.helpful_signals if (line := text if tracked else without_tracker(text))
+        ],
         "clean": overview.nothing_to_extend(answer),
         "log_name": answer.made.get("log") or "a log",
         "told": three_sentences(material),
@@ -238,6 +244,11 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
     }
 
 
+_NOTES = re.compile(
+    r" ?\(SYSTEM [^)]*\)|the standard form of SYSTEM section \S+: |; SYSTEM section \S+"
+)  # of our own notes
+
+
 def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str, Any]:
     """One cause: its words, parameters and pictures."""
     from fmus import registry
@@ -262,7 +273,7 @@ def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str
         "toggle": effect_name(cause.effect) if f"without {cause.effect}" in material.series else "",
         "text": effect.text if effect else "",
         "looks": effect.residual if effect else "",
-        "source": effect.source if effect else "",
+        "source": _NOTES.sub("", effect.source) if effect else "",
         "parameters": rows,
         "pictures": shown(pictures(material, cause)),
     }

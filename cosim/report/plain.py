@@ -23,6 +23,8 @@ from cosim.report.words import (
 _TEXTS = tomllib.loads((Path(__file__).parent / "advice.toml").read_text(encoding="utf-8"))
 ADVICE: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what to check on the machine
 MOTOR: dict[str, list[str]] = _TEXTS["motor"]  # the same where a motor drives it
+# the same where it is not the crane, whose parts have other names
+OF_OTHERS: dict[str, list[str]] = _TEXTS["other_machines"]
 _VERDICTS: dict[str, list[str]] = _TEXTS["verdict"]
 _NAME = re.compile(r" \((?:[a-z_]+\.)+[a-z_]+\)")  # an identifier behind the name that people know
 
@@ -97,10 +99,19 @@ def advice(answer: Answer) -> list[tuple[str, list[str]]]:
     if answer.verdict == "adequate":
         return [("The machine", _VERDICTS["adequate"])]
     names = [cause.effect for cause in answer.causes]
-    names += [other for cause in answer.causes for other in cause.indistinguishable_from]
-    steps = ADVICE | MOTOR if current().electric else ADVICE
-    found = [(_title(name), steps[name]) for name in dict.fromkeys(names) if name in steps]
-    return found or [("The machine", _VERDICTS["other"])]
+    # of any system an effect has its place behind it
+    names += [other.partition(" at ")[0] for cause in answer.causes for other in cause.indistinguishable_from]
+    known = ADVICE | OF_OTHERS if current().blocks else ADVICE
+    if current().electric:
+        known = known | MOTOR
+    found = [
+        (_title(name), [kind_of_motion(text) for text in known[name]])
+        for name in dict.fromkeys(names)
+        if name in known
+    ]
+    if found:
+        return found
+    return [("The machine", _VERDICTS["other" if answer.next_experiment is None else "other_with_run"])]
 
 
 def _title(effect: str) -> str:

@@ -21,9 +21,9 @@ from cosim.report.words import (
     listed,
     nominal_of,
     phrase,
-    signal_name,
     span_of,
     telling,
+    the,
     unit_text,
     with_signals,
     words_of,
@@ -71,6 +71,7 @@ def _lines(result: Answer, out: Path) -> list[str]:
     head = f"verdict: {result.verdict.replace('_', ' ')} ({kind}, model {result.model})"
     told = [head, *wrong(result), *sure(result), *better(result), *not_judged(result)]
     told += [f"Note: {with_signals(text)}" for text in result.advice]
+    told = [head, *(kind_of_motion(line) for line in told[1:])]
     if (out / REPORT).is_file():
         told.append(f"Report: {out / REPORT}")
     else:
@@ -148,8 +149,9 @@ def sure(result: Answer) -> Iterator[str]:
             told.append("no other effect of the library comes near")
         name = f" of {called(cause.effect)}" if len(result.causes) > 1 else ""
         yield f"How sure{name}: {'; '.join(told)}"
-    if result.verdict == "adequate" and result.not_exercised and not result.at_rest:
-        never = result.not_exercised
+    # without a tracker nobody expects to hear of its faults
+    never = [effect for effect in result.not_exercised if not effect.startswith("tracker.")]
+    if result.verdict == "adequate" and never and not result.at_rest:
         yield f"How sure: this log could not have shown {listed([in_words(e) for e in never[:MOST]])}{_more(never)}"
 
 
@@ -172,7 +174,7 @@ def better(result: Answer) -> Iterator[str]:
         return
     gain = result.gain[signal]
     unit = f" {unit_text(gain.unit)}".rstrip()
-    text = f"error of the {signal_name(signal)} on data not used for fitting{span_of(gain)} "
+    text = f"error of {the(signal)} on data not used for fitting{span_of(gain)} "
     falls = f"{gain.rmse_after:.2g}" != f"{gain.rmse_before:.2g}" and gain.rmse_after < gain.rmse_before
     if falls:
         text += f"falls from {gain.rmse_before:.2g} to {gain.rmse_after:.2g}{unit}"

@@ -112,7 +112,9 @@ def effect_name(effect: str) -> str:
 
 
 def effect_in_block(effect: str) -> str:
-    """An effect with its block: "Coulomb friction (mechanics)"."""
+    """An effect by the name that people know, or one without with its block: "snow load (mechanics)"."""
+    if effect in NAMES:
+        return called(effect)
     block = effect.partition(".")[0]
     if block == "port" or block.startswith("parameter "):
         return effect_name(effect)  # of any system: the words say where it is
@@ -151,6 +153,13 @@ _DEPENDS = re.compile(
 )
 
 
+def without_tracker(text: str) -> str:
+    """A list of effects without those of a tracker, where there was none; empty if nothing is left of it."""
+    head, colon, rest = text.partition(": ")
+    left = [item for item in rest.split(", ") if not item.startswith("tracker.")]
+    return f"{head}{colon}{', '.join(left)}" if left else ""
+
+
 def few(text: str, most: int = 5) -> str:
     """A sentence that ends in a list, ``x would show: a, b, c``, with no more than the first of a long one."""
     head, colon, rest = text.partition(": ")
@@ -171,10 +180,19 @@ def signal_name(signal: str) -> str:
     return own.text if own else kind_of_motion(SIGNAL_NAMES.get(signal, signal))
 
 
+def the(signal: str) -> str:
+    """A signal within a sentence: "the slew angle"; one that has no name but its own stands alone, as "valve.y"."""
+    name = signal_name(signal)
+    return name if name == signal else f"the {name}"
+
+
 def block_name(block: str) -> str:
     """A block as people call it; of several that are judged as one, all of them."""
     own = current().blocks
     return own.get(block) or " + ".join(own.get(n) or BLOCK_NAMES.get(n, n) for n in block.split("+"))
+
+
+CHANGING = ", changing with "  # of a law that is not the same everywhere
 
 
 def quantity(of: str) -> tuple[str, str, float]:
@@ -182,6 +200,10 @@ def quantity(of: str) -> tuple[str, str, float]:
     lexicon = current()
     if of in lexicon.signals:
         return signal_name(of), *lexicon.signal(of)
+    driver, changing, by = of.partition(CHANGING)
+    if changing:
+        text, unit, scale = quantity(driver)
+        return f"{text}{changing}{quantity(by)[0]}", unit, scale
     text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
     return kind_of_motion(text), *lexicon.quantity(si, unit)
 
@@ -294,15 +316,13 @@ def gain_clause(answer: Answer) -> str:
     before, after = f"{gain.rmse_before:.2g}", f"{gain.rmse_after:.2g}"
     noise = f"{gain.noise_floor:.2g} {unit}"
     if gain.rmse_after >= gain.rmse_before:
-        return (
-            f"; the error of the {signal_name(signal)} on data not used for fitting stays at {before} {unit}"
-        )
+        return f"; the error of {the(signal)} on data not used for fitting stays at {before} {unit}"
     end = (
         "the sensor's noise" if gain.rmse_after <= NOISY * gain.noise_floor else f"against a noise of {noise}"
     )
     joint = ", which is " if end == "the sensor's noise" else ", "
     return (
-        f"the error of the {signal_name(signal)} on data not used for fitting{span_of(gain)} falls from "
+        f"the error of {the(signal)} on data not used for fitting{span_of(gain)} falls from "
         f"{before} to {after} {unit}{joint}{end}"
     )
 

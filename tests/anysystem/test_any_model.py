@@ -13,7 +13,11 @@ import systems
 
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
+from cosim.anysystem.read import read
+from cosim.errors import DataError
+from cosim.logs import load_mapping
 from cosim.master import Runner
+from cosim.ssp.read import read_system
 
 MAPPING = """
 [time]
@@ -251,3 +255,29 @@ def test_whole_numbers_and_switches_drive_a_component(command, tmp_path: Path) -
         result = runner.run(time[-1], systems.H, inputs=inputs, record=["y"], hold=())
     # the master hands u over half a sample earlier than it acted here; without the gain 25 % are left
     assert np.std(result["y"] - y) < 0.02 * np.std(y)
+
+
+def test_an_input_called_u_is_not_held_against_the_crane_s_command(native, tmp_path):
+    """Of another system neither unit nor range of a name that we use too is ours."""
+    log = tmp_path / "log.csv"
+    rows = [f"{k / 100},{12.0 * np.sin(k / 30):.6f},{np.cos(k / 20):.6f}" for k in range(400)]
+    log.write_text("t,volts,y\n" + "\n".join(rows) + "\n")
+    mapping = tmp_path / "log.toml"
+    mapping.write_text(
+        'model = "drive.ssp"\n[time]\ncolumn = "t"\nunit = "s"\n[signals.u]\ncolumn = "volts"\nunit = "V"\n'
+        '[signals."plant.y"]\ncolumn = "y"\nunit = "1"\n[compare.signals.u]\nvariable = "command"\n'
+    )
+    with read_system(native) as system:
+        (recording,), _, _ = read([log], system, mapping)
+    assert recording.warnings == []
+    assert np.ptp(recording.signals["command"]) == pytest.approx(24.0, rel=0.01)
+
+
+def test_a_command_of_the_crane_in_volts_is_refused_as_before(tmp_path):
+    mapping = tmp_path / "log.toml"
+    text = '[time]\nstep = 1\nunit = "s"\n[signals.u]\ncolumn = "volts"\nunit = "V"\n'
+    mapping.write_text(text)
+    with pytest.raises(DataError, match="'V' has the wrong dimension"):
+        load_mapping(mapping)
+    mapping.write_text(f'model = "drive.fmu"\n{text}')
+    assert load_mapping(mapping).signals["u"].unit == "V"

@@ -124,7 +124,7 @@ def test_a_column_is_matched_by_its_words_and_what_they_are_short_for(
 def test_a_column_of_a_unit_that_only_one_connector_has_is_guessed_to_be_checked() -> None:
     labels = [Label("strom", "strom", "mA"), Label("a", "a", "m"), Label("b", "b", "m")]
     units = {"motor.I": "A", "motor.U": "V", "one.x": "m", "two.x": "m", "part.y": "1"}
-    assert only_by_unit(labels, None, {}, units) == {0: "motor.I"}
+    assert only_by_unit(labels, (), {}, units) == {0: "motor.I"}
 
 
 def test_info_shows_the_connectors_of_a_package_and_what_they_are_joined_with(native: Path, command) -> None:
@@ -137,4 +137,10 @@ def test_info_shows_the_connectors_of_a_package_and_what_they_are_joined_with(na
         "plant.u": "valve.y",
         "plant.y": "",
     }
-    assert "Next: cosim init" in command("info", native)[1]
+    said = command("info", native)[1]
+    assert said.startswith(
+        f"{native}: system of 2 components (SSP), driven from outside by command\n  valve: resources/"
+    )
+    assert "kind: ssp" not in said
+    assert f"Next: cosim simulate {native} --input LOG runs it; cosim init {native} LOG " in said
+    assert "kind: ssp" in command("info", native, "--verbose")[1]

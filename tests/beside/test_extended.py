@@ -15,6 +15,7 @@ from cosim.compare.observer import run_observer
 from cosim.errors import UsageError
 from cosim.identify.kalman import Mechanics, Noises, design
 from cosim.identify.nominal import nominal
+from cosim.logs import write_log
 from cosim.paths import ssp_folder
 from cosim.rig import as_log, make_log
 from cosim.rig.write import write_tracker
@@ -237,3 +238,18 @@ def test_a_model_without_mechanics_is_refused(package, tmp_path, rubbing):
         ),
     ):
         run_extended(comparator)
+
+
+def test_the_screen_tells_the_observers_in_sentences_and_the_table_on_demand(
+    package, rubbing, command, tmp_path
+):
+    log = write_log(as_log(rubbing), tmp_path / "log.parquet")
+    words = ("compare", log, "--model", package, "--observer")
+    code, told, err = command(*words)
+    assert code == 0, err
+    angles = [line for line in told.splitlines() if line.startswith("Observer: its slew angle is ")]
+    assert sum(" deg RMSE off the measured slew, " in line for line in angles) == 1
+    assert "Observer FMU on the log" not in told
+    assert "NIS" not in told
+    assert "By the readings of the slew sensor " in told
+    assert "Observer FMU on the log" in command(*words, "--verbose")[1]

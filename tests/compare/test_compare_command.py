@@ -122,7 +122,7 @@ def test_the_answer_is_a_few_lines(run, log_file):
         r"Most wrong: slew angle \(slew\): [\d.]+ deg RMSE, fit .* %, [\d.]+ times its noise", said[1]
     )
     assert said[2].startswith(
-        "It arises in: mechanical + sensor (driven by p_load), in the slew angle (slew): "
+        "It arises in: mechanical + sensor, driven by load pressure (p_load), in the slew angle (slew): "
     )
     assert any(line.startswith("Within noise: ") and "spool position (spool)" in line for line in said)
     assert any(line.startswith("Not judged: observer") for line in said)

@@ -189,3 +189,10 @@ def test_a_side_that_is_not_known_is_left_out_of_the_words():
     assert len(lines) == 3
     assert "for a command u to 0.2" in lines[0]
     assert "below" not in lines[1]
+
+
+def test_a_dead_zone_that_is_none_is_not_given_as_a_tiny_one():
+    curve = drive_curve([made(3, seconds=200.0)])
+    tiny = {n: Estimate(1e-10, 1e-8, -4e-8, 1.5e-3) for n in ("dead_low", "dead_high")}
+    lines = sentences(replace(curve, values={**curve.values, **tiny}), Told("u", "slew", "1", "deg"))
+    assert lines[0] == "Dead zone: none shows; one wider than 0.0015 of the command u would have shown (95 %)"

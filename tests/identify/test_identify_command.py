@@ -1,6 +1,7 @@
 """``cosim identify``: its subcommands, files and refusals; and the .ssv runs in the model."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -141,7 +142,7 @@ def test_observer_without_a_log(tmp_path):
 
 def test_scaling_prints_the_channels(tmp_path):
     result = call("scaling", "--disc-radius", "400 mm", "--out", tmp_path)
-    assert "3.5 mm/V" in result.stdout
+    assert "3.5 mm a volt, zero at 2.5 V" in result.stdout
     assert (tmp_path / "scaling.png").is_file()
 
 
@@ -175,3 +176,54 @@ def test_settings_replace_nominal_numbers():
     assert known["dcv.K"] == pytest.approx(2.4e-3)
     assert known["compensator.d_plus"] == 0.0
     assert known["dcv.w0"] == 25.23
+
+
+@pytest.mark.parametrize(
+    "words", [("--block", "dcv"), ("--input", "u", "--output", "spool", "--order", "2/0")]
+)
+def test_a_transfer_function_is_told_in_sentences_before_any_table(words, log):
+    told = call("transfer-function", log, *words).stdout
+    assert told.splitlines()[1].startswith(
+        "Transfer function from the command (u) to the spool position (spool): 2 poles, 0 zeros"
+    )
+    assert told.splitlines()[2].startswith(
+        "How sure: on the last 30 % of the log, which its fit has not seen, "
+    )
+    assert told.splitlines()[-1].startswith("Next: ")
+    assert "candidates (* chosen)" not in told
+    if "--input" in words:
+        pair = told.splitlines()[-2]
+        assert pair.startswith("pair of poles: natural frequency 25.")
+        assert re.search(r"damping ratio 0\.5\d+ ± 0\.0\d+$", pair), "a ratio has no unit"
+    assert "candidates (* chosen)" in call("transfer-function", log, *words, "--verbose").stdout
+
+
+def test_a_frequency_response_is_told_in_sentences_and_its_points_on_demand(log):
+    words = ("frf", log, "--input", "p_load", "--output", "slew", "--order", "2/0", "--method", "welch")
+    told = call(*words).stdout
+    first, sure, *_, pole, following = told.splitlines()[1:]
+    assert first.startswith("Frequency response from the load pressure (p_load) to the slew angle (slew): ")
+    assert "by Welch's method in log; a fit with 2 poles (1 at 0), 0 zeros follows" in first
+    assert sure.startswith("How sure: half of the points are good to ")
+    assert pole.startswith("pole: ")
+    assert following.startswith("Next: --out DIR writes the points")
+    assert "phase deg" not in told
+    assert "phase deg" in call(*words, "--verbose").stdout
+
+
+def test_a_scaling_is_told_in_sentences_and_hands_its_mapping_on(tmp_path):
+    told = call("scaling", "--point", "spool=3.248 V:2.6 mm", "--point", "spool=1.769 V:-2.6 mm").stdout
+    assert re.search(
+        r"spool position \(spool\): 3.5159 mm a volt, zero at 2.50\d+ V: 2 measured points", told
+    )
+    assert "How sure: spool from 2 points" in told
+    assert "source  " not in told
+    assert told.splitlines()[-1].startswith("Next: name a log recorded in volts")
+    assert "source  " in call("scaling", "--verbose").stdout
+    volts = tmp_path / "volts.csv"
+    volts.write_text("time [s],u [V],spool [V]\n0,0,2.5\n0.001,3,3.2\n0.002,3,3.3\n")
+    told = call("scaling", volts, "--out", tmp_path / "out").stdout
+    mapping = tmp_path / "out" / "mapping.toml"
+    assert (
+        told.splitlines()[-1] == f"Next: cosim info {volts} --mapping {mapping} shows the log in these units"
+    )

@@ -541,3 +541,16 @@ def test_a_log_of_which_nothing_is_known_ends_with_what_to_do(cosim, write):
     assert set(load_log(path, mapping).signals) == {"slew"}, (
         "what is marked is taken by taking the marks away"
     )
+
+
+def test_an_uneven_clock_is_told_as_such_and_its_pauses_counted_as_the_loader_does(write, cosim):
+    stamps = np.cumsum(np.tile([0.02, 0.05, 0.09], 60))
+    path = write(
+        "Time,Swing Cmd,Swing Ms\n" + "".join(f"{t:.4f},{k % 7},{k % 5}\n" for k, t in enumerate(stamps))
+    )
+    clock = overview(path).clock
+    assert clock is not None
+    assert (clock.gaps, clock.even) == (0, False)
+    shown = cosim("info", path)
+    assert "a second, unevenly spaced, no gap; time is" in shown.stdout.replace("\n", " ")
+    assert "--machine: of another machine than the crane" in shown.stdout

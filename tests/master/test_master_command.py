@@ -15,6 +15,7 @@ import toy_fmus
 from typer.testing import CliRunner, Result
 
 from cosim.cli import make_app
+from cosim.commands.simulate import _without_rests
 from cosim.errors import ModelError, SimulationError, UsageError
 
 TOP = Path(__file__).resolve().parents[2]
@@ -207,3 +208,10 @@ def test_a_signal_that_turns_nan_leaves_what_was_before(toys: Any, tmp_path: Pat
     assert np.isfinite(table.to_numpy()).all()
     assert len(table) == found["partial"]["steps"] + 1 > 1
     assert not out.exists()
+
+
+def test_a_table_has_no_rests_of_rounding_and_ends_with_what_to_type(chain: Path) -> None:
+    assert _without_rests({"unit": "mm", "min": -2.5, "max": 2.5, "final": 3.4e-23})["final"] == 0.0
+    assert _without_rests({"unit": "mm", "min": 1e-13, "max": 3e-13, "final": 2e-13})["final"] == 2e-13
+    said = simulate(chain).stdout
+    assert said.splitlines()[-1] == "Next: the same with --out run.csv writes the signals over time"

@@ -2,6 +2,7 @@
 
 import io
 import re
+import shutil
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from report_helpers import hidden_material
 from cosim.report.folder import load
 from cosim.report.language import reported_in
 from cosim.report.page import page as made_page
+from cosim.report.page import write_report
 
 pytestmark = pytest.mark.browser
 
@@ -126,6 +128,19 @@ def test_a_print_keeps_every_plot_within_the_paper(browser, diagnosed):
     assert widths
     assert max(widths) <= 700  # A4 less margins at 96 dots an inch
     assert found.page.pdf(format="A4").startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_tables_fit_on_paper_and_scroll_by_themselves_on_a_phone(browser, diagnosed, tmp_path, language):
+    folder = tmp_path / "page"
+    shutil.copytree(diagnosed, folder)
+    page = visit(browser, write_report(folder, language)).page
+    page.set_viewport_size({"width": 420, "height": 900})
+    until(page, "document.documentElement.scrollWidth <= 420", 10.0)  # the plots follow
+    page.set_viewport_size({"width": 718, "height": 900})  # A4 less margins at 96 dots an inch
+    page.emulate_media(media="print")
+    tables = "[...document.querySelectorAll('table')].map(t => t.getBoundingClientRect().right)"
+    assert max(page.evaluate(tables)) <= 718
 
 
 def test_a_screenshot_holds_the_colours_of_both_models(opened):

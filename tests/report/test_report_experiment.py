@@ -46,8 +46,8 @@ def test_it_shows_both_predictions_of_the_telling_signal(proposed: Material) -> 
     found = picture(proposed)
     assert found is not None
     names = [layer.name for panel in found.panels for layer in panel.layers]
-    assert "Coulomb friction (mechanics)" in names
-    assert "cracking pressure (hydraulics)" in names
+    assert "dry friction" in names
+    assert "cracking pressure of the counterbalance valve" in names
     one, other = (layer.y for layer in found.panels[1].layers)
     at = found.panels[1].layers[0].x
     far = (at > 8.0) & (at < 10.0)

@@ -158,3 +158,17 @@ def test_a_language_that_is_not_there_is_refused(command, diagnosed, tmp_path):
     code, _, err = command("diagnose", log, "--language", "fr", "--out", tmp_path / "out")
     assert code == 2
     assert not (tmp_path / "out").exists()
+
+
+def test_how_an_uneven_log_was_taken_is_said_in_german():
+    german = catalogue("de")
+    for way in (
+        "u held from stamp to stamp (if it changes in between, the valve seems early: `held = false` in a mapping file "
+        "draws straight lines)",
+        "u on straight lines from stamp to stamp",
+    ):
+        text = f"sampled every 17.59 to 126.2 ms: simulated in steps of 6.63 ms, {way}, "
+        text += "and compared at the stamps themselves"
+        assert german.said(text).startswith(
+            "Abtastung alle 17,59 bis 126,2 ms: simuliert in Schritten von 6,63 ms, u "
+        )

@@ -27,6 +27,7 @@ from cosim.report.words import (
     sentence,
     unit_text,
     with_signals,
+    without_tracker,
 )
 from cosim.rig import EFFECTS, Hidden
 from fmus import registry
@@ -151,7 +152,7 @@ def test_a_long_list_is_cut():
 def test_doubt_is_said():
     cause = friction(indistinguishable_from=["continuity.cracking_pressure"])
     assert doubts(empty_answer(causes=[cause])) == [
-        "This log cannot tell Coulomb friction (mechanics) from cracking pressure (hydraulics)."
+        "This log cannot tell dry friction from cracking pressure of the counterbalance valve."
     ]
     assert doubts(empty_answer(causes=[friction()])) == []
 
@@ -191,8 +192,25 @@ def test_a_made_up_effect_is_named_with_its_parameters():
 
 
 def test_prose_calls_effects_by_name():
-    assert effect_in_block("dcv.rate_limit") == "rate limit (valve)"
-    assert prose("tells dcv.delay from sensor.lag") == "tells delay (valve) from lag (slew sensor)"
+    assert effect_in_block("dcv.rate_limit") == "a limit of the spool's speed"
+    assert effect_in_block("mechanical.snow_load") == "snow load (mechanics)"
+    assert (
+        prose("tells dcv.delay from sensor.lag") == "tells a delay of the valve from a lag of the slew sensor"
+    )
+
+
+def test_what_a_missing_thing_depends_on_is_told_in_words():
+    assert quantity("omega, changing with theta") == (
+        "slew speed, changing with slew angle",
+        "deg/s",
+        pytest.approx(57.29578),
+    )
+
+
+def test_without_a_tracker_its_faults_are_not_listed():
+    line = "slew_external would make visible: sensor.gain, tracker.clock, tracker.seam"
+    assert without_tracker(line) == "slew_external would make visible: sensor.gain"
+    assert without_tracker("slew_external would make visible: tracker.clock") == ""
 
 
 def test_captions_are_there_for_every_maker():

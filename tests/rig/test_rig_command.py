@@ -173,3 +173,12 @@ def test_unwritable_place_is_named(tmp_path):
 def test_tracker_must_have_been_asked_for(tmp_path):
     with pytest.raises(UsageError, match="tracker=True"):
         write_tracker(make_log("steps", 3.0), tmp_path / "t.csv")
+
+
+def test_the_screen_names_what_is_hidden_and_says_what_to_type_next(tmp_path):
+    log, tracker = tmp_path / "log.csv", tmp_path / "my tracker.csv"
+    words = ("--out", log, "--tracker", tracker, "--model", "physical", "--hide", "sensor.bias", *SHORT)
+    told = call(*words).stdout
+    assert "hidden in it: a zero error of the slew sensor (sensor.bias)" in told
+    last = told.splitlines()[-1]
+    assert last == f"Next: cosim diagnose {log} --external '{tracker}' --model physical looks for it"

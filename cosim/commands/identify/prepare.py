@@ -29,6 +29,7 @@ def scaling(
     ] = None,
     time: Annotated[str, typer.Option(help="Column of the time, in seconds.")] = "time",
     out: Out = None,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Volts to millimetres, bar and degrees (Tables 3.5 and 3.6, (3.2)): a mapping file for a log recorded in volts."""
@@ -37,7 +38,7 @@ def scaling(
     from cosim.identify.texts import quantity
 
     radius = quantity(disc_radius, "m", "--disc-radius")
-    finish(scaling_answer(log, point or [], column or [], radius, time), out, as_json)
+    finish(scaling_answer(log, point or [], column or [], radius, time), out, as_json, verbose)
 
 
 def linearisation(

@@ -311,8 +311,8 @@ def least_error(
     its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
     counts as white noise, as few independent values as its correlation allows. Where no single effect is sure, pairs are
     tried with the likeliest: an end of the travel shows only once the machine moves at the right speed. A search may begin
-    with a set of effects that is known to hold, and ends where `IN_VAIN` steps have made nothing noticeably better on the data
-    that judge it.
+    with a set of effects that is known to hold, and ends where `IN_VAIN` steps have made nothing noticeably better on the
+    data that judge it.
     """
     known, chosen = task.rules, null
 
@@ -320,7 +320,8 @@ def least_error(
         task.set_rules({s: broad(rule, trial.fit.residuals[s]) for s, rule in task.rules.items()})
 
     def worth(trial: Trial) -> float:
-        # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price, and the odds
+        # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price; and by
+        # the odds beforehand
         count = max(-2.0 * chosen.fit.log_likelihood, 2.0)
         left = float(np.log(max(-2.0 * trial.fit.log_likelihood, 1e-300)))
         odds = sum(effect.prior for effect in trial.effects)
