@@ -217,6 +217,13 @@ PASSED_BY_CHANCE: Annotated[
     "a limit holds every reading; one in a thousand logs may be wronged",
     "not measured by itself",
 ] = 1e-3
+GIVES_WAY: Annotated[
+    float,
+    "times as far",
+    "how much farther than the fitted readings others may go beyond a limit and it is one still",
+    "a stop is elastic, and logs end at places a little apart: an excavator's arm 0.1 deg",
+    "all logs of one pose of the arm -> the other: 11.1 to 4.4 deg with it",
+] = 2.0
 NEAR_STOP: Annotated[
     float,
     "share of the way",

@@ -119,7 +119,7 @@ def _leaves(opened: Any, values: Any, name: str, path: Path) -> Iterator[Stream]
         raise DataError(f"{path}: signal '{name}' has its time in '{clock}': save it in seconds")
     unit = _text(_value(values.get("DataUnits")))
     for k, column in enumerate(data.reshape(stamps.size, width).T, 1):
-        yield Stream(name if width == 1 else f"{name}(:,{k})", unit, column, stamps * CLOCKS[clock])
+        yield Stream(name if width == 1 else f"{name}({k})", unit, column, stamps * CLOCKS[clock])
 
 
 def _stream(opened: Any, index: Array, kind: str, name: str, path: Path) -> Array:

@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from cosim.compare.metrics import noise_floor
 from cosim.diagnosis.fitting.fit import Fit, Task
-from cosim.diagnosis.thresholds import PASSED_BY_CHANCE, UNSEEN_LIMIT
+from cosim.diagnosis.thresholds import GIVES_WAY, PASSED_BY_CHANCE, UNSEEN_LIMIT
 from cosim.inference.pieces import Cuts
 from fmus.contract import Effect, Free
 
@@ -74,7 +74,8 @@ def passed(
 ) -> list[Passed]:
     """Limits that readings of other data pass: there is none where the fit has it.
 
-    By more than the fitted data themselves pass it (a stop gives way, a sensor has noise), and by more than chance.
+    By clearly more than the fitted data themselves pass it (a stop gives way, logs end at places a little apart), and by
+    more than chance.
 
     Args:
         task: the fitted data.
@@ -100,7 +101,7 @@ def passed(
         given_way = max(0.0, float(np.max(side * own)) - side * limit)
         chance = norm.isf(PASSED_BY_CHANCE / other.size) * np.hypot(noise, found.deviations.get(name, 0.0))
         farthest = float(np.max(side * other))
-        if farthest - side * limit > given_way + chance:
+        if farthest - side * limit > GIVES_WAY * given_way + chance:
             beyond.append(Passed(signal, float(limit), float(side * farthest), free.rate))
     return beyond
 
