@@ -13,8 +13,8 @@ from cosim.files import write_text
 from cosim.plots import thinned
 from cosim.report.page import REPORT, interval, need_extra, render, versions
 from cosim.report.picture import Layer, Panel, Picture
-from cosim.report.plain import advice
-from cosim.report.screen import in_words, place, wrong
+from cosim.report.plain import advice, plain
+from cosim.report.screen import better, in_words, place, wrong
 
 TEXTS = {
     "parameter": "A trusted parameter has another value.",
@@ -55,7 +55,8 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
         "clean": False,
         "log_name": ", ".join(log.source.name for log in found.logs),
         "told": [
-            ("Finding", " ".join(f"{line.rstrip('.')}." for line in wrong(answer)) or "Nothing is wrong.")
+            ("Finding", " ".join(f"{line.rstrip('.')}." for line in wrong(answer)) or "Nothing is wrong."),
+            *(("What it explains", plain(line)) for line in better(answer)),
         ],
         "advice": advice(answer),
         "chain": [],

@@ -10,6 +10,7 @@ from cosim import console
 from cosim.errors import UsageError
 
 MODELS = (".ssp", ".fmu")
+MOST = 8  # columns without a signal that the screen lists; the mapping has them all
 
 
 def register(app: typer.Typer) -> None:
@@ -63,13 +64,13 @@ def init(
     for line in told:
         say(line)
     if left:
-        say(f"left without a signal: {'; '.join(left)}")
+        more = f"; and {len(left) - MOST} more" if len(left) > MOST else ""
+        say(f"left without a signal: {'; '.join(left[:MOST])}{more}")
     check = "complete it" if needed else "check each line, above all those marked CHECK"
     say(f"written to {target}: {check}")
     if needed:
-        say(
-            f"Missing: {needed}. A machine that is no crane: docs/machines.md; any FMU: --model, docs/any_system.md"
-        )
+        other = "" if machine else ". Another machine than the crane: --machine; any FMU: --model"
+        say(f"Missing: {needed}{other}")
         say(
             f"Next: complete {target} in an editor, or choose the columns on a page: cosim open {console.typed(log)}"
         )
@@ -112,7 +113,9 @@ def _lacking(made: Collection[str], texts: Mapping[str, str]) -> str:
     lacks = [] if "u" in made else [f"a column for u ({texts['u']})"]
     if not set(made) - {"u"}:
         also = "travel, speed, " if "travel" in texts else ""
-        lacks.append(f"one for what was measured, such as {also}slew, spool or the pressures")
+        lacks.append(
+            f"{'one' if lacks else 'a column'} for what was measured, such as {also}slew, spool or the pressures"
+        )
     return " and ".join(lacks)
 
 
@@ -133,6 +136,9 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     ]
     used: set[Any] = used_by(made) | {clock_column(found, made)}
     left = [f"column '{c.label.shown}'" for c in found.columns if c.index not in used]
+    needed = _lacking(made, texts_of(model))
     if found.clock is None:
-        left.insert(0, "no column looks like a time: the interval between samples is to be given")
-    return mapping_text(found, made, model), told, left, _lacking(made, texts_of(model))
+        left.insert(0, "no column looks like a time")
+        interval = "the interval between samples ('step', for which 0.001 s stands now)"
+        needed = f"{needed}; {interval}" if needed else interval
+    return mapping_text(found, made, model), told, left, needed

@@ -65,7 +65,7 @@ def three_sentences(material: Material) -> list[tuple[str, str]]:
         left = listed(sorted({block_name(r.block) for r in answer.unexplained}) or ["model"])
         found += f" Something else in the {left} stays unexplained."
     told = [("What is wrong", kind_of_motion(found)), ("How sure", _sure(answer))]
-    gain = next((_plain(text) for text in better(answer)), "")
+    gain = next((plain(text) for text in better(answer)), "")
     return [*told, ("What it explains", gain)] if gain else told
 
 
@@ -86,7 +86,7 @@ def _sure(answer: Answer) -> str:
     return "No other effect of the library comes near."
 
 
-def _plain(line: str) -> str:
+def plain(line: str) -> str:
     """A line of the screen without its label and identifiers, as a sentence."""
     text = _NAME.sub("", line.partition(": ")[2])
     return f"{text[0].upper()}{text[1:].rstrip('.')}."

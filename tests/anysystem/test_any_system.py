@@ -54,8 +54,12 @@ def test_a_hidden_effect_is_named_at_its_connector(
         "plant.y [1]",
         "with the causes",
         "No further run is needed",
+        "What it explains",
+        "on data not used for fitting falls from",
     ):
         assert text in page
+    assert "Error of the valve.y" not in page
+    assert "under suspicion by name" not in page  # a cause is named
     assert "(port)" not in page
     assert "http://" not in page.partition("<script>")[0]
 

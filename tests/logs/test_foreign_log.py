@@ -554,3 +554,16 @@ def test_an_uneven_clock_is_told_as_such_and_its_pauses_counted_as_the_loader_do
     shown = cosim("info", path)
     assert "a second, unevenly spaced, no gap; time is" in shown.stdout.replace("\n", " ")
     assert "--machine: of another machine than the crane" in shown.stdout
+
+
+def test_without_a_time_the_interval_is_asked_for_and_long_lists_are_cut(write, cosim):
+    names = [f"chan {k}" for k in range(12)]
+    path = write(
+        "u,angle," + ",".join(names) + "\n" + "".join(f"{k % 3},{k % 11}{',1' * 12}\n" for k in range(60))
+    )
+    shown = cosim("init", path, "--machine").stdout
+    assert "Missing: the interval between samples ('step', for which 0.001 s stands now)\n" in shown
+    assert "column 'chan 6'; and 5 more" in shown
+    assert "--machine" not in shown, "it was given"
+    assert "complete" in shown
+    assert "Another machine than the crane: --machine" in cosim("init", path, "--force").stdout
