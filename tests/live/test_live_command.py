@@ -136,7 +136,7 @@ def test_a_signal_ends_it_in_order(side, tmp_path, number) -> None:
     assert master.process.stdin is not None
     master.process.stdin.write("u 0.4\nenable 2\n")
     master.process.stdin.flush()
-    sent, got, _ = fed(
+    sent, _, _ = fed(
         master.address, 1.5, lambda got: got and got[-1][0] > 0.3 and got[-1][3:] == (1.0, 1.0, 0.0)
     )
     master.process.send_signal(getattr(signal, number))
