@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from cosim.cli import main
 from cosim.paths import ssp_folder
@@ -22,6 +23,12 @@ from cosim.ssp.write import write_ssp
 settings.register_profile("search", deadline=None)
 settings.register_profile("same", deadline=None, derandomize=True)
 settings.load_profile("same")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Examples are not made of the numbers in whichever of our modules a process happens to have loaded."""
+    if config.getoption("--hypothesis-profile", None) is None and hasattr(providers, "_get_local_constants"):
+        providers._get_local_constants = lambda: providers._local_constants
 
 
 CHROMIUM = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
