@@ -5,6 +5,8 @@ The engines differ in what they record and how; this brings their results to one
 """
 
 import argparse
+import contextlib
+import ctypes
 import os
 import subprocess
 import sys
@@ -32,8 +34,19 @@ def run_fmpy(package: Path, steps: int, h: float, signals: Sequence[str]) -> tup
     return {"time": rows["time"], **{name: rows[name] for name in signals}}, seconds
 
 
+def keep_loaded() -> None:
+    """To be called before ecospy is imported: a library that TBB loads beside itself stays until the process is gone.
+
+    When its last worker thread ends, TBB unloads libtcm. At the end of the process the main thread runs that library's
+    destructor, and if the code is gone meanwhile, a process that has done all its work dies of SIGSEGV.
+    """
+    with contextlib.suppress(OSError):  # a TBB without it has nothing to unload
+        ctypes.CDLL("libtcm.so.1", mode=os.RTLD_NODELETE)
+
+
 def run_ecos(package: Path, steps: int, h: float, signals: Sequence[str]) -> tuple[dict[str, Array], float]:
     """Ecos, with the parameter set applied by name; read through its interface, because its CSV has six digits."""
+    keep_loaded()
     from ecospy import EcosLib, EcosSimulation
 
     EcosLib.set_log_level("warn")
@@ -56,6 +69,7 @@ def run_ecos_csv(
     package: Path, steps: int, h: float, signals: Sequence[str]
 ) -> tuple[dict[str, Array], float]:
     """Ecos with its own CSV writer (six digits) and one call for all steps: the fastest way to use it."""
+    keep_loaded()
     from ecospy import EcosLib, EcosSimulation
 
     EcosLib.set_log_level("warn")

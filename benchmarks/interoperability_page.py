@@ -78,8 +78,9 @@ stead.
   and was not run again.
 - fmusim (Reference-FMUs) and VDMCheck3 are in no package of PyPI or Debian, so none of our FMUs of FMI 3.0 has met them.
   What read and ran these are fmpy (`simulate_fmu`, in the tests; `simulate_ssp` takes every FMU for one of FMI 2.0), ecos
-  (by fmi4c, which says that fmi3GetVersion is missing and goes on; one process of 115 ended by a segmentation fault, which
-  could not be repeated and shows nothing under valgrind), our runner and the C host.
+  (by fmi4c, which says that fmi3GetVersion is missing and goes on), our runner and the C host.
+- A process that ran ecos may die of SIGSEGV after all is done: TBB, when its last thread ends, unloads `libtcm` while the
+  process's exit still runs in it. Loading `libtcm.so.1` with `RTLD_NODELETE` before `import ecospy` prevents it.
 - Windows: the FMUs of the kind `pythonfmu` hold win64 binaries.
 """
 

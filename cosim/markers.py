@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from cosim.errors import DataError, UsageError
 
@@ -299,6 +298,8 @@ def _checked(positions: Array, markers: tuple[str, ...]) -> Array:
 
 def _fit(measured: Array, points: Array) -> tuple[Array, Array, Array]:
     """Rotation (3, 3), position (3,) [m] and what is left (m, 3) [m] of `points` (m, 3) laid on `measured` (m, 3)."""
+    from scipy.spatial.transform import Rotation  # half a second that no log without markers needs
+
     middle, centre = measured.mean(axis=0), points.mean(axis=0)
     rotation = Rotation.align_vectors(measured - middle, points - centre)[0].as_matrix()
     return rotation, middle - rotation @ centre, measured - middle - (points - centre) @ rotation.T

@@ -6,8 +6,6 @@ from typing import Any
 
 from cosim.console import warn
 from cosim.errors import DataError, ModelError, UsageError
-from cosim.logs import load_log
-from cosim.logs.load import open_source
 from cosim.master.inputs import Series
 from cosim.paths import build_folder, ssp_folder
 from cosim.signals import LOG_SIGNALS
@@ -39,6 +37,7 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
             return path
         if path.suffix.lower() == ".toml":
             from cosim.compare.model import open_model
+            from cosim.logs import load_log
             from cosim.machines import made_for
 
             return open_model(str(made_for(path, None if log is None else load_log(log, path)).ssd))
@@ -132,6 +131,8 @@ def read_inputs(
         DataError: the file is bad.
         UsageError: it has none of the system's inputs.
     """
+    from cosim.logs import load_log
+
     wanted = list(system.inputs)
     if not wanted:
         raise UsageError(
@@ -153,6 +154,8 @@ def read_inputs(
 
 def _table(file: Path, system: System) -> tuple[Any, dict[str, Any]]:
     """Columns of a table that are inputs of the system, in their units."""
+    from cosim.logs.load import open_source
+
     source = open_source(file)
     units = {"time": "s"} | {item.name: item.unit or "1" for item in system.inputs.values()}
     picked = {label.name: k for k, label in enumerate(source.labels) if label.name in units}

@@ -1,6 +1,8 @@
 """What tests of several parts share: our packages and what takes long, made once for all processes of a run."""
 
+import dataclasses
 import gc
+import importlib.util
 import os
 import shutil
 import signal
@@ -11,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from cosim.cli import main
 from cosim.paths import ssp_folder
@@ -20,6 +23,12 @@ from cosim.ssp.write import write_ssp
 settings.register_profile("search", deadline=None)
 settings.register_profile("same", deadline=None, derandomize=True)
 settings.load_profile("same")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Examples are not made of the numbers in whichever of our modules a process happens to have loaded."""
+    if config.getoption("--hypothesis-profile", None) is None and hasattr(providers, "_get_local_constants"):
+        providers._get_local_constants = lambda: providers._local_constants
 
 
 CHROMIUM = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
@@ -107,6 +116,26 @@ def packages(made_once):
 
     folder = made_once("packages", make)
     return {name: folder / f"{name}_open.ssp" for name in names}
+
+
+@pytest.fixture(scope="session")
+def rubbing(made_once) -> Path:
+    """Folder of one real diagnosis, 150 N m of dry friction in 25 s of the rig, with its report where it can be made."""
+    from cosim.diagnosis.answer.answer import answer
+    from cosim.diagnosis.pipeline.diagnose import diagnose
+    from cosim.report.page import save_and_report
+    from cosim.rig import as_log, make_log
+
+    def make(folder: Path) -> None:
+        run = make_log("mixed", 25.0, ["mechanical.coulomb_friction:tau_c=150 N.m"], seed=4)
+        log = dataclasses.replace(as_log(run), source=Path("<b>rig & co.csv"), sha256="ab" * 32)
+        found = diagnose(log, folder=folder)
+        result = answer(found, log, None)
+        (folder / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
+        if importlib.util.find_spec("plotly") and importlib.util.find_spec("jinja2"):
+            assert save_and_report(found, result, folder) == folder / "report.html"
+
+    return made_once("diagnosis", make)
 
 
 @pytest.fixture

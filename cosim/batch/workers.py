@@ -9,16 +9,19 @@ import multiprocessing
 import os
 import shutil
 import signal
+import sys
 import tempfile
 import threading
 import time as clock
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
+from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
+from multiprocessing.util import get_temp_dir
 from typing import Any, Protocol
 
-from cosim.batch.job import Job, Outcome, Run
+from cosim.batch.job import Job, Outcome, Run, Task
 from cosim.batch.task import execute, hello
 from cosim.errors import MissingExtraError, SimulationError, UsageError
 from cosim.interrupts import uninterrupted
@@ -29,6 +32,12 @@ CONNECT = 10.0  # s until a scheduler must answer
 ARRIVE = 30.0  # s until it must have a worker
 GONE = 5.0  # s until a process that was killed is gone
 START = 60.0  # s that a process may take to begin, beside the time limit of its first run
+# what a task needs beside `cosim.batch.ready`
+LOADED: dict[Task, tuple[str, ...]] = {
+    "simulate": (),
+    "compare": ("cosim.compare", "cosim.logs"),
+    "diagnose": ("cosim.diagnosis.pipeline.diagnose", "cosim.logs", "cosim.report.deliver"),
+}
 
 
 class Crew(Protocol):
@@ -86,10 +95,11 @@ class _Lane:
                 self.retire()
         if self.pool is None:
             before = set(multiprocessing.active_children())
-            # spawned, not forked: the parent has threads of its own
-            context = multiprocessing.get_context("spawn")
+            begun = ((folder, get_temp_dir()), dict(os.environ))
             with uninterrupted():  # a process that is told half of how it begins prints a traceback
-                self.pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin, initargs=(folder,))
+                self.pool = ProcessPoolExecutor(
+                    1, mp_context=_context(job.task), initializer=_begin, initargs=begun
+                )
                 self.future = self.pool.submit(execute, job, runs)
             # what a process writes that is killed within its answer has an end only where nobody else holds the pipe
             self.pool._result_queue._writer.close()  # type: ignore[attr-defined]
@@ -178,13 +188,28 @@ class Processes:
         self.retired += 1
 
 
-def _begin(folder: str) -> None:
+def _context(task: Task) -> BaseContext:
+    """How processes begin: never as a fork of this one, which has threads of its own.
+
+    On Linux they are forked from one that has loaded what the first task needs; each takes half a second less to begin.
+    """
+    if sys.platform != "linux":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["cosim.batch.ready", *LOADED[task]])
+    return context
+
+
+def _begin(folders: tuple[str, ...], environment: dict[str, str]) -> None:
     """First thing in a process: Ctrl-C is the parent's to handle, and without the parent there is nothing to do.
 
     Args:
-        folder: for its temporary files.
+        folders: for its temporary files, and others that go when the parent is killed.
+        environment: of the parent now; what it is forked from may have had another.
     """
-    tempfile.tempdir = folder
+    os.environ.clear()
+    os.environ.update(environment)
+    tempfile.tempdir = folders[0]
     if hasattr(os, "setsid"):
         os.setsid()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -193,7 +218,8 @@ def _begin(folder: str) -> None:
 
         def follow() -> None:
             wait([parent.sentinel])
-            shutil.rmtree(folder, ignore_errors=True)
+            for folder in folders:
+                shutil.rmtree(folder, ignore_errors=True)
             os._exit(1)
 
         threading.Thread(target=follow, daemon=True).start()

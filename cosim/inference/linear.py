@@ -10,7 +10,7 @@ left-out blocks best (`cosim.inference.held_out`).
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,10 @@ FREQUENCIES = 7  # of a new section that are looked at
 DAMPINGS = (0.05, 0.7)
 BEGINNING = 0.05  # of a new record, from which its initial state is taken
 SEARCH_EVALUATIONS = 60  # of one search at most
-REMEMBERED = 16  # sections whose columns are kept
+CANCELLED = (
+    1e-6  # part of a sum of squares below which products do not tell what is left: rounding is 1e-15 of it
+)
+REMEMBERED = 32  # sets of columns that are kept
 
 
 @dataclass(frozen=True)
@@ -143,52 +146,68 @@ Section = float | tuple[float, float]  # rate 1/s of a first-order section, or f
 def delayed(u: Array, delay: float, h: float, before: float = 0.0) -> Array:
     """(n,) an input (n,) every `h` s, `delay` s later, straight between its samples, and what it was before it begins."""
     whole, part = divmod(delay / h, 1.0)
-    found = np.full((2, u.size), before)
-    for row, late in zip(found, (int(whole), int(whole) + 1), strict=True):
-        row[late:] = u[: max(u.size - late, 0)]
-    return np.asarray((1.0 - part) * found[0] + part * found[1])
+    late = int(whole)
+    found = np.full(u.size, (1.0 - part) * before)
+    found[late:] = (1.0 - part) * u[: max(u.size - late, 0)]
+    found[: late + 1] += part * before
+    found[late + 1 :] += part * u[: max(u.size - late - 1, 0)]
+    return found
 
 
-def responses(section: Section, u: Array, h: float, length: float) -> tuple[Array, Array]:
-    """Responses (k, n) of a section's states to the input (n,), held over a step, and (k, n) from each initial state."""
-    impulse = np.zeros(u.size)
-    impulse[0] = 1.0
-    if not isinstance(section, tuple):
-        decay = np.exp(-section * h)
-        gain = max(section, 1.0 / length) * (-np.expm1(-section * h) / section if section * h > 1e-9 else h)
-        bottom = [1.0, -decay]
-        return lfilter([0.0, gain], bottom, u)[None], lfilter([1.0], bottom, impulse)[None]
-    w, zeta = section
-    # states: position over its static value, and speed over w times that
+def discrete(w: float, zeta: float, h: float) -> tuple[list[float], Array, Array]:
+    """Denominator of a second-order section, its numerators (state, 2) from the input and (2, state, 2) from a start.
+
+    States are the position over its static value, and the speed over w times that.
+    """
     system = np.zeros((3, 3))
     system[:2, :2] = [[0.0, w], [-w, -2.0 * zeta * w]]
     system[1, 2] = w
     whole = expm(system * h)
     A, B = whole[:2, :2], whole[:2, 2]
-    bottom = [1.0, -float(np.trace(A)), float(np.linalg.det(A))]
     # adj(zI - A) = zI + A - tr(A) I
     adjoint = A - np.trace(A) * np.eye(2)
-    tops = np.stack([B, adjoint @ B], axis=1)
-    starts = np.stack([np.eye(2), adjoint], axis=2)
-    driven = np.array([lfilter([0.0, *top], bottom, u) for top in tops])
-    return driven, np.array([lfilter(starts[0, i], bottom, impulse) for i in range(2)])
+    bottom = [1.0, -float(np.trace(A)), float(np.linalg.det(A))]
+    return bottom, np.stack([B, adjoint @ B], axis=1), np.stack([np.eye(2), adjoint], axis=2)
 
 
-def block(
+def driven(section: Section, u: Array, h: float, length: float) -> Array:
+    """Responses (k, n) of a section's states to the input (n,), held over a step."""
+    if not isinstance(section, tuple):
+        decay = np.exp(-section * h)
+        gain = max(section, 1.0 / length) * (-np.expm1(-section * h) / section if section * h > 1e-9 else h)
+        return np.asarray(lfilter([0.0, gain], [1.0, -decay], u)[None])
+    bottom, tops, _ = discrete(*section, h)
+    return np.array([lfilter([0.0, *top], bottom, u) for top in tops])
+
+
+def free(section: Section, count: int, h: float) -> Array:
+    """Responses (k, n) of a section from each of its initial states."""
+    impulse = np.zeros(count)
+    impulse[0] = 1.0
+    if not isinstance(section, tuple):
+        return np.asarray(lfilter([1.0], [1.0, -np.exp(-section * h)], impulse)[None])
+    bottom, _, starts = discrete(*section, h)
+    return np.array([lfilter(starts[0, i], bottom, impulse) for i in range(2)])
+
+
+def driven_columns(
     section: Section | None, u: Array, h: float, length: float, delay: float, cuts: Cuts
-) -> tuple[Array, Array]:
-    """Columns (k, n) that a section takes from the input, and (m, n) from its initial states, one set in each record.
-
-    None stands for no section at all: the input itself.
-    """
-    if section is not None and not cuts:
-        return responses(section, delayed(u, delay, h), h, length)
-    parts = np.split(u, cuts)
+) -> Array:
+    """Columns (k, n) that a section takes from the input; None stands for no section at all: the input itself."""
+    parts = np.split(u, cuts) if cuts or section is None else [u]
     if section is None:
-        each = [delayed(part, delay, h, float(part[0])) for part in parts]
-        return np.concatenate(each)[None], np.empty((0, u.size))
-    found = [responses(section, delayed(part, delay, h), h, length) for part in parts]
-    return np.concatenate([driven for driven, _ in found], axis=1), block_diag(*(free for _, free in found))
+        return np.concatenate([delayed(part, delay, h, float(part[0])) for part in parts])[None]
+    found = [driven(section, delayed(part, delay, h), h, length) for part in parts]
+    return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+
+
+def free_columns(section: Section | None, count: int, h: float, cuts: Cuts) -> Array:
+    """Columns (k, n) from a section's initial states, one set in each record."""
+    if section is None:
+        return np.empty((0, count))
+    ends = (0, *cuts, count)
+    found = [free(section, last - first, h) for first, last in pairwise(ends)]
+    return found[0] if len(found) == 1 else np.asarray(block_diag(*found))
 
 
 def columns(sections: Sections, u: Array, h: float, length: float, cuts: Cuts = ()) -> tuple[Array, Array]:
@@ -196,8 +215,11 @@ def columns(sections: Sections, u: Array, h: float, length: float, cuts: Cuts = 
 
     Where several records are behind one another, each begins in a state of its own.
     """
-    each = [block(section, u, h, length, sections.delay, cuts) for section in sections.each]
-    return np.concatenate([driven for driven, _ in each]), np.concatenate([free for _, free in each])
+    each = sections.each
+    return (
+        np.concatenate([driven_columns(section, u, h, length, sections.delay, cuts) for section in each]),
+        np.concatenate([free_columns(section, u.size, h, cuts) for section in each]),
+    )
 
 
 @dataclass(frozen=True)
@@ -217,7 +239,7 @@ class Data:
     rows: Rows
     block: NDArray[np.int64]
     cuts: Cuts = ()
-    _known: dict[tuple[Section | None, float], tuple[Array, Array]] = field(
+    _known: dict[tuple[Section | None, float | None], Array] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -231,6 +253,11 @@ class Data:
         """(1, values) a constant, weighed."""
         return self.rows(np.ones((1, self.u.size)))
 
+    @cached_property
+    def moved(self) -> float:
+        """By how much the output moves."""
+        return float(np.ptp(self.y))
+
     @property
     def length(self) -> float:
         """Duration, s."""
@@ -241,14 +268,19 @@ class Data:
         second = tuple((w, max(zeta, DECAY / (w * self.length))) for w, zeta in sections.second)
         return Sections(sections.first, second, sections.delay)
 
-    def weighed(self, section: Section | None, delay: float) -> tuple[Array, Array]:
-        """(k, values) and (m, values): the columns of one section, weighed; a search moves one section at a time."""
+    def weighed(self, section: Section | None, delay: float | None) -> Array:
+        """(k, values) columns of one section, weighed: from the input at this delay, or with None from its initial states.
+
+        A search moves one section or the delay at a time.
+        """
         key = (section, delay)
         found = self._known.pop(key, None)
         if found is None:
-            driven, free = block(section, self.u, self.h, self.length, delay, self.cuts)
-            both = self.rows(np.concatenate([driven, free]))
-            found = both[: len(driven)], both[len(driven) :]
+            if delay is None:
+                plain = free_columns(section, self.u.size, self.h, self.cuts)
+            else:
+                plain = driven_columns(section, self.u, self.h, self.length, delay, self.cuts)
+            found = self.rows(plain)
             while len(self._known) >= REMEMBERED:
                 self._known.pop(next(iter(self._known)))
         self._known[key] = found  # the last used is the last
@@ -256,8 +288,25 @@ class Data:
 
     def regressors(self, sections: Sections) -> Array:
         """(columns, values) everything that enters linearly, weighed."""
-        each = [self.weighed(section, sections.delay) for section in sections.each]
-        return np.concatenate([*(driven for driven, _ in each), *(free for _, free in each), self.level])
+        each = sections.each
+        return np.concatenate(
+            [
+                *(self.weighed(section, sections.delay) for section in each),
+                *(self.weighed(section, None) for section in each),
+                self.level,
+            ]
+        )
+
+    @staticmethod
+    def left(gram: Array, goal: Array, sizes: Array, rows: Array, target: Array) -> float:
+        """Sum of squares that the regressors (k, values) leave, from their products (k, k) and (k,), each by its size."""
+        gains = np.linalg.solve(gram, goal)
+        whole = float(target @ target)
+        found = whole + float(gains @ (gram @ gains - 2.0 * goal))
+        if found > CANCELLED * whole:
+            return found
+        residuals = target - (gains / sizes) @ rows
+        return float(residuals @ residuals)
 
     def solved(self, sections: Sections, target: Array) -> tuple[Array, Array, Array, Array]:
         """Gains (k,), weighed regressors (values, k), residuals (values,) and weights (k,) of the priors, with these poles.
@@ -272,10 +321,11 @@ class Data:
         sizes[sizes < 1e-12 * max(float(sizes.max()), 1e-300)] = np.inf
         gram, goal = gram / np.outer(sizes, sizes), goal / sizes
         gram[np.diag_indices_from(gram)] += 1e-10
-        residuals = target - (np.linalg.solve(gram, goal) / sizes) @ rows
-        moved = float(np.ptp(self.y))
+        moved = self.moved
         # an output that never moves has no initial state, and nothing is left of it
-        weight = float(residuals @ residuals) / self.blocks / moved**2 if moved**2 > 0.0 else 0.0
+        weight = (
+            self.left(gram, goal, sizes, rows, target) / self.blocks / moved**2 if moved**2 > 0.0 else 0.0
+        )
         states = np.zeros(sizes.size)
         states[max(sections.order, 1) : -1] = np.sqrt(weight)
         gram[np.diag_indices_from(gram)] += (states / sizes) ** 2

@@ -146,7 +146,8 @@ class Master:
                 behind = pace.behind()
                 if (reason := stop()) is not None:
                     # what came before the word to stop belongs on the log, however late we are
-                    for _ in range(max(0, int(behind)) + 1):
+                    waiting = self._link.drain(int(behind) + 2)
+                    for _ in range(max(0, int(behind)) + 1 + waiting):
                         if not self._link.drain(int(behind) + 2):
                             break
                         self.tick(overdue=True, due=int(behind) + 2)

@@ -6,6 +6,7 @@ Rows are counted as an editor counts lines: the header is line 1.
 import csv
 import dataclasses
 import io
+import re
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -38,6 +39,7 @@ _MISSING = [
     "1.#QNAN",
     "1.#IND",
 ]
+_BREAK = re.compile(r"\r\n|\r|\n")
 _BLOCK = 1 << 22
 
 
@@ -222,8 +224,8 @@ class TextSource(Source):
         """
         if end == line:
             return
-        k, cell = next((k, cell) for k, cell in enumerate(cells) if "\n" in cell or "\r" in cell)
-        inner = cell.splitlines()[1:]
+        k, cell = next((k, cell) for k, cell in enumerate(cells) if _breaks(cell))
+        inner = _BREAK.split(cell)[1:]
         if any(part.count(self._separator) >= self._width - 2 for part in inner):
             raise DataError(
                 f"{self.path}: row {line}, column '{self.labels[min(k, self._width - 1)].text}': a quotation mark opens a"
@@ -311,8 +313,8 @@ def _text(file: Window) -> io.TextIOWrapper:
 
 
 def _breaks(cell: str) -> int:
-    """Line breaks in a cell."""
-    return len((cell + "|").splitlines()) - 1
+    """Line breaks in a cell, as the reader of rows counts them."""
+    return len(_BREAK.findall(cell))
 
 
 def _may_be_number(text: str) -> bool:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
@@ -174,6 +173,8 @@ def read_command(path: Path) -> tuple[Array, Array]:
     Raises:
         DataError: the file cannot be read, a column is missing, or a row is not usable; the message names the row.
     """
+    import pandas as pd
+
     try:
         table = pd.read_csv(path)
     except (OSError, ValueError) as error:

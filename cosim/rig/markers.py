@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from cosim.markers import Limits, MarkerModel, Stitched, lever, seam, stitch
 from cosim.rig.noise import Noise, stream
@@ -62,6 +61,8 @@ def marker_models(plant: Plant, seed: int) -> tuple[MarkerModel, MarkerModel]:
     It was laid on the second by the shared markers, each measured with an error of `tracker.misfit` [m];
     `tracker.seam` [rad] turns it further.
     """
+    from scipy.spatial.transform import Rotation
+
     q = plant.tracker
     true, shared = np.array([*SHARED.values(), *LOW.values()]), np.array([*SHARED.values()])
     wrong = shared + q.misfit * stream(seed, "marker models").standard_normal(shared.shape)
@@ -80,6 +81,8 @@ def watch(seen: Array, plant: Plant, noise: Noise, seed: int) -> MarkerRecord:
     Raises:
         DataError: no sample shows enough markers.
     """
+    from scipy.spatial.transform import Rotation
+
     stamps, angle = passed(seen, plant)
     models = marker_models(plant, seed)
     table = SHARED | LOW | HIGH

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from cosim.errors import UsageError
 from cosim.rig.parameters import BAR, DEG, STEP
@@ -91,6 +90,8 @@ class Noise:
 def _coloured(white: NDArray[np.float64], kind: str, decay: float) -> NDArray[np.float64]:
     """Unit white noise (n,) turned into unit noise of `kind`; `decay` is the step over the correlation time."""
     if kind == "ar1":
+        from scipy.signal import lfilter
+
         pole = math.exp(-decay)
         # the first sample already has the stationary size
         start = white[:1] * pole

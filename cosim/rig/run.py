@@ -1,7 +1,7 @@
 """Makes one synthetic log: command, true drive, instruments, and the truth about all of it."""
 
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import metadata
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import SimulationError
-from cosim.logs.filter import input_card
 from cosim.rig.hidden import Hidden, changed
 from cosim.rig.integrate import simulate
 from cosim.rig.markers import MarkerRecord, watch
@@ -91,7 +90,11 @@ def make(recipe: Recipe) -> RigRun:
     if not all(np.isfinite(values).all() for values in true.values()):
         raise SimulationError("the crane's motion is not finite with these parameters: try more substeps")
     noise, seed = recipe.sensor_noise(), recipe.seed
-    passes = partial(input_card, step=STEP) if recipe.card else _as_it_is
+    passes: Callable[[NDArray[np.float64]], NDArray[np.float64]] = _as_it_is
+    if recipe.card:
+        from cosim.logs.filter import input_card
+
+        passes = partial(input_card, step=STEP)
     slew = slew_signal(true, plant, noise, seed, passes)
     estimates = observe(u, slew) if recipe.observer else (None, None)
     markers = watch(true["seen"], plant, noise, seed) if recipe.markers else None

@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete
 
 from cosim.rig.jit import cached
 from cosim.rig.noise import Noise, stream
@@ -50,6 +49,8 @@ def observe(u: Array, slew: Array) -> tuple[Array, Array]:
     Command `u` [1] and measured `slew` [rad] are held over each millisecond, and the observer is discretised exactly for
     that; the estimate at k ms has seen the samples before it. It starts at the first measured angle, at rest.
     """
+    from scipy.signal import cont2discrete
+
     a = np.array([[-4.4, 0.0], [1.0, 0.0]])
     c = np.array([[0.0, 2.5]])
     gain = np.array([[7.744], [6.16]])

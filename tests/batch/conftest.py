@@ -14,7 +14,7 @@ sys.path.insert(0, str(TOP / "tests" / "master"))
 import toy_fmus  # noqa: E402
 from conftest_toys import build_toy, toys  # noqa: E402, F401
 
-# y = k t^2; may abort its process, take its time, or keep memory for ever
+# y = k t^2; may abort its process, take its time, wait while a file is there, or keep memory for ever
 toy_fmus.BODIES["rogue"] = """
         self.declare(k=(Real, C.parameter, V.fixed, 1.0), b=(Real, C.parameter, V.fixed, 0.0),
                      die=(Real, C.parameter, V.fixed, 0.0), nap=(Real, C.parameter, V.fixed, 0.0),
@@ -22,8 +22,10 @@ toy_fmus.BODIES["rogue"] = """
                      y=(Real, C.output, V.continuous, 0.0))
 
     def exit_initialization_mode(self):
-        import sys, time
+        import os, sys, time
         time.sleep(self.nap)
+        while self.k > 8.0 and os.path.exists(os.environ.get("ROGUE_WAITS_FOR_THE_END_OF", "")):
+            time.sleep(0.01)
         if self.leak:
             sys.kept = [*getattr(sys, "kept", []), b"x" * int(self.leak)]
         self.y = self.b

@@ -56,18 +56,13 @@ def _gone(pids: set[int]) -> None:
         pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
     ],
 )
-def test_an_interrupted_batch_goes_on(rogue: Path, tmp_path: Path, how: signal.Signals) -> None:
-    words: list[object] = [
-        "batch",
-        "--model",
-        rogue,
-        "--step-size",
-        "10 ms",
-        "--set",
-        "r.nap=0.1",
-        "--workers",
-        2,
-    ]
+def test_an_interrupted_batch_goes_on(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: signal.Signals
+) -> None:
+    gate = tmp_path / "gate"
+    gate.touch()
+    monkeypatch.setenv("ROGUE_WAITS_FOR_THE_END_OF", str(gate))  # it cannot be done before it is interrupted
+    words: list[object] = ["batch", "--model", rogue, "--step-size", "10 ms", "--workers", 2]
     words += ["--sweep", "r.k=1:30:30", "--out"]
     process = running([*words, tmp_path / "b"])
     until_done(tmp_path / "b", 4)
@@ -80,7 +75,8 @@ def test_an_interrupted_batch_goes_on(rogue: Path, tmp_path: Path, how: signal.S
     done = (tmp_path / "b" / "journal.jsonl").read_bytes().splitlines()
     assert 4 <= len(done) < 30
     _gone(before)
-    report = conduct(plan(rogue, set={"r.nap": "0.1"}, sweep={"r.k": "1:30:30"}, workers=2), tmp_path / "b")
+    gate.unlink()
+    report = conduct(plan(rogue, sweep={"r.k": "1:30:30"}, workers=2), tmp_path / "b")
     assert (report.about["runs_before"], report.about["runs_now"]) == (len(done), 30 - len(done))
     # nothing was done twice: what the journal had is there still, line for line
     assert (tmp_path / "b" / "journal.jsonl").read_bytes().splitlines()[: len(done)] == done

@@ -188,6 +188,8 @@ def test_ecos_ignores_parameter_sets_it_is_not_asked_for(packages, tmp_path):
         pytest.skip("ecospy is not installed: pip install 'slew-cosim[clients]'")
     code = """
 import sys
+from benchmarks.engines import keep_loaded
+keep_loaded()
 from ecospy import EcosSimulation
 simulation = EcosSimulation(1e-3, ssp_path=sys.argv[1])
 simulation.init()

@@ -1,8 +1,11 @@
 """What was hidden is named; a clean log stays clean; a cause nobody knows is not invented."""
 
+from pathlib import Path
+
 import pytest
 from hidden_logs import diagnosed, off
 
+from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.model.groups import left_out
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import EFFECTS, Noise, make_log
@@ -11,9 +14,9 @@ from fmus import registry
 
 # seen only with the tracker, or hidden in the start angle without one
 NEEDS_TRACKER = ("tracker.clock", "tracker.seam", "sensor.bias")
+FRICTION = registry.effects()["mechanical.coulomb_friction"]
 SINGLE = [n for n in EFFECTS if not n.startswith("unknown.") and n not in NEEDS_TRACKER]
-# one of each block before the sensor in every run; the others with the slow tests
-QUICK = ("mechanical.coulomb_friction",)
+# one of each block before the sensor in every run, friction below; the others with the slow tests
 QUICK_IN_BLOCK = ("dcv.delay", "continuity.leakage")
 # a scale of the slew and a change of the mechanics look alike without a tracker
 TWINS = {"sensor.gain", "mechanical.viscous_friction"}
@@ -24,7 +27,7 @@ SIZES = {"sensor.gain": {"gain": 1.06}}
 @pytest.mark.parametrize(
     ("effect", "blocks"),
     [
-        *(pytest.param(n, (), marks=() if n in QUICK else pytest.mark.slow, id=n) for n in SINGLE),
+        *(pytest.param(n, (), marks=pytest.mark.slow, id=n) for n in SINGLE),
         *(pytest.param(n, (n.partition(".")[0],), id=f"{n} in its block") for n in QUICK_IN_BLOCK),
     ],
 )
@@ -36,14 +39,23 @@ def test_a_single_effect_is_named(effect: str, blocks: tuple[str, ...]) -> None:
     first = found.causes[0]
     assert effect in (first.effect.name, *first.indistinguishable)
     assert len(found.causes) == 1
-    if effect in QUICK:  # sharp friction keeps the simplest form of its law
-        assert first.effect == registry.effects()[effect]
-        assert not set(first.parameters) & set(first.effect.forms)
     if first.effect.name == effect and effect not in TWINS:
         size = next(iter(sized))
         estimate, deviation = first.parameters[size]
         # four standard deviations, and a part of the size for what a phase of 180 degrees exchanges
         assert abs(abs(estimate) - abs(sized[size])) < 4.0 * deviation + 0.1 * abs(sized[size])
+
+
+def test_friction_is_named_alone_and_in_the_simplest_form_of_its_law(rubbing: Path) -> None:
+    """By the diagnosis of the whole drive that the report's tests look at too."""
+    found = Answer.model_validate_json((rubbing / "diagnosis.json").read_text(encoding="utf-8"))
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("explained", FRICTION.name)
+    assert set(cause.parameters) == set(FRICTION.free)
+    low, high = cause.parameters["tau_c"].ci95
+    # four standard deviations, where the interval has two to either side
+    assert abs(cause.parameters["tau_c"].value - 150.0) < high - low
+    assert high - low < 0.1 * 150.0
 
 
 @pytest.mark.parametrize(

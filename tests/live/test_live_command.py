@@ -8,12 +8,19 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from cosim.live.link import AHEAD, STALE
+from cosim.live.recorder import CHUNK
 from cosim.logs import load_log
 
+HELD_UP = 0.02  # s; processes that the machine holds up for longer lose samples, and say so
+LONGEST = 60.0  # s for what the machine may take any time for
 WHERE = re.compile(r"(?:controller|crane) at (\S+):(\d+)")
 
 
@@ -55,17 +62,35 @@ def side():
         one.process.communicate()
 
 
-def fed(address, seconds):
-    """A crane of the test's own: samples at about 1 kHz; returns the commands that came."""
+@pytest.fixture
+def in_memory(tmp_path):
+    """A folder that is never slow, where there is one."""
+    if not Path("/dev/shm").is_dir():
+        yield tmp_path
+        return
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
+        yield Path(folder)
+
+
+def fed(address, seconds, until=lambda got: True, first=12.0):
+    """A crane of the test's own: samples at about 1 kHz for so long, and on until the commands that came are as wanted.
+
+    A crane that was held up sends no flood: its time stood still meanwhile.
+
+    Returns:
+        (how many samples went out, the commands that came, the time from the first sample on [s]).
+    """
     got = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.bind(("127.0.0.1", 0))
         link.setblocking(False)
-        start = time.perf_counter()
+        begun = start = time.perf_counter()
         k = 0
-        while (now := time.perf_counter() - start) < seconds:
-            while k <= 1000 * now:
-                link.sendto(struct.pack("<7f", 12.0 + 1e-3 * k, 170.0, 85.0, 85.0, 0.0, 0.0, 0.0), address)
+        while (now := time.perf_counter() - start) < seconds or not until(got):
+            assert now < seconds + LONGEST, "the commands are not as wanted"
+            start += max(0.0, now - 1e-3 * k - HELD_UP)
+            while k <= 1000 * (time.perf_counter() - start):
+                link.sendto(struct.pack("<7f", first + 1e-3 * k, 170.0, 85.0, 85.0, 0.0, 0.0, 0.0), address)
                 k += 1
             time.sleep(2e-4)
             try:
@@ -73,29 +98,46 @@ def fed(address, seconds):
                     got.append(struct.unpack("<6f", link.recv(64)))
             except BlockingIOError:
                 pass
-    return k, got
+        return k, got, time.perf_counter() - begun
+
+
+def accounted(told):
+    """Each datagram is used or said not to be, each slot has a sample or is said to have none; true of any machine."""
+    counts = told["datagrams"]
+    assert counts["received"] == counts["used"] + counts["surplus"] + counts["repeated"]
+    without = counts["lost"] + counts["silent"]
+    assert abs(told["slots"] - told["skipped"] - counts["used"] - without) <= AHEAD or told["skipped"]
+    return counts
 
 
 def test_the_two_ends_run_against_each_other(side, tmp_path) -> None:
-    master = side("--out", tmp_path / "m.csv", "--automatic", "--target", "15 deg")
+    path = tmp_path / "m.csv"
+    master = side("--out", path, "--automatic", "--target", "15 deg")
     crane = side(
         "--crane", "--peer", f"127.0.0.1:{master.address[1]}", "--duration", "2 s", "--effect", "sensor.bias"
     )
     own = crane.end()
-    time.sleep(0.3)
+    # rows are written some hundred at a time: the master has gone on long enough to know that nothing comes any more
+    size, until = path.stat().st_size, time.monotonic() + LONGEST
+    while path.read_bytes()[size:].count(b"\n") < STALE + 3 * CHUNK:
+        assert time.monotonic() < until
+        time.sleep(0.05)
     master.process.send_signal(signal.SIGTERM)
     told = master.end()
     assert (own["ended"], told["ended"]) == ("duration", "interrupted")
-    counts = told["datagrams"]
-    assert counts["received"] == own["sent"] == 2000
-    assert counts["used"] >= 1900
+    counts = accounted(told)
+    assert counts["received"] == own["sent"] == 2000 - own["skipped"]
+    worst = max(side["lateness"]["worst"] for side in (own, told))
+    assert counts["used"] >= 1900 or worst > HELD_UP
     assert told["synthetic"]
-    assert told["log"]["rows"] == told["slots"]
-    assert counts["interruptions"] == 1, "the crane ended first"
+    assert told["log"]["rows"] == told["slots"] or told["skipped"]
+    assert counts["interruptions"] == 1 or (counts["interruptions"] and worst > HELD_UP), (
+        "the crane ended first"
+    )
     assert set(told["lateness"]) == {"unit", "p50", "p99", "p99.9", "worst"}
-    log = load_log(tmp_path / "m.csv")
+    log = load_log(path)
     assert log.synthetic
-    assert len(log) == told["slots"]
+    assert len(log) == told["slots"] or told["skipped"]
     assert log["u"].max() > 0.3
     assert (log["u"][-100:] == 0.0).all(), "the link was down"
 
@@ -106,15 +148,16 @@ def test_a_signal_ends_it_in_order(side, tmp_path, number) -> None:
     assert master.process.stdin is not None
     master.process.stdin.write("u 0.4\nenable 2\n")
     master.process.stdin.flush()
-    sent, got = fed(master.address, 1.5)
+    sent, _, _ = fed(
+        master.address, 1.5, lambda got: got and got[-1][0] > 0.3 and got[-1][3:] == (1.0, 1.0, 0.0)
+    )
     master.process.send_signal(getattr(signal, number))
     told = master.end()
     assert told["ended"] == "interrupted"
-    assert told["datagrams"]["received"] == sent
-    assert max(u for u, *_ in got) > 0.3
-    assert got[-1][3:] == (1.0, 1.0, 0.0)
+    assert accounted(told)["received"] == sent
     log = load_log(tmp_path / "m.parquet")
-    assert len(log) == told["slots"] >= 1400
+    assert len(log) == told["slots"] or told["skipped"]
+    assert told["slots"] >= told["datagrams"]["used"] - AHEAD
     assert not log.synthetic
 
 
@@ -124,26 +167,28 @@ def test_a_user_signal_is_an_emergency_stop(side) -> None:
     assert master.process.stdin is not None
     master.process.stdin.write("u 0.4\n")
     master.process.stdin.flush()
-    _, before = fed(master.address, 0.7)
+    fed(master.address, 0.5, lambda got: got and got[-1][0] > 0.2)
     master.process.send_signal(signal.SIGUSR1)
-    _, behind = fed(master.address, 0.4)
+    _, behind, _ = fed(master.address, 0.2, lambda got: got and got[-1] == (0.0,) * 6)
+    stopped = behind.index((0.0,) * 6)
+    assert set(behind[stopped:]) == {(0.0,) * 6}, "it stays"
     master.process.stdin.write("quit\n")
     master.process.stdin.flush()
     told = master.end()
-    assert before[-1][0] > 0.2
-    assert behind[-1] == (0.0,) * 6
     assert told["emergency_stop"]
     assert told["ended"] == "quit"
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal here")
-def test_a_kill_leaves_a_log_to_the_last_second(side, tmp_path) -> None:
-    master = side("--out", tmp_path / "m.csv")
-    sent, _ = fed(master.address, 2.5)
+def test_a_kill_leaves_a_log_to_the_last_second(side, in_memory) -> None:
+    master = side("--out", in_memory / "m.csv")
+    _, got, lasted = fed(master.address, 2.5)
     os.kill(master.process.pid, signal.SIGKILL)
     master.process.wait(10)
-    log = load_log(tmp_path / "m.csv")
-    assert sent - 1000 <= len(log) <= sent + 20
+    log = load_log(in_memory / "m.csv")
+    # each command is of a row of its own, and no row is ahead of its time
+    assert len(got) - 1000 <= len(log) <= 1000 * lasted
+    assert len(log) > STALE
     assert log.uniform
 
 
@@ -191,13 +236,15 @@ def test_two_cannot_listen_on_one_port(command) -> None:
 def test_what_comes_while_the_process_stands_still_is_received(side, tmp_path) -> None:
     """Longer than the system keeps by itself; the word to end comes meanwhile."""
     master = side("--out", tmp_path / "m.csv")
-    first, _ = fed(master.address, 0.3)
+    first, _, _ = fed(master.address, 0.1, lambda got: len(got) > 10)
     master.process.send_signal(signal.SIGSTOP)
-    second, _ = fed(master.address, 0.45)
+    second, _, _ = fed(master.address, 0.45, first=20.0)
     master.process.send_signal(signal.SIGTERM)
     master.process.send_signal(signal.SIGCONT)
     told = master.end()
-    counts = told["datagrams"]
-    assert counts["received"] == counts["used"] == first + second
-    slew = load_log(tmp_path / "m.csv")["slew"]
-    assert len(slew) == told["slots"] >= first + second
+    assert accounted(told)["received"] == first + second
+    log = load_log(tmp_path / "m.csv")
+    assert len(log) == told["slots"] or told["skipped"]
+    meanwhile = np.round(np.degrees(log["slew"][log.valid_mask("slew")]), 3)
+    # of samples that came before their slot the oldest give way
+    assert np.isin(np.round(20.0 + 1e-3 * np.arange(second), 3), meanwhile).sum() >= second - AHEAD

@@ -240,7 +240,7 @@ def test_a_child_ends_with_its_parent(bad: Any) -> None:
         child = psutil.Process(int(parent.stdout.readline()))
         time.sleep(0.5)
         parent.kill()
-    gone, alive = psutil.wait_procs([child], timeout=10.0)
+    gone, alive = psutil.wait_procs([child], timeout=60.0)
     assert (len(gone), alive) == (1, [])
 
 

@@ -180,7 +180,7 @@ def data_of(pair: Uniform, demean: bool, keep: NDArray[np.bool_]) -> Data:
     counts = np.diff(np.append(starts, number.size))
 
     def rows(signals: Array) -> Array:
-        found = signals[:, use]
+        found = signals.take(use, axis=1)
         if demean:
             means = np.add.reduceat(found, starts, axis=1) / counts
             found = found - np.repeat(means, counts, axis=1)
