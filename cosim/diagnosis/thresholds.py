@@ -219,11 +219,11 @@ PASSED_BY_CHANCE: Annotated[
 ] = 1e-3
 GIVES_WAY: Annotated[
     float,
-    "times as far",
-    "how much farther than the fitted readings others may go beyond a limit and it is one still",
-    "a stop is elastic, and logs end at places a little apart: an excavator's arm 0.1 deg",
-    "all logs of one pose of the arm -> the other: 11.1 to 4.4 deg with it",
-] = 2.0
+    "share of the travel",
+    "how far beyond a limit readings may go and it is one still",
+    "a stop is elastic, and logs end at places a little apart: an excavator's arm 0.1 to 1 deg of 120",
+    "not measured by itself",
+] = 0.05
 NEAR_STOP: Annotated[
     float,
     "share of the way",

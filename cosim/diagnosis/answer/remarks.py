@@ -152,7 +152,7 @@ def turned_down(item: Refused) -> RefusedCause:
         unit, scale = shown(beyond.signal)
         unit += "/s" if beyond.rate else ""
         why = (
-            f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but held-out readings pass the limit: "
+            f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but readings pass the limit: "
             f"{beyond.signal} reaches {beyond.reading * scale:.4g} {unit}, and it would end at {beyond.limit * scale:.4g}"
         )
     elif not item.sure:

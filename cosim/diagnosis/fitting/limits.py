@@ -72,10 +72,10 @@ def measured_by(task: Task, effect: Effect, free: Free) -> str:
 def passed(
     task: Task, effect: Effect, found: Fit, readings: Mapping[str, Array], cuts: Cuts = ()
 ) -> list[Passed]:
-    """Limits that readings of other data pass: there is none where the fit has it.
+    """Limits that readings pass, those of the fitted data or of others: there is none where the fit has it.
 
-    By clearly more than the fitted data themselves pass it (a stop gives way, logs end at places a little apart), and by
-    more than chance.
+    A stop gives way by a small part of the travel, and logs end at places a little apart (`GIVES_WAY`); noise carries a
+    reading beyond it by chance (`PASSED_BY_CHANCE`).
 
     Args:
         task: the fitted data.
@@ -98,11 +98,12 @@ def passed(
         if own is None or not other.size:
             continue
         side, limit = np.copysign(1.0, free.starts[0]), found.values[name]
-        given_way = max(0.0, float(np.max(side * own)) - side * limit)
         chance = norm.isf(PASSED_BY_CHANCE / other.size) * np.hypot(noise, found.deviations.get(name, 0.0))
-        farthest = float(np.max(side * other))
-        if farthest - side * limit > GIVES_WAY * given_way + chance:
-            beyond.append(Passed(signal, float(limit), float(side * farthest), free.rate))
+        slack = GIVES_WAY * float(np.ptp(own)) + float(chance)
+        fitted, farthest = float(np.max(side * own)), float(np.max(side * other))
+        given_way = max(0.0, fitted - side * limit)
+        if given_way > slack or farthest - side * limit > given_way + slack:
+            beyond.append(Passed(signal, float(limit), float(side * max(fitted, farthest)), free.rate))
     return beyond
 
 

@@ -105,7 +105,7 @@ class Refused:
         sure: the whole fitting log determines its size.
         instead: the named cause in whose place it would stand, if it explains the fitting log as well as that.
         in_fitted: the errors are those of a free run over the fitted log.
-        passed: its limits that held-out readings pass.
+        passed: its limits that readings pass.
     """
 
     effect: Effect
@@ -130,7 +130,7 @@ class Step:
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
         unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, of
-            which two make up for each other, or limits that held-out readings pass.
+            which two make up for each other, or limits that readings pass.
         squares: (parts,) mean square of the error in each part of the held-out data, SI, at least that of the sensor's
             rounding: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
             signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
@@ -234,10 +234,8 @@ def refuse(
 
 
 def passed_in(held: Held, task: Task, effect: Effect, found: Fit) -> list[Passed]:
-    """Limits of an effect that readings of the held-out data pass (`passed`)."""
+    """Limits of an effect that readings pass (`passed`), the fitted or the held-out ones."""
     record, first = held.record, held.first
-    if held.in_turn:  # they are the fitted ones
-        return []
     readings = {n: v[first:] for n, v in record.signals.items()}
     return passed(task, effect, found, readings, tuple(c - first for c in record.cuts))
 
