@@ -98,8 +98,7 @@ def passed(
         if own is None or not other.size:
             continue
         side, limit = np.copysign(1.0, free.starts[0]), found.values[name]
-        chance = norm.isf(PASSED_BY_CHANCE / other.size) * np.hypot(noise, found.deviations.get(name, 0.0))
-        slack = GIVES_WAY * float(np.ptp(own)) + float(chance)
+        slack = GIVES_WAY * float(np.ptp(own)) + float(noise * norm.isf(PASSED_BY_CHANCE / other.size))
         fitted, farthest = float(np.max(side * own)), float(np.max(side * other))
         given_way = max(0.0, fitted - side * limit)
         if given_way > slack or farthest - side * limit > given_way + slack:
