@@ -8,7 +8,8 @@ import pytest
 
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
-from cosim.diagnosis.fitting.limits import Passed, passed
+from cosim.diagnosis.fitting.limits import Passed, idle, passed
+from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Cause, Diagnosis
 from cosim.diagnosis.model.groups import left_out
 from cosim.diagnosis.model.machine import our_machine
@@ -55,6 +56,19 @@ def test_a_limit_that_other_readings_pass_is_none(gives_way: float) -> None:
     far = replace(fit, values=limits | {"mechanical.theta_max": np.radians(14.0)})
     (found,) = passed(task, stop, far, {"slew": fitted.signals["slew"]})
     assert np.degrees(found.reading) == pytest.approx(16.0, abs=0.1)  # of the fitted ones themselves
+
+
+def test_a_size_that_changes_nothing_stays_as_it_was() -> None:
+    """A dead zone of the direction in which nothing is driven; of the other the log knows."""
+    log = as_log(make_log("steps", 6.0, ["dead_zone.mismatch"], seed=7, settings=START))
+    record = prepare(log, MACHINE)
+    record.signals["u"] = np.abs(record.signals["u"])
+    task = task_for(next(g for g in MACHINE.groups if g.name == "dcv"), record, [])
+    effect = registry.effects()["dead_zone.mismatch"]
+    found = tried(task, (effect,), 0.01)
+    assert idle(found.fit, "dead_zone.b_l")
+    assert not idle(found.fit, "dead_zone.b_r")
+    assert found.fit.values["dead_zone.b_l"] == task.model.nominal("dead_zone.b_l")
 
 
 def only(told: Diagnosis) -> Cause:

@@ -40,6 +40,7 @@ from cosim.diagnosis.answer.schema import (
     Unexplained,
     Words,
 )
+from cosim.diagnosis.fitting.limits import idle
 from cosim.diagnosis.fitting.trials import declared
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.isolability import isolability
@@ -204,12 +205,16 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
 
 
 def unmoved(diagnosis: Diagnosis, cause: Cause) -> set[str]:
-    """Parameters of a cause of which the log says nothing, where others do move: they stay, or are a limit never met."""
+    """Parameters of a cause of which the log says nothing, where others do move: they stay, or are a limit never met.
+
+    Or they change nothing, such as the dead zone of a direction in which nothing was driven.
+    """
     finding = diagnosis.findings.get(cause.group)
     if finding is None:
         return set()
     nominal = {p: finding.task.model.nominal(n) for p, n in names_of(cause.effect).items()}
     still = {p for p, off in nominal.items() if cause.parameters[p] == (off, 0.0)}
+    still |= {p for p, n in names_of(cause.effect).items() if idle(finding.chosen.fit, n)}
     limits = {p: n for p, n in names_of(cause.effect).items() if (f := cause.effect.free.get(p)) and f.limits}
     # an interval that reaches over where the limit is out of reach
     still |= {

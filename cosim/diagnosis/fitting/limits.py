@@ -133,9 +133,18 @@ def unlimited(task: Task, effect: Effect, values: Mapping[str, float]) -> dict[s
     }
 
 
+def idle(found: Fit, name: str) -> bool:
+    """True if a parameter changes nothing of what a fit predicts."""
+    names = list(found.values)
+    if found.slopes is None or name not in names[: found.slopes.shape[1]]:
+        return False
+    return not found.slopes[: found.count, names.index(name)].any()
+
+
 def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit, trusted: bool = True) -> Fit:
     """The fit with limits that the signal does not meet at their nominal value: the data say nothing of them.
 
+    So is a size that changes nothing at all, such as the dead zone of a direction in which nothing was driven.
     A limit that ended just where the signal has its extreme is one of them: beyond it everything explains as much, so
     its interval goes from that extreme over the nominal value; `trusted` is as the values of `reached`.
     """
@@ -144,8 +153,9 @@ def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit, trusted: boo
     nominal: dict[str, float] = {}
     pulls = -found.log_likelihood - 0.5 * float(np.sum(task.white(found.residuals) ** 2))
     for effect in effects:
-        for name in (f"{effect.component}.{p}" for p, free in effect.free.items() if free.limits):
-            if name not in found.values:
+        for parameter, free in effect.free.items():
+            name = f"{effect.component}.{parameter}"
+            if name not in found.values or not (free.limits or idle(found, name)):
                 continue
             away = {name: task.model.nominal(name)}
             white = task.white(task.residuals(found.values | nominal | away))
