@@ -144,7 +144,6 @@ def idle(found: Fit, name: str) -> bool:
 def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit, trusted: bool = True) -> Fit:
     """The fit with limits that the signal does not meet at their nominal value: the data say nothing of them.
 
-    So is a size that changes nothing at all, such as the dead zone of a direction in which nothing was driven.
     A limit that ended just where the signal has its extreme is one of them: beyond it everything explains as much, so
     its interval goes from that extreme over the nominal value; `trusted` is as the values of `reached`.
     """
@@ -153,9 +152,8 @@ def out_of_reach(task: Task, effects: Iterable[Effect], found: Fit, trusted: boo
     nominal: dict[str, float] = {}
     pulls = -found.log_likelihood - 0.5 * float(np.sum(task.white(found.residuals) ** 2))
     for effect in effects:
-        for parameter, free in effect.free.items():
-            name = f"{effect.component}.{parameter}"
-            if name not in found.values or not (free.limits or idle(found, name)):
+        for name in (f"{effect.component}.{p}" for p, free in effect.free.items() if free.limits):
+            if name not in found.values:
                 continue
             away = {name: task.model.nominal(name)}
             white = task.white(task.residuals(found.values | nominal | away))
