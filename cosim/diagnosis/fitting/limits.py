@@ -90,18 +90,19 @@ def passed(
         if signal not in readings or name not in found.values:
             continue
         own, rule = limited(task, effect, free, found.values), task.rules[signal]
-        other = replace(rule, skip=0, cuts=cuts).windows(readings[signal])
-        noise = noise_floor(readings[signal], task.model.h)
+        other, interval = replace(rule, skip=0, cuts=cuts).windows(readings[signal]), rule.bins * task.model.h
         if free.rate:
-            interval = rule.bins * task.model.h
-            other, noise = np.abs(np.diff(other, axis=1)) / interval, np.sqrt(2.0) * noise / interval
+            other = np.abs(np.diff(other, axis=1)) / interval
         if own is None or not other.size:
             continue
         side, limit = np.copysign(1.0, free.starts[0]), found.values[name]
-        slack = GIVES_WAY * float(np.ptp(own)) + float(noise * norm.isf(PASSED_BY_CHANCE / other.size))
         fitted, farthest = float(np.max(side * own)), float(np.max(side * other))
         given_way = max(0.0, fitted - side * limit)
-        if given_way > slack or farthest - side * limit > given_way + slack:
+        past = max(given_way, farthest - side * limit - given_way) - GIVES_WAY * float(np.ptp(own))
+        if past <= 0.0:  # so are most: the noise need not be known
+            continue
+        noise = noise_floor(readings[signal], task.model.h) * (np.sqrt(2.0) / interval if free.rate else 1.0)
+        if past > noise * norm.isf(PASSED_BY_CHANCE / other.size):
             beyond.append(Passed(signal, float(limit), float(side * max(fitted, farthest)), free.rate))
     return beyond
 
