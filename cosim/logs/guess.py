@@ -21,6 +21,7 @@ _COMMAND = (
     r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
     r"|sterow|duty|\bpwm\b"
 )
+_DRIVES = rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape"
 # what a command may be called where nothing is called a command
 _INPUT = r"(?<!analog )(?<!digital )\binput\b(?! ?\d)|\beingang\b|\bentrada\b|\bentree\b|\bingresso\b"
 # what was asked for, not what was measured
@@ -35,7 +36,7 @@ NAMES: dict[str, str] = {
     "p_a": rf"^(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
     "p_b": rf"^(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
-    "u": rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape|{_INPUT}",
+    "u": rf"{_DRIVES}|{_INPUT}",
 }
 _POSITION = (
     r"position|\bpos\b|displac|stroke|travel|extension|cylind|zylind|\bhub\b|\bweg\b|\blage\b|\bcourse\b|carrera|corsa"
@@ -296,7 +297,7 @@ def _score(column: Column, signal: str) -> float:
     if not turned and not re.search(NAMES[signal] if signal in NAMES else MOTIONS[signal][0], words):
         return 0.0
     weak = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # any valve signal
-    weak |= signal == "u" and not re.search(rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape", words)
+    weak |= signal == "u" and not re.search(_DRIVES, words)
     return 1.0 + (column.unit is not None) - 0.5 * weak
 
 
