@@ -188,6 +188,40 @@ class Processes:
         self.retired += 1
 
 
+if sys.platform == "linux":
+    from multiprocessing.context import ForkServerContext, ForkServerProcess
+    from multiprocessing.popen_forkserver import Popen
+
+    class SharedPopen(Popen):
+        """How a process ended can be read from its server once only, and both its pool's thread and ours ask for it.
+
+        Without the lock the second reads nothing, and takes that for exit code 255.
+        """
+
+        def __init__(self, process: BaseProcess) -> None:
+            self._asking = threading.Lock()
+            super().__init__(process)
+
+        def poll(self, flag: int = os.WNOHANG) -> int | None:
+            """The exit code, negative for a signal; None while the process runs and `flag` is not to wait for it."""
+            if flag != os.WNOHANG and self.returncode is None:
+                wait([self.sentinel])
+            with self._asking:
+                return super().poll(os.WNOHANG)
+
+    class SharedProcess(ForkServerProcess):
+        """A process whose end any thread may ask for."""
+
+        @staticmethod
+        def _Popen(process: BaseProcess) -> Popen:
+            return SharedPopen(process)
+
+    class SharedContext(ForkServerContext):
+        """Makes such processes."""
+
+        Process = SharedProcess
+
+
 def _context(task: Task) -> BaseContext:
     """How processes begin: never as a fork of this one, which has threads of its own.
 
@@ -195,7 +229,7 @@ def _context(task: Task) -> BaseContext:
     """
     if sys.platform != "linux":
         return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
+    context = SharedContext()
     context.set_forkserver_preload(["cosim.batch.ready", *LOADED[task]])
     return context
 

@@ -1,14 +1,17 @@
 """The processes that carry out runs: how they end, when they are replaced, what memory they take."""
 
 import json
-import multiprocessing
 import os
 import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import forkserver
+from multiprocessing.context import BaseContext, SpawnContext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,7 +26,7 @@ import xarray as xr  # noqa: E402
 from cosim.batch.cases import plan_batch  # noqa: E402
 from cosim.batch.conduct import conduct  # noqa: E402
 from cosim.batch.plan import Plan  # noqa: E402
-from cosim.batch.workers import Processes, how_it_ended  # noqa: E402
+from cosim.batch.workers import Processes, SharedContext, how_it_ended  # noqa: E402
 from tests.batch.asked import plan  # noqa: E402
 
 MIB = 2.0**20
@@ -88,22 +91,27 @@ def test_a_process_killed_within_its_answer_is_known_to_be_dead(
         crew.close()
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_how_a_process_died_is_told_though_another_thread_collected_it(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="processes as they are made on Linux")
+@pytest.mark.parametrize("made", [SharedContext, SpawnContext], ids=["as workers are", "spawned"])
+def test_how_a_process_died_is_told_though_another_thread_collects_it(
+    made: type[BaseContext], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process = multiprocessing.get_context("spawn").Process(target=os.abort)
+    process = made().Process(target=os.abort)  # type: ignore[attr-defined]
     process.start()
-    collected, status = threading.Event(), os.waitpid
+    collected = threading.Event()
 
-    def slow(pid: int, flag: int) -> tuple[int, int]:
-        found = status(pid, flag)
-        if threading.current_thread() is other and found[0] == pid:
-            collected.set()
-            time.sleep(0.1)  # the system has given the status away; multiprocessing has not noted it yet
-        return found
+    def slowly(collect: Callable[..., Any]) -> Callable[..., Any]:
+        def slow(*words: int) -> Any:
+            found = collect(*words)
+            if threading.current_thread() is other and found not in {0, (0, 0)}:
+                collected.set()
+                time.sleep(0.1)  # the status has been given away; multiprocessing has not noted it yet
+            return found
 
-    monkeypatch.setattr(os, "waitpid", slow)
+        return slow
+
+    monkeypatch.setattr(os, "waitpid", slowly(os.waitpid))
+    monkeypatch.setattr(forkserver, "read_signed", slowly(forkserver.read_signed))
     other = threading.Thread(target=process.join)
     other.start()
     assert collected.wait(60.0)
