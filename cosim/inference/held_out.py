@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 TINY = 1e-9  # of a regressor's square: keeps what is nearly collinear solvable
 RESAMPLED = 2000  # times the windows, for the interval of a ratio of errors
+SPANS = 32  # of a part, over each of which the means of two errors are compared
 
 
 @dataclass(frozen=True)
@@ -42,13 +43,18 @@ class HeldOutGain:
         """95 % interval; of few repetitions Student's."""
         if self.ends is not None:
             return self.ends
-        reach = self.deviation * float(student.ppf(0.975, self.repetitions))
+        reach = self.deviation * quantile(self.repetitions)
         return self.gain - reach, self.gain + reach
 
     @property
     def sure(self) -> bool:
         """True if the interval excludes no gain."""
         return self.ci95[0] > 0.0
+
+
+def quantile(repetitions: float) -> float:
+    """Deviations of a 95 % interval on either side; of few repetitions Student's."""
+    return float(student.ppf(0.975, repetitions))
 
 
 def steps_without(rows: Array, slopes: Array, block: NDArray[np.int64]) -> Array:
@@ -132,17 +138,51 @@ def smaller_in_size(one: Array, other: Array) -> tuple[float, tuple[float, float
     return gain, (least, most)
 
 
-def gain_of_errors(richer: Array, poorer: Array, placed: bool = False) -> HeldOutGain:
+def as_excited(richer: Array, poorer: Array, apart: Array) -> tuple[float, float]:
+    """95 % interval of the logarithm of the ratio of two RMSE, the excitation taken as given.
+
+    As in `gain_between` a part gains d'd/2 + d'e, and only the second is chance: an end of travel that a machine meets in
+    one part of the data is there, though resampled parts often lack that one. Errors of one run are slow: within a part
+    d'e is held to be as large as it can be, |d||e|, with a sign of its own in each part. Student's quantile is that of as
+    many repetitions as there are parts that matter (Satterthwaite, Biometrics Bulletin 2, 1946): where one decides, what is
+    left of the error there must be very small.
+
+    Args:
+        richer: (parts,) mean square of the error e with the effect.
+        poorer: (parts,) the same without it.
+        apart: (parts,) mean square of the difference d of the two errors.
+    """
+    spread = richer * apart
+    repetitions = float(spread.sum() ** 2 / max(np.sum(spread**2), 1e-300))
+    reach = float(np.sqrt(spread.sum())) * quantile(max(repetitions, 1.0))
+    gain, left = 0.5 * float(np.sum(poorer - richer)), max(float(np.sum(richer)), 1e-300)
+    low, high = (0.5 * float(np.log(max(1.0 + 2.0 * g / left, 1e-300))) for g in (gain - reach, gain + reach))
+    return low, high
+
+
+def gain_of_errors(
+    richer: Array, poorer: Array, placed: bool = False, apart: Array | None = None
+) -> HeldOutGain:
     """What one hypothesis gains over another on data that had no share in either estimate.
 
     Args:
         richer: (windows,) mean square of the error with the effect.
         poorer: (windows,) the same without it.
         placed: the parts are those of one run whose place counts: its error is compared by size.
+        apart: (windows,) mean square of the difference of the two errors, where it is known. Then what all parts show a
+            little, and what one shows by far, are both sure: of the two intervals that with the higher lower end holds.
     """
     parts = min(richer.size, MOST_BLOCKS)
     gain, ends = (smaller_in_size if placed else smaller_by)(richer, poorer)
+    if placed and apart is not None:
+        ends = max(ends, as_excited(richer, poorer, apart))
     return HeldOutGain(parts * gain, ends=(parts * ends[0], parts * ends[1]))
+
+
+def course_of(error: Array, parts: int) -> Array:
+    """(parts, SPANS) means of an error over short spans of equal parts of the data: what two errors are told apart by."""
+    spans = (np.array_split(part, SPANS) for part in np.array_split(np.asarray(error, float), parts))
+    return np.array([[span.mean() if span.size else 0.0 for span in part] for part in spans])
 
 
 def mean_squares(error: Array, parts: int, anew: bool = False, cuts: tuple[int, ...] = ()) -> Array:

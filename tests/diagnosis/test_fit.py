@@ -111,6 +111,20 @@ def test_starts_that_change_nothing_come_last() -> None:
     assert found.values["m.a"] == pytest.approx(2.0, abs=1e-6)
 
 
+def test_what_an_earlier_fit_drove_to_the_end_of_its_range_is_sought_from_where_it_was_known() -> None:
+    """Of a time constant next to nothing the data show no slope: from there nothing leads back."""
+
+    class Lag(Parabola):
+        def simulate(self, values: dict[str, float]) -> dict[str, np.ndarray]:
+            return {"y": values["m.k"] / (1.0 + (10.0 * X * values["m.T"]) ** 2)}
+
+    lagging = Task(Lag(), {"y": 50.0 / (1.0 + (5.0 * X) ** 2)}, {"y": RULE})  # type: ignore[arg-type]
+    lag = Unknown("m.T", 1e-4, 0.3, 1e-4, 9.0, (0.3, 9.0), ratio=True)
+    found = fit_from_starts(lagging, [lag, Unknown("m.k", 0.0, 1.0, -99.0, 99.0)], {"m.k": (1.0, 20.0)})
+    assert found.values["m.T"] == pytest.approx(0.5, rel=1e-3)
+    assert found.values["m.k"] == pytest.approx(50.0, rel=1e-3)
+
+
 def test_an_estimate_on_its_bound_says_so() -> None:
     found = fit(task(99.0 * X), [Unknown("m.a", 0.0, 1.0, -50.0, 50.0)])
     assert found.at_bound == ("m.a",)

@@ -1,13 +1,17 @@
 """Where searches begin: the size, and for a sine the phase, that explain most."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.starts import Size, sized
-from cosim.diagnosis.fitting.trials import FIRST_ROUNDS, Trial, led_on, tried
+from cosim.diagnosis.fitting.trials import FIRST_ROUNDS, Trial, led_on, tried, unpaid
+from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, as_log, make_log
 from fmus import registry
@@ -84,6 +88,26 @@ def test_a_stop_that_is_never_met_is_left_where_it_was() -> None:
     assert cause.parameters["x_min"][0] == pytest.approx(-1.728e-3, rel=1e-3)
     value, deviation = cause.parameters["x_max"]
     assert value - 1.96 * deviation < 2.4e-3 < value == pytest.approx(2.6e-3)
+
+
+def test_the_side_to_which_a_log_never_moves_costs_nothing() -> None:
+    """Else a dead zone pays for two sizes where friction, which explains as much, pays for one."""
+    group = dataclasses.replace(our_machine("full_order").groups[-1], starts=False)
+    model = GroupModel(group, np.zeros(100), 1e-3)
+    names = ["dead_zone.b_r", "dead_zone.b_l", "mechanical.theta_max", "mechanical.theta_min"]
+    values = dict(zip(names, (0.3, -0.09, 1.0, model.nominal("mechanical.theta_min")), strict=True))
+    slopes = np.zeros((9, 4))
+    slopes[:, [0, 2, 3]] = 1.0
+    known = registry.effects()
+
+    def unpaid_of(name: str, seen: np.ndarray) -> int:
+        found = Fit(values, values, 0.0, 9, {}, np.empty((0, 0)), slopes=seen)
+        return unpaid(model, known[name], found)
+
+    assert unpaid_of("dead_zone.mismatch", slopes) == 1
+    assert unpaid_of("dead_zone.mismatch", np.ones((9, 4))) == 0
+    assert unpaid_of("dead_zone.mismatch", np.zeros((9, 4))) == 1  # an effect that shows nothing is not free
+    assert unpaid_of("mechanical.end_stop", slopes) == 1  # a stop out of reach
 
 
 def test_a_search_that_went_astray_begins_again_where_a_kindred_one_ended() -> None:

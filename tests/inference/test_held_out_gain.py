@@ -6,7 +6,9 @@ from numpy.typing import NDArray
 
 from cosim.inference.held_out import (
     HeldOutGain,
+    as_excited,
     contrast,
+    course_of,
     gain_between,
     gain_of_errors,
     left_out,
@@ -145,3 +147,40 @@ def test_of_two_equal_errors_with_heavy_tails_hardly_one_in_twenty_is_called_sma
     pairs = [rng.standard_t(2, (2, parts)) ** 2 for _ in range(300)]
     called = sum(smaller_by(one, other)[1][0] > 0.0 for one, other in pairs)
     assert called <= 0.08 * len(pairs)
+
+
+def shown(one: Array, other: Array) -> HeldOutGain:
+    """What an error (parts,) gains over another of a run whose place counts, each one number in each part."""
+    return gain_of_errors(one**2, other**2, True, (one - other) ** 2)
+
+
+def test_what_shows_by_far_in_one_part_of_a_run_is_sure() -> None:
+    """A machine meets the end of its travel in one part of a log: resampled parts often lack that one."""
+    left = 0.02 * np.random.default_rng(4).standard_normal(11)
+    without = left.copy()
+    without[-1] += 2.0
+    assert not gain_of_errors(left**2, without**2, True).sure
+    assert shown(left, without).sure
+    assert not shown(without, left).sure
+    half = np.where(np.arange(11) == 10, 0.5, 0.0) * without + np.where(np.arange(11) == 10, 0.0, 1.0) * left
+    assert not shown(half, without).sure  # it may be chance that it is half as large there
+
+
+@pytest.mark.parametrize("parts_that_show", [1, 2, 11])
+@pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
+def test_what_is_not_there_is_hardly_ever_sure_of_the_excitation(parts_that_show: int, size: float) -> None:
+    """An effect whose change of the error is as large as the error, of chance signs, in few parts or in all."""
+    rng = np.random.default_rng(5)
+    count = 0
+    for _ in range(2000):
+        error = rng.standard_normal(11)
+        change = np.where(np.arange(11) < parts_that_show, size, 0.0) * rng.choice([-1.0, 1.0], 11)
+        count += as_excited((error + change) ** 2, error**2, change**2)[0] > 0.0
+    assert count <= 66  # one-sided 2.5 % of 2000 are 50, and 2.3 standard deviations of the count 16
+
+
+def test_a_course_is_the_mean_over_short_spans_of_each_part() -> None:
+    found = course_of(np.repeat([1.0, 2.0, 3.0, 4.0], 160), 2)
+    assert found.shape == (2, 32)
+    assert found.mean(axis=1) == pytest.approx([1.5, 3.5])
+    assert np.isfinite(course_of(np.ones(9), 8)).all()  # shorter than its spans

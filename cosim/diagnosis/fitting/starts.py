@@ -44,8 +44,9 @@ def fit_from_starts(
 ) -> Fit:
     """Best of the fits that begin at the `keep` most promising combinations of the starts.
 
-    Parameters with a prior that an earlier fit has strained far off it begin there and, in further combinations, at their
-    prior: what strained them may be what this fit is to find.
+    Parameters with a prior that an earlier fit has strained far off it, or to the end of their range, begin there and, in
+    further combinations, at their prior: what strained them may be what this fit is to find, and an inertia next to nothing
+    has no slope that would lead back.
 
     Args:
         task: data, model and noise.
@@ -60,7 +61,11 @@ def fit_from_starts(
     strained = {
         u.name: u.prior[0]
         for u in unknowns
-        if u.prior and abs(u.start - u.prior[0]) > STRAINED_START * u.prior[1]
+        if u.prior
+        and (
+            abs(u.start - u.prior[0]) > STRAINED_START * u.prior[1]
+            or np.isclose(u.start, (u.low, u.high)).any()
+        )
     }
     hidden = None if size is None or slopes is None else np.linalg.qr(slopes)[0]
     kinds: list[list[Begun]] = []

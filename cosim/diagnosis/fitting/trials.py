@@ -9,7 +9,7 @@ import numpy as np
 from cosim.diagnosis.budget import current, seen_by_threads
 from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.fitting.limits import out_of_reach, reached
+from cosim.diagnosis.fitting.limits import idle, out_of_reach, reached
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.starts import Size, fit_from_starts
 from cosim.diagnosis.record.signatures import SAMPLED
@@ -163,7 +163,21 @@ def tried(
     slopes = None if near is None else near.slopes
     size = sought(task.model, effects, starts)
     found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick)
-    return Trial(effects, out_of_reach(task, effects, found, not rough(tolerance)), price)
+    met = out_of_reach(task, effects, found, not rough(tolerance))
+    return Trial(effects, met, price - sum(unpaid(task.model, e, met) for e in effects))
+
+
+def unpaid(model: GroupModel, effect: Effect, found: Fit) -> int:
+    """How many of an effect's parameters a fit says nothing of: what no data could tell costs nothing, but one is paid.
+
+    Where a log moves to one side only, a dead zone is so no dearer than friction, which has one parameter for both sides.
+    """
+    silent = [
+        idle(found, name) or (bool(free.limits) and found.values[name] == model.nominal(name))
+        for p, free in effect.free.items()
+        if (name := f"{effect.component}.{p}") in found.values
+    ]
+    return min(sum(silent), max(len(silent) - 1, 0))
 
 
 def unused(
@@ -357,6 +371,12 @@ def polished(task: Task, trial: Trial, tolerance: float, hopeful: bool = True) -
             break
         trial = further
     return trial
+
+
+def all_polished(task: Task, trials: Iterable[Trial], tolerance: float) -> list[Trial]:
+    """Trials fitted to the end, on both cores."""
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(seen_by_threads(lambda t: polished(copied(task), t, tolerance)), trials))
 
 
 def copied(task: Task) -> Task:

@@ -44,7 +44,7 @@ from cosim.diagnosis.thresholds import (
     RIVALS_HELD_OUT,
     SURE_SIZE,
 )
-from cosim.inference.held_out import HeldOutGain, gain_of_errors, mean_squares, steps_without
+from cosim.inference.held_out import HeldOutGain, course_of, gain_of_errors, mean_squares, steps_without
 from cosim.inference.thresholds import FEWEST_PARTS, MOST_BLOCKS
 from cosim.logs import Log
 from fmus.contract import Effect
@@ -136,6 +136,7 @@ class Step:
             signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
             where the machine stands, and `fitted` and `held` are of the same.
         placed: the parts are those of one run of an axis whose place counts.
+        course: (parts, spans) means of the error over short spans, of what `squares` are of; only where `placed`.
         above: larger sets by whose removal of causes this one was reached: each is known to be about as good.
     """
 
@@ -146,6 +147,7 @@ class Step:
     unsure: tuple[str, ...] = ()
     squares: Array = field(default_factory=lambda: np.zeros(1), repr=False)
     placed: bool = False
+    course: Array | None = field(default=None, repr=False)
     above: tuple["Step", ...] = field(default=(), repr=False)
 
     @property
@@ -167,7 +169,10 @@ class Step:
 
     def gain_over(self, other: "Step") -> HeldOutGain:
         """What this set gains on held-out data over another."""
-        return gain_of_errors(self.squares, other.squares, self.placed)
+        apart = None
+        if self.course is not None and other.course is not None:
+            apart = np.mean((self.course - other.course) ** 2, axis=1)
+        return gain_of_errors(self.squares, other.squares, self.placed, apart)
 
 
 def least(steps: Sequence[Step]) -> Step:
@@ -290,6 +295,7 @@ def stepper(
             or cannot_be(e, sizes_in(fit_, e), model, torque)
             or passed_in(held, finding.task, e, fit_)
         )
+        placed = model.group.integrates and not anew
         if held.in_turn:
             each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
             spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
@@ -298,13 +304,16 @@ def stepper(
             own = [np.maximum(mean_squares(e, count, anew), quiet) for e in each]
             square = np.concatenate(own)
             squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
+            course = np.concatenate(
+                [course_of(e, count) / np.sqrt(v) for e, v in zip(each, spread, strict=True)]
+            )
         else:
             gone = errors(finding, fit_, held.record)[signal][held.first :]
             cuts = tuple(c - held.first for c in held.record.cuts)
             square = squares = np.maximum(parts_of(gone, rule, anew, cuts), quiet)
-        placed = model.group.integrates and not anew
+            course = course_of(gone, squares.size)
         error = float(np.sqrt(np.mean(square)))
-        return Step(effects, fit_, fitted, error, unsure, squares, placed)
+        return Step(effects, fit_, fitted, error, unsure, squares, placed, course if placed else None)
 
     def step(effects: tuple[Effect, ...]) -> Step:
         key = key_of(effects)

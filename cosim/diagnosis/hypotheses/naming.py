@@ -16,6 +16,7 @@ from cosim.diagnosis.fitting.pace import in_exact_steps, paced
 from cosim.diagnosis.fitting.phases import usually_spelled
 from cosim.diagnosis.fitting.trials import (
     Trial,
+    all_polished,
     candidates_of,
     declared,
     freed,
@@ -327,9 +328,14 @@ def least_error(
         odds = sum(effect.prior for effect in trial.effects)
         return -0.5 * count * left - 0.5 * trial.price * float(np.log(count)) + odds
 
+    def foremost(options: list[Trial]) -> list[Trial]:
+        # by quick fits they stand in an order of chance
+        ahead = sorted(options, key=worth, reverse=True)[:PAIRED]
+        return sorted(all_polished(task, ahead, tolerance), key=worth, reverse=True)
+
     def believed(options: list[Trial]) -> Trial | None:
         # the best by far may be one whose size nobody knows
-        for best in sorted(options, key=worth, reverse=True)[:PAIRED]:
+        for best in options:
             weighed(best)
             before = tried(task, chosen.effects, tolerance, chosen.fit)
             more = tried(task, best.effects, tolerance, best.fit)
@@ -357,10 +363,10 @@ def least_error(
             options = tried_all(task, [(*chosen.effects, e) for e in further], tolerance, chosen.fit)
             if not options or current().over:
                 break
-            more = believed(options)
+            near = foremost(options)
+            more = believed(near)
             if more is None and not chosen.effects:
-                near = sorted(options, key=worth, reverse=True)[:PAIRED]
-                more = believed([pair for one in near for pair in joined_by(one)])
+                more = believed(foremost([pair for one in near for pair in joined_by(one)]))
             if more is None:
                 break
             # few values count here: whether what pays its price is sure is asked later
