@@ -1,6 +1,6 @@
 """Sets of effects, fitted: what to estimate, from which starts, and which candidates are worth the time."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -30,6 +30,7 @@ from fmus.contract import Effect, Variable
 SMALLEST_START = 0.05  # of an effect's typical size: the smallest start
 FIRST_ROUNDS = 4  # of a fit, before those that lag far behind are given up
 QUICK_ROUNDS = 6  # the same of a quick fit
+FITTED_ON = 4  # times as many rounds more, at most, where the order of a few counts
 QUICK = True  # the benchmark of the time switches it off
 HIDDEN = "sensor.bias"  # the model starts where the sensor reads: a bias only shifts the zero of laws that have their own
 
@@ -373,10 +374,24 @@ def polished(task: Task, trial: Trial, tolerance: float, hopeful: bool = True) -
     return trial
 
 
-def all_polished(task: Task, trials: Iterable[Trial], tolerance: float) -> list[Trial]:
-    """Trials fitted to the end, on both cores."""
+def fitted_on(
+    task: Task, trials: Iterable[Trial], tolerance: float, worth: Callable[[Trial], float]
+) -> list[Trial]:
+    """Trials fitted on, on both cores, while a few more quick rounds gain; `worth` is of what they are compared by."""
+
+    def further(trial: Trial) -> Trial:
+        for _ in range(FITTED_ON):
+            if trial.fit.settled or current().over:
+                break
+            again = tried(copied(task), trial.effects, tolerance, trial.fit, QUICK_ROUNDS, quick=True)
+            gained = worth(again) - worth(trial)
+            trial = again if gained > 0.0 else trial
+            if gained < SETTLED_GAIN:
+                break
+        return trial
+
     with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(seen_by_threads(lambda t: polished(copied(task), t, tolerance)), trials))
+        return list(pool.map(seen_by_threads(further), trials))
 
 
 def copied(task: Task) -> Task:

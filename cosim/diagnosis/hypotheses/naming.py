@@ -16,9 +16,9 @@ from cosim.diagnosis.fitting.pace import in_exact_steps, paced
 from cosim.diagnosis.fitting.phases import usually_spelled
 from cosim.diagnosis.fitting.trials import (
     Trial,
-    all_polished,
     candidates_of,
     declared,
+    fitted_on,
     freed,
     polished,
     quickly,
@@ -331,7 +331,7 @@ def least_error(
     def foremost(options: list[Trial]) -> list[Trial]:
         # by quick fits they stand in an order of chance
         ahead = sorted(options, key=worth, reverse=True)[:PAIRED]
-        return sorted(all_polished(task, ahead, tolerance), key=worth, reverse=True)
+        return sorted(fitted_on(task, ahead, tolerance, worth), key=worth, reverse=True)
 
     def believed(options: list[Trial]) -> Trial | None:
         # the best by far may be one whose size nobody knows
