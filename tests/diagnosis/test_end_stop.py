@@ -2,13 +2,15 @@
 
 import dataclasses
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from cosim.diagnosis.fitting import trials
 from cosim.diagnosis.fitting.chain import task_for
-from cosim.diagnosis.fitting.fit import Fit
-from cosim.diagnosis.fitting.limits import Passed, idle, passed
+from cosim.diagnosis.fitting.fit import Fit, Task
+from cosim.diagnosis.fitting.limits import Passed, idle, passed, passed_in_fit
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Cause, Diagnosis
 from cosim.diagnosis.model.groups import left_out
@@ -29,14 +31,36 @@ def found(hidden: str, excitation: str = "steps", without: tuple[str, ...] = ())
     )
 
 
+@pytest.fixture(scope="module")
+def stopped() -> Task:
+    """A synthetic log of a drive that meets an end of its travel at 16 deg."""
+    log = as_log(make_log("steps", 20.0, ["mechanical.end_stop"], seed=7, settings=START))
+    return task_for(next(g for g in MACHINE.groups if g.name == "mechanical"), prepare(log, MACHINE), [])
+
+
+def test_an_end_that_the_fitted_readings_pass_is_left_out_and_the_other_stays(
+    stopped: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where much else is wrong a search bends one of the two to describe something else."""
+    stop = registry.effects()["mechanical.end_stop"]
+    search = trials.fit_from_starts
+
+    def led_astray(*given: Any, **more: Any) -> Fit:
+        found = search(*given, **more)
+        return replace(found, values=found.values | {"mechanical.theta_min": np.radians(14.0)})
+
+    monkeypatch.setattr(trials, "fit_from_starts", led_astray)
+    found = tried(stopped, (stop,), 0.01).fit
+    assert passed_in_fit(stopped, (stop,), found) == {}
+    assert found.values["mechanical.theta_min"] == stopped.model.nominal("mechanical.theta_min")
+    assert np.degrees(found.values["mechanical.theta_max"]) == pytest.approx(16.0, abs=0.1)
+
+
 @pytest.mark.parametrize("gives_way", [0.0, 0.15])
-def test_a_limit_that_other_readings_pass_is_none(gives_way: float) -> None:
+def test_a_limit_that_other_readings_pass_is_none(stopped: Task, gives_way: float) -> None:
     """By more than a stop gives way, and a sensor has noise."""
-    fitted, other = (
-        prepare(as_log(make_log("steps", 20.0, ["mechanical.end_stop"], seed=seed, settings=START)), MACHINE)
-        for seed in (7, 8)
-    )
-    task = task_for(next(g for g in MACHINE.groups if g.name == "mechanical"), fitted, [])
+    task = stopped
+    other = prepare(as_log(make_log("steps", 20.0, ["mechanical.end_stop"], seed=8, settings=START)), MACHINE)
     stop = registry.effects()["mechanical.end_stop"]
     end = np.radians(16.0 - gives_way)
     limits = {"mechanical.theta_max": end, "mechanical.theta_min": np.radians(11.9)}
@@ -48,13 +72,13 @@ def test_a_limit_that_other_readings_pass_is_none(gives_way: float) -> None:
         shift = np.where(slew > np.radians(15.9), np.radians(by), 0.0)
         return passed(task, stop, fit, {"slew": slew + shift})
 
-    assert fitted.signals["slew"].max() > np.radians(15.98)
+    assert task.measured["slew"].max() > np.radians(15.98)
     assert beyond(0.0) == []
     (found,) = beyond(1.0)
     assert (found.signal, found.limit, found.rate) == ("slew", end, False)
     assert np.degrees(found.reading) == pytest.approx(17.0, abs=0.1)
     far = replace(fit, values=limits | {"mechanical.theta_max": np.radians(14.0)})
-    (found,) = passed(task, stop, far, {"slew": fitted.signals["slew"]})
+    (found,) = passed(task, stop, far, {"slew": task.measured["slew"]})
     assert np.degrees(found.reading) == pytest.approx(16.0, abs=0.1)  # of the fitted ones themselves
 
 

@@ -28,12 +28,14 @@ class Passed(NamedTuple):
         signal: what was measured.
         limit, reading: where the fit has it, and the farthest reading, SI; of a rate limit, rates.
         rate: it limits the signal's rate.
+        name: ``component.parameter`` of it.
     """
 
     signal: str
     limit: float
     reading: float
     rate: bool
+    name: str = ""
 
 
 def reached(
@@ -103,8 +105,17 @@ def passed(
             continue
         noise = noise_floor(readings[signal], task.model.h) * (np.sqrt(2.0) / interval if free.rate else 1.0)
         if past > noise * norm.isf(PASSED_BY_CHANCE / other.size):
-            beyond.append(Passed(signal, float(limit), float(side * max(fitted, farthest)), free.rate))
+            beyond.append(Passed(signal, float(limit), float(side * max(fitted, farthest)), free.rate, name))
     return beyond
+
+
+def passed_in_fit(task: Task, effects: Iterable[Effect], found: Fit) -> dict[str, float]:
+    """``component.parameter`` of limits that the fitted readings themselves pass -> their nominal value, SI."""
+    return {
+        beyond.name: task.model.nominal(beyond.name)
+        for effect in effects
+        for beyond in passed(task, effect, found, task.measured, task.model.cuts)
+    }
 
 
 def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] | None) -> Array | None:

@@ -9,7 +9,7 @@ import numpy as np
 from cosim.diagnosis.budget import current, seen_by_threads
 from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.fitting.limits import idle, out_of_reach, reached
+from cosim.diagnosis.fitting.limits import idle, out_of_reach, passed_in_fit, reached
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.starts import Size, fit_from_starts
 from cosim.diagnosis.record.signatures import SAMPLED
@@ -164,6 +164,9 @@ def tried(
     slopes = None if near is None else near.slopes
     size = sought(task.model, effects, starts)
     found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick)
+    if beyond := passed_in_fit(task, effects, found):
+        # one end of a travel is there, though in the place of the other something else was described
+        found = fit(task, placed(wanted, found.values | beyond), rounds=rounds, quick=quick)
     met = out_of_reach(task, effects, found, not rough(tolerance))
     return Trial(effects, met, price - sum(unpaid(task.model, e, met) for e in effects))
 
