@@ -13,9 +13,11 @@ from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.limits import Passed, idle, passed, passed_in_fit
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Cause, Diagnosis
+from cosim.diagnosis.hypotheses.naming import nominal
 from cosim.diagnosis.model.groups import left_out
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.thresholds import NOMINAL_TRUST
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry
@@ -33,9 +35,12 @@ def found(hidden: str, excitation: str = "steps", without: tuple[str, ...] = ())
 
 @pytest.fixture(scope="module")
 def stopped() -> Task:
-    """A synthetic log of a drive that meets an end of its travel at 16 deg."""
+    """A synthetic log of a drive that meets an end of its travel at 16 deg, its noise learned."""
     log = as_log(make_log("steps", 20.0, ["mechanical.end_stop"], seed=7, settings=START))
-    return task_for(next(g for g in MACHINE.groups if g.name == "mechanical"), prepare(log, MACHINE), [])
+    record = prepare(log, MACHINE)
+    task = task_for(next(g for g in MACHINE.groups if g.name == "mechanical"), record, [])
+    nominal(task, record, NOMINAL_TRUST)
+    return task
 
 
 def test_an_end_that_the_fitted_readings_pass_is_left_out_and_the_other_stays(
@@ -50,7 +55,7 @@ def test_an_end_that_the_fitted_readings_pass_is_left_out_and_the_other_stays(
         return replace(found, values=found.values | {"mechanical.theta_min": np.radians(14.0)})
 
     monkeypatch.setattr(trials, "fit_from_starts", led_astray)
-    found = tried(stopped, (stop,), 0.01).fit
+    found = tried(stopped, (stop,), NOMINAL_TRUST).fit
     assert passed_in_fit(stopped, (stop,), found) == {}
     assert found.values["mechanical.theta_min"] == stopped.model.nominal("mechanical.theta_min")
     assert np.degrees(found.values["mechanical.theta_max"]) == pytest.approx(16.0, abs=0.1)
