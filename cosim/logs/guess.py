@@ -15,6 +15,7 @@ from cosim.signals import SIGNALS, conversion
 
 # parts of words, without accents; German, English, French, Spanish, Italian, Scandinavian, Finnish, Polish
 _PRESSURE = r"pressure|druck|pression|presion|pressione|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
+_FLOW = r"flow|durchfl|volumenstrom|debit|caudal|portata"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
 _RATE = r"rate|speed|velocity|\bvelo?\b|geschw|drehzahl|vitesse|velocidad|velocit|hastig|nopeus|predkosc|omega|torque|moment"
 _COMMAND = (
@@ -31,10 +32,11 @@ NAMES: dict[str, str] = {
     "slew_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
     "slew_rate_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
     "slew": rf"^(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}|{_COMMAND}|{_REFERENCE}))",
-    "p_supply": rf"^(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor|matning|syotto|zasil"
-    r"|\bs\b|\bp\s?[0p]\b))|\bps\b",
-    "p_a": rf"^(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
-    "p_b": rf"^(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
+    # "pressure Pa" ends in its unit
+    "p_supply": rf"^(?!.*({_FLOW}))(?:(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor"
+    r"|matning|syotto|zasil|\bs\b|\bp\s?[0p]\b))|.*\bps\b)",
+    "p_a": rf"^(?!.*({_FLOW}))(?:(?=.*({_PRESSURE}))(?=.*\ba\b)|(?!.*({_PRESSURE}).*\bpa\b).*\bpa\b)",
+    "p_b": rf"^(?!.*({_FLOW}))(?:(?=.*({_PRESSURE}))(?=.*\bb\b)|.*\bpb\b)",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
     "u": rf"{_DRIVES}|{_INPUT}",
 }
@@ -59,7 +61,7 @@ OPPOSITE = (  # words by which the two columns of a command differ that has one 
     ({"in"}, {"out"}),
     ({"left", "l"}, {"right", "r"}),
     ({"forward", "forwards", "fwd"}, {"backward", "backwards", "back", "bwd", "reverse", "rev"}),
-    ({"extend", "ext"}, {"retract", "ret"}),
+    ({"extend", "ext", "extension", "extending"}, {"retract", "ret", "retraction", "retracting"}),
     ({"raise", "lift"}, {"lower"}),
     ({"pos", "plus"}, {"neg", "minus"}),
     ({"ccw"}, {"cw"}),
@@ -69,6 +71,14 @@ OPPOSITE = (  # words by which the two columns of a command differ that has one 
     ({"vor"}, {"zuruck"}),
     ({"ein"}, {"aus"}),
 )
+# how names tell the two chambers of a cylinder apart: the side of the piston and that of the rod
+SIDES = (
+    ({"h", "head", "cap", "bore", "piston", "base", "blind", "kolben", "boden", "kolbenseite", "bodenseite"},
+     {"r", "rod", "ring", "stange", "annulus", "kolbenstange", "stangenseite", "ringseite"}),
+)  # fmt: skip
+_CHAMBER = r"\bcyl|zylind|chamber|kammer|load|port|head|\brod\b|kolben|stange"
+_PILOT = r"pilot|vorsteuer|epp?r|errp|pump|supply|tank|return|ruecklauf|rucklauf|accu|speicher"
+HIGHEST = 750.0  # bar that oil of machines reaches, at presses and tools
 GENERIC = {
     "var",
     "data",
@@ -190,6 +200,9 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         made[signal] = _guess(signal, column, why)
         taken.add(column.index)
     if machine:
+        for signal, column, why in chambers([c for c in free if c.index not in taken], made):
+            made[signal] = _guess(signal, column, why)
+            taken.add(column.index)
         for signal, column, why in by_cause([c for c in free if c.index not in taken], made):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
@@ -269,6 +282,61 @@ def both_ways(guess: Guess, other: Column, angle: Column | None) -> Guess:
     largest = max((one, other), key=lambda c: float(np.max(np.abs(c.finite))))
     scaled = _guess("u", largest, f"its name ({_called(one)}), and {_called(other)} is the other direction")
     return replace(scaled, column=one, minus=other, check=True)
+
+
+def chambers(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Column, str]]:
+    """The pressures of the axis' cylinder, where names tell its two chambers apart by a side or a direction.
+
+    ``Boom_UpH_Cyl_P`` and ``Boom_DnR_Cyl_P``: of the boom, raising on the side of the head, lowering on that of the rod.
+    Port A is the one that drives in the direction of a positive command, else the head's.
+    """
+    if {"p_a", "p_b"} & set(made):
+        return []
+    able = [c for c in free if _pressure(c) and not re.search(_PILOT, plain(c.label.short))]
+    named = {w for s in ("u", "slew", *MOTIONS) if s in made for w in _words(made[s].column)}
+    found: list[tuple[bool, int, Column, Column, str]] = []
+    for k, one in enumerate(able):
+        for two in able[k + 1 :]:
+            way = _other_side(one, two, set(_words(made["u"].column)) if "u" in made else set())
+            if way:
+                a, b = (one, two) if way > 0 else (two, one)
+                of_axis = len(named & set(_words(one)) & set(_words(two)))
+                chamber = bool(re.search(_CHAMBER, plain(one.label.short)))
+                found.append((chamber, of_axis, a, b, f"its name, and {_called(b)} is the other chamber"))
+    if not found:
+        return []
+    best = max(item[:2] for item in found)
+    likely = [item for item in found if item[:2] == best]
+    if len(likely) > 1:
+        return []  # of several cylinders: a person knows which
+    _, _, a, b, why = likely[0]
+    return [("p_a", a, why), ("p_b", b, f"its name, and {_called(a)} is the other chamber")]
+
+
+def _pressure(column: Column) -> bool:
+    """Whether a column is a pressure that moves, by name and unit."""
+    named = bool(re.search(_PRESSURE, plain(column.label.short))) and _fits(column, "p_a")
+    return named and not column.constant and not re.search(_FLOW, plain(column.label.short))
+
+
+def _other_side(one: Column, two: Column, command: set[str]) -> int:
+    """1 where names differ in sides and directions only and the first is port A, -1 where the second is; else 0."""
+    words, others = _words(one), _words(two)
+    if len(words) != len(others):
+        return 0
+    differing = [pair for pair in zip(words, others, strict=True) if pair[0] != pair[1]]
+    ways: list[int] = []
+    for x, y in differing:
+        sides = [
+            1 if (x in p and y in q) else -1
+            for p, q in (*SIDES, *OPPOSITE)
+            if (x in p and y in q) or (x in q and y in p)
+        ]
+        if not sides:
+            return 0
+        ways.append(1 if x in command else -1 if y in command else sides[0])
+    commanded = [way for (x, y), way in zip(differing, ways, strict=True) if {x, y} & command]
+    return (commanded or ways or [0])[0]
 
 
 def one_sided(command: Column) -> bool:
@@ -539,7 +607,7 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
         "speed": ((1e9, "rpm" if re.search(r"drehzahl|\brpm\b", plain(column.label.short)) else "rad/s"),),
         "slew_estimate": ((6.3, "rad"), (1e9, "deg")),
         "slew_rate_estimate": ((0.5, "rad/s"), (1e9, "deg/s")),
-    }.get(signal, ((450.0, "bar"), (4.5e4, "kPa"), (1e12, "Pa")))
+    }.get(signal, ((HIGHEST, "bar"), (100.0 * HIGHEST, "kPa"), (1e12, "Pa")))
     unit = next((unit for most, unit in ranges if largest <= most), ranges[-1][1])
     return Guess(signal, column, unit, 1.0, f"{why}; unit by its range", check=True)
 
