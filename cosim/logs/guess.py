@@ -110,6 +110,7 @@ RESTING, OFF_ZERO, STILL = (
     0.2,
 )  # a neutral command: share of samples, part of the range, of the motion
 OPPOSED, FOLLOWS, DRIVEN = 0.9, 0.8, 0.6  # correlations from which on columns are said to move together
+LED = 0.3  # correlation from which on an axis of several is taken for that of a command
 STRETCHES, LAGS = (
     2000,
     60,
@@ -175,6 +176,9 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         )
         if axes:
             break
+    leading: Column | None = None
+    if machine and len(axes) > 1 and not any(driven & set(_words(c)) for c in axes):
+        axes, leading = paired(axes, [c for c in commands if not c.constant], shown != "speed")
     axis = set(_words(axes[0])) if axes else set()
 
     def fits(column: Column, signal: str) -> float:
@@ -183,6 +187,7 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
             return 0.0
         of_axis = signal == "u" and bool(axis & set(_words(column)))
         other_axis = signal == shown and column not in axes[:1]
+        of_axis |= signal == "u" and column is leading
         return score + 0.25 * of_axis - 0.25 * column.constant - 0.25 * other_axis
 
     ranked = sorted(
@@ -222,6 +227,20 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         why = f"{made['u'].why}; CHECK: no reading is near 0, so `zero` may be missing"
         made["u"] = replace(made["u"], why=why, check=True)
     return {signal: made[signal] for signal in (*SIGNALS, *MOTIONS) if signal in made}
+
+
+def paired(axes: list[Column], commands: list[Column], rate: bool) -> tuple[list[Column], Column | None]:
+    """Several axes and commands that share no word: the axis that follows a command most closely goes first, with that command."""
+    able = [
+        (following(command, axis, rate), -axes.index(axis), axis, command)
+        for axis in axes
+        for command in commands
+        if axis.values.size == command.values.size and not (axis.missing or command.missing)
+    ]
+    if not able or max(able, key=lambda item: item[:2])[0] < LED:
+        return axes, None
+    _, _, first, command = max(able, key=lambda item: item[:2])
+    return [first, *(c for c in axes if c is not first)], command
 
 
 def moved_by(made: dict[str, Guess]) -> Column | None:

@@ -41,9 +41,12 @@ _BRACKETS = re.compile(r"[\[(]([^\[\]():]*)[\])]")
 SUFFIXES = {
     "mm": "mm", "cm": "cm", "um": "um", "bar": "bar", "mbar": "mbar", "psi": "psi", "kpa": "kPa", "mpa": "MPa", "deg": "deg",
     "degrees": "deg", "rad": "rad", "rpm": "rpm", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "dps": "deg/s",
-    "mps": "m/s", "ms": "ms", "us": "us", "ns": "ns", "sec": "s", "mv": "mV", "ma": "mA", "percent": "%", "pct": "%",
+    "mps": "m/s", "rps": "turn/s", "ms": "ms", "us": "us", "ns": "ns", "sec": "s", "mv": "mV", "ma": "mA", "percent": "%", "pct": "%",
     "nm": "N.m", "kn": "kN", "kg": "kg", "hz": "Hz",
 }  # fmt: skip
+# "speed_deg_per_sec", "velocity_mm_s": a length or an angle a time
+_PER_TIME = re.compile(r"_(deg|degrees?|rad|mm|cm|m|rev)_?(?:per_?|p_?|_)(s|sec|second|min|minute)$")
+OF_ROTATION = {"degree": "deg", "degrees": "deg", "rev": "turn"}
 # letters that are much else: the unit of what these words mean only
 OF_LETTERS = {
     "s": r"time|stamp|zeit|\bt$",
@@ -258,6 +261,8 @@ def unit_within(name: str) -> str | None:
     bracketed = [unit for text in _BRACKETS.findall(name) if (unit := spelled(text)) is not None]
     if len(bracketed) == 1:
         return bracketed[0]
+    if rate := _PER_TIME.search(name.lower()):
+        return f"{OF_ROTATION.get(rate[1], rate[1])}/{'min' if rate[2].startswith('m') else 's'}"
     before, _, last = name.rpartition("_")
     if not before:
         return None

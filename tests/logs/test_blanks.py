@@ -121,6 +121,9 @@ def test_what_only_looks_like_a_prefix_is_refused(write, cell):
         ("p_s", None),  # of the supply
         ("x_m", None),
         ("cylinder_position_m", "m"),
+        ("boom_speed_deg_per_sec", "deg/s"),
+        ("rod_mm_s", "mm/s"),
+        ("shaft_rev_per_min", "turn/min"),
         ("data(:,2)", None),
         ("mm", None),
     ],

@@ -168,6 +168,27 @@ def test_chambers_by_other_names(tmp_path, a, b):
     assert (made["p_a"].column.label.text, made["p_b"].column.label.text) == (a, b)
 
 
+def test_of_several_axes_and_commands_without_a_common_word_those_are_taken_that_go_together(tmp_path):
+    """A wheel loader: the lift joystick moves the boom, the tilt joystick the bucket, which moves farther."""
+    lift, tilt = moved("pressure", 2), moved("pressure", 3)
+    columns = {
+        "time": lift["t"],
+        "bucket_angle_deg": tilt["x"] + lift["x"],
+        "boom_angle_deg": lift["x"],
+        "tilt_joystick": tilt["u"],
+        "lift_joystick": lift["u"],
+    }
+    file = tmp_path / "loader.csv"
+    np.savetxt(
+        file, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments=""
+    )
+    made = guesses(overview(file), machine=True)
+    assert (made["u"].column.label.text, made["slew"].column.label.text) == (
+        "lift_joystick",
+        "boom_angle_deg",
+    )
+
+
 @pytest.mark.parametrize("name", ["Flowm3Ps", "oil flow a", "Durchfluss PB"])
 def test_a_flow_is_no_pressure(tmp_path, name):
     c = moved("flow")
