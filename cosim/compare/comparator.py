@@ -182,7 +182,7 @@ class Comparator:
                 f"{', '.join(self.log.signals)}, the model {', '.join(self.bindings) or 'no known signal'}; a mapping's "
                 "table [compare] says which variable a signal stands for"
             )
-        parts = {"p_a", "p_b"} if "p_load" in self.bindings else set(aside)
+        parts = {*aside, *({"p_a", "p_b"} if "p_load" in self.bindings else ())}
         left = [name for name in self.log.signals if name not in self.bindings and name not in parts]
         if left:
             self.notes.append(f"'{self.system.name}' has no {', '.join(left)}: not compared")

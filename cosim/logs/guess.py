@@ -54,7 +54,9 @@ _MOTOR = r"motor|\bpwm\b|volt|spannung|current|\bstrom|armature|anker|encoder|\b
 MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "travel": (rf"^(?=.*({_POSITION}))(?!.*({_NO_MOTION}|{_RATE}))", ("m",)),
     "speed": (rf"^(?=.*({_SPEED}))(?!.*({_NO_MOTION}))", ("rad/s", "m/s")),
+    "flow": (rf"^(?=.*({_FLOW}|\bq\b))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|temper))", ("m3/s",)),
 }
+AT_ONCE = ("speed", "flow")  # what follows a command itself; of others it is the rate of change
 RAW = ("V", "mV", "A", "mA")  # of a command: needs a gain
 OPPOSITE = (  # words by which the two columns of a command differ that has one for each direction
     ({"up"}, {"down", "dn"}),
@@ -122,6 +124,7 @@ OF_MACHINE = {  # in place of the crane's, whose tables and ranges say nothing o
     "slew": "angle of the axis",
     "travel": "position of a linear axis, such as a cylinder",
     "speed": "speed of the axis",
+    "flow": "flow that a valve or pump lets through",
     "spool": "spool position",
     "p_supply": "supply pressure",
     "p_a": "pressure at port A",
@@ -163,7 +166,11 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         machine: it is of another machine than the crane, whose axis may show a position or a speed instead of an angle.
     """
     clock = found.clock.column if found.clock else None
-    free = [c for c in found.columns if c.index != clock and c.finite.size and c.label.name != "synthetic"]
+    free = [
+        c
+        for c in found.columns
+        if c.index != clock and c.finite.size and c.missing <= c.finite.size and c.label.name != "synthetic"
+    ]
     made: dict[str, Guess] = {}
     # of several axes: "Swing Cmd" goes with "Swing Ms", and the axis is one whose command moves
     commands = [c for c in free if _score(c, "u") > 0.0]
@@ -178,7 +185,7 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
             break
     leading: Column | None = None
     if machine and len(axes) > 1 and not any(driven & set(_words(c)) for c in axes):
-        axes, leading = paired(axes, [c for c in commands if not c.constant], shown != "speed")
+        axes, leading = paired(axes, [c for c in commands if not c.constant], shown not in AT_ONCE)
     axis = set(_words(axes[0])) if axes else set()
 
     def fits(column: Column, signal: str) -> float:
@@ -230,7 +237,7 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
 
 
 def paired(axes: list[Column], commands: list[Column], rate: bool) -> tuple[list[Column], Column | None]:
-    """Several axes and commands that share no word: the axis that follows a command most closely goes first, with that command."""
+    """Of axes and commands that share no word: the axis that follows a command most closely first, and that command."""
     able = [
         (following(command, axis, rate), -axes.index(axis), axis, command)
         for axis in axes
@@ -248,7 +255,7 @@ def moved_by(made: dict[str, Guess]) -> Column | None:
     for signal in ("slew", *MOTIONS):
         if signal in made:
             column = made[signal].column
-            return replace(column, values=np.cumsum(column.values)) if signal == "speed" else column
+            return replace(column, values=np.cumsum(column.values)) if signal in AT_ONCE else column
     return None
 
 
@@ -498,7 +505,7 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
     if command is None and motion is not None and not motion.column.missing:
         able = [c for c in left if c.unit in (None, "1", "%", *RAW) and not _names_other(c)]
         shown = motion.column
-        rate = motion.signal != "speed"
+        rate = motion.signal not in AT_ONCE
         fitting = [
             (following(c, shown, rate), -c.index, c) for c in able if c.values.size == shown.values.size
         ]
@@ -623,6 +630,7 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
         "spool": ((0.01, "m"), (50.0, "mm"), (1e9, "um")),
         "slew": ((6.3, "rad"), (1e9, "deg")),
         "travel": ((3.0, "m"), (1e9, "mm")),
+        "flow": ((0.05, "m3/s"), (1e9, "l/min")),
         "speed": ((1e9, "rpm" if re.search(r"drehzahl|\brpm\b", plain(column.label.short)) else "rad/s"),),
         "slew_estimate": ((6.3, "rad"), (1e9, "deg")),
         "slew_rate_estimate": ((0.5, "rad/s"), (1e9, "deg/s")),
@@ -732,7 +740,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
 def electric(found: Overview, made: dict[str, Guess]) -> bool:
     """Whether a motor moves the axis: a column says so, or a speed is shown and nothing speaks of oil."""
     said = " ".join(plain(c.label.short) for c in found.columns)
-    if re.search(rf"{_PRESSURE}|spool|valve|ventil|cylind|zylind|hydraul|\boil|pump", said):
+    if "flow" in made or re.search(rf"{_PRESSURE}|spool|valve|ventil|cylind|zylind|hydraul|\boil|pump", said):
         return False
     return "speed" in made or bool(re.search(_MOTOR, said))
 
@@ -740,13 +748,14 @@ def electric(found: Overview, made: dict[str, Guess]) -> bool:
 def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     """The table `[machine]` for a drive of its own, of which the log tells speed and lag."""
     motion = next((signal for signal in MOTIONS if signal in made), "slew")
-    blocks = ["dead_zone", "dcv", "continuity", "mechanical", *([] if motion == "speed" else ["sensor"])]
+    blocks = ["dead_zone", "dcv", "continuity", "mechanical", *([] if motion in AT_ONCE else ["sensor"])]
     linear = motion == "travel" or (motion == "speed" and _convertible(made[motion].unit, "m/s"))
-    example = "0.1 m/s" if linear else "48 deg/s"
+    example = "0.1 m/s" if linear else "40 l/min" if motion == "flow" else "48 deg/s"
     return [
         "[machine]    # a drive of its own: docs/machines.md",
         f"chain = [{', '.join(map(_quoted, blocks))}]",
         *(['motion = "travel"    # a linear axis: kg, N, m'] if linear else []),
+        *(['motion = "flow"    # of a valve or pump: no axis that moves'] if motion == "flow" else []),
         *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
         f'speed = "?"    # at a command of 1, as "{example}"; "?": from the log',

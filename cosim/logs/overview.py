@@ -41,8 +41,8 @@ _BRACKETS = re.compile(r"[\[(]([^\[\]():]*)[\])]")
 SUFFIXES = {
     "mm": "mm", "cm": "cm", "um": "um", "bar": "bar", "mbar": "mbar", "psi": "psi", "kpa": "kPa", "mpa": "MPa", "deg": "deg",
     "degrees": "deg", "rad": "rad", "rpm": "rpm", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "dps": "deg/s",
-    "mps": "m/s", "rps": "turn/s", "ms": "ms", "us": "us", "ns": "ns", "sec": "s", "mv": "mV", "ma": "mA", "percent": "%", "pct": "%",
-    "nm": "N.m", "kn": "kN", "kg": "kg", "hz": "Hz",
+    "mps": "m/s", "rps": "turn/s", "ms": "ms", "us": "us", "ns": "ns", "sec": "s", "mv": "mV", "ma": "mA",
+    "percent": "%", "pct": "%", "nm": "N.m", "kn": "kN", "kg": "kg", "hz": "Hz", "lpm": "l/min", "gpm": "gallon/min",
 }  # fmt: skip
 # "speed_deg_per_sec", "velocity_mm_s": a length or an angle a time
 _PER_TIME = re.compile(r"_(deg|degrees?|rad|mm|cm|m|rev)_?(?:per_?|p_?|_)(s|sec|second|min|minute)$")

@@ -32,6 +32,8 @@ SHOWN_BY_LOAD = (
 STEPS_A_SAMPLE, STEPS_A_LAG = 5.0, 10.0  # steps of a simulation between two samples, and in a lag, at least
 # what the driver of a motor can do of that which a valve can: come late, be limited in rate and size, be off
 DRIVER = ("dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dcv.offset")
+# of a flow that nothing moves, only the valve's part and what scales it or holds it back
+OF_A_FLOW = ("mechanical.inertia", "mechanical.viscous_friction", "continuity.flow_asymmetry")
 MOTOR = {"dcv": ELECTRIC_DRIVER, "continuity": "winding", "mechanical": "motor"}  # block -> what it is called
 # effects that change one gain; between two signals only the last block's gain is asked for
 GAINS = {
@@ -88,6 +90,7 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
     why = flow_sets(machine, inner, log, sample, rates)
     aside = {n: why for n in SHOWN_BY_LOAD if why and n not in signals}
     inner = {c: n for c, n in inner.items() if n not in aside}
+    aside |= unstated_supply(machine, signals, log)
     told = numbers(machine, inner, gains, log, sample, rates)
     name = re.sub(r"\W+", "_", plain.name or mapping.stem).strip("_").lower() or "machine"
     component, _, variable = signals[machine.output].variable.partition(".")
@@ -107,6 +110,17 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
     if log is not None and told.lag > 0.0:
         diagnose.setdefault("step", longest_step(log, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
+
+
+def unstated_supply(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, str]:
+    """A supply pressure that was measured and of which nothing is said: the crane's 170 bar is that of no other machine."""
+    if log is None or "p_supply" not in log or "p_supply" in signals or "continuity" not in machine.chain:
+        return {}
+    if "continuity.p_s" in machine.parameters:
+        return {}
+    return {
+        "p_supply": "p_supply is not judged: [machine.parameters] does not say what it is ('continuity.p_s')"
+    }
 
 
 def flow_sets(
@@ -237,7 +251,7 @@ def completed(
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
     found["units"] = {**machine.units, **scale_free(machine, inner, told.values), **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
-    axis = {"mechanical": "axis"} if machine.motion == "travel" else {}
+    axis = {"travel": {"mechanical": "axis"}, "flow": {"mechanical": "flow"}}.get(machine.motion, {})
     if machine.drive == "electric":
         axis = MOTOR | axis
     found["blocks"] = {"sensor": "sensor", **axis, **given.get("blocks", {})}
@@ -277,6 +291,12 @@ def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:
             name
             for name in registry.effects()
             if name.partition(".")[0] in ("dcv", "continuity") and name not in DRIVER
+        ]
+    if machine.motion == "flow":
+        found += [
+            name
+            for name in registry.effects()
+            if name.partition(".")[0] in ("mechanical", "continuity") and name not in OF_A_FLOW
         ]
     for component, behind in zip(machine.chain, machine.chain[1:], strict=False):
         carries = block_of(behind).name in ("continuity", "mechanical", "simplified")

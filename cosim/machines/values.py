@@ -134,7 +134,7 @@ def numbers(
             drive, before = inner[component], []
     if table.moves:
         moved(found, table, stated)
-        unnoticed(found, stated, 0.0 if log is None else float(np.median(np.diff(log.time))) * sample)
+        unnoticed(found, stated)
     missing = [n for n in asked if n not in values]
     if missing and log is not None:
         raise DataError(
@@ -143,15 +143,15 @@ def numbers(
     return found
 
 
-def unnoticed(found: Numbers, stated: Collection[str], interval: float) -> None:
+def unnoticed(found: Numbers, stated: Collection[str]) -> None:
     """Make valve and oil of which nothing is said so fast that a log does not show them beside the machine's own lag.
 
-    A motor of 7 ms sampled at 2 kHz shows the 15 ms of the neutral valve and oil, which would stand for its own dynamics.
+    A motor of 7 ms sampled at 2 kHz shows the 15 ms of the neutral valve and oil, which would stand for its own dynamics. So
+    does a valve of 60 ms sampled every 20 ms where its flow is measured well: a lag shorter than an interval shows, too.
 
     Args:
         found: the parameters.
         stated: those that the machine's file states.
-        interval: between two samples, s.
     """
     values, known = found.values, {*stated, *found.from_log}
     lags = {}
@@ -159,7 +159,7 @@ def unnoticed(found: Numbers, stated: Collection[str], interval: float) -> None:
         lags["dcv.w0"] = 2.0 * values["dcv.zeta"] / values["dcv.w0"]
     if "continuity.T" in values and "continuity.T" not in known:
         lags["continuity.T"] = values["continuity.T"]
-    least = max(UNSEEN * found.lag, interval)
+    least = UNSEEN * found.lag
     if not lags or found.lag == 0.0 or sum(lags.values()) <= least:
         return
     faster = sum(lags.values()) / least

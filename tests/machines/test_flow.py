@@ -198,3 +198,18 @@ def test_a_flow_is_no_pressure(tmp_path, name):
         file, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments=""
     )
     assert not {"p_a", "p_b", "p_supply"} & set(guesses(overview(file), machine=True))
+
+
+def test_a_supply_of_which_nothing_is_said_is_not_held_against_the_crane_s(tmp_path):
+    mapping, _ = written(tmp_path, "pressure")
+    file = tmp_path / "log.csv"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([lines[0] + ",ps", *(f"{line},207" for line in lines[1:])]) + "\n")
+    text = CYLINDER.replace("travel = {", 'p_supply = { column = "ps", unit = "bar" }\ntravel = {')
+    mapping.write_text(text, encoding="utf-8")
+    log = load_log(file, mapping)
+    machine = machine_of(None, log, mapping)
+    assert "p_supply is not judged" in machine.aside["p_supply"]
+    assert "p_supply" not in prepare(log, machine).signals
+    mapping.write_text(text + '[machine.parameters]\n"continuity.p_s" = "200 bar"\n', encoding="utf-8")
+    assert machine_of(None, log, mapping).aside == {}
