@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from cosim.compare import Comparator, open_model
+from cosim.diagnosis.answer.remarks import one_way
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.logs import Log, load_log
@@ -213,3 +214,18 @@ def test_a_supply_of_which_nothing_is_said_is_not_held_against_the_crane_s(tmp_p
     assert "p_supply" not in prepare(log, machine).signals
     mapping.write_text(text + '[machine.parameters]\n"continuity.p_s" = "200 bar"\n', encoding="utf-8")
     assert machine_of(None, log, mapping).aside == {}
+
+
+def test_the_missing_column_of_the_other_direction_is_asked_for_on_a_linear_axis_too(tmp_path):
+    mapping, log = written(tmp_path, "flow")
+    machine = machine_of(None, log, mapping)
+    record = prepare(log, machine)
+    assert not one_way(record, machine)
+    u = record.signals["u"]
+    # as far forth as back, of which the log shows the command of one way only
+    record.signals["travel"] = (
+        np.cumsum(np.where(u > 0.0, u, u * u[u > 0.0].sum() / -u[u < 0.0].sum())) * 1e-3
+    )
+    record.signals["u"] = np.maximum(u, 0.0)
+    (text,) = one_way(record, machine)
+    assert text.startswith("travel goes back by ")

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.diagnosis.answer.remarks import moved, no_sign
 from cosim.diagnosis.model.choice import machine_of
-from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.lexicon import Lexicon, speaking
 from cosim.logs import Log, load_log
 from cosim.logs.guess import guesses, mapping_text
@@ -81,3 +82,21 @@ def test_its_words_are_those_of_a_flow():
         )
         assert told == "a missing pressure that depends on flow explains 45% of what is systematic in flow"
         assert kind_of_motion("spool speed") == "spool speed"
+
+
+def test_a_meter_without_direction_is_remarked_upon(tmp_path):
+    mapping, log = stand(tmp_path)
+    machine = machine_of(None, log, mapping)
+    record = prepare(log, machine)
+    assert moved(record, machine) == ("flow", True)
+    assert not no_sign(record, machine)
+    flow = record.signals["flow"]
+    record.signals["flow"] = np.abs(flow)
+    (text,) = no_sign(record, machine)
+    assert "flow is as large for a negative as for a positive u" in text
+    record.signals["flow"] = -np.abs(flow)
+    assert no_sign(record, machine), "nor one that counts downwards"
+    record.signals["flow"] = np.where(flow > 0.0, flow, 0.1 * flow)
+    assert not no_sign(record, machine), "a valve that opens one way only"
+    record.signals["u"] = np.abs(record.signals["u"])
+    assert not no_sign(record, machine), "driven one way"
