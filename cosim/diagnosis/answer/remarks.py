@@ -247,7 +247,7 @@ def one_way(record: Record, machine: Machine) -> list[str]:
 
 
 def no_sign(record: Record, machine: Machine) -> list[str]:
-    """That a speed or flow is as large on either side of the command and never changes sign: its meter shows no direction."""
+    """That a speed or flow is as large on either side of the command and keeps its sign: its meter shows no direction."""
     drive, (name, is_speed) = machine.drive, moved(record, machine)
     command = record.signals.get(drive)
     if command is None or not is_speed:
