@@ -94,7 +94,7 @@ def bind(system: System, units: dict[str, str], table: CompareTable) -> dict[str
         found[name] = _bound(system, name, units[name], target.variable, target.factor)
     taken = {b.port for b in found.values() if b.port} | {w.target for b in found.values() for w in b.wires}
     names = [*system.inputs, *system.outputs, *(n for n in DEFAULTS if _exists(system, DEFAULTS[n]))]
-    for name in dict.fromkeys(names):
+    for name in (n for n in dict.fromkeys(names) if n not in table.aside):
         unit = units.get(name) or (SIGNALS[name].si if name in SIGNALS else None)
         if name in found or (unit is None and name not in system.inputs):
             continue

@@ -1,7 +1,7 @@
 """Runs a system of FMUs on a log, whole and block by block, as often as asked."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property, partial
 from pathlib import Path
 from types import TracebackType
@@ -65,6 +65,7 @@ class Comparator:
         """
         table = table or CompareTable()
         self.log, self.step, self.notes = on_grid(log, step)
+        self.notes += dict.fromkeys(table.aside.values())
         self.time: Array = np.arange(len(self.log), dtype=np.float64) * self.step
         stamps = self.log.time[0] + self.time
         # the same numbers, unless the step was given: held once
@@ -76,7 +77,7 @@ class Comparator:
             self.bindings = bind(self.system, self.log.units, table)
             self.measured = tuple(name for name in self.bindings if name in self.log)
             self.starts = start_values(self.system, table, self.bindings)
-            self._check()
+            self._check(table.aside)
             self.runner = Runner(self._needed())
         except BaseException:
             self._close_system()
@@ -174,14 +175,14 @@ class Comparator:
 
     # Helpers
 
-    def _check(self) -> None:
+    def _check(self, aside: Iterable[str]) -> None:
         if not self.outputs:
             raise DataError(
                 f"{self.log.source}: the log holds nothing that '{self.system.name}' simulates: it holds "
                 f"{', '.join(self.log.signals)}, the model {', '.join(self.bindings) or 'no known signal'}; a mapping's "
                 "table [compare] says which variable a signal stands for"
             )
-        parts = {"p_a", "p_b"} if "p_load" in self.bindings else set()
+        parts = {*aside, *({"p_a", "p_b"} if "p_load" in self.bindings else ())}
         left = [name for name in self.log.signals if name not in self.bindings and name not in parts]
         if left:
             self.notes.append(f"'{self.system.name}' has no {', '.join(left)}: not compared")

@@ -66,6 +66,7 @@ class CompareTable(_Strict):
         start: ``component.parameter`` -> the signal whose first value it takes.
         calibrate: what a calibration frees.
         folder: where the mapping file lies.
+        aside: signal that stands for nothing in the model although its name is known -> why; no key of the file.
     """
 
     parameters: tuple[str, ...] = ()
@@ -73,6 +74,7 @@ class CompareTable(_Strict):
     start: dict[str, str] = {}
     calibrate: CalibrateTable = CalibrateTable()
     folder: Path = Field(default=Path(), exclude=True)
+    aside: dict[str, str] = Field(default={}, exclude=True)
 
     @property
     def parameter_files(self) -> tuple[Path, ...]:
@@ -95,7 +97,7 @@ def load_mapping(path: Path) -> tuple[Mapping, CompareTable]:
 
 
 def _table(content: object, path: Path) -> CompareTable:
-    if not isinstance(content, dict) or "folder" in content:
+    if not isinstance(content, dict) or {"folder", "aside"} & content.keys():
         raise DataError(
             f"{path}: '{TABLE}' must be a table with the keys parameters, signals, start, calibrate"
         )

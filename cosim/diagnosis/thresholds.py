@@ -1065,6 +1065,13 @@ UNCOMMANDED: Annotated[
     "a leak, a sagging load or an overrun is a small part of it",
     "a wheel loader's boom, whose joystick is recorded upwards only: 0.98",
 ] = 0.5
+FAR: Annotated[
+    float,
+    "share of the largest command",
+    "command beyond which a drive moves, whatever its dead zone",
+    "looked at on both sides where a meter may show no direction",
+    "a servo valve on a test stand, whose flow meter shows sizes only",
+] = 0.5
 INDEPENDENT: Annotated[
     float,
     "correlation",

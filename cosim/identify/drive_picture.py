@@ -27,7 +27,7 @@ def drive_figure(curve: DriveCurve, told: Told) -> "Figure":
     lined(axes, curve, told)
     told_numbers(axes, curve, told)
     axes.set_xlabel(f"{told.command} [{told.command_unit}]")
-    axes.set_ylabel(f"speed of {told.motion} [{told.motion_unit}/s]")
+    axes.set_ylabel(f"speed of {told.motion} [{told.speed_unit}]")
     axes.axhline(0.0, color=MEASURED, linewidth=0.5)
     tops = [abs(e.value) for n, e in curve.values.items() if n.startswith("top")]
     reach = 1.25 * speed * max([*tops, float(np.max(np.abs(curve.speeds)))])
@@ -120,7 +120,7 @@ def told_numbers(axes: "Axes", curve: DriveCurve, told: Told) -> None:
         elif kind == "top":
             end = curve.knots[0] if side == "low" else curve.knots[-1]
             axes.annotate(
-                f"{speed * value:.3g} {told.motion_unit}/s", (u * end, speed * value),
+                f"{speed * value:.3g} {told.speed_unit}", (u * end, speed * value),
                 xytext=(0, 8 if side == "high" else -14), textcoords="offset points",
                 ha=SIDES[side], fontsize=8.5, color=ERROR,
             )  # fmt: skip

@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from cosim.errors import DataError
 from cosim.identify.answer import Answer
 from cosim.identify.drive_curve import DriveCurve, Estimate, drive_curve
 from cosim.identify.drive_fit import Run
 from cosim.logs import Log, Mapping
+from cosim.machines.wiring import is_speed
 from cosim.units import factor
 
 Array = NDArray[np.float64]
@@ -33,7 +35,7 @@ class Told:
 
     Attributes:
         command, motion: names of the signals.
-        command_unit, motion_unit: what people read.
+        command_unit, speed_unit: what people read; the speed is that of the motion, which may be measured as such.
         command_scale, motion_scale: shown per SI.
         column: heading of the command in the file, where its readings are another number than the command.
         zero, gain: command [its unit] = gain (reading - zero).
@@ -42,7 +44,7 @@ class Told:
     command: str
     motion: str
     command_unit: str
-    motion_unit: str
+    speed_unit: str
     command_scale: float = 1.0
     motion_scale: float = 1.0
     column: str = ""
@@ -51,7 +53,7 @@ class Told:
 
     def of(self, name: str) -> tuple[str, float]:
         """Unit of a number of the curve, and shown per SI."""
-        speed = f"{self.motion_unit}/s"
+        speed = self.speed_unit
         if name.startswith("dead"):
             return self.command_unit, self.command_scale
         if name.startswith("top"):
@@ -74,7 +76,8 @@ def told_of(log: Log, mapping: Mapping | None, command: str, motion: str) -> Tol
         log.require(name, "the static curve of a drive")
     shown = {n: log.display[n] for n in (command, motion)}
     scales = {n: factor(log.units[n], unit) for n, unit in shown.items()}
-    found = Told(command, motion, shown[command], shown[motion], scales[command], scales[motion])
+    speed = shown[motion] if is_speed(log.units[motion]) else f"{shown[motion]}/s"
+    found = Told(command, motion, shown[command], speed, scales[command], scales[motion])
     column = mapping.signals.get(command) if mapping is not None else None
     if column is None or isinstance(column.gain, str):
         return found
@@ -94,7 +97,13 @@ def run_of(log: Log, told: Told) -> Run:
     """
     if log.time_unit != "s":
         raise DataError(f"{log.source}: it counts samples and has no time, so a speed cannot be told from it")
-    return Run(log.name, log.time, log[told.command], log[told.motion])
+    motion, rate = log[told.motion], is_speed(log.units[told.motion])
+    return Run(log.name, log.time, log[told.command], way(log.time, motion) if rate else motion)
+
+
+def way(time: Array, speed: Array) -> Array:
+    """(n,) what a measured speed has covered: the curve is that of the way over short stretches."""
+    return np.asarray(cumulative_trapezoid(speed, time, initial=0.0))
 
 
 def ends(mapping: Mapping | None) -> tuple[str, str]:
@@ -127,11 +136,11 @@ def curve_data(curve: DriveCurve, told: Told) -> dict[str, Any]:
     ]
     return {
         "command": {"signal": told.command, "unit": told.command_unit},
-        "motion": {"signal": told.motion, "unit": f"{told.motion_unit}/s"},
+        "motion": {"signal": told.motion, "unit": told.speed_unit},
         **sides,
         "lag": {"value": curve.lag + curve.delay, "unit": "s"},
         "points": points,
-        "error": {"value": curve.typical * speed, "unit": f"{told.motion_unit}/s"},
+        "error": {"value": curve.typical * speed, "unit": told.speed_unit},
         "logs": list(curve.names),
         "holds": "for the next log, from the scatter of these"
         if len(curve.names) > 1

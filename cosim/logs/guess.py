@@ -15,6 +15,7 @@ from cosim.signals import SIGNALS, conversion
 
 # parts of words, without accents; German, English, French, Spanish, Italian, Scandinavian, Finnish, Polish
 _PRESSURE = r"pressure|druck|pression|presion|pressione|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
+_FLOW = r"flow|durchfl|volumenstrom|debit|caudal|portata"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
 _RATE = r"rate|speed|velocity|\bvelo?\b|geschw|drehzahl|vitesse|velocidad|velocit|hastig|nopeus|predkosc|omega|torque|moment"
 _COMMAND = (
@@ -31,10 +32,11 @@ NAMES: dict[str, str] = {
     "slew_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
     "slew_rate_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
     "slew": rf"^(?=.*({_ANGLE}))(?!.*({_RATE}|{_ESTIMATE}|{_COMMAND}|{_REFERENCE}))",
-    "p_supply": rf"^(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor|matning|syotto|zasil"
-    r"|\bs\b|\bp\s?[0p]\b))|\bps\b",
-    "p_a": rf"^(?=.*({_PRESSURE}))(?=.*\ba\b)|\bpa\b",
-    "p_b": rf"^(?=.*({_PRESSURE}))(?=.*\bb\b)|\bpb\b",
+    # "pressure Pa" ends in its unit
+    "p_supply": rf"^(?!.*({_FLOW}))(?:(?=.*({_PRESSURE}))(?=.*(supply|pump|versorg|system|speise|aliment|bomba|tilfor"
+    r"|matning|syotto|zasil|\bs\b|\bp\s?[0p]\b))|.*\bps\b)",
+    "p_a": rf"^(?!.*({_FLOW}))(?:(?=.*({_PRESSURE}))(?=.*\ba\b)|(?!.*({_PRESSURE}).*\bpa\b).*\bpa\b)",
+    "p_b": rf"^(?!.*({_FLOW}))(?:(?=.*({_PRESSURE}))(?=.*\bb\b)|.*\bpb\b)",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
     "u": rf"{_DRIVES}|{_INPUT}",
 }
@@ -52,14 +54,16 @@ _MOTOR = r"motor|\bpwm\b|volt|spannung|current|\bstrom|armature|anker|encoder|\b
 MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "travel": (rf"^(?=.*({_POSITION}))(?!.*({_NO_MOTION}|{_RATE}))", ("m",)),
     "speed": (rf"^(?=.*({_SPEED}))(?!.*({_NO_MOTION}))", ("rad/s", "m/s")),
+    "flow": (rf"^(?=.*({_FLOW}|\bq\b))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|temper))", ("m3/s",)),
 }
+AT_ONCE = ("speed", "flow")  # what follows a command itself; of others it is the rate of change
 RAW = ("V", "mV", "A", "mA")  # of a command: needs a gain
 OPPOSITE = (  # words by which the two columns of a command differ that has one for each direction
     ({"up"}, {"down", "dn"}),
     ({"in"}, {"out"}),
     ({"left", "l"}, {"right", "r"}),
     ({"forward", "forwards", "fwd"}, {"backward", "backwards", "back", "bwd", "reverse", "rev"}),
-    ({"extend", "ext"}, {"retract", "ret"}),
+    ({"extend", "ext", "extension", "extending"}, {"retract", "ret", "retraction", "retracting"}),
     ({"raise", "lift"}, {"lower"}),
     ({"pos", "plus"}, {"neg", "minus"}),
     ({"ccw"}, {"cw"}),
@@ -69,6 +73,14 @@ OPPOSITE = (  # words by which the two columns of a command differ that has one 
     ({"vor"}, {"zuruck"}),
     ({"ein"}, {"aus"}),
 )
+# how names tell the two chambers of a cylinder apart: the side of the piston and that of the rod
+SIDES = (
+    ({"h", "head", "cap", "bore", "piston", "base", "blind", "kolben", "boden", "kolbenseite", "bodenseite"},
+     {"r", "rod", "ring", "stange", "annulus", "kolbenstange", "stangenseite", "ringseite"}),
+)  # fmt: skip
+_CHAMBER = r"\bcyl|zylind|chamber|kammer|load|port|head|\brod\b|kolben|stange"
+_PILOT = r"pilot|vorsteuer|epp?r|errp|pump|supply|tank|return|ruecklauf|rucklauf|accu|speicher"
+HIGHEST = 750.0  # bar that oil of machines reaches, at presses and tools
 GENERIC = {
     "var",
     "data",
@@ -100,6 +112,7 @@ RESTING, OFF_ZERO, STILL = (
     0.2,
 )  # a neutral command: share of samples, part of the range, of the motion
 OPPOSED, FOLLOWS, DRIVEN = 0.9, 0.8, 0.6  # correlations from which on columns are said to move together
+LED = 0.3  # correlation from which on an axis of several is taken for that of a command
 STRETCHES, LAGS = (
     2000,
     60,
@@ -111,6 +124,7 @@ OF_MACHINE = {  # in place of the crane's, whose tables and ranges say nothing o
     "slew": "angle of the axis",
     "travel": "position of a linear axis, such as a cylinder",
     "speed": "speed of the axis",
+    "flow": "flow that a valve or pump lets through",
     "spool": "spool position",
     "p_supply": "supply pressure",
     "p_a": "pressure at port A",
@@ -152,7 +166,11 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         machine: it is of another machine than the crane, whose axis may show a position or a speed instead of an angle.
     """
     clock = found.clock.column if found.clock else None
-    free = [c for c in found.columns if c.index != clock and c.finite.size and c.label.name != "synthetic"]
+    free = [
+        c
+        for c in found.columns
+        if c.index != clock and c.finite.size and c.missing <= c.finite.size and c.label.name != "synthetic"
+    ]
     made: dict[str, Guess] = {}
     # of several axes: "Swing Cmd" goes with "Swing Ms", and the axis is one whose command moves
     commands = [c for c in free if _score(c, "u") > 0.0]
@@ -165,6 +183,9 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         )
         if axes:
             break
+    leading: Column | None = None
+    if machine and len(axes) > 1 and not any(driven & set(_words(c)) for c in axes):
+        axes, leading = paired(axes, [c for c in commands if not c.constant], shown not in AT_ONCE)
     axis = set(_words(axes[0])) if axes else set()
 
     def fits(column: Column, signal: str) -> float:
@@ -173,6 +194,7 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
             return 0.0
         of_axis = signal == "u" and bool(axis & set(_words(column)))
         other_axis = signal == shown and column not in axes[:1]
+        of_axis |= signal == "u" and column is leading
         return score + 0.25 * of_axis - 0.25 * column.constant - 0.25 * other_axis
 
     ranked = sorted(
@@ -190,6 +212,9 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         made[signal] = _guess(signal, column, why)
         taken.add(column.index)
     if machine:
+        for signal, column, why in chambers([c for c in free if c.index not in taken], made):
+            made[signal] = _guess(signal, column, why)
+            taken.add(column.index)
         for signal, column, why in by_cause([c for c in free if c.index not in taken], made):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
@@ -211,12 +236,26 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
     return {signal: made[signal] for signal in (*SIGNALS, *MOTIONS) if signal in made}
 
 
+def paired(axes: list[Column], commands: list[Column], rate: bool) -> tuple[list[Column], Column | None]:
+    """Of axes and commands that share no word: the axis that follows a command most closely first, and that command."""
+    able = [
+        (following(command, axis, rate), -axes.index(axis), axis, command)
+        for axis in axes
+        for command in commands
+        if axis.values.size == command.values.size and not (axis.missing or command.missing)
+    ]
+    if not able or max(able, key=lambda item: item[:2])[0] < LED:
+        return axes, None
+    _, _, first, command = max(able, key=lambda item: item[:2])
+    return [first, *(c for c in axes if c is not first)], command
+
+
 def moved_by(made: dict[str, Guess]) -> Column | None:
     """What shows where the axis is: an angle, a position, or the sum of a speed; None without one."""
     for signal in ("slew", *MOTIONS):
         if signal in made:
             column = made[signal].column
-            return replace(column, values=np.cumsum(column.values)) if signal == "speed" else column
+            return replace(column, values=np.cumsum(column.values)) if signal in AT_ONCE else column
     return None
 
 
@@ -269,6 +308,61 @@ def both_ways(guess: Guess, other: Column, angle: Column | None) -> Guess:
     largest = max((one, other), key=lambda c: float(np.max(np.abs(c.finite))))
     scaled = _guess("u", largest, f"its name ({_called(one)}), and {_called(other)} is the other direction")
     return replace(scaled, column=one, minus=other, check=True)
+
+
+def chambers(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Column, str]]:
+    """The pressures of the axis' cylinder, where names tell its two chambers apart by a side or a direction.
+
+    ``Boom_UpH_Cyl_P`` and ``Boom_DnR_Cyl_P``: of the boom, raising on the side of the head, lowering on that of the rod.
+    Port A is the one that drives in the direction of a positive command, else the head's.
+    """
+    if {"p_a", "p_b"} & set(made):
+        return []
+    able = [c for c in free if _pressure(c) and not re.search(_PILOT, plain(c.label.short))]
+    named = {w for s in ("u", "slew", *MOTIONS) if s in made for w in _words(made[s].column)}
+    found: list[tuple[bool, int, Column, Column, str]] = []
+    for k, one in enumerate(able):
+        for two in able[k + 1 :]:
+            way = _other_side(one, two, set(_words(made["u"].column)) if "u" in made else set())
+            if way:
+                a, b = (one, two) if way > 0 else (two, one)
+                of_axis = len(named & set(_words(one)) & set(_words(two)))
+                chamber = bool(re.search(_CHAMBER, plain(one.label.short)))
+                found.append((chamber, of_axis, a, b, f"its name, and {_called(b)} is the other chamber"))
+    if not found:
+        return []
+    best = max(item[:2] for item in found)
+    likely = [item for item in found if item[:2] == best]
+    if len(likely) > 1:
+        return []  # of several cylinders: a person knows which
+    _, _, a, b, why = likely[0]
+    return [("p_a", a, why), ("p_b", b, f"its name, and {_called(a)} is the other chamber")]
+
+
+def _pressure(column: Column) -> bool:
+    """Whether a column is a pressure that moves, by name and unit."""
+    named = bool(re.search(_PRESSURE, plain(column.label.short))) and _fits(column, "p_a")
+    return named and not column.constant and not re.search(_FLOW, plain(column.label.short))
+
+
+def _other_side(one: Column, two: Column, command: set[str]) -> int:
+    """1 where names differ in sides and directions only and the first is port A, -1 where the second is; else 0."""
+    words, others = _words(one), _words(two)
+    if len(words) != len(others):
+        return 0
+    differing = [pair for pair in zip(words, others, strict=True) if pair[0] != pair[1]]
+    ways: list[int] = []
+    for x, y in differing:
+        sides = [
+            1 if (x in p and y in q) else -1
+            for p, q in (*SIDES, *OPPOSITE)
+            if (x in p and y in q) or (x in q and y in p)
+        ]
+        if not sides:
+            return 0
+        ways.append(1 if x in command else -1 if y in command else sides[0])
+    commanded = [way for (x, y), way in zip(differing, ways, strict=True) if {x, y} & command]
+    return (commanded or ways or [0])[0]
 
 
 def one_sided(command: Column) -> bool:
@@ -411,7 +505,7 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
     if command is None and motion is not None and not motion.column.missing:
         able = [c for c in left if c.unit in (None, "1", "%", *RAW) and not _names_other(c)]
         shown = motion.column
-        rate = motion.signal != "speed"
+        rate = motion.signal not in AT_ONCE
         fitting = [
             (following(c, shown, rate), -c.index, c) for c in able if c.values.size == shown.values.size
         ]
@@ -536,10 +630,11 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
         "spool": ((0.01, "m"), (50.0, "mm"), (1e9, "um")),
         "slew": ((6.3, "rad"), (1e9, "deg")),
         "travel": ((3.0, "m"), (1e9, "mm")),
+        "flow": ((0.05, "m3/s"), (1e9, "l/min")),
         "speed": ((1e9, "rpm" if re.search(r"drehzahl|\brpm\b", plain(column.label.short)) else "rad/s"),),
         "slew_estimate": ((6.3, "rad"), (1e9, "deg")),
         "slew_rate_estimate": ((0.5, "rad/s"), (1e9, "deg/s")),
-    }.get(signal, ((450.0, "bar"), (4.5e4, "kPa"), (1e12, "Pa")))
+    }.get(signal, ((HIGHEST, "bar"), (100.0 * HIGHEST, "kPa"), (1e12, "Pa")))
     unit = next((unit for most, unit in ranges if largest <= most), ranges[-1][1])
     return Guess(signal, column, unit, 1.0, f"{why}; unit by its range", check=True)
 
@@ -645,7 +740,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
 def electric(found: Overview, made: dict[str, Guess]) -> bool:
     """Whether a motor moves the axis: a column says so, or a speed is shown and nothing speaks of oil."""
     said = " ".join(plain(c.label.short) for c in found.columns)
-    if re.search(rf"{_PRESSURE}|spool|valve|ventil|cylind|zylind|hydraul|\boil|pump", said):
+    if "flow" in made or re.search(rf"{_PRESSURE}|spool|valve|ventil|cylind|zylind|hydraul|\boil|pump", said):
         return False
     return "speed" in made or bool(re.search(_MOTOR, said))
 
@@ -653,13 +748,14 @@ def electric(found: Overview, made: dict[str, Guess]) -> bool:
 def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     """The table `[machine]` for a drive of its own, of which the log tells speed and lag."""
     motion = next((signal for signal in MOTIONS if signal in made), "slew")
-    blocks = ["dead_zone", "dcv", "continuity", "mechanical", *([] if motion == "speed" else ["sensor"])]
+    blocks = ["dead_zone", "dcv", "continuity", "mechanical", *([] if motion in AT_ONCE else ["sensor"])]
     linear = motion == "travel" or (motion == "speed" and _convertible(made[motion].unit, "m/s"))
-    example = "0.1 m/s" if linear else "48 deg/s"
+    example = "0.1 m/s" if linear else "40 l/min" if motion == "flow" else "48 deg/s"
     return [
         "[machine]    # a drive of its own: docs/machines.md",
         f"chain = [{', '.join(map(_quoted, blocks))}]",
         *(['motion = "travel"    # a linear axis: kg, N, m'] if linear else []),
+        *(['motion = "flow"    # of a valve or pump: no axis that moves'] if motion == "flow" else []),
         *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
         f'speed = "?"    # at a command of 1, as "{example}"; "?": from the log',

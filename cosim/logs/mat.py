@@ -234,8 +234,10 @@ def _numbers(
         if len(names) not in (0, value.shape[1]) and len(names) == value.shape[0]:
             value = value.T
         named = len(names) == value.shape[1]
-        for k, column in enumerate(value.T):
-            heading = names[k] if named else f"{key}(:,{k + 1})"
+        # Simulink's "To File" and others log a sample as a column; a log has more samples than signals
+        lying = not named and value.shape[0] < value.shape[1]
+        for k, column in enumerate(value if lying else value.T):
+            heading = names[k] if named else f"{key}({k + 1},:)" if lying else f"{key}(:,{k + 1})"
             yield _Entry(parse_label(heading, _unit_of(units, heading, k), path), column, clock)
 
 

@@ -33,10 +33,34 @@ SPELLINGS = {
     "gradi": "deg", "grader": "deg", "grad/s": "deg/s", "°/s": "deg/s", "nm": "N.m", "n·m": "N.m", "n*m": "N.m",
     "knm": "kN.m", "u/min": "rpm", "1/min": "rpm", "tr/min": "rpm", "sek": "s", "sec": "s", "sekunden": "s",
     "seconds": "s", "msec": "ms", "millisekunden": "ms", "µs": "us", "μs": "us", "prozent": "%", "percent": "%",
-    "pct": "%", "-": "1",
+    "pct": "%", "-": "1", "rpm": "rpm", "lpm": "l/min", "gpm": "gallon/min", "radians": "rad", "volt": "V", "volts": "V",
+    "amps": "A", "ampere": "A",
+}  # fmt: skip
+_BRACKETS = re.compile(r"[\[(]([^\[\]():]*)[\])]")
+# last parts of names that nobody writes for anything else than a unit
+SUFFIXES = {
+    "mm": "mm", "cm": "cm", "um": "um", "bar": "bar", "mbar": "mbar", "psi": "psi", "kpa": "kPa", "mpa": "MPa", "deg": "deg",
+    "degrees": "deg", "rad": "rad", "rpm": "rpm", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "dps": "deg/s",
+    "mps": "m/s", "rps": "turn/s", "ms": "ms", "us": "us", "ns": "ns", "sec": "s", "mv": "mV", "ma": "mA",
+    "percent": "%", "pct": "%", "nm": "N.m", "kn": "kN", "kg": "kg", "hz": "Hz", "lpm": "l/min", "gpm": "gallon/min",
+}  # fmt: skip
+# "speed_deg_per_sec", "velocity_mm_s": a length or an angle a time
+_PER_TIME = re.compile(r"_(deg|degrees?|rad|mm|cm|m|rev)_?(?:per_?|p_?|_)(s|sec|second|min|minute)$")
+OF_ROTATION = {"degree": "deg", "degrees": "deg", "rev": "turn"}
+# letters that are much else: the unit of what these words mean only
+OF_LETTERS = {
+    "s": r"time|stamp|zeit|\bt$",
+    "m": r"position|\bpos\b|travel|stroke|height|level|displac|length",
+    "A": r"current|strom|\bi$",
+    "V": r"volt|spannung",
+    "N": r"force|kraft|thrust|load",
+    "Pa": r"press|druck",
+    "us": r"time|stamp|zeit|pulse|pwm",
 }  # fmt: skip
 _EXACT = {"Pa": "Pa", "mm": "mm", "Nm": "N.m"}  # case matters where a small letter is another unit
 RATES = (5.0, 2e4)  # 1/s, of a machine's log: decides in which unit an unlabelled clock counts
+SLOW = 300.0  # times as long as the longest of these intervals may be one of a clock that counts parts of seconds
+CLOCKWORK = 0.95  # share of a clock's intervals that are near the usual one
 BARS = "▁▂▃▄▅▆▇█"
 
 
@@ -209,7 +233,7 @@ def _values(source: Source) -> list[Array | str]:
 
 def _column(source: Source, index: int, values: Array | str) -> Column:
     label = source.labels[index]
-    unit = spelled(label.unit)
+    unit = spelled(label.unit) or unit_within(label.short)
     if isinstance(values, str):
         return Column(index, label, unit, np.empty(0), values)
     return Column(index, label, unit, values)
@@ -227,6 +251,25 @@ def spelled(unit: str | None) -> str | None:
     except UsageError:
         return None
     return found
+
+
+def unit_within(name: str) -> str | None:
+    """The unit that a name holds: in brackets within it (``Flow (l/min) - Plot 0``) or as its last part (``x_mm``).
+
+    Letters that are units as well, such as the port A, count only where the name says what they are units of.
+    """
+    bracketed = [unit for text in _BRACKETS.findall(name) if (unit := spelled(text)) is not None]
+    if len(bracketed) == 1:
+        return bracketed[0]
+    if rate := _PER_TIME.search(name.lower()):
+        return f"{OF_ROTATION.get(rate[1], rate[1])}/{'min' if rate[2].startswith('m') else 's'}"
+    before, _, last = name.rpartition("_")
+    if not before:
+        return None
+    for letter, words in OF_LETTERS.items():
+        if last == letter and re.search(words, plain(before)):
+            return letter
+    return SUFFIXES.get(last.lower())
 
 
 def longest(columns: Iterable[Column]) -> Column:
@@ -248,12 +291,14 @@ def _clock(source: Source, columns: tuple[Column, ...]) -> Clock | None:
         stamps = source.clock(column.index)
         if stamps is not None and len(stamps) > 1:
             return Clock(None, "s", "", np.asarray(stamps, dtype=np.float64))
-    rising = [c for c in columns if c.finite.size > 1 and float(np.mean(np.diff(c.finite) > 0.0)) > 0.9]
+    rising = [
+        c
+        for c in columns
+        if c.finite.size > 1 and c.missing < c.finite.size and float(np.mean(np.diff(c.finite) > 0.0)) > 0.9
+    ]
     named = [c for c in rising if TIME_WORDS.search(plain(c.label.name.rpartition(".")[2]))]
     timed = [c for c in rising if c.unit is not None and _is_time(c.unit)]
-    even = [
-        c for c in rising if c.unit is None and np.ptp(np.diff(c.finite)) < 0.5 * np.median(np.diff(c.finite))
-    ]
+    even = [c for c in rising if c.unit is None and _even(np.diff(c.finite))]
     likely = [*(c for c in named if c in timed), *named, *timed, *even]
     if not likely:
         return None
@@ -261,14 +306,26 @@ def _clock(source: Source, columns: tuple[Column, ...]) -> Clock | None:
     if column.unit is not None and _is_time(column.unit):
         return Clock(column.index, column.unit, "", column.finite * conversion(column.unit, "s"))
     step = float(np.median(np.diff(column.finite)))
+    # counters of ms and less hold whole numbers: a step of 0.65 is that of a slow log, not of 1500 samples a second
+    broken = step < 1.0 / RATES[0] * SLOW and bool(np.any(column.finite % 1.0))
     for unit in ("s", "ms", "us", "ns"):
         scale = conversion(unit, "s")
-        if RATES[0] <= 1.0 / (step * scale) <= RATES[1]:
+        if RATES[0] <= 1.0 / (step * scale) <= RATES[1] or (broken and unit == "s" and step * RATES[0] > 1.0):
             break
     else:
         unit, scale = "s", 1.0
     why = f"steps of {step:.4g}, so {1.0 / (step * scale):.4g} samples a second if it counts {unit}"
     return Clock(column.index, unit, why, column.finite * scale)
+
+
+def _even(intervals: Array) -> bool:
+    """Whether a column without a name rises as a clock does: always, and nearly always by the same; gaps are few."""
+    usual = float(np.median(intervals))
+    if usual < 1.0 / RATES[1]:
+        return False
+    return (
+        bool(np.all(intervals > 0.0)) and float(np.mean(np.abs(intervals - usual) < 0.5 * usual)) > CLOCKWORK
+    )
 
 
 def _is_time(unit: str) -> bool:

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from cosim.errors import UsageError
+from cosim.logs.blanks import BLANK, cells_of
 from cosim.logs.source import Label, parse_label
 from cosim.units import parse_unit
 
@@ -67,7 +68,10 @@ def read_preamble(head: str, separator: str | None, number: Callable[[str], bool
     lines = head.splitlines()[:LONGEST]
     for sign in SEPARATORS if separator is None else (separator,):
         try:
-            rows = [next(csv.reader([line], delimiter=sign), []) for line in lines]
+            rows = [
+                cells_of(line) if sign == BLANK else next(csv.reader([line], delimiter=sign), [])
+                for line in lines
+            ]
         except csv.Error:
             continue
         found = _table(rows, number)

@@ -3,6 +3,7 @@
 Rows are counted as an editor counts lines: the header is line 1.
 """
 
+import contextlib
 import csv
 import dataclasses
 import io
@@ -10,6 +11,7 @@ import re
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -17,7 +19,7 @@ from pyarrow import csv as arrow_csv
 
 from cosim.console import typed
 from cosim.errors import DataError, HeadlessError
-from cosim.logs import controldesk
+from cosim.logs import blanks, controldesk
 from cosim.logs.preamble import read_preamble
 from cosim.logs.source import Array, Label, Source, parse_label
 from cosim.logs.window import Window, head_text, survey
@@ -39,6 +41,9 @@ _MISSING = [
     "1.#QNAN",
     "1.#IND",
 ]
+# LabVIEW's graphs are exported so: 731.5m, 3k
+_PREFIXES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
+_PREFIXED = re.compile(r"([-+\d.,eE]*\d[\d.,]*)\s?([pnuµmkMG])")
 _BREAK = re.compile(r"\r\n|\r|\n")
 _BLOCK = 1 << 22
 
@@ -56,7 +61,8 @@ class TextSource(Source):
 
     Args:
         path: the file.
-        separator: column separator; by default the one in the header (``;`` before tab before ``,``).
+        separator: column separator; by default the one in the header (``;`` before tab before ``,``), or runs of blanks
+            where the numbers have these alone between them.
         decimal: decimal sign; by default a point, or a comma where the cells show one.
         header: False for a file that starts with data; its columns are then named ``1``, ``2``, ...
         encoding: of the header; by default UTF-8, or Windows-1252 where it is none.
@@ -78,20 +84,25 @@ class TextSource(Source):
         self._survey = survey(path, encoding)
         first = self._survey.first_line
         above = None
+        head = head_text(path, self._survey, encoding)
+        if separator is None and blanks.parted(head, _may_be_number):
+            separator = blanks.BLANK
         if header and not first.startswith(controldesk.FIRST):
-            above = read_preamble(head_text(path, self._survey, encoding), separator, _may_be_number)
+            above = read_preamble(head, separator, _may_be_number)
         found = separator or next((sign for sign in (";", "\t") if sign in first), ",")
         self._separator = found if above is None else above.separator
         self._decimal = decimal
+        self._squeezed: bytes | None = None
+        self._prefixed = False
         try:
-            cells = next(csv.reader([first], delimiter=self._separator), [])
+            cells = self._cells(first)
         except csv.Error as error:
             raise DataError(f"{path}: the header row cannot be read: {error}") from None
         self._width = len(cells)
         self._header = header
         export = None
         if header and cells[:1] == [controldesk.FIRST]:
-            export = controldesk.read_header(head_text(path, self._survey, encoding), self._separator)
+            export = controldesk.read_header(head, self._separator)
             if export is None:
                 raise DataError(
                     f"{path}: row 1 is that of a ControlDesk export, but the lines 'trace_names' and 'trace_values' are"
@@ -168,15 +179,15 @@ class TextSource(Source):
         filled = 0
         # arrow reads ahead in threads of its own that outlive the reader: a file of Python's would have them call Python
         # while it ends, which aborts the process
-        with pa.OSFile(str(self.path)) as file:
+        with self._bytes() as file:
             reader = arrow_csv.open_csv(
-                file.get_stream(self._survey.start, self._end - self._survey.start),
+                file,
                 read_options=arrow_csv.ReadOptions(
                     column_names=names,
                     skip_rows=self._survey.header_lines if self._header else 0,
                     block_size=_BLOCK,
                 ),
-                parse_options=arrow_csv.ParseOptions(delimiter=self._separator),
+                parse_options=arrow_csv.ParseOptions(delimiter=self._delimiter),
                 convert_options=arrow_csv.ConvertOptions(
                     column_types=dict.fromkeys(wanted, pa.float64()),
                     include_columns=wanted,
@@ -237,7 +248,7 @@ class TextSource(Source):
         columns = {k: array("d") for k in indices}
         self._rows = 0
         with self._window() as file:
-            reader = csv.reader(_text(file), delimiter=self._separator)
+            reader = csv.reader(_text(file), delimiter=self._delimiter)
             begin = 1
             for line, cells in self._rows_of(reader):
                 self._check_span(max(begin, line - sum(map(_breaks, cells))), line, cells)
@@ -270,6 +281,11 @@ class TextSource(Source):
             return float(text.replace(",", "."))
         if self._decimal is None and decimal == "." and _is_number(text, ","):
             raise _DecimalCommaError
+        if (prefixed := _PREFIXED.fullmatch(text)) and _is_number(prefixed[1], decimal):
+            if not self._prefixed:
+                self.warnings.append(f"numbers with a prefix were read as such: '{text}', m is a thousandth")
+            self._prefixed = True
+            return float(prefixed[1].replace(",", ".")) * _PREFIXES[prefixed[2]]
         shown = text if len(text) <= 30 else text[:30] + "..."
         raise DataError(
             f"{self.path}: row {line}, column '{self.labels[k].text}': '{shown}' is not a number"
@@ -288,7 +304,7 @@ class TextSource(Source):
         if self._survey.ends_cleanly or self._survey.lines <= self._survey.header_lines:
             return
         try:
-            cells = next(csv.reader([last], delimiter=self._separator), [])
+            cells = self._cells(last)
         except csv.Error:
             cells = []
         texts = [cell.strip() for cell in cells]
@@ -304,11 +320,54 @@ class TextSource(Source):
             f"the last line (row {number}) was cut short ({len(cells)} of {self._width} cells) and left out"
         )
 
-    def _window(self) -> Window:
+    @property
+    def _delimiter(self) -> str:
+        """Between the cells of what `_window` and `_bytes` give."""
+        return "\t" if self._separator == blanks.BLANK else self._separator
+
+    def _cells(self, line: str) -> list[str]:
+        """The cells of a line of the file itself."""
+        if self._separator == blanks.BLANK:
+            return blanks.cells_of(line)
+        return next(csv.reader([line], delimiter=self._separator), [])
+
+    def _whole(self) -> bytes:
+        """The table with one tab for each run of blanks."""
+        if self._squeezed is None:
+            self._squeezed = blanks.squeezed(self.path, self._survey.start, self._end)
+        return self._squeezed
+
+    @contextlib.contextmanager
+    def _bytes(self) -> Iterator[Any]:
+        """The table, to read by arrow."""
+        if self._separator == blanks.BLANK:
+            yield pa.BufferReader(self._whole())
+            return
+        with pa.OSFile(str(self.path)) as file:
+            yield file.get_stream(self._survey.start, self._end - self._survey.start)
+
+    def _window(self) -> io.RawIOBase:
+        if self._separator == blanks.BLANK:
+            return _Held(self._whole())
         return Window(self.path, self._survey.start, self._end)
 
 
-def _text(file: Window) -> io.TextIOWrapper:
+class _Held(io.RawIOBase):
+    """Bytes in memory, as a file to read from."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = io.BytesIO(data)
+
+    def readable(self) -> bool:
+        """True."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Fills a writable buffer with what is left and returns the number of bytes."""
+        return self._data.readinto(buffer)
+
+
+def _text(file: io.RawIOBase) -> io.TextIOWrapper:
     return io.TextIOWrapper(io.BufferedReader(file, _BLOCK), encoding="utf-8", errors="replace", newline="")
 
 

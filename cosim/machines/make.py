@@ -14,6 +14,7 @@ from cosim.compare.mapping import CompareTable, Target, load_mapping
 from cosim.errors import DataError, UsageError
 from cosim.lexicon import ELECTRIC_DRIVER
 from cosim.logs import Log, Mapping
+from cosim.machines.flow import set_by_flow
 from cosim.machines.scale import Sizes, scales
 from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_table
 from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
@@ -23,9 +24,16 @@ from cosim.units import parse_quantity
 from fmus import registry
 
 SHORTEST_STEP = 1e-3  # s that the step of a simulation needs at most to be
+SHOWN_BY_LOAD = (
+    "p_load",
+    "p_a",
+    "p_b",
+)  # signals of the pressure that drives the motion, or that the load makes
 STEPS_A_SAMPLE, STEPS_A_LAG = 5.0, 10.0  # steps of a simulation between two samples, and in a lag, at least
 # what the driver of a motor can do of that which a valve can: come late, be limited in rate and size, be off
 DRIVER = ("dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dcv.offset")
+# of a flow that nothing moves, only the valve's part and what scales it or holds it back
+OF_A_FLOW = ("mechanical.inertia", "mechanical.viscous_friction", "continuity.flow_asymmetry")
 MOTOR = {"dcv": ELECTRIC_DRIVER, "continuity": "winding", "mechanical": "motor"}  # block -> what it is called
 # effects that change one gain; between two signals only the last block's gain is asked for
 GAINS = {
@@ -79,6 +87,10 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
     gains = gains_of(machine, signals, log)
     sample = second(plain, log)
     rates = speeds(signals)
+    why = flow_sets(machine, inner, log, sample, rates)
+    aside = {n: why for n in SHOWN_BY_LOAD if why and n not in signals}
+    inner = {c: n for c, n in inner.items() if n not in aside}
+    aside |= unstated_supply(machine, signals, log)
     told = numbers(machine, inner, gains, log, sample, rates)
     name = re.sub(r"\W+", "_", plain.name or mapping.stem).strip("_").lower() or "machine"
     component, _, variable = signals[machine.output].variable.partition(".")
@@ -92,12 +104,42 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
     for component in machine.chain:
         if START_PARAMETER in block_of(component).parameters and machine.output not in {START_SIGNAL, *rates}:
             start.setdefault(f"{component}.{START_PARAMETER}", machine.output)
-    table = given.model_copy(update={"signals": signals, "start": start})
+    table = given.model_copy(update={"signals": signals, "start": start, "aside": aside})
     sizes = Sizes.of(machine, told, inner, gains, log, sample, rates)
     diagnose = completed(plain.diagnose, machine, told, inner, sizes)
     if log is not None and told.lag > 0.0:
         diagnose.setdefault("step", longest_step(log, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
+
+
+def unstated_supply(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, str]:
+    """A supply pressure that was measured and of which nothing is said: the crane's 170 bar is that of no other machine."""
+    if log is None or "p_supply" not in log or "p_supply" in signals or "continuity" not in machine.chain:
+        return {}
+    if "continuity.p_s" in machine.parameters:
+        return {}
+    return {
+        "p_supply": "p_supply is not judged: [machine.parameters] does not say what it is ('continuity.p_s')"
+    }
+
+
+def flow_sets(
+    machine: MachineTable, inner: dict[str, str], log: Log | None, sample: float, rates: set[str]
+) -> str:
+    """Why the chain is not cut at the load pressure, where flow and not pressure sets the motion; else empty."""
+    pressure = inner.get("continuity")
+    known = log is not None and all(n in log for n in (pressure or "", machine.input, machine.output))
+    if log is None or pressure != "p_load" or not known or not machine.moves or machine.forced:
+        return ""
+    found = set_by_flow(
+        log.time * sample,
+        *(log.require(n) for n in (machine.input, pressure, machine.output)),
+        integrates=machine.output not in rates,
+    )
+    return found and (
+        f"p_a and p_b are left aside: {found}, so flow sets the speed here and the load makes the pressure; what lies "
+        f"between {machine.input} and {machine.output} is judged as one"
+    )
 
 
 def longest_step(log: Log, lag: float, sample: float) -> str:
@@ -209,7 +251,7 @@ def completed(
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
     found["units"] = {**machine.units, **scale_free(machine, inner, told.values), **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
-    axis = {"mechanical": "axis"} if machine.motion == "travel" else {}
+    axis = {"travel": {"mechanical": "axis"}, "flow": {"mechanical": "flow"}}.get(machine.motion, {})
     if machine.drive == "electric":
         axis = MOTOR | axis
     found["blocks"] = {"sensor": "sensor", **axis, **given.get("blocks", {})}
@@ -249,6 +291,12 @@ def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:
             name
             for name in registry.effects()
             if name.partition(".")[0] in ("dcv", "continuity") and name not in DRIVER
+        ]
+    if machine.motion == "flow":
+        found += [
+            name
+            for name in registry.effects()
+            if name.partition(".")[0] in ("mechanical", "continuity") and name not in OF_A_FLOW
         ]
     for component, behind in zip(machine.chain, machine.chain[1:], strict=False):
         carries = block_of(behind).name in ("continuity", "mechanical", "simplified")

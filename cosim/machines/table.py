@@ -33,6 +33,15 @@ TRAVEL = {
     "rad/s": "m/s",
     "rad/s2": "m/s2",
 }
+# what a valve or pump lets through, in the place of a speed: a resistance, an inertance and a pressure in those of the block
+FLOW = {
+    "kg.m2": "Pa.s2/m3",
+    "N.m.s/rad": "Pa.s/m3",
+    "N.m": "Pa",
+    "rad": "m3",
+    "rad/s": "m3/s",
+    "rad/s2": "m3/s2",
+}
 HERTZ = 6.283185307179586  # rad/s
 Stated = dict[str, str | float]
 
@@ -44,7 +53,7 @@ class MachineTable(BaseModel):
         chain: our blocks in the order of the flow, from the command, or whatever is measured first, to the motion.
         input: signal that drives the first block.
         output: signal that the last block makes.
-        motion: "turn" (angles) or "travel" (a linear axis: kg, N, m).
+        motion: "turn" (angles), "travel" (a linear axis: kg, N, m) or "flow" (what a valve or pump lets through: Pa, m3).
         drive: what moves it, "hydraulic" or "electric"; a motor has no oil, and a driver in place of the valve.
         speed: of the motion at a command of 1, such as ``0.8 rad/s``; ``?``: from the log.
         lag: time constant of that speed, such as ``70 ms``; ``?``: from the log.
@@ -56,7 +65,7 @@ class MachineTable(BaseModel):
     chain: Annotated[tuple[str, ...], Field(min_length=1)]
     input: str = "u"
     output: str = "slew"
-    motion: Literal["turn", "travel"] = "turn"
+    motion: Literal["turn", "travel", "flow"] = "turn"
     drive: Literal["hydraulic", "electric"] = "hydraulic"
     speed: str | None = None
     lag: str | None = None
@@ -111,6 +120,8 @@ class MachineTable(BaseModel):
         """SI unit -> the name people read for it on this machine."""
         if self.motion == "travel":
             return {**TRAVEL, **({"Pa": "N"} if self.forced else {})}
+        if self.motion == "flow":
+            return dict(FLOW)
         return {"Pa": "N.m"} if self.forced else {}
 
     def variable(self, name: str) -> Variable:

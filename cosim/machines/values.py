@@ -22,6 +22,7 @@ NEUTRAL: dict[str, dict[str, float]] = {
     "sensor": {"gain": 1.0},
 }
 UNSEEN = 0.1  # of the machine's lag: what blocks of which nothing is said may add to it
+TOLD = 2.0  # intervals between samples: rough numbers come out at one of them where a log tells no lag
 ZETA = 0.8  # damping taken for a valve whose natural frequency only the log tells
 SHOWN = {"dcv": "spool", "continuity": "p_load"}  # block -> its signal, where it is measured
 LINEAR = (
@@ -134,7 +135,8 @@ def numbers(
             drive, before = inner[component], []
     if table.moves:
         moved(found, table, stated)
-        unnoticed(found, stated, 0.0 if log is None else float(np.median(np.diff(log.time))) * sample)
+        interval = 0.0 if log is None else float(np.median(np.diff(log.time))) * sample
+        unnoticed(found, stated, interval, table.output in rates)
     missing = [n for n in asked if n not in values]
     if missing and log is not None:
         raise DataError(
@@ -143,15 +145,18 @@ def numbers(
     return found
 
 
-def unnoticed(found: Numbers, stated: Collection[str], interval: float) -> None:
+def unnoticed(found: Numbers, stated: Collection[str], interval: float, rate: bool) -> None:
     """Make valve and oil of which nothing is said so fast that a log does not show them beside the machine's own lag.
 
-    A motor of 7 ms sampled at 2 kHz shows the 15 ms of the neutral valve and oil, which would stand for its own dynamics.
+    A motor of 7 ms sampled at 2 kHz shows the 15 ms of the neutral valve and oil, which would stand for its own dynamics. So
+    does a valve of 60 ms sampled every 20 ms whose flow is measured: in a speed or flow a lag shorter than an interval shows
+    as well, while in a place it is a shift by less than one sample's way.
 
     Args:
         found: the parameters.
         stated: those that the machine's file states.
         interval: between two samples, s.
+        rate: the machine's output is a speed or a flow.
     """
     values, known = found.values, {*stated, *found.from_log}
     lags = {}
@@ -159,7 +164,9 @@ def unnoticed(found: Numbers, stated: Collection[str], interval: float) -> None:
         lags["dcv.w0"] = 2.0 * values["dcv.zeta"] / values["dcv.w0"]
     if "continuity.T" in values and "continuity.T" not in known:
         lags["continuity.T"] = values["continuity.T"]
-    least = max(UNSEEN * found.lag, interval)
+    least = UNSEEN * found.lag
+    if not rate or found.lag <= TOLD * interval:
+        least = max(least, interval)
     if not lags or found.lag == 0.0 or sum(lags.values()) <= least:
         return
     faster = sum(lags.values()) / least

@@ -47,8 +47,9 @@ def outlet(table: MachineTable, unit: str | None = None) -> Ends:
 
 
 def is_speed(unit: str) -> bool:
-    """True if a signal of this unit is a speed, of an angle or of a length."""
-    return any(parse_unit(unit).dimensionality == parse_unit(s).dimensionality for s in ("rad/s", "m/s"))
+    """True if a signal of this unit is a speed, of an angle, a length or a volume (a flow)."""
+    own = parse_unit(unit).dimensionality
+    return any(own == parse_unit(s).dimensionality for s in ("rad/s", "m/s", "m3/s"))
 
 
 def wiring_xml(

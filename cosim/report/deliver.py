@@ -38,7 +38,7 @@ def announce(logs: Sequence[Log], tracker: Tracker | None, machine: Machine) -> 
     """Say on stderr, before anything is computed, what these signals can tell apart and which others would help."""
     measured = set.intersection(
         *({*log.signals} | ({"p_load"} if "p_load" in log else set()) for log in logs)
-    )
+    ) - set(machine.aside)
     apart = isolability(machine.groups, measured | ({"slew_external"} if tracker else set()))
     for where, names in apart.classes:
         stderr_console().print(f"residual of {' and '.join(where)} shows: {', '.join(names)}", markup=False)

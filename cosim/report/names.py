@@ -90,6 +90,9 @@ TURNING = (
     *(("inertia", "mass"), ("Inertia", "Mass")),
 )
 
+# words for rotation -> words for what a valve or pump lets through
+FLOWING = (("torque", "pressure"), ("Torque", "Pressure"), ("slew speed", "flow"), ("slew angle", "volume"))
+
 
 def known_as(signal: str) -> str:
     """A signal by the name people know, with its own: "slew angle (slew)"."""

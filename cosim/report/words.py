@@ -9,7 +9,16 @@ from string import Formatter
 from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, SignalGain
 from cosim.lexicon import current
 from cosim.report.material import Material, component_of
-from cosim.report.names import BLOCK_NAMES, DRIVEN, OTHER_AXIS, QUANTITIES, SIGNAL_NAMES, TURNING, replaced
+from cosim.report.names import (
+    BLOCK_NAMES,
+    DRIVEN,
+    FLOWING,
+    OTHER_AXIS,
+    QUANTITIES,
+    SIGNAL_NAMES,
+    TURNING,
+    replaced,
+)
 from fmus import registry
 
 NOISY = 1.1  # times the sensor's noise within which an error is called the noise
@@ -212,6 +221,7 @@ def kind_of_motion(text: str) -> str:
     """Words about the crane's slew, as they are said of another machine's axis, which may move along a line."""
     lexicon = current()
     pairs = (
+        *(FLOWING if lexicon.units.get("rad") == "m3" else ()),
         *(OTHER_AXIS if lexicon.blocks else ()),
         *(DRIVEN if lexicon.electric else ()),
         *(TURNING if lexicon.units.get("rad") == "m" else ()),

@@ -185,7 +185,7 @@ def test_a_side_that_is_not_known_is_left_out_of_the_words():
     run = made(3, seconds=200.0)
     curve = drive_curve([run])
     known = {name: e for name, e in curve.values.items() if not name.endswith("_low") and name != "top_high"}
-    lines = sentences(replace(curve, values=known), Told("u", "slew", "1", "deg"))
+    lines = sentences(replace(curve, values=known), Told("u", "slew", "1", "deg/s"))
     assert len(lines) == 3
     assert "for a command u to 0.2" in lines[0]
     assert "below" not in lines[1]
@@ -194,5 +194,35 @@ def test_a_side_that_is_not_known_is_left_out_of_the_words():
 def test_a_dead_zone_that_is_none_is_not_given_as_a_tiny_one():
     curve = drive_curve([made(3, seconds=200.0)])
     tiny = {n: Estimate(1e-10, 1e-8, -4e-8, 1.5e-3) for n in ("dead_low", "dead_high")}
-    lines = sentences(replace(curve, values={**curve.values, **tiny}), Told("u", "slew", "1", "deg"))
+    lines = sentences(replace(curve, values={**curve.values, **tiny}), Told("u", "slew", "1", "deg/s"))
     assert lines[0] == "Dead zone: none shows; one wider than 0.0015 of the command u would have shown (95 %)"
+
+
+SPEED = """
+[signals]
+u = { column = "u", unit = "1" }
+speed = { column = "speed", unit = "rpm" }
+[time]
+column = "t"
+unit = "s"
+[machine]
+chain = ["dead_zone", "dcv", "continuity", "mechanical"]
+output = "speed"
+speed = "?"
+lag = "?"
+"""
+
+
+def test_a_speed_that_was_measured_gives_the_same_curve(tmp_path: Path):
+    """A tachometer or a flow meter in the place of an angle."""
+    run = made(6, noise=0.0)
+    (tmp_path / "m.toml").write_text(SPEED)
+    rpm = np.gradient(run.position, run.time) * 60.0 / (2.0 * np.pi)
+    table = np.column_stack([run.time, run.command, rpm])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,u,speed", comments="", fmt="%.9g")
+    mapping = load_mapping(tmp_path / "m.toml")
+    found = drive_answer([load_log(tmp_path / "log.csv", mapping)], mapping, None, None).data["drive_curve"]
+    assert found["motion"]["unit"] == found["top_speed"]["high"]["unit"] == "rpm"
+    assert found["dead_zone"]["high"]["value"] == pytest.approx(0.25, abs=0.02)
+    assert found["top_speed"]["high"]["value"] == pytest.approx(0.8 * 60.0 / (2.0 * np.pi), rel=0.03)
+    assert found["top_speed"]["low"]["value"] == pytest.approx(-0.75 * 60.0 / (2.0 * np.pi), rel=0.03)

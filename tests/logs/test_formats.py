@@ -14,6 +14,7 @@ from scipy.io import savemat
 
 from cosim.errors import DataError, MissingExtraError
 from cosim.logs import load_log, write_log
+from cosim.logs.overview import overview
 from cosim.signals import LOG_SIGNALS
 
 with warnings.catch_warnings():
@@ -171,6 +172,17 @@ def test_timeseries_of_different_rates_share_the_finest_clock(save_objects):
     np.testing.assert_array_equal(log["u"][5], log["u"][0])  # held
     assert log.warnings[0] == "'u': on a clock of their own, brought to that of 'slew'"
     assert not log.valid_mask("u")[191:].any()
+
+
+def test_a_matrix_is_read_along_its_longer_side(tmp_path):
+    """As Simulink's "To File" writes it: a sample is a column, and the first row is the time."""
+    path, t = tmp_path / "log.mat", 0.01 * np.arange(40)
+    savemat(path, {"ans": np.vstack([t, np.sin(t), np.cos(t)])})
+    found = overview(path)
+    assert [c.label.text for c in found.columns] == ["ans(1,:)", "ans(2,:)", "ans(3,:)"]
+    assert found.samples == 40
+    assert found.clock is not None
+    assert found.clock.column == 0
 
 
 def test_mat_columns_of_different_length(tmp_path):

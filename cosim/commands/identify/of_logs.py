@@ -236,7 +236,9 @@ def drive(
     ] = None,
     motion: Annotated[
         str | None,
-        typer.Option(help="Angle or position that answers [default: the machine's output, or slew]."),
+        typer.Option(
+            help="Angle, position, speed or flow that answers [default: the machine's output, or slew]."
+        ),
     ] = None,
     start: From = None,
     stop: To = None,

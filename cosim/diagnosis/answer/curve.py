@@ -12,7 +12,7 @@ from cosim.diagnosis.model.groups import Group
 from cosim.errors import DataError
 from cosim.identify.drive_curve import drive_curve
 from cosim.identify.drive_fit import Run
-from cosim.identify.run_drive import curve_data, run_of, told_of
+from cosim.identify.run_drive import curve_data, run_of, told_of, way
 from cosim.logs import Log, listed
 
 
@@ -36,7 +36,7 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
     """
     group = integrating(found)
     logs = listed(log)
-    if group is None or group.is_speed(group.observed[0]) or group.observed[0] not in logs[0]:
+    if group is None or group.observed[0] not in logs[0]:
         return None
     drive, motion = group.drive, group.observed[0]
     try:
@@ -47,7 +47,9 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
     if found.held is not None and found.held.name and found.held.record.has(drive, motion):
         signals = found.machine.signals
         rows = {n: found.held.record.signals[n] / signals[n].gain for n in (drive, motion)}
-        runs.append(Run(found.held.name, found.held.record.time, rows[drive], rows[motion]))
+        time = found.held.record.time
+        moved = way(time, rows[motion]) if group.is_speed(motion) else rows[motion]
+        runs.append(Run(found.held.name, time, rows[drive], moved))
     for used in (runs, runs[:1]):
         try:
             return DriveCurve.model_validate(curve_data(drive_curve(used), told))

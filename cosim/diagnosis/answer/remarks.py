@@ -13,7 +13,7 @@ from cosim.diagnosis.held_out.causes import Refused
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, Pieces
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.thresholds import AT_ZERO, HELD_LEVEL, UNCOMMANDED
+from cosim.diagnosis.thresholds import AT_ZERO, FAR, HELD_LEVEL, UNCOMMANDED
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log
@@ -29,7 +29,8 @@ def shown(signal: str) -> tuple[str, float]:
 def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     """What the user should know of how the logs were taken, and laid one behind the other."""
     log, grid = logs[0], diagnosis.record.grid
-    found = behind_one_another(diagnosis, logs, grid) if isinstance(grid, Pieces) else []
+    found = list(dict.fromkeys(diagnosis.machine.aside.values()))
+    found += behind_one_another(diagnosis, logs, grid) if isinstance(grid, Pieces) else []
     if log.time_unit != "s":
         found.append(
             f"the log counts samples and its sampling time is not known: one sample counts as {diagnosis.record.h:g} s, "
@@ -210,14 +211,23 @@ def one_level(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+def moved(record: Record, machine: Machine) -> tuple[str, bool]:
+    """The signal that shows the motion, and whether it is a speed; no name where none was measured."""
+    for group in reversed([g for g in machine.groups if g.integrates]):
+        for name in group.observed:
+            if name in record.signals:
+                return name, group.is_speed(name)
+    return "", False
+
+
 def one_way(record: Record, machine: Machine) -> list[str]:
     """That a drive goes both ways on a command that never changes sign: the column of the other direction is missing.
 
     A load alone may turn a drive back while its valve is open; what it goes on no command at all it does not.
     """
-    drive, name = machine.drive, "slew"
+    drive, (name, is_speed) = machine.drive, moved(record, machine)
     command = record.signals.get(drive)
-    if command is None or name not in record.signals or not any(g.integrates for g in machine.groups):
+    if command is None or not name or is_speed:
         return []
     reach = float(np.max(np.abs(command), initial=0.0))
     rest = np.abs(command) <= AT_ZERO * reach
@@ -236,9 +246,31 @@ def one_way(record: Record, machine: Machine) -> list[str]:
     ]
 
 
+def no_sign(record: Record, machine: Machine) -> list[str]:
+    """That a speed or flow is as large on either side of the command and keeps its sign: its meter shows no direction."""
+    drive, (name, is_speed) = machine.drive, moved(record, machine)
+    command = record.signals.get(drive)
+    if command is None or not is_speed:
+        return []
+    reach, seen = float(np.max(np.abs(command), initial=0.0)), record.signals[name]
+    ahead, back = (seen[way * command > FAR * reach] for way in (1.0, -1.0))
+    if reach == 0.0 or min(ahead.size, back.size) < HELD_LEVEL * command.size:
+        return []
+    sizes = float(np.median(ahead)), float(np.median(back))
+    larger, smaller = max(sizes, key=abs), min(sizes, key=abs)
+    against = np.mean(larger * seen < -AT_ZERO * larger * larger)
+    if smaller * larger < UNCOMMANDED * larger * larger or larger == 0.0 or against > HELD_LEVEL:
+        return []
+    return [
+        f"{name} is as large for a negative as for a positive {drive} and never changes its sign: a meter that shows no "
+        "direction; give its readings the sign of the motion before they are compared, or take a log of one direction"
+    ]
+
+
 def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more."""
-    return one_way(diagnosis.record, diagnosis.machine) + one_level(diagnosis)
+    record, machine = diagnosis.record, diagnosis.machine
+    return one_way(record, machine) + no_sign(record, machine) + one_level(diagnosis)
 
 
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:

@@ -35,6 +35,7 @@ class Machine:
         options: what the mapping says.
         lexicon: units and words for people.
         mapping: with which its logs are read.
+        aside: signal that counts as not measured -> why.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Machine:
     options: Options = field(default_factory=Options)
     lexicon: Lexicon = field(default_factory=Lexicon)
     mapping: LogMapping | None = None
+    aside: dict[str, str] = field(default_factory=dict)
 
     @property
     def drive(self) -> str:
@@ -126,7 +128,9 @@ def machine_for(
         for group in cut(wiring, signals, start_values(wiring, table, signals), trusted)
     ]
     lexicon = Lexicon(shown_signals(log, mapping, signals), dict(options.units), dict(options.blocks))
-    return Machine(wiring.name, wiring, path, tuple(groups), signals, values, options, lexicon, mapping)
+    return Machine(
+        wiring.name, wiring, path, tuple(groups), signals, values, options, lexicon, mapping, table.aside
+    )
 
 
 def shown_signals(log: Log, mapping: LogMapping, signals: Mapping[str, Bound]) -> dict[str, Shown]:

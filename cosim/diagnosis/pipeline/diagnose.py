@@ -102,9 +102,13 @@ def prepare(log: Log, machine: Machine) -> Record:
         log = log.resample(log.step)
     grid, interval = grid_of(log.time * second, machine.options.step, machine.drive not in log.held)
     gains = {n: item.gain for n, item in machine.signals.items()}
-    signals = {n: v if gains.get(n, 1.0) == 1.0 else gains[n] * v for n, v in log.signals.items()}
-    filled = {n: ~valid for n, valid in log.valid.items()}
-    if "p_load" in log:
+    signals = {
+        n: v if gains.get(n, 1.0) == 1.0 else gains[n] * v
+        for n, v in log.signals.items()
+        if n not in machine.aside
+    }
+    filled = {n: ~valid for n, valid in log.valid.items() if n in signals}
+    if "p_load" in log and "p_load" not in machine.aside:
         signals["p_load"] = log.p_load
         valid = log.valid_mask("p_load")
         filled |= {} if valid.all() else {"p_load": ~valid}
