@@ -10,6 +10,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -48,6 +49,7 @@ LONG = (
     "test_compiled.py",
 )
 SLOWEST = 600.0  # s that one process waits for what another makes
+BROWSER = 120_000.0  # ms within which a browser has done what it was asked for, on a machine with other work
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -185,6 +187,16 @@ def browser() -> Iterator[object]:
     if found is None:
         pytest.skip("no Chromium: apt install chromium")
     with playwright.sync_playwright() as running:
-        started = running.chromium.launch(executable_path=found, headless=True, args=CHROMIUM)
+        started = running.chromium.launch(
+            executable_path=found, headless=True, args=CHROMIUM, timeout=BROWSER
+        )
+        plain = started.new_context
+
+        def patient(**options: Any) -> Any:
+            context = plain(**options)
+            context.set_default_timeout(BROWSER)
+            return context
+
+        started.new_context = patient
         yield started
         started.close()
