@@ -39,7 +39,7 @@ def until_done(folder: Path, count: int) -> None:
 
 def _gone(processes: list[psutil.Process]) -> None:
     """Workers whose parent was killed end by themselves."""
-    _, alive = psutil.wait_procs(processes, timeout=60)
+    _, alive = psutil.wait_procs(processes, timeout=600)
     assert not alive
 
 
@@ -64,7 +64,7 @@ def test_an_interrupted_batch_goes_on(
     until_done(tmp_path / "b", 4)
     before = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(how)
-    _, said = process.communicate(timeout=120)
+    _, said = process.communicate(timeout=600)
     assert process.returncode == (-9 if how == signal.SIGKILL else 130)
     if how != signal.SIGKILL:
         assert b"runs are done and kept" in said

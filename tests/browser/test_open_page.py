@@ -40,7 +40,7 @@ class Opened:
 
     def ended(self) -> tuple[int, str]:
         """Exit code and stdout; nothing of what was dropped is left."""
-        out, err = self.process.communicate(timeout=60)
+        out, err = self.process.communicate(timeout=600)
         assert list(self.temporary.glob("cosim-open-*")) == []
         assert "Traceback" not in err
         return self.process.returncode, out

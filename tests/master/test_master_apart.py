@@ -59,7 +59,7 @@ def system(bad: Any, toys: Any, tmp_path_factory: pytest.TempPathFactory) -> Any
 def simulate(*words: object, **more: str) -> "subprocess.CompletedProcess[str]":
     command = [sys.executable, "-m", "cosim", "simulate", *map(str, words)]
     env = {**os.environ, **more}
-    return subprocess.run(command, cwd=TOP, env=env, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(command, cwd=TOP, env=env, capture_output=True, text=True, check=False, timeout=600)
 
 
 DEATHS = {
@@ -237,7 +237,7 @@ def test_ctrl_c_ends_a_child_that_hangs_and_leaves_none(bad: Any) -> None:
     before |= {template.pid for template in apart._templates}  # begun with the first child, and kept
     left = [p for p in psutil.Process().children(recursive=True) if p.pid not in before]
     # who has ended is a zombie until the template hears that we need it no more
-    assert psutil.wait_procs(left, timeout=60.0)[1] == []
+    assert psutil.wait_procs(left, timeout=600.0)[1] == []
 
 
 @needs_compiler
@@ -252,7 +252,7 @@ def test_a_child_ends_with_its_parent(bad: Any) -> None:
         child = psutil.Process(int(parent.stdout.readline()))
         time.sleep(0.5)
         parent.kill()
-    gone, alive = psutil.wait_procs([child], timeout=60.0)
+    gone, alive = psutil.wait_procs([child], timeout=600.0)
     assert (len(gone), alive) == (1, [])
 
 
