@@ -143,14 +143,19 @@ def rubbing(made_once) -> Path:
     return made_once("diagnosis", make)
 
 
-@pytest.fixture
-def built(packages, monkeypatch):
-    """The build folder of the command line: the packages under their names."""
+@pytest.fixture(scope="session")
+def place(packages):
+    """A build folder: the packages under their names."""
     folder = packages["simplified"].parent
-    if not (folder / "ssp").exists():
-        (folder / "ssp").symlink_to(folder, target_is_directory=True)
-    monkeypatch.setenv("COSIM_BUILD", str(folder))
+    (folder / "ssp").symlink_to(folder, target_is_directory=True)
     return folder
+
+
+@pytest.fixture
+def built(place, monkeypatch):
+    """The build folder of the command line."""
+    monkeypatch.setenv("COSIM_BUILD", str(place))
+    return place
 
 
 @pytest.fixture
