@@ -30,7 +30,7 @@ def running(words: list[object]) -> subprocess.Popen[bytes]:
 
 def until_done(folder: Path, count: int) -> None:
     """Waits until so many runs are in the journal."""
-    until = time.monotonic() + 240.0
+    until = time.monotonic() + 900.0
     journal = folder / "journal.jsonl"
     while not journal.is_file() or len(journal.read_bytes().splitlines()) < count:
         assert time.monotonic() < until
