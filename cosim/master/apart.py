@@ -141,6 +141,8 @@ class Apart:
                 if "piece" not in answer:
                     raise _refused(answer)
                 count = min(max(_whole(answer.get("count")) + new, 1), stop - start + 1)
+                if progress is not None:  # the last look at the child came before
+                    progress(float(task.grid[start + count - 1] - task.grid[0]))
                 yield self._piece(task, rows, columns, start, stop, new, count)
                 self._send("next")
             try:

@@ -183,6 +183,15 @@ def test_pieces_come_out_of_the_child_whole(toys: Any, monkeypatch: pytest.Monke
 
 
 @needs_compiler
+def test_progress_of_a_stranger_s_run_ends_with_the_run(toys: Any) -> None:
+    seen: list[float] = []
+    with Runner(toys.fmu("wave"), apart=True) as runner:
+        runner.run(0.5, 0.01, progress=seen.append)  # shorter than the time between two looks at the child
+    assert seen[-1] == pytest.approx(0.5)
+    assert seen == sorted(seen)
+
+
+@needs_compiler
 def test_what_a_stranger_prints_is_no_answer(system: Any) -> None:
     done = simulate(system("CHATTER"), "--json")
     assert done.returncode == 0, done.stderr
