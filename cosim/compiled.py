@@ -17,6 +17,7 @@ import re
 import shutil
 import sys
 import tempfile
+import threading
 from collections.abc import Mapping
 from functools import cache, cached_property
 from pathlib import Path
@@ -157,6 +158,11 @@ def _module_file(name: str, content: bytes) -> Path:
     )
 
 
+_loading = (
+    threading.Lock()
+)  # trials run in threads, and the second shall not find what the first has half loaded
+
+
 class _Forgiving:
     """numba's cache of one function, for which a file that is damaged or cannot be written is no error: it compiles anew."""
 
@@ -198,8 +204,12 @@ def load_text(stem: str, text: str) -> Any:
     """
     content = text.encode()
     name = f"{stem}_{hashlib.sha256(content).hexdigest()[:12]}"
-    if name in sys.modules:
-        return sys.modules[name]
+    with _loading:
+        return sys.modules[name] if name in sys.modules else _loaded(name, content)
+
+
+def _loaded(name: str, content: bytes) -> Any:
+    """A module that is not loaded yet."""
     file = _module_file(name, content)
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:

@@ -36,11 +36,12 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
         if path.suffix.lower() in (".ssp", ".fmu"):
             return path
         if path.suffix.lower() == ".toml":
-            from cosim.compare.model import open_model
+            from cosim.compare.model import build_wiring
             from cosim.logs import load_log
             from cosim.machines import made_for
 
-            return open_model(str(made_for(path, None if log is None else load_log(log, path)).ssd))
+            wiring = made_for(path, None if log is None else load_log(log, path)).ssd
+            return build_wiring(wiring, wiring.parent)  # another log makes another machine of the same name
         raise UsageError(
             f"'{model}' is no model: give an .ssp, .fmu or .toml file, or one of {', '.join(known)}"
         )

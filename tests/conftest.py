@@ -10,6 +10,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -47,7 +48,8 @@ LONG = (
     "test_notebooks.py",
     "test_compiled.py",
 )
-SLOWEST = 600.0  # s that one process waits for what another makes
+SLOWEST = 1800.0  # s that one process waits for what another makes
+BROWSER = 120_000.0  # ms within which a browser has done what it was asked for, on a machine with other work
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -84,6 +86,9 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
                 assert time.monotonic() < until, f"{name} is not made in {SLOWEST} s"
                 time.sleep(0.1)
                 continue
+            if whole.is_dir():  # the other one has ended since we looked, and so left this name free
+                begun.rmdir()
+                break
             try:
                 make(begun)
             except BaseException:
@@ -138,14 +143,19 @@ def rubbing(made_once) -> Path:
     return made_once("diagnosis", make)
 
 
-@pytest.fixture
-def built(packages, monkeypatch):
-    """The build folder of the command line: the packages under their names."""
+@pytest.fixture(scope="session")
+def place(packages):
+    """A build folder: the packages under their names."""
     folder = packages["simplified"].parent
-    if not (folder / "ssp").exists():
-        (folder / "ssp").symlink_to(folder, target_is_directory=True)
-    monkeypatch.setenv("COSIM_BUILD", str(folder))
+    (folder / "ssp").symlink_to(folder, target_is_directory=True)
     return folder
+
+
+@pytest.fixture
+def built(place, monkeypatch):
+    """The build folder of the command line."""
+    monkeypatch.setenv("COSIM_BUILD", str(place))
+    return place
 
 
 @pytest.fixture
@@ -182,6 +192,16 @@ def browser() -> Iterator[object]:
     if found is None:
         pytest.skip("no Chromium: apt install chromium")
     with playwright.sync_playwright() as running:
-        started = running.chromium.launch(executable_path=found, headless=True, args=CHROMIUM)
+        started = running.chromium.launch(
+            executable_path=found, headless=True, args=CHROMIUM, timeout=BROWSER
+        )
+        plain = started.new_context
+
+        def patient(**options: Any) -> Any:
+            context = plain(**options)
+            context.set_default_timeout(BROWSER)
+            return context
+
+        started.new_context = patient
         yield started
         started.close()

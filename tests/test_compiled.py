@@ -5,14 +5,19 @@ import math
 import os
 import subprocess
 import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from cosim.compiled import CompiledBlock, CompiledPair, compiled_block
+from cosim.compiled import CompiledBlock, CompiledPair, compiled_block, load_text
 from fmus import registry
 from fmus.contract import Buffer
 from fmus.syntax import collect
@@ -175,6 +180,26 @@ def test_unknown_parameter_is_named() -> None:
     with pytest.raises(KeyError, match="has no 'tau_cc'; did you mean tau_c"):
         compiled_block("mechanical").run(np.zeros((1, 3)), H, {"tau_cc": 1.0})
     assert math.isfinite(compiled_block("mechanical").nominal["J"])
+
+
+def test_a_thread_does_not_find_what_another_has_half_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Trials run in threads, and load the blocks with their effects when they first need them."""
+    begun, plain = threading.Event(), SourceFileLoader.exec_module
+
+    def slow(loader: SourceFileLoader, module: ModuleType) -> None:
+        begun.set()
+        time.sleep(0.2)
+        plain(loader, module)
+
+    monkeypatch.setenv("COSIM_CACHE", str(tmp_path))
+    monkeypatch.setattr(SourceFileLoader, "exec_module", slow)
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(load_text, "half_loaded", "whole = True\n")
+        assert begun.wait(60.0)
+        assert pool.submit(load_text, "half_loaded", "whole = True\n").result().whole
+    monkeypatch.delitem(sys.modules, first.result().__name__)
 
 
 LOADED = """

@@ -152,7 +152,7 @@ def test_sigterm_ends_a_command_in_order() -> None:
     folder = Path(process.stdout.readline().strip())
     assert folder.is_dir()
     process.terminate()
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=600)
     assert (process.returncode, said) == (130, "error: interrupted\n")
     assert not folder.exists()
 

@@ -88,13 +88,14 @@ class _Lane:
 
     def submit(self, job: Job, runs: list[Run], folder: str) -> "Future[Outcomes]":
         self.begun, self.late, self.together = clock.monotonic(), False, len(runs)
+        if self.process is not None and not self.process.is_alive():
+            self.retire()  # it died while it had nothing to do, and its pool may not have noted it yet
         if self.pool is not None:
             try:
                 self.future = self.pool.submit(execute, job, runs)
             except BrokenProcessPool:  # it died while it had nothing to do
                 self.retire()
         if self.pool is None:
-            before = set(multiprocessing.active_children())
             begun = ((folder, get_temp_dir()), dict(os.environ))
             with uninterrupted():  # a process that is told half of how it begins prints a traceback
                 self.pool = ProcessPoolExecutor(
@@ -103,8 +104,8 @@ class _Lane:
                 self.future = self.pool.submit(execute, job, runs)
             # what a process writes that is killed within its answer has an end only where nobody else holds the pipe
             self.pool._result_queue._writer.close()  # type: ignore[attr-defined]
-            made = [child for child in multiprocessing.active_children() if child not in before]
-            self.process, self.runs = (made[0] if made else None), 0
+            # the pool's own list: among the living it is missing where it has died already
+            self.process, self.runs = next(iter(self.pool._processes.values())), 0
             self.begun += START
         assert self.future is not None
         self.runs += len(runs)

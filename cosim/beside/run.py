@@ -11,6 +11,7 @@ from cosim import console
 from cosim.beside.extras import Extras
 from cosim.compare import Comparator, CompareTable, Comparison, load_mapping, open_model
 from cosim.compare.limits import check_limits, read_limits
+from cosim.compare.model import build_wiring
 from cosim.compare.picture import write_pictures
 from cosim.compare.present import answer, as_data, write_series
 from cosim.errors import ModelError, UsageError
@@ -182,7 +183,7 @@ def _source(
         from cosim.machines import made_for
 
         made = made_for(mapping, log)
-        return open_model(str(made.ssd)), made.table
+        return build_wiring(made.ssd, made.ssd.parent), made.table
     return open_model(*_reference(model, names, table)), table
 
 

@@ -40,17 +40,22 @@ def open_model(model: str, folder: Path | None = None) -> Path:
     return build_wiring(path) if suffix == ".ssd" else path
 
 
-def build_wiring(wiring: Path) -> Path:
+def build_wiring(wiring: Path, folder: Path | None = None) -> Path:
     """Build the package of an .ssd whose components are our blocks; a stimulus in it is left out.
 
+    Args:
+        wiring: the .ssd.
+        folder: of the package; by default ``ssp`` in the build folder.
+
     Returns:
-        ``<build folder>/ssp/<name>_open.ssp``, or ``<name>.ssp`` where the system has inputs of its own.
+        ``<name>_open.ssp`` in the folder, or ``<name>.ssp`` where the system has inputs of its own.
 
     Raises:
         ModelError: the wiring or an .ssv file is bad.
     """
     document = read_xml(wiring)
+    folder = folder or build_folder() / "ssp"
     components = document.findall(".//ssd:Component", NAMES)
     if any(component.get("name") == STIMULUS for component in components):
-        return write_ssp(wiring, build_folder() / "ssp" / f"{wiring.stem}_open.ssp", open=True)
-    return write_as_wired(wiring, build_folder() / "ssp" / f"{wiring.stem}.ssp")
+        return write_ssp(wiring, folder / f"{wiring.stem}_open.ssp", open=True)
+    return write_as_wired(wiring, folder / f"{wiring.stem}.ssp")

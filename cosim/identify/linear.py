@@ -66,7 +66,8 @@ def discretised(denominator: Array, h: float, held: bool) -> tuple[Array, Array,
     over = _exponential(system * h)
     whole, ramp = over[:n, n], over[:n, n + 1] / h
     g0, g1 = (whole, np.zeros(n)) if held else (whole - ramp, ramp)
-    return over[:n, :n], g0, g1
+    # in pieces of memory of their own: what marches over a log is compiled for one kind of array
+    return np.ascontiguousarray(over[:n, :n]), np.ascontiguousarray(g0), g1
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]

@@ -143,6 +143,8 @@ class Master:
             while True:
                 late = pace.wait(self._link.socket)
                 self.lateness.add(late)
+                self._link.drain(int(pace.behind()) + 2)
+                # what comes from here on counts as come in a later slot: a pause of ours would make a flood of it
                 behind = pace.behind()
                 if (reason := stop()) is not None:
                     # what came before the word to stop belongs on the log, however late we are
@@ -161,7 +163,7 @@ class Master:
                 if behind > MOST_BEHIND:
                     slots = int(behind)
                     self.skip(slots)
-                self.tick(behind >= 0.0 and slots == 1, int(behind) + 2)
+                self.tick(behind >= 0.0 and slots == 1, None)
                 if self._arrivals.down:
                     pace.aligned = False
                 pace.next(slots)
@@ -202,15 +204,16 @@ class Master:
         if self.slot >= 0:
             self.slot += slots - 1
 
-    def tick(self, overdue: bool = False, due: int = 1) -> None:
+    def tick(self, overdue: bool = False, due: int | None = 1) -> None:
         """One slot.
 
         Args:
             overdue: the next slot is due already: this one takes one of the waiting samples and sends nothing.
-            due: number of datagrams that may be waiting without being too many.
+            due: number of datagrams that may be waiting without being too many; None: they have been read already.
         """
         link = self._link
-        link.drain(due)
+        if due is not None:
+            link.drain(due)
         payloads = link.take(1) if overdue else link.take()
         self.overrun += overdue
         if self.slot < 0 and not link.counts.received:

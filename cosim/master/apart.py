@@ -141,6 +141,8 @@ class Apart:
                 if "piece" not in answer:
                     raise _refused(answer)
                 count = min(max(_whole(answer.get("count")) + new, 1), stop - start + 1)
+                if progress is not None:  # the last look at the child came before
+                    progress(float(task.grid[start + count - 1] - task.grid[0]))
                 yield self._piece(task, rows, columns, start, stop, new, count)
                 self._send("next")
             try:
@@ -252,14 +254,15 @@ class Apart:
         assert self._process is not None
         if self._process.poll() is not None:
             self._die(None)
+        # first: filling memory takes time, and says more than that it took long
+        with contextlib.suppress(psutil.Error):
+            if psutil.Process(self._process.pid).memory_info().rss > self._allowed:
+                self._die(f"took more than {self.limits.memory:g} MiB of memory (--memory, COSIM_MEMORY)")
         inside = int(self._marks[marks.PHASE]) != marks.OURS
         if still > self.limits.stall + (0.0 if inside else OWN_TIME):
             self._die(f"did not come back within {self.limits.stall:g} s (--stall, COSIM_STALL)")
         if time.monotonic() - self._begun > self._within:
             self._die(f"took longer than {self._within:.3g} s for one run")
-        with contextlib.suppress(psutil.Error):
-            if psutil.Process(self._process.pid).memory_info().rss > self._allowed:
-                self._die(f"took more than {self.limits.memory:g} MiB of memory (--memory, COSIM_MEMORY)")
 
     def _die(self, why: str | None) -> NoReturn:
         """End the child and say which component did what and where.

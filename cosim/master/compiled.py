@@ -102,6 +102,8 @@ class Tables(NamedTuple):
         exact: for each component, whether a step is what lies between two communication points to the last bit.
         third: for each component, whether it is one of FMI 3.0.
         answers, answers_pointer: what a step of FMI 3.0 says beside its status, shape (4,), and where.
+        rows: recorded values, a signal in one piece of memory, shape (n_recorded, n + 1): with one signal, too, the same
+            kind of array to numba, so that the loop is compiled once.
         components, steppers: address of each FMU's component and of its function for a step, shape (c,).
         setters, getters: addresses of its functions by the code of the type, shape (codes, c).
         in_slots, out_slots: room for what is not Real (`cosim.master.dialect`), in the order of the inputs and outputs.
@@ -252,7 +254,7 @@ def advance(first: int, last: int, h: float, t: Tables) -> tuple[int, int, int, 
                     return k, c, 2 + 2 * code, status
                 t.values[i] = taken(t.out_slots, t.out_singles, i, code)
         for r in range(len(t.recorded)):
-            t.rows[k + 1, r] = t.values[t.recorded[r]]
+            t.rows[r, k + 1] = t.values[t.recorded[r]]
     return last, -1, 0, 0
 
 

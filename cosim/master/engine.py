@@ -278,7 +278,7 @@ class Engine:
             table=self.table,
             values=self.values,
             in_values=self.in_values,
-            rows=self.rows,
+            rows=self.rows.T,
             recorded=self.recorded,
             exact=np.array([not i.component.fmu.ours for i in self.instances], dtype=np.bool_),
             third=np.array([i.dialect is not FMI2 for i in self.instances], dtype=np.bool_),

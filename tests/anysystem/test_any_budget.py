@@ -3,14 +3,13 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import systems
 
 from benchmarks.systems.truth import Hidden
+from tests.struck import struck
 
 TOP = Path(__file__).resolve().parents[2]
 HIDDEN = [
@@ -49,18 +48,10 @@ def test_an_interrupted_diagnosis_leaves_what_it_has(
     native: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
     log = systems.log(tmp_path / "log.csv", HIDDEN, 2)
-    words = [sys.executable, "-m", "cosim", "diagnose", log, "--model", native, "--out", tmp_path / "out"]
-    with subprocess.Popen(
-        words, cwd=TOP, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
-    ) as process:
-        assert process.stderr is not None
-        for line in process.stderr:
-            if "judging valve" in line:
-                break
-        process.send_signal(number)
-        rest = process.stderr.read()
-        assert process.wait(60) == 130
-    assert "interrupted" in rest
+    words = ["diagnose", log, "--model", native, "--out", tmp_path / "out"]
+    done = struck(number, "judging valve", *words, cwd=TOP)
+    assert done.returncode == 130
+    assert "interrupted" in done.stderr
     left = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert left["verdict"] == "interrupted"
     assert left["interrupted"] == "judging valve"

@@ -30,7 +30,7 @@ def log():
 
 def python(script):
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=TOP, capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", script], cwd=TOP, capture_output=True, text=True, timeout=900
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -155,7 +155,7 @@ def test_what_a_command_prints_is_what_the_function_gives(log, tmp_path):
     path = write_log(log, tmp_path / "log.parquet")
     done = subprocess.run(
         [sys.executable, "-m", "cosim", "compare", str(path), "--json"],
-        cwd=TOP, capture_output=True, text=True, encoding="utf-8", timeout=300,
+        cwd=TOP, capture_output=True, text=True, encoding="utf-8", timeout=900,
     )  # fmt: skip
     assert json.loads(done.stdout) == cosim.compare(path).to_dict()
 

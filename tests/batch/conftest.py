@@ -14,7 +14,7 @@ sys.path.insert(0, str(TOP / "tests" / "master"))
 import toy_fmus  # noqa: E402
 from conftest_toys import build_toy, toys  # noqa: E402, F401
 
-# y = k t^2; may abort its process, take its time, wait while a file is there, or keep memory for ever
+# y = k t^2; may abort its process, take its time and leave a file first, wait while one is there, or keep memory for ever
 toy_fmus.BODIES["rogue"] = """
         self.declare(k=(Real, C.parameter, V.fixed, 1.0), b=(Real, C.parameter, V.fixed, 0.0),
                      die=(Real, C.parameter, V.fixed, 0.0), nap=(Real, C.parameter, V.fixed, 0.0),
@@ -23,6 +23,8 @@ toy_fmus.BODIES["rogue"] = """
 
     def exit_initialization_mode(self):
         import os, sys, time
+        if self.nap and "ROGUE_NAPS" in os.environ:
+            open(os.environ["ROGUE_NAPS"], "w").close()
         time.sleep(self.nap)
         while self.k > 8.0 and os.path.exists(os.environ.get("ROGUE_WAITS_FOR_THE_END_OF", "")):
             time.sleep(0.01)

@@ -35,7 +35,7 @@ AWAY = (
 
 def begun(folder):
     """Begins once zarr's threads, which outlive a failed write within one process, have let go of the folder."""
-    for left in reversed(range(50)):
+    for left in reversed(range(600)):
         try:
             return Store(folder).begin({"identity": "x"}, coordinates(), fresh=False)
         except UsageError as error:

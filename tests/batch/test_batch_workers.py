@@ -1,12 +1,14 @@
 """The processes that carry out runs: how they end, when they are replaced, what memory they take."""
 
 import json
+import multiprocessing
 import os
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor, process
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import forkserver
 from multiprocessing.context import BaseContext, SpawnContext
@@ -32,7 +34,18 @@ from tests.batch.asked import plan  # noqa: E402
 MIB = 2.0**20
 
 
-def test_a_process_that_dies_between_two_runs_is_replaced(rogue: Path, tmp_path: Path) -> None:
+def test_a_process_that_dies_between_two_runs_is_replaced(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before its pool has noted it, too."""
+    known = threading.Event()
+    noted = process._ExecutorManagerThread.terminate_broken  # type: ignore[attr-defined]
+
+    def late(*words: Any) -> None:
+        known.wait(60.0)
+        noted(*words)
+
+    monkeypatch.setattr(process._ExecutorManagerThread, "terminate_broken", late)  # type: ignore[attr-defined]
     batch = plan_batch(plan(rogue, sweep={"r.k": "1,2"}), tmp_path)
     crew = Processes(1, 1e12)
     try:
@@ -40,13 +53,39 @@ def test_a_process_that_dies_between_two_runs_is_replaced(rogue: Path, tmp_path:
         (outcome,) = first.result()
         crew.settle(first)
         pid = int(outcome.worker.partition(":")[2])
+        (child,) = [child for child in multiprocessing.active_children() if child.pid == pid]
         os.kill(pid, signal.SIGTERM)
-        _, alive = psutil.wait_procs([psutil.Process(pid)] if psutil.pid_exists(pid) else [], timeout=60)
-        assert not alive
-        time.sleep(0.5)
-        second = crew.submit(batch.job, batch.runs[1:]).result()
+        child.join(60.0)
+        second = crew.submit(batch.job, batch.runs[1:]).result(timeout=60.0)
         assert (second[0].status, second[0].number) == ("done", 1)
         assert second[0].worker != outcome.worker
+    finally:
+        known.set()
+        crew.close()
+
+
+def dies_at_once(*_: object) -> None:
+    os.kill(os.getpid(), signal.SIGABRT)
+
+
+class KnownLate(ProcessPoolExecutor):
+    """A pool that answers when its process is dead already, as where we get no processor for a while."""
+
+    def submit(self, *words: Any, **options: Any) -> Future[Any]:
+        future = super().submit(*words, **options)
+        future.exception(timeout=60.0)
+        return future
+
+
+def test_how_a_process_died_is_told_though_it_died_before_we_looked(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cosim.batch.workers.execute", dies_at_once)
+    monkeypatch.setattr("cosim.batch.workers.ProcessPoolExecutor", KnownLate)
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1,2"}), tmp_path)
+    crew = Processes(1, 1e12)
+    try:
+        assert crew.settle(crew.submit(batch.job, batch.runs[:1])) == "its process died (SIGABRT)"
     finally:
         crew.close()
 
@@ -96,8 +135,8 @@ def test_a_process_killed_within_its_answer_is_known_to_be_dead(
 def test_how_a_process_died_is_told_though_another_thread_collects_it(
     made: type[BaseContext], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process = made().Process(target=os.abort)  # type: ignore[attr-defined]
-    process.start()
+    child = made().Process(target=os.abort)  # type: ignore[attr-defined]
+    child.start()
     collected = threading.Event()
 
     def slowly(collect: Callable[..., Any]) -> Callable[..., Any]:
@@ -112,10 +151,10 @@ def test_how_a_process_died_is_told_though_another_thread_collects_it(
 
     monkeypatch.setattr(os, "waitpid", slowly(os.waitpid))
     monkeypatch.setattr(forkserver, "read_signed", slowly(forkserver.read_signed))
-    other = threading.Thread(target=process.join)
+    other = threading.Thread(target=child.join)
     other.start()
     assert collected.wait(60.0)
-    assert how_it_ended(process) == "its process died (SIGABRT)"
+    assert how_it_ended(child) == "its process died (SIGABRT)"
     other.join()
 
 

@@ -2,6 +2,7 @@
 
 import base64
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +15,8 @@ import pytest
 
 pytestmark = pytest.mark.browser
 
+# a page that the machine holds up may miss the first of these
+WELL_UNDER_WAY = re.compile("mechanical|extended model|gain on held-out data")
 # what a reader of the screen would say of each part that can be used
 NAMELESS = """() => [...document.querySelectorAll('input, select, button, a')].filter(part => part.checkVisibility() &&
   !(part.getAttribute('aria-label') || part.textContent.trim() || [...(part.labels || [])].some(l => l.textContent.trim())))
@@ -37,7 +40,7 @@ class Opened:
 
     def ended(self) -> tuple[int, str]:
         """Exit code and stdout; nothing of what was dropped is left."""
-        out, err = self.process.communicate(timeout=60)
+        out, err = self.process.communicate(timeout=600)
         assert list(self.temporary.glob("cosim-open-*")) == []
         assert "Traceback" not in err
         return self.process.returncode, out
@@ -119,14 +122,14 @@ def test_mapped_by_hand_started_stopped_and_ended(opened, german, tmp_path):
 
     choose(opened, "u", "Ventilbefehl (%)")
     page.click("#diagnose")
-    page.locator("#doing", has_text="mechanical").wait_for(timeout=60_000)
+    page.locator("#doing", has_text=WELL_UNDER_WAY).wait_for()
     assert page.locator("#bar").get_attribute("value") is not None
     assert page.is_disabled("#model")
     page.reload()  # the page is a view: nothing is lost
     page.wait_for_selector("#stop:not([hidden])")
     assert page.locator("tr[data-signal=slew] select").input_value() == "6"
     page.click("#stop")
-    page.wait_for_selector("#answer:not([hidden])", timeout=60_000)
+    page.wait_for_selector("#answer:not([hidden])")
     assert opened.text("#answer-title") == "Answer, as far as it was found"
     assert not page.is_disabled("#diagnose")
     (folder,) = opened.out.iterdir()

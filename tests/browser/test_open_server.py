@@ -4,16 +4,17 @@ import http.client
 import json
 import re
 import socket
-import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from cosim.browser import run
-from cosim.browser.server import serving
+from cosim.browser.server import QUIET, serving
 from cosim.errors import DataError, UsageError
 
 TOP = Path(__file__).resolve().parents[2]
+PATIENCE = QUIET / 2  # s; an answer that waits for what does not come takes longer
 
 
 class Desk:
@@ -57,7 +58,7 @@ def gate(desk):
 
 def ask(gate, method="GET", where="", body=None, host=None, origin="own", path=None, **headers):
     """One request; `origin` "own" is the page's own for POST and none for GET."""
-    connection = http.client.HTTPConnection("127.0.0.1", gate.port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", gate.port, timeout=PATIENCE)
     connection.putrequest(
         method, f"/{gate.token}/{where}" if path is None else path, skip_host=True, skip_accept_encoding=True
     )
@@ -85,11 +86,14 @@ def upload(gate, body, name="log.csv", **headers):
 
 def test_only_this_machine_is_listened_to(desk):
     with serving(0, desk) as gate:
-        outside = [a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)]
-        for address in {a for a in outside if not a.startswith("127.")}:
+        # asked of the system: a name server may take its time
+        own = [
+            a.address for known in psutil.net_if_addrs().values() for a in known if a.family == socket.AF_INET
+        ]
+        for address in {a for a in own if not a.startswith("127.")}:
             with pytest.raises(OSError, match=r"refused|unreachable|timed out"):
                 socket.create_connection((address, gate.port), timeout=2)
-        with socket.create_connection(("127.0.0.1", gate.port), timeout=2) as line:
+        with socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE) as line:
             assert line.getpeername()[0] == "127.0.0.1"
 
 
@@ -241,12 +245,10 @@ def test_a_file_s_name_is_never_a_path(gate, desk, name):
 
 
 def test_a_file_that_is_too_large_is_refused_before_it_comes(gate, desk):
-    began = time.monotonic()
     status, text, _ = upload(gate, None, Content_Length="1001")  # nothing is sent
     assert status == 413
     assert "log.csv is larger" in json.loads(text)["error"]
     assert upload(gate, None, Content_Length="9" * 4000)[0] == 413
-    assert time.monotonic() - began < 5
     assert upload(gate, b"x" * 1000)[0] == 200
     assert len(desk.taken) == 1
 
@@ -275,7 +277,7 @@ def test_a_file_of_another_kind_is_refused_with_the_kinds_that_are_taken(gate, d
 
 
 def test_a_file_that_breaks_off_leaves_nothing(gate, desk):
-    with socket.create_connection(("127.0.0.1", gate.port), timeout=5) as line:
+    with socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE) as line:
         head = (
             f"POST /{gate.token}/file HTTP/1.1\r\nHost: 127.0.0.1:{gate.port}\r\nOrigin: http://127.0.0.1:{gate.port}\r\n"
             "Content-Type: application/octet-stream\r\nX-Name: a.csv\r\nContent-Length: 900\r\n\r\n"

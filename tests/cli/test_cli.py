@@ -72,7 +72,7 @@ def run(tmp_path: Path):
         variables = {**inherited, "PYTHONPATH": str(TOP), **environment}
         command = [sys.executable, str(start), *words]
         return subprocess.run(
-            command, capture_output=True, encoding="utf-8", env=variables, check=False, timeout=60
+            command, capture_output=True, encoding="utf-8", env=variables, check=False, timeout=600
         )
 
     return call
@@ -168,7 +168,7 @@ def test_closed_pipe_is_quiet_and_not_taken_for_a_missed_threshold(run, tmp_path
         process.stdout.readline()
         process.stdout.close()
         messages = process.stderr.read()
-        assert process.wait(timeout=60) == 141
+        assert process.wait(timeout=600) == 141
     assert messages == b""
 
 

@@ -23,7 +23,7 @@ def run_python(*words, folder, **environment):
     known = kept | {name: str(value) for name, value in environment.items() if value is not None}
     return subprocess.run(
         [sys.executable, *map(str, words)], cwd=folder, env=known | {"PYTHONPATH": str(TOP)},
-        capture_output=True, text=True, check=False, timeout=120,
+        capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
 
 

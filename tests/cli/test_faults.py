@@ -156,7 +156,7 @@ def test_ended_at_any_moment_each_file_is_old_or_new(words, how):
     line, out = words
     begun = time.monotonic()
     process = child(line)
-    _, said = process.communicate(timeout=300)
+    _, said = process.communicate(timeout=900)
     assert process.returncode == 0, said
     lasted = time.monotonic() - begun
     good = sizes(out)
@@ -165,7 +165,7 @@ def test_ended_at_any_moment_each_file_is_old_or_new(words, how):
         process = child(line)
         time.sleep(chance.uniform(0.3, 1.0) * lasted)
         process.send_signal(how)
-        _, said = process.communicate(timeout=300)
+        _, said = process.communicate(timeout=900)
         assert b"Traceback" not in said, said
         assert b"internal error" not in said, said
         assert process.returncode in (0, -how, 130, 143), (process.returncode, said)
@@ -194,7 +194,7 @@ def test_two_writers_in_one_folder_leave_whole_files(words):
     line, out = words
     both = [child(line), child(line)]
     for process in both:
-        _, said = process.communicate(timeout=300)
+        _, said = process.communicate(timeout=900)
         assert process.returncode == 0, said
     assert whole(out)
     assert not [item for item in out.rglob("*") if is_left_over(item)]
@@ -208,7 +208,7 @@ def test_without_home_and_cache_it_runs_all_the_same(words, tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "cosim", *map(str, line)],
         cwd=TOP, env=environment | {"COSIM_CACHE": "/dev/null/cache"},
-        capture_output=True, text=True, check=False, timeout=300,
+        capture_output=True, text=True, check=False, timeout=900,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr

@@ -41,7 +41,7 @@ def package(mischief, folder):
 
 
 def run(file):
-    return run_engine("ecos", file, steps=STEPS, h=H, signals=["first.y", "second.y"], timeout=120)[0]
+    return run_engine("ecos", file, steps=STEPS, h=H, signals=["first.y", "second.y"], timeout=600)[0]
 
 
 @pytest.mark.skipif(

@@ -94,7 +94,7 @@ QUICK = {"fmpy": "python", "ecos": "native", "libcosim": "python"}
 def test_the_effect_in_the_wire_acts_in_every_client(engine, kind, packages):
     if importlib.util.find_spec(MODULES[engine]) is None:
         pytest.skip(f"{MODULES[engine]} is not installed: pip install 'slew-cosim[clients]'")
-    found, _ = run_engine(engine, packages[kind], steps=STEPS, h=H, signals=SIGNALS, timeout=120)
+    found, _ = run_engine(engine, packages[kind], steps=STEPS, h=H, signals=SIGNALS, timeout=600)
     plain, extended = (
         np.interp(found["time"], H * np.arange(STEPS + 1), by_us(packages[p])) for p in ("plain", kind)
     )

@@ -1,5 +1,7 @@
 """``cosim compare`` and ``cosim demo``: tables, JSON, pictures, thresholds, exit codes."""
 
+import contextlib
+import io
 import json
 import re
 from pathlib import Path
@@ -9,6 +11,7 @@ import pandas as pd
 import pytest
 from matplotlib.image import imread
 
+from cosim.cli import main
 from cosim.logs import write_log
 from cosim.paths import examples_folder
 from cosim.report.earlier import COMPARED
@@ -31,10 +34,20 @@ def log_file(rig_log, tmp_path_factory):
     return path
 
 
-def test_json_has_all_and_no_arrays(run, log_file, tmp_path):
-    code, out, _ = run("compare", log_file, "--json", "--out", tmp_path / "found")
-    result = json.loads(out)
-    assert code == 0
+@pytest.fixture(scope="module")
+def compared(log_file, place, tmp_path_factory):
+    """What one comparison with its files prints."""
+    out = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out):
+        patch.setenv("COSIM_BUILD", str(place))
+        with pytest.raises(SystemExit) as stop:
+            main(["compare", str(log_file), "--json", "--out", str(tmp_path_factory.mktemp("compared"))])
+    assert stop.value.code == 0
+    return out.getvalue()
+
+
+def test_json_has_all_and_no_arrays(compared):
+    result = json.loads(compared)
     assert set(result) == {"log", "model", "command", "signals", "blocks", "not_judged", "window", "notes",
                            "thresholds", "files"}  # fmt: skip
     assert result["log"]["synthetic"] is True
@@ -48,12 +61,11 @@ def test_json_has_all_and_no_arrays(run, log_file, tmp_path):
     assert slew["unit"] == "deg"
     assert 0.01 < slew["rmse"] < slew["max_error"] < 5.0
     assert result["signals"]["p_supply"]["constant"]
-    assert len(out) < 20_000  # arrays are in the files
+    assert len(compared) < 20_000  # arrays are in the files
 
 
-def test_series_hold_what_the_table_is_made_of(run, log_file, tmp_path):
-    _, out, _ = run("compare", log_file, "--json", "--out", tmp_path)
-    result = json.loads(out)
+def test_series_hold_what_the_table_is_made_of(run, log_file, compared, tmp_path):
+    result = json.loads(compared)
     series = pd.read_parquet(result["files"]["series"])
     error = series["slew_measured [deg]"] - series["slew_simulated [deg]"]
     assert np.sqrt(np.mean(error**2)) == pytest.approx(result["signals"]["slew"]["rmse"], rel=1e-9)
@@ -74,10 +86,9 @@ def test_an_earlier_comparison_is_said_and_leaves_nothing_behind(run, log_file, 
     assert sorted(p.name for p in tmp_path.iterdir()) == ["blocks.png", "series.parquet", "signals.png"]
 
 
-def test_pictures_show_something(run, log_file, tmp_path):
-    _, out, _ = run("compare", log_file, "--json", "--out", tmp_path)
+def test_pictures_show_something(compared):
     for name in ("signals", "blocks"):
-        picture = imread(json.loads(out)["files"][name])[..., :3]
+        picture = imread(json.loads(compared)["files"][name])[..., :3]
         assert min(picture.shape[:2]) > 500
         assert 0.02 < np.mean(picture.min(axis=2) < 0.9) < 0.8  # ink, and background left
 

@@ -114,21 +114,23 @@ def test_what_is_no_time_is_refused(text: str, says: str) -> None:
         parse_budget(text)
 
 
-@pytest.mark.parametrize("seconds", [1e-9, 4.0])
-def test_a_diagnosis_ends_and_says_what_was_not_tried(seconds: float) -> None:
+def test_a_diagnosis_ends_and_says_what_was_not_tried() -> None:
     log = as_log(make_log("mixed", 24.0, HIDDEN, seed=3))
-    begin = time.process_time()
-    found = diagnose(log, budget=Budget(seconds, clock=time.process_time))
-    taken = time.process_time() - begin
-    said = answer(found, log, None).warnings
-    left_out = [w for w in said if f"the time allowed ({seconds:g} s) was over" in w]
-    assert found.stage == ""
-    assert set(found.findings) == {"dcv", "continuity", "mechanical"}
-    assert left_out
-    if seconds < 1.0:
-        assert any("mechanical.coulomb_friction" in w for w in left_out)
-        assert found.causes == []
-        assert taken < 20.0  # nominal fits only; without a budget this log takes far longer
+    for seconds in (
+        2.0,
+        1e-9,
+    ):  # on a new host what the first one runs is compiled, so the second one alone is timed
+        begin = time.process_time()
+        found = diagnose(log, budget=Budget(seconds, clock=time.process_time))
+        taken = time.process_time() - begin
+        said = answer(found, log, None).warnings
+        left_out = [w for w in said if f"the time allowed ({seconds:g} s) was over" in w]
+        assert found.stage == ""
+        assert set(found.findings) == {"dcv", "continuity", "mechanical"}
+        assert left_out
+    assert any("mechanical.coulomb_friction" in w for w in left_out)
+    assert found.causes == []
+    assert taken < 20.0  # nominal fits only; without a budget this log takes far longer
 
 
 def test_a_wrong_budget_is_refused_before_the_log_is_read(tmp_path: Path) -> None:

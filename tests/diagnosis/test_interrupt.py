@@ -3,14 +3,13 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from cosim.diagnosis.answer.schema import Answer
 from cosim.rig import make_log, write
+from tests.struck import struck
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="a console's Ctrl-C cannot be sent to one process")
 
@@ -26,25 +25,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def interrupted(log: Path, folder: Path, at: str) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of a diagnosis that gets SIGINT when a line with `at` appears on stderr."""
-    command = [sys.executable, "-m", "cosim", "diagnose", str(log), "--out", str(folder), "--json"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as process:
-        assert process.stderr is not None
-        assert process.stdout is not None
-        lines = []
-        for line in process.stderr:
-            lines.append(line)
-            if at in line and line.startswith("diagnosis:"):
-                process.send_signal(signal.SIGINT)
-                break
-        lines += process.stderr.readlines()
-        out = process.stdout.read()
-        return process.wait(), out, "".join(lines)
-
-
 @pytest.mark.parametrize(
     ("at", "judged"),
     [
@@ -55,10 +35,11 @@ def interrupted(log: Path, folder: Path, at: str) -> tuple[int, str, str]:
     ],
 )
 def test_what_was_done_is_left(log: Path, tmp_path: Path, at: str, judged: list[str]) -> None:
-    code, out, messages = interrupted(log, tmp_path / "out", at)
-    assert code == 130, messages
-    assert json.loads(out)["exit_code"] == 130
-    assert f"{tmp_path / 'out'} holds what was found" in messages
+    words = ["diagnose", log, "--out", tmp_path / "out", "--json"]
+    done = struck(signal.SIGINT, f"diagnosis: {at}", *words, start_new_session=True)
+    assert done.returncode == 130, done.stderr
+    assert json.loads(done.stdout)["exit_code"] == 130
+    assert f"{tmp_path / 'out'} holds what was found" in done.stderr
     answer = Answer.model_validate_json((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert answer.interrupted is not None
     assert at.rstrip(":") in answer.interrupted

@@ -53,7 +53,7 @@ def shim(built, tmp_path_factory):
 def events(shim, package, out, level=0.0, steps=STEPS):
     return subprocess.run(
         [sys.executable, str(HERE / "modelica_events.py"), str(shim), str(package), str(steps), str(out), str(level)],
-        capture_output=True, text=True, timeout=120, check=False, env=os.environ | {"PYTHONPATH": ""},
+        capture_output=True, text=True, timeout=600, check=False, env=os.environ | {"PYTHONPATH": ""},
     )  # fmt: skip
 
 

@@ -46,7 +46,7 @@ def octave(script, words, tmp_path, package, labelled=True, **environment):
     )
     done = subprocess.run(
         ["octave-cli", "--norc", "--quiet", "--eval", line],
-        cwd=script.parent, env=os.environ | settings | environment, capture_output=True, text=True, timeout=60, check=False,
+        cwd=script.parent, env=os.environ | settings | environment, capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     return json.loads(out.read_text()) if out.exists() else None, done.stderr
 

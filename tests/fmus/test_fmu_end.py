@@ -76,7 +76,7 @@ def test_a_host_that_is_not_python_ends_cleanly(unpacked, tmp_path, watch, how) 
     done = subprocess.run(
         [str(host), str(library), f"file://{folder}/resources", description.guid, how],
         env={"LD_PRELOAD": f"{python}:{watch}", "PYTHONPATH": packages},
-        capture_output=True, text=True, check=False, timeout=60,
+        capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
 

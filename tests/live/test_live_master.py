@@ -180,6 +180,53 @@ def test_overdue_slots_take_one_sample_each_and_send_nothing(tmp_path) -> None:
     assert log["u"][149] > log["u"][99]
 
 
+class Turned:
+    """A pace on a clock that the test turns; a sample a millisecond comes meanwhile."""
+
+    period = 1e-3
+
+    def __init__(self, crane):
+        self.crane, self.now, self.due, self.sent, self.aligned = crane, 0.0, 1e-3, 0, True
+
+    def wait(self, incoming):
+        self.turn(max(0.0, self.due - self.now))
+        return self.now - self.due
+
+    def turn(self, seconds):
+        self.now += seconds
+        while self.sent < round(self.now / self.period):
+            self.crane.sample(10.0 + 0.01 * self.sent)
+            self.sent += 1
+
+    def behind(self):
+        return (self.now - self.due) / self.period - 1.0
+
+    def next(self, slots=1):
+        self.due += slots * self.period
+
+
+@pytest.mark.parametrize("where", ["lines", "stop"])
+def test_samples_of_a_pause_within_a_slot_are_no_flood(tmp_path, where) -> None:
+    """Of those that had come between a look at the clock and one at the socket all but two were dropped."""
+    with bench(tmp_path / "log.csv") as (master, crane):
+        pace = Turned(crane)
+
+        def held_up(name):
+            if name == where and pace.sent == 100:
+                pace.turn(0.05)
+
+        master.run(
+            pace,
+            None,
+            lambda: held_up("stop") or ("enough" if pace.sent > 300 else None),
+            lambda: held_up("lines"),
+        )
+        counts = master.facts()["datagrams"]
+        assert (counts["received"], counts["used"], counts["flooded"]) == (301, 301, 0)
+    log = load_log(tmp_path / "log.csv")
+    assert np.degrees(log["slew"]) == pytest.approx(10.0 + 0.01 * np.arange(301), abs=1e-5)
+
+
 @pytest.mark.parametrize("blind", ["silent", "nan"])
 def test_without_a_usable_angle_the_enables_go_off_until_one_comes(blind) -> None:
     with bench(operator=after(Operator(), "u 0.5")) as (master, crane):

@@ -83,7 +83,7 @@ def test_lines_come_whole_however_they_are_cut() -> None:
         os.write(writer, part)
         time.sleep(0.01)
     os.close(writer)
-    found, until = [], time.monotonic() + 5.0
+    found, until = [], time.monotonic() + 60.0
     while len(found) < 2 and time.monotonic() < until:
         line = lines.take()
         found += [line] if line else []

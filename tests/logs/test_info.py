@@ -19,7 +19,7 @@ def run(finished, monkeypatch):
 
 def run_as_a_program(*words):
     command = [sys.executable, "-m", "cosim", "info", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=120, cwd=TOP)
+    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=600, cwd=TOP)
 
 
 def test_a_log_as_json(run, write):
@@ -44,7 +44,7 @@ def test_a_whole_csv_is_read_without_pandas(write):
     path = write(csv_text(full_log_columns()))
     script = f"import sys; from cosim.logs import load_log; load_log({str(path)!r}); print('pandas' in sys.modules)"
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, cwd=TOP
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=600, cwd=TOP
     )
     assert done.stdout.strip() == "False", "its import is a quarter of the time of a short command"
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.cli import main
+from cosim.request import model_path
 
 MACHINE = """
 name = "small drive"
@@ -67,6 +68,18 @@ def test_compare_and_simulate_make_it_by_themselves(capsys, files):
     code, out, _ = run(capsys, "simulate", mapping, "--input", log, "--json")
     assert code == 0
     assert json.loads(out)["model"] == "small_drive"
+
+
+def test_a_machine_of_another_log_does_not_take_the_place_of_the_first(files, tmp_path):
+    """Two commands at once made one file each for the other."""
+    mapping, log = files
+    table = np.loadtxt(log, delimiter=",", skiprows=1)
+    table[:, 2] *= 0.5
+    other = tmp_path / "other.csv"
+    np.savetxt(other, table, delimiter=",", header="t,duty,angle", comments="", fmt="%.9g")
+    first, second = (model_path(str(mapping), log=file) for file in (log, other))
+    assert first.name == second.name == "small_drive.ssp"
+    assert first.read_bytes() != second.read_bytes()
 
 
 def test_identify_drive(capsys, files):

@@ -132,8 +132,10 @@ def test_memory_counts_from_what_the_template_has(toys: Any) -> None:
 
 
 def test_the_loop_that_is_loaded_is_the_one_that_runs(toys: Any) -> None:
+    """Whatever is recorded: a second one would be compiled in the child, whose memory counts."""
     compiled.load()
     known = list(compiled.advance.signatures)
-    with Runner(toys.fmu("wave")) as runner:
-        runner.run(0.1, 0.01)
+    with Runner(toys.ssp({"w": "wave", "l": "lag"}, ["w.y -> l.u"])) as runner:
+        for record in (["w.y"], ["w.y", "l.y"]):
+            runner.run(0.1, 0.01, record=record)
     assert compiled.advance.signatures == known

@@ -41,7 +41,7 @@ def ran(command: list[str], seed: int, calls: int) -> None:
     """One sequence of calls, without an error of memory, an undefined operation or a leak."""
     environment = os.environ | {"ASAN_OPTIONS": "detect_leaks=1", "LC_ALL": "C"}
     done = subprocess.run(
-        [*command, str(seed), str(calls)], capture_output=True, text=True, env=environment, check=False, timeout=300
+        [*command, str(seed), str(calls)], capture_output=True, text=True, env=environment, check=False, timeout=900
     )  # fmt: skip
     assert done.returncode == 0, f"seed {seed}: {done.stderr[-3000:]}"
     assert done.stdout == f"{calls}\n"

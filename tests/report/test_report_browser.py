@@ -47,7 +47,7 @@ def visit(browser, file: Path) -> Visit:
     found.page.on("pageerror", lambda e: found.errors.append(str(e)))
     found.page.on("request", lambda r: found.requests.append(r.url))
     found.page.goto(file.as_uri())
-    found.page.wait_for_selector("html[data-drawn]", state="attached", timeout=60_000)
+    found.page.wait_for_selector("html[data-drawn]", state="attached")
     return found
 
 
@@ -226,7 +226,7 @@ def test_dark_as_the_system_says_or_by_key_and_white_on_paper(browser, diagnosed
     context = browser.new_context(color_scheme="dark", offline=True)
     page = context.new_page()
     page.goto((diagnosed / "report.html").as_uri())
-    page.wait_for_selector("html[data-drawn]", state="attached", timeout=60_000)
+    page.wait_for_selector("html[data-drawn]", state="attached")
     look = "[document.documentElement.dataset.theme, document.getElementById('signal-slew')._fullLayout.paper_bgcolor]"
     assert page.evaluate(look) == ["dark", "#12161c"]
     page.keyboard.press("d")

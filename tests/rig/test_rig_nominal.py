@@ -9,6 +9,7 @@ from rig_helpers import LEVER, B, J, clean, held, lively, zero_order
 
 import cosim.rig
 from cosim.rig import EFFECTS, Hidden
+from cosim.rig.integrate import _march, simulate
 from cosim.rig.parameters import DEG, NOMINAL
 
 W0, ZETA, K, K_C, T = 25.23, 0.545, 2.375e-3, 5.28e8, 0.11
@@ -34,6 +35,15 @@ def test_nominal_log_is_the_exact_held_response_of_the_linear_chain():
     assert np.max(np.abs(run.spool - spool)) < 1e-13
     assert np.max(np.abs((run.p_a - run.p_b) - load)) < 1e-4
     assert np.max(np.abs(theta - 0.3)) > 1 * DEG
+
+
+def test_the_march_is_compiled_once_for_commands_and_logs():
+    """The signals of a log are read only."""
+    logged = np.zeros(10)
+    logged.setflags(write=False)
+    for command in (np.zeros(10), logged, np.zeros(20)[::2]):
+        simulate(command, NOMINAL)
+    assert len(_march.signatures) == 1
 
 
 def test_chain_is_the_published_full_order_model():
