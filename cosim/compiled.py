@@ -158,9 +158,8 @@ def _module_file(name: str, content: bytes) -> Path:
     )
 
 
-_loading = (
-    threading.Lock()
-)  # trials run in threads, and the second shall not find what the first has half loaded
+# trials run in threads, and the second shall not find what the first has half loaded
+_loading = threading.Lock()
 
 
 class _Forgiving:

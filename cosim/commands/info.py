@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cosim.ssp.system import Port
 
 OTHER = "log with other columns"
+OWN_STAMPS = "each column has stamps of its own"
 MOST_ROWS = 2000  # of a table for a person; laying out more takes seconds
 CAUSALITIES = ("input", "output", "parameter")
 WHOLE = {  # what is told of a system as a whole

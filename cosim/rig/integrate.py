@@ -318,9 +318,8 @@ def simulate(
         UsageError: the crane is too fast for the substeps, or the bristle friction has no Coulomb level.
     """
     slide, sigma0, sigma1 = friction_form(plant, friction, substeps)
-    own = np.require(
-        u, np.float64, ["C", "W"]
-    )  # a log's signals are read only, for which the march would be compiled anew
+    # a log's signals are read only, for which the march would be compiled anew
+    own = np.require(u, np.float64, ["C", "W"])
     with uninterrupted():
         rows = _march(own, substeps, slide, sigma0, sigma1, plant)
     return {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(COLUMNS)}
