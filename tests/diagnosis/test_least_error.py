@@ -161,6 +161,23 @@ def test_a_stop_within_a_model_of_guesses_is_sought_where_the_fitted_model_meets
     assert any(0.9 * spool.max() < at < spool.max() for at in set(begun) - set(before))
 
 
+def test_a_limit_is_sought_where_it_can_be_though_what_it_limits_never_moves(
+    pair: tuple[Record, Group],
+) -> None:
+    """A command within the dead zone moves no spool; at a speed of 0 the equation of its limit divides by it."""
+    record, group = pair
+    task = task_for(group, record, [])
+    limit = next(e for e in candidates_of(task) if e.name == "dcv.rate_limit")
+    null = tried(task, (), GUESSED_TRUST).fit
+    still = replace(null, values=null.values | {"dead_zone.b_r": 5.0, "dead_zone.b_l": -5.0})
+    spool = task.model.inside("dcv", "spool", still.values)
+    assert spool is not None
+    assert np.abs(spool).max() < 1e-15
+    wanted, starts = starting(task, (limit,), GUESSED_TRUST, still)
+    low = next(u.low for u in wanted if u.name == "dcv.v_max")
+    assert min(starts["dcv.v_max"]) >= low > 0.0
+
+
 def test_where_the_size_of_the_best_is_not_known_the_next_is_taken(
     pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
 ) -> None:

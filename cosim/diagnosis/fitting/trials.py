@@ -204,8 +204,10 @@ def starting(
     wanted, starts = unknowns(task.model, effects, tolerance)
     # what a model of rough guesses predicts between its blocks is known once it has been fitted
     known = near.values if near else None if rough(tolerance) else {}
+    bounds = {u.name: (u.low, u.high) for u in wanted}
     for name, extremes in reached(task, effects, known).items():
-        starts[name] = (*starts[name], *extremes)
+        # a spool that never leaves its dead zone has no speed: no limit of it is possible there
+        starts[name] = (*starts[name], *np.clip(extremes, *bounds[name]).tolist())
     return wanted, starts
 
 
