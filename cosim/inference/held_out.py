@@ -150,9 +150,10 @@ def as_excited(richer: Array, poorer: Array, apart: Array) -> tuple[float, float
     Args:
         richer: (parts,) mean square of the error e with the effect.
         poorer: (parts,) the same without it.
-        apart: (parts,) mean square of the difference d of the two errors.
+        apart: (parts,) mean square of the difference d of the two errors, or of what is slow of it.
     """
-    spread = richer * apart
+    # they differ at least by the difference of their sizes
+    spread = richer * np.maximum(apart, (np.sqrt(poorer) - np.sqrt(richer)) ** 2)
     repetitions = float(spread.sum() ** 2 / max(np.sum(spread**2), 1e-300))
     reach = float(np.sqrt(spread.sum())) * quantile(max(repetitions, 1.0))
     gain, left = 0.5 * float(np.sum(poorer - richer)), max(float(np.sum(richer)), 1e-300)

@@ -1,20 +1,23 @@
 """Where searches begin: the size, and for a sine the phase, that explain most."""
 
 import dataclasses
+from typing import cast
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting import trials
+from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.starts import Size, sized
-from cosim.diagnosis.fitting.trials import FIRST_ROUNDS, Trial, led_on, tried, unpaid
+from cosim.diagnosis.fitting.trials import FIRST_ROUNDS, Trial, fitted_on, led_on, tried, unpaid
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.rig import Noise, as_log, make_log
 from fmus import registry
+from fmus.contract import Effect
 from tests.diagnosis.hidden_logs import diagnosed
 
 X = np.linspace(0.0, 9.0, 400)
@@ -108,6 +111,33 @@ def test_the_side_to_which_a_log_never_moves_costs_nothing() -> None:
     assert unpaid_of("dead_zone.mismatch", np.ones((9, 4))) == 0
     assert unpaid_of("dead_zone.mismatch", np.zeros((9, 4))) == 1  # an effect that shows nothing is not free
     assert unpaid_of("mechanical.end_stop", slopes) == 1  # a stop out of reach
+
+
+def test_the_likeliest_are_fitted_on_as_long_as_that_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The order in which quick fits leave them is one of chance."""
+    effects = registry.effects()
+
+    def trial(name: str, reached: float, settled: bool = False) -> Trial:
+        found = Fit({}, {}, reached, 9, {}, np.empty((0, 0)), settled=settled)
+        return Trial((effects[name],), found, 1)
+
+    gains = {"mechanical.backlash": [5.0, 3.0, 0.01, 9.0], "dcv.delay": [-1.0, 9.0], "dcv.offset": [9.0]}
+    rounds = dict.fromkeys(gains, 0)
+
+    def further(_: Task, own: tuple[Effect, ...], __: float, near: Fit, *___: int, quick: bool) -> Trial:
+        (effect,) = own
+        assert quick
+        gained = gains[effect.name][rounds[effect.name]]
+        rounds[effect.name] += 1
+        return trial(effect.name, near.log_likelihood + gained)
+
+    monkeypatch.setattr(trials, "tried", further)
+    monkeypatch.setattr(trials, "copied", lambda task: task)
+    begun = [trial(name, 0.0, settled=name == "dcv.offset") for name in gains]
+    no_task = cast("Task", None)
+    found = fitted_on(no_task, begun, 0.01, lambda t: t.fit.log_likelihood)
+    assert [t.fit.log_likelihood for t in found] == pytest.approx([8.01, 0.0, 0.0])
+    assert rounds == {"mechanical.backlash": 3, "dcv.delay": 1, "dcv.offset": 0}
 
 
 def test_a_search_that_went_astray_begins_again_where_a_kindred_one_ended() -> None:

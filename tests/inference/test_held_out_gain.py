@@ -162,6 +162,8 @@ def test_what_shows_by_far_in_one_part_of_a_run_is_sure() -> None:
     assert not gain_of_errors(left**2, without**2, True).sure
     assert shown(left, without).sure
     assert not shown(without, left).sure
+    fast = gain_of_errors(left**2 + 1e-4, left**2 + 2e-4, True, np.zeros(11))
+    assert fast.ci95 == gain_of_errors(left**2 + 1e-4, left**2 + 2e-4, True).ci95  # no part shows it by far
     half = np.where(np.arange(11) == 10, 0.5, 0.0) * without + np.where(np.arange(11) == 10, 0.0, 1.0) * left
     assert not shown(half, without).sure  # it may be chance that it is half as large there
 
