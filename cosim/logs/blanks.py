@@ -20,8 +20,14 @@ _RUN, _EDGES = re.compile(rb"[ \t]+"), re.compile(rb"(?m)^\t|\t(?=\r?$)")
 _GLUED, _HELD = re.compile(r"[ \t]+(?=[\[(])"), "\0"  # "slew [deg]" is one cell
 
 
-def cells_of(line: str) -> list[str]:
-    """The cells of a row; a unit in brackets belongs to the name before it."""
+def cells(line: str, separator: str) -> list[str]:
+    """The cells of a row; between blanks a unit in brackets belongs to the name before it.
+
+    Raises:
+        csv.Error: quotes or the sign itself make no row of it.
+    """
+    if separator != BLANK:
+        return next(csv.reader([line], delimiter=separator), [])
     text = line.strip()
     for sign in _COMMENT:
         text = text.removeprefix(sign).lstrip()
@@ -38,15 +44,15 @@ def parted(head: str, number: Callable[[str], bool]) -> bool:
     lines = [line for line in head.splitlines()[:LOOKED_AT] if line.strip()][-LAST:]
     lines = lines[:-1] or lines  # the last of the head may be cut short
 
-    def numbers(cells: list[str]) -> bool:
-        return len(cells) > 1 and all(number(cell.strip()) for cell in cells)
+    def numbers(row: list[str]) -> bool:
+        return len(row) > 1 and all(number(cell.strip()) for cell in row)
 
-    rows = [cells_of(line) for line in lines]
+    rows = [cells(line, BLANK) for line in lines]
     width = max((len(row) for row in rows), default=0)
     whole = sum(len(row) == width and numbers(row) for row in rows)
     if 2 * whole <= len(rows):  # a bad cell is named later
         return False
-    return not any(numbers(next(csv.reader([lines[-1]], delimiter=sign), [])) for sign in OTHERS)
+    return not any(numbers(cells(lines[-1], sign)) for sign in OTHERS)
 
 
 def squeezed(path: Path, start: int, end: int) -> bytes:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from cosim.errors import UsageError
-from cosim.logs.blanks import BLANK, cells_of
+from cosim.logs.blanks import cells
 from cosim.logs.source import Label, parse_label
 from cosim.units import parse_unit
 
@@ -68,10 +68,7 @@ def read_preamble(head: str, separator: str | None, number: Callable[[str], bool
     lines = head.splitlines()[:LONGEST]
     for sign in SEPARATORS if separator is None else (separator,):
         try:
-            rows = [
-                cells_of(line) if sign == BLANK else next(csv.reader([line], delimiter=sign), [])
-                for line in lines
-            ]
+            rows = [cells(line, sign) for line in lines]
         except csv.Error:
             continue
         found = _table(rows, number)

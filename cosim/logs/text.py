@@ -95,7 +95,7 @@ class TextSource(Source):
         self._squeezed: bytes | None = None
         self._prefixed = False
         try:
-            cells = self._cells(first)
+            cells = blanks.cells(first, self._separator)
         except csv.Error as error:
             raise DataError(f"{path}: the header row cannot be read: {error}") from None
         self._width = len(cells)
@@ -304,7 +304,7 @@ class TextSource(Source):
         if self._survey.ends_cleanly or self._survey.lines <= self._survey.header_lines:
             return
         try:
-            cells = self._cells(last)
+            cells = blanks.cells(last, self._separator)
         except csv.Error:
             cells = []
         texts = [cell.strip() for cell in cells]
@@ -325,12 +325,6 @@ class TextSource(Source):
         """Between the cells of what `_window` and `_bytes` give."""
         return "\t" if self._separator == blanks.BLANK else self._separator
 
-    def _cells(self, line: str) -> list[str]:
-        """The cells of a line of the file itself."""
-        if self._separator == blanks.BLANK:
-            return blanks.cells_of(line)
-        return next(csv.reader([line], delimiter=self._separator), [])
-
     def _whole(self) -> bytes:
         """The table with one tab for each run of blanks."""
         if self._squeezed is None:
@@ -346,29 +340,14 @@ class TextSource(Source):
         with pa.OSFile(str(self.path)) as file:
             yield file.get_stream(self._survey.start, self._end - self._survey.start)
 
-    def _window(self) -> io.RawIOBase:
+    def _window(self) -> io.BytesIO | io.BufferedReader:
         if self._separator == blanks.BLANK:
-            return _Held(self._whole())
-        return Window(self.path, self._survey.start, self._end)
+            return io.BytesIO(self._whole())
+        return io.BufferedReader(Window(self.path, self._survey.start, self._end), _BLOCK)
 
 
-class _Held(io.RawIOBase):
-    """Bytes in memory, as a file to read from."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data = io.BytesIO(data)
-
-    def readable(self) -> bool:
-        """True."""
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        """Fills a writable buffer with what is left and returns the number of bytes."""
-        return self._data.readinto(buffer)
-
-
-def _text(file: io.RawIOBase) -> io.TextIOWrapper:
-    return io.TextIOWrapper(io.BufferedReader(file, _BLOCK), encoding="utf-8", errors="replace", newline="")
+def _text(file: io.BytesIO | io.BufferedReader) -> io.TextIOWrapper:
+    return io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
 
 
 def _breaks(cell: str) -> int:

@@ -26,9 +26,8 @@ WINDOWS = 8  # at least so many, shorter ones in a short log
 FEWEST = 6  # of them; fewer cannot be told from chance
 # of the error from the command at once; on the crane they are equal, 2.1 where dry friction takes two thirds of the torque
 WORSE = 2.2
-LEAST = (
-    0.5  # share of the pressure's variance that must follow from the command; on the crane it is 0.88 or more
-)
+# share of the pressure's variance that must follow from the command; on the crane it is 0.88 or more
+LEAST = 0.5
 CHANCE = 0.05  # of finding as much where the two are equally good, by ranks of the windows
 ALIKE = 1e-8  # columns that differ by less of their size than this are one
 

@@ -24,11 +24,8 @@ from cosim.units import parse_quantity
 from fmus import registry
 
 SHORTEST_STEP = 1e-3  # s that the step of a simulation needs at most to be
-SHOWN_BY_LOAD = (
-    "p_load",
-    "p_a",
-    "p_b",
-)  # signals of the pressure that drives the motion, or that the load makes
+# signals of the pressure that drives the motion, or that the load makes
+SHOWN_BY_LOAD = ("p_load", "p_a", "p_b")
 STEPS_A_SAMPLE, STEPS_A_LAG = 5.0, 10.0  # steps of a simulation between two samples, and in a lag, at least
 # what the driver of a motor can do of that which a valve can: come late, be limited in rate and size, be off
 DRIVER = ("dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dcv.offset")

@@ -295,7 +295,7 @@ def stepper(
             or cannot_be(e, sizes_in(fit_, e), model, torque)
             or passed_in(held, finding.task, e, fit_)
         )
-        placed = model.group.integrates and not anew
+        placed, course = model.group.integrates and not anew, None
         if held.in_turn:
             each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
             spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
@@ -304,16 +304,17 @@ def stepper(
             own = [np.maximum(mean_squares(e, count, anew), quiet) for e in each]
             square = np.concatenate(own)
             squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
-            course = np.concatenate(
-                [course_of(e, count) / np.sqrt(v) for e, v in zip(each, spread, strict=True)]
-            )
+            if placed:
+                slow = [course_of(e, count) / np.sqrt(v) for e, v in zip(each, spread, strict=True)]
+                course = np.concatenate(slow)
         else:
             gone = errors(finding, fit_, held.record)[signal][held.first :]
             cuts = tuple(c - held.first for c in held.record.cuts)
             square = squares = np.maximum(parts_of(gone, rule, anew, cuts), quiet)
-            course = course_of(gone, squares.size)
+            if placed:
+                course = course_of(gone, squares.size)
         error = float(np.sqrt(np.mean(square)))
-        return Step(effects, fit_, fitted, error, unsure, squares, placed, course if placed else None)
+        return Step(effects, fit_, fitted, error, unsure, squares, placed, course)
 
     def step(effects: tuple[Effect, ...]) -> Step:
         key = key_of(effects)
