@@ -146,6 +146,19 @@ def other_poses() -> Iterator[Case]:
             yield Case("excavator", f"{axis} {direction}, all", f"excavator_{axis}.toml", fit, other)
 
 
+def both_ways() -> Iterator[Case]:
+    """All logs of one pose or load of an axis fitted, out and back, all those of the other held out."""
+    poses: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for (axis, _, pose, coupling), logs in excavator_logs().items():
+        if coupling == "single":
+            poses[axis, pose] += logs.values()
+    for (axis, pose), fitted in poses.items():
+        if held := poses.get((axis, "L" if pose == "H" else "H")):
+            yield Case(
+                "excavator", f"{axis}, both ways", f"excavator_{axis}.toml", tuple(fitted), tuple(held)
+            )
+
+
 def excavator(together: bool) -> Iterator[Case]:
     """Each duty held out, fitted on all others of the same axis, direction, pose and coupling, or on the nearest one."""
     for (axis, direction, *_), logs in excavator_logs().items():
@@ -182,7 +195,7 @@ def cases(together: bool) -> list[Case]:
         Case("EMPS", "EMPS", "emps.toml", (emps[0],), (emps[1],)),
         Case("EMPS", "EMPS", "emps.toml", (emps[1],), (emps[0],)),
     ]
-    found = [*one, *mini_excavator(), *excavator(together), *other_poses()]
+    found = [*one, *mini_excavator(), *excavator(together), *other_poses(), *both_ways()]
     return [c for c in found if all((DATA / f).is_file() for f in (*c.fit, *c.held))]
 
 

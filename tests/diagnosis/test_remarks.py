@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hidden_logs import only
 
-from cosim.diagnosis.answer.remarks import levels, limits, one_way
+from cosim.diagnosis.answer.remarks import levels, limits, one_sided, one_way
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.rig import as_log, make_log
@@ -45,3 +45,15 @@ def test_the_missing_column_of_the_other_direction_is_asked_for(hidden: tuple[st
     (text,) = one_way(record, machine)
     assert "while u is 0" in text
     assert "`minus`" in text
+
+
+def test_logs_of_one_direction_are_told() -> None:
+    machine = our_machine("full_order")
+    for way, never in ((1.0, "negative"), (-1.0, "positive")):
+        command = way * np.repeat([0.0, 0.4, 0.0, 0.6], 3000)
+        (text,) = one_sided(prepare(as_log(make_log(command, 12.0, [], seed=4)), machine), machine)
+        assert f"u is never {never}" in text
+    both = np.repeat([0.0, 0.4, 0.0, -0.6], 3000)
+    assert not one_sided(prepare(as_log(make_log(both, 12.0, [], seed=4)), machine), machine)
+    standing = prepare(as_log(make_log(np.zeros(12000), 12.0, [], seed=4)), machine)
+    assert not one_sided(standing, machine)

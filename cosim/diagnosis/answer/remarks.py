@@ -246,6 +246,22 @@ def one_way(record: Record, machine: Machine) -> list[str]:
     ]
 
 
+def one_sided(record: Record, machine: Machine) -> list[str]:
+    """That all logs drive one way: dead zone, friction and load take the same share of each command there."""
+    command = record.signals.get(machine.drive)
+    if command is None or not moved(record, machine)[0]:
+        return []
+    ahead, back = float(np.max(command, initial=0.0)), float(-np.min(command, initial=0.0))
+    reach = max(ahead, back)
+    if reach == 0.0 or min(ahead, back) > AT_ZERO * reach:
+        return []
+    never = "negative" if ahead > back else "positive"
+    return [
+        f"{machine.drive} is never {never}: in one direction dead zone, friction and load look alike; if the machine goes "
+        "both ways, fit logs of the other direction beside this one (cosim diagnose LOG LOG ...)"
+    ]
+
+
 def no_sign(record: Record, machine: Machine) -> list[str]:
     """That a speed or flow is as large on either side of the command and keeps its sign: its meter shows no direction."""
     drive, (name, is_speed) = machine.drive, moved(record, machine)
@@ -270,7 +286,8 @@ def no_sign(record: Record, machine: Machine) -> list[str]:
 def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more."""
     record, machine = diagnosis.record, diagnosis.machine
-    return one_way(record, machine) + no_sign(record, machine) + one_level(diagnosis)
+    direction = one_way(record, machine) or one_sided(record, machine)
+    return direction + no_sign(record, machine) + one_level(diagnosis)
 
 
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
