@@ -111,7 +111,7 @@ def yes(*_: Any, **__: Any) -> bool:
 
 def as_chosen(finding: Any, *_: Any, **__: Any) -> Any:
     """A finding and what was named, as they are."""
-    return finding, finding.chosen.effects
+    return finding, finding.chosen.effects, []
 
 
 def as_found(_: Any, finding: Any, known: Any, *__: Any, **___: Any) -> Any:

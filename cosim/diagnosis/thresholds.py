@@ -245,13 +245,6 @@ IN_VAIN: Annotated[
     "some help together only: a friction and a load, a valve's damping and a flow taken up by the load",
     "35 diagnoses of real logs: 0.42 of the error left in the median, processor time 25 s in the median, 60 s at most; 39 and 108 s without an end",
 ] = 2
-SEARCHES: Annotated[
-    int,
-    "searches",
-    "searches of a group, each without what held-out data refused",
-    "each begins again without what the last one named in vain",
-    "arm of the excavator: a third search cost a quarter of the time and changed nothing; bucket of the small one: other names, the same error",
-] = 2
 FEWEST_SAMPLES: Annotated[
     int,
     "samples",

@@ -23,6 +23,7 @@ from cosim.diagnosis.held_out.causes import (
     cancelling,
     least,
     likeliest,
+    predicts_better,
     reconsider,
     stepper,
 )
@@ -204,11 +205,11 @@ def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_bett
     record, other = (prepare(log, our_machine("full_order")) for log in logs)
     refused = [CRACKING, STRIBECK, registry.effects()["mechanical.gravity_load"]]
     group = replace(MODELS["full_order"][2], excluded=tuple(e.name for e in refused))
-    finding = find(task_for(group, record, []), record, better=lambda *_: True)
+    finding = find(task_for(group, record, []), record)
     assert finding.chosen.effects == (COULOMB,)
     assert not {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     turned_down = [Refused(e, group.name, "slew", 0.0, 1.0, 2.0) for e in refused]
-    finding, _ = reconsider(finding, Held(other, 0), turned_down, 0.01)
+    finding, _, _ = reconsider(finding, Held(other, 0), turned_down, 0.01)
     added = {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     assert added == {CRACKING.name}
     # and the answer says so: what held-out data leave undecided is what cannot be told apart
@@ -353,20 +354,67 @@ def test_an_effect_takes_the_place_of_one_only_and_of_none_at_the_cost_of_anothe
         unsure = tuple(costly & names) if zone.name in names else ()
         return Step(effects, FIT, 1.0, error, unsure, error**2 * np.linspace(0.8, 1.2, 24))
 
-    chosen = SimpleNamespace(effects=(offset, COULOMB), fit=FIT)
+    chosen = SimpleNamespace(effects=(offset, COULOMB), fit=FIT, score=0.0)
     known = [SimpleNamespace(effects=(e, zone), names=(), score=0.0) for e in (COULOMB, offset)]
     task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
     finding = FakeFinding(task, chosen, {offset.name: known[:1], COULOMB.name: known[1:]})
     monkeypatch.setattr(held_out, "stepper", lambda *_: step)
     monkeypatch.setattr(held_out, "tried_all", lambda *_: [])
     held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
-    found, taken = reconsider(finding, held, [], 0.01)  # type: ignore[arg-type]
+    found, taken, _ = reconsider(finding, held, [], 0.01)  # type: ignore[arg-type]
     assert [e.name for e in taken].count(zone.name) == 1
     assert len(taken) == 2
     costly.update({offset.name, COULOMB.name})
-    found, taken = reconsider(finding, held, [], 0.01)  # type: ignore[arg-type]
+    found, taken, _ = reconsider(finding, held, [], 0.01)  # type: ignore[arg-type]
     assert taken == chosen.effects
     assert found.undecided[offset.name] == [zone.name]
+
+
+@pytest.mark.parametrize(
+    ("error", "named", "refused"), [(0.5, "zone", "offset"), (1.0, "zone", ""), (2.0, "offset", "zone")]
+)
+def test_held_out_data_decide_between_a_cause_and_a_rival_that_fits_as_well(
+    monkeypatch, error: float, named: str, refused: str
+) -> None:
+    """One that is clearly better there takes its place, one clearly worse is refused; of two alike the likelier is named."""
+    effects = {"zone": registry.effects()["dead_zone.mismatch"], "offset": registry.effects()["dcv.offset"]}
+    zone, offset = effects.values()
+
+    def step(chosen: tuple[Effect, ...]) -> Step:
+        rms = {(): 4.0, (offset,): 1.0, (zone,): error}[chosen]
+        return Step(chosen, FIT, 1.0, rms, squares=rms**2 * np.linspace(0.8, 1.2, 24))
+
+    chosen = SimpleNamespace(effects=(offset,), fit=FIT, score=0.0)
+    task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
+    rivals = {offset.name: [SimpleNamespace(effects=(zone,), names=(), score=0.0)]}
+    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
+    monkeypatch.setattr(held_out, "tried_all", lambda *_: [])
+    held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
+    found, taken, worse = reconsider(FakeFinding(task, chosen, rivals), held, [], 0.01)  # type: ignore[arg-type]
+    assert taken == (effects[named],)
+    assert [(r.effect, r.instead) for r in worse] == (
+        [(effects[refused], effects[named].name)] if refused else []
+    )
+    assert bool(found.undecided[effects[named].name]) == (not refused)
+
+
+@pytest.mark.parametrize(
+    ("error", "unsure", "better"), [(0.5, (), True), (0.5, (BACKLASH.name,), False), (0.99, (), False)]
+)
+def test_a_search_goes_by_sets_whose_sizes_are_sure(
+    monkeypatch, error: float, unsure: tuple[str, ...], better: bool
+) -> None:
+    """A set of which a size may be anything is no beginning, however well it predicts other data."""
+
+    def step(chosen: tuple[Effect, ...]) -> Step:
+        rms, of = (error, unsure) if BACKLASH in chosen else (1.0, ())
+        return Step(chosen, FIT, 1.0, rms, of, rms**2 * np.linspace(0.8, 1.2, 24))
+
+    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
+    monkeypatch.setattr(held_out, "compared", lambda *_: "slew")
+    judge = predicts_better(Held(SimpleNamespace(signals={}), 0), 0.01, {})  # type: ignore[arg-type]
+    one, other = Trial((COULOMB, BACKLASH), FIT, 2), Trial((COULOMB,), FIT, 1)
+    assert bool(judge(MECHANICS.task, other, one, other)) is better
 
 
 def test_the_set_that_errs_least_in_part_after_part_is_taken_and_a_sure_one_first() -> None:

@@ -80,6 +80,25 @@ def test_where_no_effect_is_sure_alone_pairs_are_tried(
     assert "mechanical.end_stop" in found.names
 
 
+def test_where_other_data_have_the_last_word_a_parameter_costs_what_it_costs_a_prediction(
+    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What gains 1.5 by one parameter pays AIC's price of 1, and not BIC's, which of 100 values is 2.3."""
+    task, null, candidates = mechanical(pair)
+    candidates = tuple(e for e in candidates if e.prior == 0.0)
+
+    def tried(_: Task, effects: tuple[Effect, ...], *__: object, **___: object) -> Trial:
+        left = -50.0 * float(np.exp(-2.0 * 1.5 / 100.0 * len(effects)))
+        return Trial(effects, replace(null.fit, log_likelihood=left), len(effects))
+
+    monkeypatch.setattr(naming, "tried", tried)
+    monkeypatch.setattr(naming, "tried_all", lambda task, sets, *_: [tried(task, one) for one in sets])
+    monkeypatch.setattr(naming, "believable", lambda *_: True)
+    monkeypatch.setattr(naming, "broad", lambda rule, _: rule)
+    assert least_error(task, null, candidates, CALIBRATED_TRUST, 1) is None
+    assert least_error(task, null, candidates, CALIBRATED_TRUST, 1, better=lambda *_: True) is not None
+
+
 def test_a_search_ends_where_the_data_that_judge_it_gain_nothing_more(
     pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
 ) -> None:

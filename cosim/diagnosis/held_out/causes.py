@@ -21,7 +21,6 @@ from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import (
     QUICK_ROUNDS,
     Trial,
-    candidates_of,
     quickly,
     tried,
     tried_all,
@@ -29,7 +28,7 @@ from cosim.diagnosis.fitting.trials import (
     without,
 )
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
-from cosim.diagnosis.hypotheses.naming import Judge, rivals, worth_naming
+from cosim.diagnosis.hypotheses.naming import Judge, worth_naming
 from cosim.diagnosis.record.grid import of_piece
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.record.signatures import SAMPLED
@@ -193,8 +192,7 @@ def refuse(
     (95 %), that of the set or of one passed on the way to it (`shrunk`), and if the whole fitting log determines its size.
     Because some help together only (friction and a limit of the stroke bend the same curve at its two ends), causes are
     taken in one by one from none and left out one by one from all, and the better end counts. Of a cause that holds
-    another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler. A rival that explains
-    the fitting log as well as a cause takes its place if it is clearly better on held-out data.
+    another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler.
 
     Args:
         finding: what was named in one group; the one returned is `confirmed` if nothing is refused.
@@ -203,7 +201,6 @@ def refuse(
         done: sets judged already, in an earlier search of this group; it grows.
     """
     signal = compared(finding.task, held)
-    finding = preferred(finding, tolerance)
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
     if not signal:
         return finding, [], finding.chosen.effects
@@ -233,8 +230,6 @@ def refuse(
         held_squares=at.squares,
         borne={e.name: borne(at, e, step) for e in at.effects},
     )
-    if not refused and not current().over:
-        refused = outdone(finding, at, step, signal)
     return finding, refused, at.effects
 
 
@@ -344,7 +339,7 @@ def predicts_better(held: Held, tolerance: float, done: Steps) -> Judge:
         known = apart if task.model.group.drifts else done
         step = stepper(Finding(task, null, one, [other]), held, signal, tolerance, known)
         new, old = (step(tuple(e for e in t.effects if e.name not in SAMPLED)) for t in (one, other))
-        return new.noticeably_better(old)
+        return new.sure and new.noticeably_better(old)
 
     return better
 
@@ -433,11 +428,13 @@ def left_out_errors(
 
 def reconsider(
     finding: Finding, held: Held, refused: Iterable[Refused], tolerance: float, done: Steps | None = None
-) -> tuple[Finding, tuple[Effect, ...]]:
-    """Hold what could stand in the place of a kept cause against it on held-out data: they may tell the two apart no better.
+) -> tuple[Finding, tuple[Effect, ...], list[Refused]]:
+    """Hold what could stand in the place of a kept cause against it on held-out data, which may tell the two apart or not.
 
-    An effect is refused because it adds nothing to those that are kept. One that would do as well in the place of one
-    of them belongs to its rivals all the same. Of the rivals in the fitting log the closest are judged.
+    A rival that is clearly better there takes the cause's place. One that is about as good is declared indistinguishable.
+    One that explains the fitting log as well and is clearly worse is refused. An effect that was refused because it adds
+    nothing to those that are kept may do as well in the place of one of them, and is a rival all the same. Of the rivals in
+    the fitting log the closest are judged.
 
     Args:
         finding: what is kept in one group.
@@ -447,65 +444,95 @@ def reconsider(
         done: sets judged already.
 
     Returns:
-        The finding with these rivals and what is `undecided`, and the set to keep: of effects that cannot be told apart,
-        the likeliest.
+        The finding with these rivals and what is `undecided`; the set to keep: of effects that cannot be told apart, the
+        likeliest; and the rivals refused.
     """
     chosen = finding.chosen
     named = tuple(e for e in chosen.effects if e.name not in SAMPLED)
     signal = next((s for s in finding.task.measured if s in held.record.signals), "")
     if not named or not signal or current().over:
-        return finding, chosen.effects
-    order = finding.task.model.group.asked
-    taken = chosen.effects
+        return finding, chosen.effects, []
+    group = finding.task.model.group
+    taken, worse = chosen.effects, []
     step = stepper(finding, held, signal, tolerance, done)
-    at = step(named)
+    best = at = step(named)
     listed, told, kept_apart = dict(finding.rivals), dict(finding.undecided), dict(finding.undecided)
     for effect in named:
-        rest = tuple(e for e in named if e != effect)
+        # one that has taken another's place already cannot take this one's, too
+        rest = tuple(e for e in best.effects if e != effect)
         # what holds the kept one was refused in its place already
         turned_down = [
             r.effect
             for r in refused
-            if not r.instead and r.effect not in chosen.effects and effect not in simpler(finding, r.effect)
+            if r.effect not in chosen.effects and effect not in simpler(finding, r.effect)
         ]
         closest = sorted(listed.get(effect.name, ()), key=lambda t: -t.score)
         beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
         able = [e for e in turned_down if not hopeless(finding, effect, e, tolerance)]
         others = dict.fromkeys([*able, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
-        bare = step(rest)
-        undecided: list[Effect] = []
-        proven: list[Effect] = []
-        for other in others:
+        instead: dict[Effect, Step] = {}
+        for other in (e for e in others if e not in rest):
             if current().over:
                 break
-            instead = step((*rest, other))
-            gained = instead.gain_over(bare)
-            # what describes the fitting log better is no worse a name for that the held-out log shows it too rarely
-            gains = gained.sure or (gained.gain > 0.0 and instead.fitted < at.fitted)
-            if other.name not in instead.unsure and gains and instead.about_as_good(at):
-                undecided.append(other)
-                proven += [other] if gained.sure else []
-        told[effect.name] = kept_apart[effect.name] = [e.name for e in undecided]
+            instead[other] = step((*rest, other))
+        cause = min(
+            (e for e, s in instead.items() if s.clearly_better(best)),
+            key=lambda e: instead[e].fitted,
+            default=effect,
+        )
+        if cause != effect:
+            instead[effect], best = best, instead.pop(cause)
+            taken = tuple(cause if e == effect else e for e in taken)
+        bare = step(rest)
+        undecided = [e for e, s in instead.items() if may_stand(e, s, bare, best)]
+        proven = [e for e in undecided if instead[e].gain_over(bare).sure]
+        told[cause.name] = kept_apart[cause.name] = [e.name for e in undecided]
+        as_well = dict(indistinguishable(finding, effect))
+        if cause in as_well:
+            as_well |= {effect: -as_well[cause]}
+        elif cause != effect:
+            gain = loss(finding, effect, tolerance)
+            worse.append(Refused(effect, group.name, signal, gain, best.held, instead[effect].held))
+        worse += [
+            Refused(e, group.name, signal, as_well[e], best.held, s.held, True, cause.name)
+            for e, s in instead.items()
+            if e in as_well and best.clearly_better(s)
+        ]
         known = {e.name for (e,) in beside}
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
-        listed[effect.name] = [*listed.get(effect.name, ()), *found]
-        # one that has taken another's place already cannot take this one's, too
-        other = likeliest(effect, [e for e in proven if e not in taken], order)
-        if other != effect:
-            taken = tuple(other if e == effect else e for e in taken)
-            told[other.name] = [effect.name]
+        listed[cause.name] = [*listed.get(effect.name, ()), *found]
+        other = likeliest(cause, proven, group.asked)
+        if other != cause:
+            best = instead[other]
+            taken = tuple(other if e == cause else e for e in taken)
+            told[other.name] = [cause.name]
     if taken != chosen.effects:
         marked = tuple(e for e in taken if e.name in SAMPLED)
         begin = step(tuple(e for e in taken if e.name not in SAMPLED))
         after = shrunk(finding, replace(begin, above=(*at.above, at)), step, {})
         if not after.about_as_good(at):  # what is likelier by itself costs another cause its size
-            return replace(finding, rivals=listed, undecided=kept_apart), chosen.effects
+            return replace(finding, rivals=listed, undecided=kept_apart), chosen.effects, worse
         taken = (*after.effects, *marked)
         kept = {e.name: borne(after, e, step) for e in after.effects}
         finding = replace(finding, held_squares=after.squares, borne=kept)
-    finding = replace(finding, rivals=listed, undecided=told)
-    return finding, taken
+    return replace(finding, rivals=listed, undecided=told), taken, worse
+
+
+def may_stand(other: Effect, instead: Step, bare: Step, at: Step) -> bool:
+    """True if held-out data do not tell a rival in a cause's place from the cause.
+
+    What describes the fitting log better is no worse a name for that the held-out log shows it too rarely.
+
+    Args:
+        other: the rival.
+        instead: the set with it.
+        bare: the set with neither.
+        at: the set with the cause.
+    """
+    gained = instead.gain_over(bare)
+    gains = gained.sure or (gained.gain > 0.0 and instead.fitted < at.fitted)
+    return other.name not in instead.unsure and gains and instead.about_as_good(at)
 
 
 def hopeless(finding: Finding, effect: Effect, other: Effect, tolerance: float) -> bool:
@@ -523,35 +550,6 @@ def likeliest(effect: Effect, others: Sequence[Effect], asked: Sequence[str]) ->
     if effect.name in asked:
         return min(options, key=lambda e: asked.index(e.name) if e.name in asked else len(asked))
     return max(options, key=lambda e: e.prior)
-
-
-def outdone(
-    finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step], signal: str
-) -> list[Refused]:
-    """Rivals that explain the fitting log as well as a kept cause and held-out data clearly worse."""
-    found = []
-    for effect in at.effects:
-        rest = tuple(e for e in at.effects if e != effect)
-        for rival, gain in indistinguishable(finding, effect):
-            other = step((*rest, rival))
-            if at.clearly_better(other):
-                group = finding.task.model.group.name
-                found.append(Refused(rival, group, signal, gain, at.held, other.held, True, effect.name))
-    return found
-
-
-def preferred(finding: Finding, tolerance: float) -> Finding:
-    """Of effects on request that explain the fitting log as well, the one that the machine's mapping names first."""
-    order = finding.task.model.group.asked
-    effects = []
-    for effect in finding.chosen.effects:
-        others = [e for e, _ in indistinguishable(finding, effect) if e.name in order]
-        listed = [effect, *others] if effect.name in order else [effect]
-        effects.append(min(listed, key=lambda e: order.index(e.name) if e.name in order else 0))
-    if tuple(effects) == finding.chosen.effects:
-        return finding
-    finding = replace(finding, chosen=tried(finding.task, tuple(effects), tolerance, finding.chosen.fit))
-    return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), tolerance))
 
 
 def indistinguishable(finding: Finding, effect: Effect) -> list[tuple[Effect, float]]:
@@ -585,10 +583,6 @@ def balanced(
         while not current().over:
             more = [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]
             better = [s for s in more if s.clearly_better(at)]
-            for effect in at.effects:
-                rest = tuple(e for e in at.effects if e != effect)
-                more = [step((*rest, e)) for e, _ in indistinguishable(finding, effect) if e not in rest]
-                better += [s for s in more if s.clearly_better(at)]
             if not better:
                 better = [s for s in map(step, pairs(finding, at.effects, waiting)) if s.clearly_better(at)]
             # the one that describes the fitting log best, of those that held-out data bear out

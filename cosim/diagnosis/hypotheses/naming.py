@@ -53,7 +53,7 @@ from cosim.diagnosis.thresholds import (
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
-# of task, null, one and other: whether the one predicts other data noticeably better
+# of task, null, one and other: whether the sizes of the one are sure and it predicts other data noticeably better
 Judge = Callable[[Task, Trial, Trial, Trial], bool]
 
 
@@ -119,7 +119,6 @@ def find(
     record: Record,
     tolerance: float = NOMINAL_TRUST,
     most: int = 3,
-    begin: Trial | None = None,
     better: Judge | None = None,
 ) -> Finding:
     """Name the effects in one group: forward with swaps and removals, the noise learned anew after each step.
@@ -130,7 +129,7 @@ def find(
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
     whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
     this log left out do not bear out, or that explain less than what stays unexplained, are taken out again, unless other
-    data judge them (`better`). A search may begin with a set of effects that is known to hold.
+    data judge them (`better`).
     """
     within = better is None
     candidates = candidates_of(task)
@@ -138,14 +137,12 @@ def find(
     if free := tolerance >= CALIBRATED_TRUST:
         candidates = identifiable(task, null, candidates)
     paced(task, exact, null.fit, candidates, tolerance)
-    largest = least_error(task, null, candidates, tolerance, most, begin, better) if most and free else None
+    largest = least_error(task, null, candidates, tolerance, most, better) if most and free else None
     if largest is not None and not within:
         # other data will judge by the size of the error as well: what does not change that would not stay
         null, chosen, single = under_noise_left(task, record, null, largest, candidates, tolerance)
     else:
-        null, chosen, single = in_detail(
-            task, record, exact, null, (begin, largest), candidates, tolerance, most
-        )
+        null, chosen, single = in_detail(task, record, exact, null, largest, candidates, tolerance, most)
     null, chosen, single = in_exact_steps(task, exact, null, chosen, single, tolerance)
     chosen = in_plain_form(task, chosen, tolerance)
     single = in_same_form(task, chosen, single, tolerance)
@@ -164,7 +161,7 @@ def find(
     return replace(
         finding,
         # where other data decide some of the causes may go first, and their rivals with them
-        rivals=rivals(task, finding, candidates, tolerance, RIVAL_WITHIN if within else 0.0),
+        rivals=rivals(task, finding, candidates, tolerance) if within else {},
         events={s: local_tests(task, s, finding.chosen.fit) for s in task.measured},
         signatures=seen,
         chosen=with_signatures(usually_spelled(finding.chosen), seen),
@@ -176,7 +173,7 @@ def in_detail(
     record: Record,
     exact: GroupModel,
     null: Trial,
-    begun: tuple[Trial | None, Trial | None],
+    largest: Trial | None,
     candidates: tuple[Effect, ...],
     tolerance: float,
     most: int,
@@ -188,22 +185,19 @@ def in_detail(
         record: the log.
         exact: the model in the log's own steps.
         null: the nominal model, fitted.
-        begun: a set that is known to hold, and what most reduces the error, with which the search begins again where it
-            has left something: noise learned from a poor model may have hidden it.
+        largest: what most reduces the error, with which the search begins again where it has left something: noise learned
+            from a poor model may have hidden it.
         candidates: the effects.
         tolerance: trust in the nominal parameters.
         most: effects at most.
     """
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-    known, (begin, largest) = (task.rules, task.model), begun
+    known = task.rules, task.model
 
     def searched(chosen: Trial) -> tuple[Trial, Trial, list[Trial]]:
         return onward(task, record, exact, null, chosen, single, candidates, tolerance, most)
 
-    if begin is not None:
-        chosen = tried(task, begin.effects, tolerance, begin.fit)
-    else:
-        chosen = best_single(task, null, single, tolerance) if most else null
+    chosen = best_single(task, null, single, tolerance) if most else null
     found = searched(chosen)
     if largest is None or current().over or not lacking(task, record, found[1].fit):
         return found
@@ -303,7 +297,6 @@ def least_error(
     candidates: tuple[Effect, ...],
     tolerance: float,
     most: int,
-    begin: Trial | None = None,
     better: Judge | None = None,
 ) -> Trial | None:
     """What most reduces the error itself, as long as that is sure; None for nothing.
@@ -311,9 +304,8 @@ def least_error(
     Where parameters are free and much is wrong, the noise learned from what a poor model leaves is as large and as slow as
     its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
     counts as white noise, as few independent values as its correlation allows. Where no single effect is sure, pairs are
-    tried with the likeliest: an end of the travel shows only once the machine moves at the right speed. A search may begin
-    with a set of effects that is known to hold, and ends where `IN_VAIN` steps have made nothing noticeably better on the
-    data that judge it.
+    tried with the likeliest: an end of the travel shows only once the machine moves at the right speed. The
+    search ends where `IN_VAIN` steps have made nothing noticeably better on the data that judge it.
     """
     known, chosen = task.rules, null
 
@@ -321,12 +313,13 @@ def least_error(
         task.set_rules({s: broad(rule, trial.fit.residuals[s]) for s, rule in task.rules.items()})
 
     def worth(trial: Trial) -> float:
-        # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less BIC's price; and by
-        # the odds beforehand
+        # by what each leaves, the size of which is not known: of n values n/2 times the logarithm, less a price and with the
+        # odds beforehand; BIC's price, or AIC's where other data have the last word
         count = max(-2.0 * chosen.fit.log_likelihood, 2.0)
         left = float(np.log(max(-2.0 * trial.fit.log_likelihood, 1e-300)))
         odds = sum(effect.prior for effect in trial.effects)
-        return -0.5 * count * left - 0.5 * trial.price * float(np.log(count)) + odds
+        bic = 0.5 * float(np.log(count))
+        return -0.5 * count * left - trial.price * (bic if better is None else min(1.0, bic)) + odds
 
     def foremost(options: list[Trial]) -> list[Trial]:
         # by quick fits they stand in an order of chance
@@ -352,9 +345,6 @@ def least_error(
     try:
         weighed(null)
         chosen = null = tried(task, (), tolerance, null.fit)
-        if begin is not None and begin.effects:
-            weighed(begin)
-            chosen = tried(task, begin.effects, tolerance, begin.fit)
         proven, in_vain = chosen, 0
         for _ in range(most):
             further = [e for e in candidates if e not in chosen.effects]
@@ -563,9 +553,8 @@ def rivals(
     finding: Finding,
     candidates: tuple[Effect, ...],
     tolerance: float,
-    share: float = RIVAL_WITHIN,
 ) -> dict[str, list[Trial]]:
-    """For each accepted effect, the sets in which another stands in its place, best first; `share` as `to_the_end`."""
+    """For each accepted effect, the sets in which another stands in its place, best first."""
     found: dict[str, list[Trial]] = {}
     for effect in finding.chosen.effects:
         kept = tuple(e for e in finding.chosen.effects if e != effect)
@@ -581,7 +570,7 @@ def rivals(
         )
         if kept:  # one effect may do what the whole set does
             found[effect.name] += [t for t in finding.single if t.effects[0] not in finding.chosen.effects]
-        found[effect.name] = [to_the_end(task, t, finding, tolerance, share) for t in found[effect.name]]
+        found[effect.name] = [to_the_end(task, t, finding, tolerance) for t in found[effect.name]]
     return found
 
 

@@ -31,7 +31,7 @@ from cosim.diagnosis.held_out.causes import (
     refuse,
 )
 from cosim.diagnosis.hypotheses.exercised import never_exercised
-from cosim.diagnosis.hypotheses.naming import Judge, find, rivals, to_the_end
+from cosim.diagnosis.hypotheses.naming import Judge, find, rivals
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.model.groups import Group, left_out, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
@@ -53,7 +53,6 @@ from cosim.diagnosis.thresholds import (
     NAMING_BUDGET,
     NOMINAL_TRUST,
     SEARCH_BUDGET,
-    SEARCHES,
     SPARSE_OF_INTEGRAL,
     SPARSE_SAMPLING,
 )
@@ -70,7 +69,6 @@ from cosim.diagnosis.verdict.verdict import (
 )
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
-from cosim.inference.held_out import gain_of_errors
 from cosim.logs import Log, Tracker, listed
 from cosim.memory import returned
 from fmus.contract import Effect
@@ -219,7 +217,7 @@ def named_in(
     finding = searched(found, group, trust, constants, driving, most, better=better)
     current().allow(share)
     if others is not None:
-        finding = borne_out(found, group, finding, others, driving, trust, constants, watch, done)
+        finding = borne_out(found, group, finding, others, trust, watch, done)
     with part_of(found.notes, f"the linear reference of {group.name}"):
         finding = beside_linear(finding, record, held)
     if driving:
@@ -238,81 +236,36 @@ def borne_out(
     group: Group,
     finding: Finding,
     held: Held,
-    known: list[Known],
     trust: float,
-    constants: Mapping[str, float] | None,
     watch: Watch | None,
     done: Steps,
 ) -> Finding:
-    """What held-out data bear out of a finding; what they refuse is left out, and causes are looked for again without it.
+    """What held-out data bear out of a finding, and what could as well stand there.
 
     `done` are the sets that they have judged already.
     """
-    record, most = found.record, found.machine.options.causes
-    better = predicts_better(held, trust, done)
-    best: tuple[Array | None, Finding, tuple[Effect, ...]] | None = None
-    for left in reversed(range(SEARCHES)):
-        if current().over:
-            if finding.chosen.effects:
-                current().leave_out(group.name, "its causes on the held-out data")
-            break
-        count = len(finding.chosen.effects)
-        enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
-        finding, turned_down, kept = refuse(finding, held, trust, done)
-        found.refused += turned_down
-        squares = finding.held_squares
-        placed = group.integrates and not group.drifts
-        # a search without what was refused may end worse
-        if best is not None and not errs_at_most(squares, best[0], placed):
-            finding, kept = keep(best[1], best[2], record, trust, done), best[2]
-            break
-        best = squares, finding, kept
-        if all(r.instead for r in turned_down) and freed(kept) == freed(finding.chosen.effects):
-            finding = replace(finding, rivals=settled(finding, trust))
-            break
-        if left and current().over:
-            current().leave_out(group.name, "another search without what held-out data refused")
-            left = 0
-        if not left:  # no more is looked for: what is kept stands
-            finding = keep(finding, kept, record, trust, done)
-            break
-        group = replace(group, excluded=(*group.excluded, *(r.effect.name for r in turned_down)))
-        begin = refound(finding, kept, trust, done) if kept else None
-        before = finding
-        finding = searched(found, group, trust, constants, known, most, begin=begin, better=better)
-        finding = replace(finding, held_squares=before.held_squares, borne=before.borne)
-    taken = finding.chosen.effects
+    if current().over:
+        if finding.chosen.effects:
+            current().leave_out(group.name, "its causes on the held-out data")
+        return finding
+    count = len(finding.chosen.effects)
+    enter(found, watch, group.name, f"{group.name}: {count} causes tried on the held-out data")
+    finding, turned_down, kept = refuse(finding, held, trust, done)
+    found.refused += turned_down
+    finding = keep(finding, kept, found.record, trust, done)
     with part_of(found.notes, "holding rivals of the causes against the held-out data"):
-        turned_down = [r for r in found.refused if r.group == group.name]
-        finding, taken = reconsider(finding, held, turned_down, trust, done)
-    return finding if taken == finding.chosen.effects else keep(finding, taken, record, trust, done)
-
-
-def settled(finding: Finding, trust: float) -> dict[str, list[Trial]]:
-    """The rivals of a finding, those that explain nearly as much fitted until they settle."""
-    return {
-        name: [to_the_end(finding.task, t, finding, trust) for t in found]
-        for name, found in finding.rivals.items()
-    }
-
-
-def errs_at_most(one: Array | None, other: Array | None, placed: bool) -> bool:
-    """True if one search ends with no larger an error on held-out data than another; None where nothing was judged.
-
-    Args:
-        one: (parts,) mean squares.
-        other: those of the other.
-        placed: as `gain_of_errors` takes it.
-    """
-    if one is None or other is None:
-        return other is None
-    return gain_of_errors(one, other, placed).gain >= 0.0
+        finding, taken, worse = reconsider(finding, held, turned_down, trust, done)
+        found.refused += worse
+        if taken != finding.chosen.effects:
+            finding = keep(finding, taken, found.record, trust, done)
+    return finding
 
 
 def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float, done: Steps) -> Finding:
     """The finding with those of its effects that held-out data bear out, fitted also from where these judged them."""
-    begin = refound(finding, kept, trust, done) if kept else finding.null
-    finding = replace(finding.accept(begin, record), confirmed=kept != ())
+    if freed(kept) != freed(finding.chosen.effects):
+        begin = refound(finding, kept, trust, done) if kept else finding.null
+        finding = replace(finding.accept(begin, record), confirmed=kept != ())
     return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), trust))
 
 
@@ -346,7 +299,6 @@ def searched(
     known: list[Known],
     most: int,
     *,
-    begin: Trial | None = None,
     better: Judge | None = None,
 ) -> Finding:
     """What is found in a group that `known` blocks drive; `most` and what follows as `naming.find` takes them."""
@@ -356,7 +308,7 @@ def searched(
     if group.integrates and not known and heard:
         left = propagated(task, heard[0])
         task.set_rules({s: replace(rule, propagated=left[s]) for s, rule in task.rules.items()})
-    return find(task, found.record, trust, most, begin, better)
+    return find(task, found.record, trust, most, better)
 
 
 def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> None:
