@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -125,7 +125,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     Raises:
         DataError: as `cosim.logs.overview.overview`.
     """
-    from cosim.logs.guess import clock_column, guesses, mapping_text, texts_of, used_by
+    from cosim.logs.guess import guesses, mapping_text, texts_of, used_by
     from cosim.logs.overview import overview
 
     found = overview(log)
@@ -134,7 +134,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
         f"{g.column.label.shown}{f' minus {g.minus.label.shown}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
-    used: set[Any] = used_by(made) | {clock_column(found, made)}
+    used = used_by(made) | found.times
     left = [f"column '{c.label.shown}'" for c in found.columns if c.index not in used]
     needed = _lacking(made, texts_of(model))
     if found.clock is None:

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.errors import UsageError
-from cosim.logs.overview import Array, Column, Overview, longest, plain
+from cosim.logs.clocks import plain
+from cosim.logs.overview import Array, Column, Overview, longest
 from cosim.signals import SIGNALS, conversion
 
 # parts of words, without accents; German, English, French, Spanish, Italian, Scandinavian, Finnish, Polish
@@ -165,11 +166,13 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         found: the file.
         machine: it is of another machine than the crane, whose axis may show a position or a speed instead of an angle.
     """
-    clock = found.clock.column if found.clock else None
     free = [
         c
         for c in found.columns
-        if c.index != clock and c.finite.size and c.missing <= c.finite.size and c.label.name != "synthetic"
+        if c.index not in found.times
+        and c.finite.size
+        and c.missing <= c.finite.size
+        and c.label.name != "synthetic"
     ]
     made: dict[str, Guess] = {}
     # of several axes: "Swing Cmd" goes with "Swing Ms", and the axis is one whose command moves
@@ -709,7 +712,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         lines += ["", *machine_lines(found, made)]
     elif "u" in made and "slew" in made:
         lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(found, made)))]
-    used = used_by(made) | {stamps}
+    used = used_by(made) | found.times
     rest = [c for c in found.columns if c.index not in used]
     shown = any(signal in made for signal in MOTIONS)
     missing = [

@@ -10,8 +10,9 @@ from scipy.io import savemat
 
 from cosim.errors import ColumnsError
 from cosim.logs import load_log
+from cosim.logs.clocks import plain
 from cosim.logs.guess import NAMES, guesses, mapping_text
-from cosim.logs.overview import overview, plain, spelled
+from cosim.logs.overview import overview, spelled
 from cosim.machines import made_for
 from cosim.rig import make_log
 from cosim.signals import SIGNALS
@@ -567,3 +568,42 @@ def test_without_a_time_the_interval_is_asked_for_and_long_lists_are_cut(write, 
     assert "--machine" not in shown, "it was given"
     assert "complete" in shown
     assert "Another machine than the crane: --machine" in cosim("init", path, "--force").stdout
+
+
+def two_loggers(path, **more):
+    """Speed of a drive at 500 Hz and a force at 2 kHz, in one file, each with a time of its own."""
+    slow, fast = np.arange(400) / 500.0, 0.1 + np.arange(1200) / 2000.0
+    savemat(path, {"t_drive": slow, "v": np.sin(slow), "t_daq": fast, "F": np.cos(fast), **more})
+    return path
+
+
+def test_vectors_of_two_loggers_go_with_the_time_of_their_length(tmp_path):
+    path = two_loggers(tmp_path / "two.mat")
+    found = overview(path)
+    assert found.clock.column is None
+    assert [c.label.name for c in found.columns if c.index not in found.times] == ["v", "F"]
+    mapping = tmp_path / "two.toml"
+    mapping.write_text(
+        '[time]\ncolumn = "t_daq"\nunit = "s"\n[signals.speed]\ncolumn = "v"\nunit = "m/s"\n'
+        '[signals.force]\ncolumn = "F"\nunit = "N"\n'
+    )
+    log = load_log(path, mapping)
+    assert log.time.size == 1200
+    # a straight line between samples of 2 ms is off by h^2/8 of the curvature at most
+    np.testing.assert_allclose(log["speed"], np.sin(log.time), atol=6e-7)
+    assert any("'speed': on a clock of their own" in text for text in log.warnings)
+
+
+def test_two_times_of_one_length_say_nothing_of_the_others(tmp_path):
+    found = overview(two_loggers(tmp_path / "three.mat", t_other=np.arange(400) / 400.0))
+    assert found.clock.column is not None
+
+
+def test_a_file_without_numbers_is_no_log(cosim, write):
+    path = write(
+        "[2019-06-10 20:12:13]: valves loaded\n[2019-06-10 20:12:17]: parsing error\n", name="events.txt"
+    )
+    for command in ("info", "init"):
+        result = cosim(command, path)
+        assert result.returncode == 3  # bad data
+        assert "no column holds numbers: a log is a table with a row for each sample" in result.stderr
