@@ -110,8 +110,10 @@ def _lacking(made: Collection[str], texts: Mapping[str, str]) -> str:
         made: the signals that have a column.
         texts: what each signal is.
     """
-    lacks = [] if "u" in made else [f"a column for u ({texts['u']})"]
-    if not set(made) - {"u"}:
+    drives = [name for name in ("u", "torque", "force") if name in texts]
+    others = ", or for the torque or force that drives the axis" if drives[1:] else ""
+    lacks = [] if set(drives) & set(made) else [f"a column for u ({texts['u']}){others}"]
+    if not set(made) - set(drives):
         also = "travel, speed, " if "travel" in texts else ""
         lacks.append(
             f"{'one' if lacks else 'a column'} for what was measured, such as {also}slew, spool or the pressures"

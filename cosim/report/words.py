@@ -149,7 +149,7 @@ def with_signals(text: str) -> str:
     return _SIGNAL.sub(
         lambda found: signal_name(found[1]),
         _DEPENDS.sub(
-            lambda found: kind_of_motion(QUANTITIES[found[1]][0]),
+            lambda found: quantity(found[1])[0],
             _MISSING.sub(lambda lacking: kind_of_motion(lacking[0]), text),
         ),
     )

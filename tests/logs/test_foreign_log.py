@@ -397,7 +397,7 @@ def motor(count=3000, step=0.005, lag=0.1):
         ("t,voltage,Drehzahl", {"u": "voltage", "speed": "Drehzahl"}),
         ("t,u,y", {"u": "u", "speed": "y"}),
         ("t,Analog Input 1,omega", {"u": "Analog Input 1", "speed": "omega"}),
-        ("t,torque,omega", {"speed": "omega"}),
+        ("t,torque,omega", {"torque": "torque", "speed": "omega"}),
     ],
 )
 def test_the_command_of_a_motor_is_what_its_motion_follows(heading, found, write):
@@ -607,3 +607,68 @@ def test_a_file_without_numbers_is_no_log(cosim, write):
         result = cosim(command, path)
         assert result.returncode == 3  # bad data
         assert "no column holds numbers: a log is a table with a row for each sample" in result.stderr
+
+
+def servo_drive(write, speed="Servo motor speed", torque="Torque"):
+    """What a servo amplifier records of one move: speed, torque, a pulse count and a flag, no command."""
+    time = np.arange(900) / 1500.0
+    w, moved = np.zeros(900), 0.0
+    drive = np.interp(time, [0.0, 0.05, 0.06, 0.25, 0.26, 0.5, 0.51], [0.0, 0.0, 20.0, 20.0, 2.0, 2.0, 0.0])
+    for k in range(1, 900):  # 0.01 kg m2 and 0.2 N m s/rad
+        w[k] = w[k - 1] + (drive[k - 1] - 0.2 * w[k - 1]) / 0.01 / 1500.0
+        moved += w[k] / 1500.0
+    lines = [
+        f"{t:.6f},{x * 30.0 / np.pi:.6f},{d:.4f},{200.0 * x:.1f},{2.5 if x < 1.0 else 0.0}"
+        for t, x, d in zip(time, w, drive, strict=True)
+    ]
+    return write(
+        "\n".join([f"Time (s),{speed},{torque},Droop pulses,INP digital", *lines]) + "\n", "move.csv"
+    )
+
+
+def test_a_measured_torque_drives_an_axis_without_a_command(write, tmp_path):
+    path = servo_drive(write)
+    found = overview(path)
+    made = guesses(found, machine=True)
+    assert {name: g.column.label.short for name, g in made.items()} == {
+        "torque": "Torque",
+        "speed": "Servo motor speed",
+    }
+    assert made["speed"].unit == "rpm"  # 940 of them; no motor turns at 940 rad/s
+    assert made["torque"].unit == "N.m"
+    assert made["torque"].check
+    mapping = tmp_path / "move.toml"
+    mapping.write_text(mapping_text(found, made, None))
+    made_now = made_for(mapping, load_log(path, mapping))
+    assert made_now.machine.chain == ("mechanical",)
+    # least squares at the samples: 1.3 % of the lag is a sample
+    assert made_now.numbers.values["mechanical.J"] == pytest.approx(0.01, rel=0.05)
+    assert made_now.numbers.values["mechanical.b"] == pytest.approx(0.2, rel=0.05)
+
+
+def test_of_several_torques_the_one_of_the_axis_drives(write):
+    path = servo_drive(write, "dq 2 velocity", "tau 2")
+    head, *lines = path.read_text().splitlines()
+    path.write_text("\n".join([f"{head},tau 1", *(f"{line},{k % 7}" for k, line in enumerate(lines))]) + "\n")
+    assert guesses(overview(path), machine=True)["torque"].column.label.short == "tau 2"
+
+
+def test_a_flag_is_no_command(write):
+    path = servo_drive(write, torque="Temperature")
+    assert "INP digital" not in [g.column.label.short for g in guesses(overview(path), machine=True).values()]
+
+
+@pytest.mark.parametrize(
+    ("names", "signals"),
+    [
+        (("Tempo_s", "Controle", "Posição", "Pressão_A"), {"u", "travel", "p_a"}),
+        (("Tijd (s)", "Stuursignaal", "Snelheid", "Druk B"), {"u", "speed", "p_b"}),
+        (("Tempo (s)", "Comando", "Ângulo", "Vazão"), {"u", "slew"}),
+        (("Time (s)", "cmd", "Pan Position", "Tilt Position"), {"u", "slew"}),
+    ],
+)
+def test_names_in_portuguese_and_dutch_and_of_pan_and_tilt(write, names, signals):
+    lines = [f"{k * 0.01:.2f},{k % 50 - 25},{(k // 3) % 40 + 0.5},{k % 9 + 20}" for k in range(200)]
+    found = overview(write("\n".join([",".join(names), *lines]) + "\n"))
+    assert found.columns[found.clock.column].label.text == names[0]
+    assert set(guesses(found, machine=True)) == signals

@@ -5,7 +5,7 @@ import pytest
 from report_helpers import empty_answer, named
 
 from cosim.diagnosis.answer.schema import SignalGain, Unexplained
-from cosim.lexicon import Lexicon, speaking
+from cosim.lexicon import Lexicon, Shown, speaking
 from cosim.report.evidence import MAKERS
 from cosim.report.language import reported_in, said
 from cosim.report.material import Material, Noise, Part
@@ -103,6 +103,13 @@ def test_several_causes_are_told_one_by_one():
 def test_a_rest_above_the_noise_is_not_called_noise():
     told = sentence(material(causes=[friction()], gain={"slew": gain(0.16, 0.02, 0.01)}))
     assert told.endswith("falls from 0.16 to 0.02 deg, against a noise of 0.01 deg.")
+
+
+def test_what_a_torque_depends_on_is_the_signal_of_that_name():
+    friction = "a missing torque that depends on torque explains 64% of it"
+    assert with_signals(friction) == "a missing torque that depends on missing torque explains 64% of it"
+    with speaking(Lexicon(signals={"torque": Shown("N.m", 1.0, "applied torque")})):
+        assert with_signals(friction) == "a missing torque that depends on applied torque explains 64% of it"
 
 
 def test_no_gain_is_not_called_a_gain():
