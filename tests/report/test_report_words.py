@@ -25,6 +25,8 @@ from cosim.report.words import (
     prose,
     quantity,
     sentence,
+    shows_speed,
+    two_digits,
     unit_text,
     with_signals,
     without_tracker,
@@ -223,3 +225,29 @@ def test_without_a_tracker_its_faults_are_not_listed():
 def test_captions_are_there_for_every_maker():
     names = {maker.__name__ for makers in MAKERS.values() for maker in makers}
     assert {"over_speed", "curve", "spectrum"} <= names & set(CAPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (250.4, "250"),
+        (1943.0, "1900"),
+        (14.66, "15"),
+        (0.0061, "0.0061"),
+        (0.0, "0"),
+        (99.6, "100"),
+        (3.1e7, "3.1e+07"),
+    ],
+)
+def test_two_digits_are_written_without_an_exponent(value, text):
+    assert two_digits(value) == text
+
+
+def test_a_speed_is_told_by_its_unit():
+    shown = {
+        "w": Shown("rpm", 9.55, "speed"),
+        "q": Shown("l/min", 6e4, "flow"),
+        "x": Shown("mm", 1e3, "place"),
+    }
+    with speaking(Lexicon(signals=shown | {"z": Shown("full command", 1.0, "z")})):
+        assert [shows_speed(s) for s in ("w", "q", "x", "z", "slew")] == [True, True, False, False, False]
