@@ -27,6 +27,7 @@ from cosim.report.words import (
     two_digits,
     unit_text,
     with_signals,
+    without_tracker,
     words_of,
 )
 
@@ -217,8 +218,14 @@ def next_step(result: Answer, out: Path) -> str:
         return "correct the mapping or record again as noted, and diagnose again"
     if result.extended is not None and result.causes:
         return f"cosim simulate {typed(result.extended.ssp)} runs the extended model"
-    if result.helpful_signals:
-        return f"log more: {in_words(few(result.helpful_signals[0], MOST))}"
+    # of a machine that is not the crane nobody has a tracker: another sensor of its motion shows as much
+    helpful = [
+        line
+        for text in result.helpful_signals
+        if (line := without_tracker(text) if result.words.blocks else text)
+    ]
+    if helpful:
+        return f"log more: {in_words(few(helpful[0], MOST))}"
     return (
         f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
     )
