@@ -277,6 +277,20 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
     return {signal: made[signal] for signal in (*SIGNALS, *DRIVERS, *MOTIONS) if signal in made}
 
 
+def likely(found: Overview) -> tuple[dict[str, Guess], bool]:
+    """The guesses for the crane, or, where these miss its command or angle, for another machine that they miss nothing of.
+
+    Returns:
+        The guesses, and whether they are those for another machine.
+    """
+    crane = guesses(found)
+    if {"u", "slew"} <= crane.keys():
+        return crane, False
+    other = guesses(found, machine=True)
+    driven, moves = {"u", *DRIVERS} & other.keys(), {"slew", *MOTIONS} & other.keys()
+    return (other, True) if driven and moves and len(other) >= len(crane) else (crane, False)
+
+
 def paired(axes: list[Column], commands: list[Column], rate: bool) -> tuple[list[Column], Column | None]:
     """Of axes and commands that share no word: the axis that follows a command most closely first, and that command."""
     able = [

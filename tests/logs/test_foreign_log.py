@@ -672,3 +672,16 @@ def test_names_in_portuguese_and_dutch_and_of_pan_and_tilt(write, names, signals
     found = overview(write("\n".join([",".join(names), *lines]) + "\n"))
     assert found.columns[found.clock.column].label.text == names[0]
     assert set(guesses(found, machine=True)) == signals
+
+
+def test_what_is_no_crane_is_shown_as_a_drive_of_its_own(cosim, write, german):
+    time, command, speed = motor()
+    path = write("t,u,y\n" + rows(np.column_stack([time, command / 12.0, speed])))
+    shown = cosim("info", path)
+    assert "2 of 3 columns look like signals of a drive of its own" in shown.stdout
+    assert "speed is probably 'y' [rad/s]" in shown.stdout
+    assert f"cosim init {path} --machine writes these guesses" in shown.stdout
+    assert json.loads(cosim("info", path, "--json").stdout)["machine"] is True
+    crane = cosim("info", german).stdout
+    assert "6 of 8 columns look like signals of the crane" in crane
+    assert json.loads(cosim("info", german, "--json").stdout)["machine"] is False
