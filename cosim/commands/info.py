@@ -252,9 +252,9 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
         DataError: the file is bad.
     """
     from cosim.logs.guess import likely
-    from cosim.logs.overview import overview
+    from cosim.logs.overview import measured
 
-    found = overview(path)
+    found = measured(path)
     clock = found.clock
     facts: dict[str, Any] = {"file": path, "kind": OTHER, "samples": found.samples}
     if clock is None:

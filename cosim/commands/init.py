@@ -125,12 +125,12 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     """A mapping for the signals of the crane or of a machine of its own (None), and what it lacks.
 
     Raises:
-        DataError: as `cosim.logs.overview.overview`.
+        DataError: as `cosim.logs.overview.measured`.
     """
     from cosim.logs.guess import guesses, mapping_text, texts_of, used_by
-    from cosim.logs.overview import overview
+    from cosim.logs.overview import measured
 
-    found = overview(log)
+    found = measured(log)
     made = guesses(found, machine=model is None)
     told = [
         f"{g.column.label.shown}{f' minus {g.minus.label.shown}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"

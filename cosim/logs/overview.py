@@ -215,7 +215,7 @@ def overview(path: Path, mapping: Mapping | None = None) -> Overview:
         mapping: says how a text file is written, where the file itself does not tell.
 
     Raises:
-        DataError: the file is missing, of an unknown type, cannot be read at all, or holds no numbers.
+        DataError: the file is missing, of an unknown type, or cannot be read at all.
         MissingExtraError: its type needs an optional dependency.
     """
     header = True
@@ -224,9 +224,19 @@ def overview(path: Path, mapping: Mapping | None = None) -> Overview:
     except HeadlessError:
         source, header = TextSource(path, header=False), False
     columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
-    if not any(column.finite.size for column in columns):
-        raise DataError(f"{path}: no column holds numbers: a log is a table with a row for each sample")
     return Overview(path, columns, _clock(source, columns), tuple(source.warnings), header)
+
+
+def measured(path: Path) -> Overview:
+    """As `overview`, of a file that can be a log.
+
+    Raises:
+        DataError: as `overview`, or no column holds numbers.
+    """
+    found = overview(path)
+    if not any(column.finite.size for column in found.columns):
+        raise DataError(f"{path}: holds no column of numbers: a log is a table with a row for each sample")
+    return found
 
 
 def _values(source: Source) -> list[Array | str]:

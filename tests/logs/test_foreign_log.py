@@ -606,7 +606,7 @@ def test_a_file_without_numbers_is_no_log(cosim, write):
     for command in ("info", "init"):
         result = cosim(command, path)
         assert result.returncode == 3  # bad data
-        assert "no column holds numbers: a log is a table with a row for each sample" in result.stderr
+        assert "holds no column of numbers: a log is a table with a row for each sample" in result.stderr
 
 
 def servo_drive(write, speed="Servo motor speed", torque="Torque"):
