@@ -9,7 +9,7 @@ from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, reversals, slopes
-from cosim.report.words import CAPTIONS, axis, effect_name, kind_of_motion, quantity, shows_speed
+from cosim.report.words import CAPTIONS, axis, effect_name, kind_of_motion, lacking, quantity, shows_speed
 from fmus import registry
 
 Array = NDArray[np.float64]
@@ -146,7 +146,7 @@ def over_speed(material: Material, cause: NamedCause) -> Picture:
         torque = (material.size(cause, "b") - motion.damping) * speed
     else:
         torque = law_over(material, cause, motion, omega=speed)
-    (text, unit, scale), (of, force, _) = quantity("omega"), quantity("torque")
+    (text, unit, scale), (of, force, _) = quantity("omega"), lacking("torque")
     return _drawn(
         f"evidence-{cause.effect.replace('.', '-')}",
         f"{of.capitalize()} against {text}: {effect_name(cause.effect)}",
@@ -164,7 +164,7 @@ def over_angle(material: Material, cause: NamedCause) -> Picture:
     motion = Motion(material, cause)
     angle = np.linspace(motion.theta.min(), motion.theta.max(), 801)
     torque = law_over(material, cause, motion, theta=angle)
-    (text, unit, scale), (of, force, _) = quantity("theta"), quantity("torque")
+    (text, unit, scale), (of, force, _) = quantity("theta"), lacking("torque")
     return _drawn(
         f"evidence-{cause.effect.replace('.', '-')}",
         f"{of.capitalize()} against {text}: {effect_name(cause.effect)}",

@@ -234,6 +234,12 @@ def quantity(of: str) -> tuple[str, str, float]:
     return kind_of_motion(text), *lexicon.quantity(si, unit)
 
 
+def lacking(what: str) -> tuple[str, str, float]:
+    """What is missing, as `quantity` tells it: never a signal of the machine, which may be called torque as well."""
+    text, si, unit = QUANTITIES.get(what, (what, "1", "1"))
+    return kind_of_motion(text), *current().quantity(si, unit)
+
+
 def kind_of_motion(text: str) -> str:
     """Words about the crane's slew, as they are said of another machine's axis, which may move along a line."""
     lexicon = current()

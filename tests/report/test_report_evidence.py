@@ -258,6 +258,8 @@ def test_the_caption_of_a_measured_torque_speaks_of_no_pressure():
     with speaking(SERVO):
         [picture] = pictures(material, friction)[:1]
     assert picture.caption.startswith("Torque that was measured, less what inertia")
+    # what is missing is not the signal of the same name
+    assert picture.title.startswith("Missing torque against speed")
 
 
 def test_friction_at_standstill_goes_on_top_of_the_dry_one():
