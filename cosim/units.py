@@ -144,3 +144,9 @@ def base_exponents(unit: str) -> tuple[dict[str, int], float]:
             )
         exponents[_BASE_NAMES[name]] = whole
     return exponents, scale
+
+
+def is_speed(unit: str) -> bool:
+    """True if a signal of this unit is a speed, of an angle, a length or a volume (a flow)."""
+    own = parse_unit(unit).dimensionality
+    return any(own == parse_unit(s).dimensionality for s in ("rad/s", "m/s", "m3/s"))

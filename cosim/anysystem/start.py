@@ -8,9 +8,10 @@ from pathlib import Path
 
 from cosim.anysystem.read import heading, value_of
 from cosim.errors import DataError
+from cosim.logs.clocks import TIME_WORDS
+from cosim.logs.clocks import plain as in_words
 from cosim.logs.guess import column_of, stamped, time_lines
-from cosim.logs.overview import TIME_WORDS, Column, Overview, overview
-from cosim.logs.overview import plain as in_words
+from cosim.logs.overview import Column, Overview, overview
 from cosim.logs.source import Label
 from cosim.ssp.quantities import definition
 from cosim.ssp.system import System, Variable
@@ -261,7 +262,7 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
         *time_lines(found, clock),
     ]
     told, open_ = [], []
-    times = _stamps(found) | {clock}
+    times = _stamps(found) | found.times
     for k, column in enumerate(found.columns):
         if k in taken:
             port = taken[k]

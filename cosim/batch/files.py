@@ -9,6 +9,9 @@ from cosim.batch.plan import Plan
 from cosim.errors import DataError, UsageError
 from cosim.logs.load import SUFFIXES
 
+# in a folder of logs a .log is as a rule what a program says of itself; named, it is read
+IN_FOLDERS = tuple(suffix for suffix in SUFFIXES if suffix != ".log")
+
 
 def find_logs(plan: Plan) -> list[Path]:
     """The logs that the plan names, each once: files, folders (what has a log's suffix), patterns.
@@ -20,7 +23,7 @@ def find_logs(plan: Plan) -> list[Path]:
     for name in plan.logs:
         path = Path(name)
         if path.is_dir():
-            inside = sorted(p for p in path.iterdir() if p.is_file() and p.suffix.lower() in SUFFIXES)
+            inside = sorted(p for p in path.iterdir() if p.is_file() and p.suffix.lower() in IN_FOLDERS)
         elif path.is_file():
             inside = [path]
         else:

@@ -145,7 +145,8 @@ def headline(facts: dict[str, Any]) -> str:
             f"{facts['duration']} at {facts['rate'].replace(' samples', '')}{even}{holes}{back}; "
             f"{OWN_STAMPS if name == OWN_STAMPS else told}"
         )
-    likely = f"{len(facts['guesses'])} of {len(facts['columns'])} columns look like signals of the crane"
+    whose = "a drive of its own" if facts["machine"] else "the crane"
+    likely = f"{len(facts['guesses'])} of {len(facts['columns'])} columns look like signals of {whose}"
     return f"{facts['file']}: {samples}, {time}; {likely}"
 
 
@@ -250,10 +251,10 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
     Raises:
         DataError: the file is bad.
     """
-    from cosim.logs.guess import guesses
-    from cosim.logs.overview import overview
+    from cosim.logs.guess import likely
+    from cosim.logs.overview import measured
 
-    found = overview(path)
+    found = measured(path)
     clock = found.clock
     facts: dict[str, Any] = {"file": path, "kind": OTHER, "samples": found.samples}
     if clock is None:
@@ -269,7 +270,9 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             "gaps": clock.gaps,
             "not_rising": clock.backwards,
         }
-    made, typed = guesses(found), console.typed(path)
+    (made, machine), typed = likely(found), console.typed(path)
+    way = f"{typed} --machine" if machine else typed
+    other = "" if machine else " (--machine: of another machine than the crane)"
     return facts | {
         "columns": [
             {
@@ -283,11 +286,12 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
             }
             for c in found.columns
         ],
+        "machine": machine,
         "guesses": {name: _guess_facts(guess) for name, guess in made.items()},
         "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
         "why": why,
-        "next": f"Next: cosim init {typed} writes {'these guesses' if made else 'the columns'} into a mapping to "
-        f"correct (--machine: of another machine than the crane); cosim open {typed} does the same on a page",
+        "next": f"Next: cosim init {way} writes {'these guesses' if made else 'the columns'} into a mapping to "
+        f"correct{other}; cosim open {typed} does the same on a page",
     }
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -110,8 +110,10 @@ def _lacking(made: Collection[str], texts: Mapping[str, str]) -> str:
         made: the signals that have a column.
         texts: what each signal is.
     """
-    lacks = [] if "u" in made else [f"a column for u ({texts['u']})"]
-    if not set(made) - {"u"}:
+    drives = [name for name in ("u", "torque", "force") if name in texts]
+    others = ", or for the torque or force that drives the axis" if drives[1:] else ""
+    lacks = [] if set(drives) & set(made) else [f"a column for u ({texts['u']}){others}"]
+    if not set(made) - set(drives):
         also = "travel, speed, " if "travel" in texts else ""
         lacks.append(
             f"{'one' if lacks else 'a column'} for what was measured, such as {also}slew, spool or the pressures"
@@ -123,18 +125,18 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     """A mapping for the signals of the crane or of a machine of its own (None), and what it lacks.
 
     Raises:
-        DataError: as `cosim.logs.overview.overview`.
+        DataError: as `cosim.logs.overview.measured`.
     """
-    from cosim.logs.guess import clock_column, guesses, mapping_text, texts_of, used_by
-    from cosim.logs.overview import overview
+    from cosim.logs.guess import guesses, mapping_text, texts_of, used_by
+    from cosim.logs.overview import measured
 
-    found = overview(log)
+    found = measured(log)
     made = guesses(found, machine=model is None)
     told = [
         f"{g.column.label.shown}{f' minus {g.minus.label.shown}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
-    used: set[Any] = used_by(made) | {clock_column(found, made)}
+    used = used_by(made) | found.times
     left = [f"column '{c.label.shown}'" for c in found.columns if c.index not in used]
     needed = _lacking(made, texts_of(model))
     if found.clock is None:

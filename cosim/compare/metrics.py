@@ -12,6 +12,7 @@ Mask = NDArray[np.bool_]
 WINDOW = 5.0  # s, over which an integrating signal is judged with a free offset
 NOISE_WINDOW = 0.5  # s, in which a signal's motion passes for a cubic
 NOISE_SAMPLES = 16  # at least this many samples in such a window
+NOISE_WINDOWS = 10  # of a log at least, where its samples allow it: one of ten is a quietest tenth
 QUIET = 4.0  # standard errors of a window's spread above that of the quietest tenth: noise alone, no motion
 STAND_OUT = 1.5  # a signal whose spread is below this many times its noise is constant
 
@@ -115,14 +116,14 @@ def without_offsets(error: Array, time: Array, window: float = WINDOW) -> Array:
 def noise_floor(values: Array, step: float) -> float:
     """Standard deviation of the noise of a measured signal (n,), in its unit.
 
-    Spread about a cubic in windows of `NOISE_WINDOW`, taken where the signal is quietest, and at least the spread that
-    rounding to its resolution causes. Noise slower than a window is not counted.
+    Spread about a cubic in windows of `NOISE_WINDOW` (a tenth of a log that is short), taken where the signal is quietest,
+    and at least the spread that rounding to its resolution causes. Noise slower than a window is not counted.
 
     Args:
         values: as measured, one every `step` s.
         step: [s].
     """
-    size = max(round(NOISE_WINDOW / step), NOISE_SAMPLES)
+    size = max(min(round(NOISE_WINDOW / step), len(values) // NOISE_WINDOWS), NOISE_SAMPLES)
     rounding = resolution(values) / math.sqrt(12.0)
     if len(values) < size:
         return rounding

@@ -13,8 +13,7 @@ from cosim.identify.answer import Answer
 from cosim.identify.drive_curve import DriveCurve, Estimate, drive_curve
 from cosim.identify.drive_fit import Run
 from cosim.logs import Log, Mapping
-from cosim.machines.wiring import is_speed
-from cosim.units import factor
+from cosim.units import factor, is_speed
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from cosim.logs.window import Window
 BLANK = " "
 OTHERS = (";", "\t", ",")
 LOOKED_AT, LAST = 200, 12  # lines, of which the last ones are looked at: the first may be a title
-_COMMENT = ("#", "%", "//")  # before the names, as numpy.savetxt and MATLAB write them
+COMMENT = ("#", "%", "//")  # before the names, as numpy.savetxt and MATLAB write them, or before a remark
 _RUN, _EDGES = re.compile(rb"[ \t]+"), re.compile(rb"(?m)^\t|\t(?=\r?$)")
 _GLUED, _HELD = re.compile(r"[ \t]+(?=[\[(])"), "\0"  # "slew [deg]" is one cell
 
@@ -29,9 +29,15 @@ def cells(line: str, separator: str) -> list[str]:
     if separator != BLANK:
         return next(csv.reader([line], delimiter=separator), [])
     text = line.strip()
-    for sign in _COMMENT:
+    for sign in COMMENT:
         text = text.removeprefix(sign).lstrip()
     return [cell.replace(_HELD, BLANK) for cell in _GLUED.sub(_HELD, text).split()]
+
+
+def remark(line: str) -> bool:
+    """Whether a line is a remark, such as ``// restarted``, or blank."""
+    text = line.strip()
+    return not text or text.startswith(COMMENT)
 
 
 def parted(head: str, number: Callable[[str], bool]) -> bool:

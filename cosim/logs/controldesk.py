@@ -1,4 +1,4 @@
-"""The header block of a dSPACE ControlDesk CSV export.
+"""What dSPACE ControlDesk exports: the header block of a CSV file, and how a trace is called there and in a MAT file.
 
     descriptions,General,User,...
     ...
@@ -16,6 +16,7 @@ a Simulink port has the same name (``In1``) in every block.
 
 import csv
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cosim.logs.source import Label
@@ -64,15 +65,23 @@ def _header(fields: dict[str, list[str]], lines: int, width: int) -> Header | No
     names, units, paths = (
         [*fields.get(key, []), *[""] * width][: width - 1] for key in ("trace_names", "trace_units", "path")
     )
-    ends = Counter(end for path, name in zip(paths, names, strict=True) for end in _ends(path, name))
-    labels = [Label(FIRST, FIRST, None), Label("time", "time", units[0].strip() or "s")]
-    for path, name, unit in list(zip(paths, names, units, strict=True))[1:]:
+    first = [Label(FIRST, FIRST, None), Label("time", "time", units[0].strip() or "s")]
+    labels = [*first, *trace_labels(paths[1:], names[1:], units[1:])]
+    size = "".join(fields.get("trace_size", [])[:1]).strip()
+    return Header(lines, tuple(labels), int(size) if size.isdecimal() else None)
+
+
+def trace_labels(paths: Sequence[str], names: Sequence[str], units: Sequence[str]) -> list[Label]:
+    """The labels of traces: ``path/name``, and every end of it that no other trace has."""
+    traces = list(zip(paths, names, units, strict=True))
+    ends = Counter(end for path, name, _ in traces for end in _ends(path, name))
+    labels = []
+    for path, name, unit in traces:
         full = f"{path}/{name}" if path else name
         others = tuple(end for end in _ends(path, name) if ends[end] == 1)
         short = min(others, key=len, default=None)
         labels.append(Label(full, full, unit.strip() or None, short, others))
-    size = "".join(fields.get("trace_size", [])[:1]).strip()
-    return Header(lines, tuple(labels), int(size) if size.isdecimal() else None)
+    return labels
 
 
 def _ends(path: str, name: str) -> set[str]:

@@ -10,24 +10,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.errors import UsageError
-from cosim.logs.overview import Array, Column, Overview, longest, plain
+from cosim.logs.clocks import plain
+from cosim.logs.overview import Array, Column, Overview, longest
 from cosim.signals import SIGNALS, conversion
 
-# parts of words, without accents; German, English, French, Spanish, Italian, Scandinavian, Finnish, Polish
-_PRESSURE = r"pressure|druck|pression|presion|pressione|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
-_FLOW = r"flow|durchfl|volumenstrom|debit|caudal|portata"
+# parts of words without accents: German, English, French, Spanish, Portuguese, Italian, Dutch, Scandinavian, Finnish, Polish
+_PRESSURE = (
+    r"pressure|druck|pression|presion|pressione|pressao|\bdruk|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
+)
+_FLOW = r"flow|durchfl|volumenstrom|debit|caudal|vazao|portata|debiet"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
-_RATE = r"rate|speed|velocity|\bvelo?\b|geschw|drehzahl|vitesse|velocidad|velocit|hastig|nopeus|predkosc|omega|torque|moment"
+_RATE = (
+    r"rate|speed|velocity|\bvelo?\b|geschw|drehzahl|vitesse|velocidad|velocit|hastig|snelheid|nopeus|predkosc|omega"
+    r"|torque|moment"
+)
 _COMMAND = (
-    r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|consigne|orden|kommando|styr|ohjaus"
+    r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|controle|consigne|orden|kommando|stuur|styr|ohjaus"
     r"|sterow|duty|\bpwm\b"
 )
-_DRIVES = rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape"
+_DRIVES = rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape|\bklep"
 # what a command may be called where nothing is called a command
 _INPUT = r"(?<!analog )(?<!digital )\binput\b(?! ?\d)|\beingang\b|\bentrada\b|\bentree\b|\bingresso\b"
 # what was asked for, not what was measured
-_REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|demand|\bset\b"
-_ANGLE = r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
+_REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|demand|\bset\b|gewenst"
+_ANGLE = (
+    r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
+    r"|\bpan\b|\byaw\b|azimut|\bheading\b"
+)
 NAMES: dict[str, str] = {
     "slew_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
     "slew_rate_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
@@ -42,19 +51,38 @@ NAMES: dict[str, str] = {
 }
 _POSITION = (
     r"position|\bpos\b|displac|stroke|travel|extension|cylind|zylind|\bhub\b|\bweg\b|\blage\b|\bcourse\b|carrera|corsa"
-    r"|posicion|posizione|skok|asema"
+    r"|posicion|posicao|posizione|positie|\bslag\b|skok|asema"
 )
-_SPEED = r"speed|velocity|\bvelo?\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|nopeus|predkosc"
+_SPEED = (
+    r"speed|velocity|\bvelo?\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|snelheid|nopeus"
+    r"|predkosc"
+)
 _NO_MOTION = (
     rf"{_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_PRESSURE}|spool|schieber|valve|ventil|torque|moment|force|kraft"
 )
-_MEASURED = rf"{_PRESSURE}|spool|torque|moment|force|kraft|temper"  # neither a command nor a motion
+# what a controller reports of itself in steps: no command either
+_STATE = (
+    r"status|\bstate\b|zustand|\bflag|enable|freigabe|alarm|error|fehler|fault|\bdigital\b|\bbit\b|\bmode\b|limit switch"
+    r"|endschalter|trigger"
+)
+# what drives an axis where it is measured and no command is
+_FRICTION = r"friction|reib|constant|\bmax|\bmin|limit|sensor"
+_TORQUE, _FORCE = (
+    r"torque|drehmoment|\bmoment|couple\b|coppia|\bpar\b|vaanto|\btau\b",
+    r"force|kraft|fuerza|forza|forca\b|\bvoima",
+)
+_MEASURED = rf"{_PRESSURE}|spool|temper|{_TORQUE}|{_FORCE}"  # neither a command nor a motion
 _MOTOR = r"motor|\bpwm\b|volt|spannung|current|\bstrom|armature|anker|encoder|\bservo"
 # what another machine's axis may show instead of an angle, and its units
 MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "travel": (rf"^(?=.*({_POSITION}))(?!.*({_NO_MOTION}|{_RATE}))", ("m",)),
     "speed": (rf"^(?=.*({_SPEED}))(?!.*({_NO_MOTION}))", ("rad/s", "m/s")),
     "flow": (rf"^(?=.*({_FLOW}|\bq\b))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|temper))", ("m3/s",)),
+}
+# what drives an axis without a command -> what it may be called, and its unit
+DRIVERS: dict[str, tuple[str, str]] = {
+    "torque": (rf"^(?=.*({_TORQUE}))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_FRICTION}))", "N.m"),
+    "force": (rf"^(?=.*({_FORCE}))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_FRICTION}))", "N"),
 }
 AT_ONCE = ("speed", "flow")  # what follows a command itself; of others it is the rate of change
 RAW = ("V", "mV", "A", "mA")  # of a command: needs a gain
@@ -80,6 +108,7 @@ SIDES = (
 )  # fmt: skip
 _CHAMBER = r"\bcyl|zylind|chamber|kammer|load|port|head|\brod\b|kolben|stange"
 _PILOT = r"pilot|vorsteuer|epp?r|errp|pump|supply|tank|return|ruecklauf|rucklauf|accu|speicher"
+FASTEST = 630.0  # rad/s, 6000 rpm: a servo motor's; a larger number counts revolutions a minute
 HIGHEST = 750.0  # bar that oil of machines reaches, at presses and tools
 GENERIC = {
     "var",
@@ -101,6 +130,11 @@ GENERIC = {
     "ai",
     "y",
     "output",
+    "saida",
+    "ausgang",
+    "salida",
+    "sortie",
+    "uscita",
     "response",
     "measured",
     "measurement",
@@ -121,6 +155,8 @@ STRETCHES, LAGS = (
 
 OF_MACHINE = {  # in place of the crane's, whose tables and ranges say nothing of another machine
     "u": "command of the valve or motor; 1 is full command",
+    "torque": "torque that drives the axis",
+    "force": "force that drives the axis",
     "slew": "angle of the axis",
     "travel": "position of a linear axis, such as a cylinder",
     "speed": "speed of the axis",
@@ -165,11 +201,13 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         found: the file.
         machine: it is of another machine than the crane, whose axis may show a position or a speed instead of an angle.
     """
-    clock = found.clock.column if found.clock else None
     free = [
         c
         for c in found.columns
-        if c.index != clock and c.finite.size and c.missing <= c.finite.size and c.label.name != "synthetic"
+        if c.index not in found.times
+        and c.finite.size
+        and c.missing <= c.finite.size
+        and c.label.name != "synthetic"
     ]
     made: dict[str, Guess] = {}
     # of several axes: "Swing Cmd" goes with "Swing Ms", and the axis is one whose command moves
@@ -215,6 +253,9 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         for signal, column, why in chambers([c for c in free if c.index not in taken], made):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
+        if "u" not in made and (driver := driven_by([c for c in free if c.index not in taken], made)):
+            made[driver[0]] = _guess(*driver)
+            taken.add(driver[1].index)
         for signal, column, why in by_cause([c for c in free if c.index not in taken], made):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
@@ -233,7 +274,21 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
     elif "u" in made and one_sided(made["u"].column):
         why = f"{made['u'].why}; CHECK: no reading is near 0, so `zero` may be missing"
         made["u"] = replace(made["u"], why=why, check=True)
-    return {signal: made[signal] for signal in (*SIGNALS, *MOTIONS) if signal in made}
+    return {signal: made[signal] for signal in (*SIGNALS, *DRIVERS, *MOTIONS) if signal in made}
+
+
+def likely(found: Overview) -> tuple[dict[str, Guess], bool]:
+    """The guesses for the crane, or, where these miss its command or angle, for another machine that they miss nothing of.
+
+    Returns:
+        The guesses, and whether they are those for another machine.
+    """
+    crane = guesses(found)
+    if {"u", "slew"} <= crane.keys():
+        return crane, False
+    other = guesses(found, machine=True)
+    driven, moves = {"u", *DRIVERS} & other.keys(), {"slew", *MOTIONS} & other.keys()
+    return (other, True) if driven and moves and len(other) >= len(crane) else (crane, False)
 
 
 def paired(axes: list[Column], commands: list[Column], rate: bool) -> tuple[list[Column], Column | None]:
@@ -405,6 +460,11 @@ def _measured(column: Column) -> bool:
     return bool(re.search(_MEASURED, plain(column.label.short)))
 
 
+def _state(column: Column) -> bool:
+    """Whether a column's name says that it is what a controller reports of itself."""
+    return bool(re.search(_STATE, plain(column.label.short)))
+
+
 def _words(column: Column) -> list[str]:
     return plain(column.label.short).split()
 
@@ -440,7 +500,7 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
     commands = [
         c
         for c in moving
-        if c.held and c.unit in (None, "1", "%", *RAW) and not (_shows_motion(c) or _measured(c))
+        if c.held and c.unit in (None, "1", "%", *RAW) and not (_shows_motion(c) or _measured(c) or _state(c))
     ]
     if "u" not in made and len(commands) == 1:
         told.append(("u", commands[0], "it is the only column that moves in steps, as a command does"))
@@ -502,7 +562,7 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
     told: list[tuple[str, Column, str]] = []
     motion = next((made[signal] for signal in ("slew", *MOTIONS) if signal in made), None)
     command = made["u"].column if "u" in made else None
-    if command is None and motion is not None and not motion.column.missing:
+    if command is None and motion is not None and not (motion.column.missing or set(DRIVERS) & set(made)):
         able = [c for c in left if c.unit in (None, "1", "%", *RAW) and not _names_other(c)]
         shown = motion.column
         rate = motion.signal not in AT_ONCE
@@ -548,9 +608,39 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
     return told
 
 
+def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, str] | None:
+    """The torque or force that drives an axis of which no command was logged: signal, column, reason; None where none does.
+
+    Of several (``tau_1``, ``tau_2``) it is the one that shares a word or number with the motion.
+    """
+    motion = next((made[signal] for signal in ("slew", *MOTIONS) if signal in made), None)
+    if motion is None or motion.signal == "flow":
+        return None
+    linear = motion.signal == "travel" or _convertible(motion.unit, "m/s")
+    signal = "force" if linear else "torque"
+    said, unit = DRIVERS[signal]
+    able = [
+        c
+        for c in free
+        if not c.constant
+        and re.search(said, plain(c.label.short))
+        and (c.unit in (None, "1", "%") or _convertible(c.unit, unit))
+    ]
+    own = set(_words(motion.column))
+    of_axis = [c for c in able if own & set(_words(c))]
+    chosen = able if len(able) == 1 else of_axis
+    if len(chosen) != 1:
+        return None
+    return (
+        signal,
+        chosen[0],
+        f"no command was found, and its name ('{chosen[0].label.short}') is that of what drives the axis",
+    )
+
+
 def _names_other(column: Column) -> bool:
     """Whether a name says that a column is neither a command nor a motion, or what was asked for or reckoned."""
-    said = rf"{_REFERENCE}|{_ESTIMATE}|{_MEASURED}|error|fehler"
+    said = rf"{_REFERENCE}|{_ESTIMATE}|{_MEASURED}|{_STATE}"
     return bool(re.search(said, plain(column.label.short)))
 
 
@@ -622,7 +712,7 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
     if signal == "u" and (column.unit in RAW or (column.unit is None and largest > 105.0)):
         gain = float(f"{1.0 / largest:.4g}") if largest else 1.0
         return Guess(signal, column, "1", gain, why, check=True)
-    if column.unit is not None:
+    if column.unit is not None and not (signal in DRIVERS and column.unit in ("1", "%")):
         gon = column.label.unit == "grad"  # a degree in German, a gon elsewhere
         return Guess(signal, column, column.unit, 1.0, why, check=gon)
     ranges = {
@@ -631,12 +721,20 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
         "slew": ((6.3, "rad"), (1e9, "deg")),
         "travel": ((3.0, "m"), (1e9, "mm")),
         "flow": ((0.05, "m3/s"), (1e9, "l/min")),
-        "speed": ((1e9, "rpm" if re.search(r"drehzahl|\brpm\b", plain(column.label.short)) else "rad/s"),),
+        "speed": ((0.0 if _in_rpm(column) else FASTEST, "rad/s"), (1e9, "rpm")),
+        "torque": ((1e12, "N.m"),),
+        "force": ((1e12, "N"),),
         "slew_estimate": ((6.3, "rad"), (1e9, "deg")),
         "slew_rate_estimate": ((0.5, "rad/s"), (1e9, "deg/s")),
     }.get(signal, ((HIGHEST, "bar"), (100.0 * HIGHEST, "kPa"), (1e12, "Pa")))
     unit = next((unit for most, unit in ranges if largest <= most), ranges[-1][1])
-    return Guess(signal, column, unit, 1.0, f"{why}; unit by its range", check=True)
+    how = "by its range" if len(ranges) > 1 else "assumed"
+    return Guess(signal, column, unit, 1.0, f"{why}; unit {how}", check=True)
+
+
+def _in_rpm(column: Column) -> bool:
+    """Whether a speed's name says that it counts revolutions."""
+    return bool(re.search(r"drehzahl|\brpm\b", plain(column.label.short)))
 
 
 def clock_column(found: Overview, made: dict[str, Guess]) -> int | None:
@@ -709,7 +807,7 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         lines += ["", *machine_lines(found, made)]
     elif "u" in made and "slew" in made:
         lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(found, made)))]
-    used = used_by(made) | {stamps}
+    used = used_by(made) | found.times
     rest = [c for c in found.columns if c.index not in used]
     shown = any(signal in made for signal in MOTIONS)
     missing = [
@@ -748,7 +846,9 @@ def electric(found: Overview, made: dict[str, Guess]) -> bool:
 def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     """The table `[machine]` for a drive of its own, of which the log tells speed and lag."""
     motion = next((signal for signal in MOTIONS if signal in made), "slew")
-    blocks = ["dead_zone", "dcv", "continuity", "mechanical", *([] if motion in AT_ONCE else ["sensor"])]
+    driver = next((signal for signal in DRIVERS if signal in made), None)
+    before = ["mechanical"] if driver else ["dead_zone", "dcv", "continuity", "mechanical"]
+    blocks = [*before, *([] if motion in AT_ONCE else ["sensor"])]
     linear = motion == "travel" or (motion == "speed" and _convertible(made[motion].unit, "m/s"))
     example = "0.1 m/s" if linear else "40 l/min" if motion == "flow" else "48 deg/s"
     return [
@@ -757,8 +857,9 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
         *(['motion = "travel"    # a linear axis: kg, N, m'] if linear else []),
         *(['motion = "flow"    # of a valve or pump: no axis that moves'] if motion == "flow" else []),
         *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
+        *([] if driver is None else [f"input = {_quoted(driver)}"]),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
-        f'speed = "?"    # at a command of 1, as "{example}"; "?": from the log',
+        f'speed = "?"    # at a {driver or "command"} of 1, as "{example}"; "?": from the log',
         'lag = "?"    # as "150 ms"',
     ]
 
@@ -787,6 +888,8 @@ def _entry(found: Overview, guess: Guess, texts: dict[str, str]) -> list[str]:
         ),
         f"unit = {_quoted(guess.unit)}{mark}",
     ]
+    if guess.signal in DRIVERS:
+        lines.append(f'text = "applied {guess.signal}"')
     if guess.zero:
         lines.append(f"zero = {guess.zero!r}    # CHECK: the most frequent reading; the machine stands there")
     elif guess.signal == "u" and one_sided(column):

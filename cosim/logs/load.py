@@ -21,7 +21,7 @@ from cosim.logs.source import Array, Source, digest
 from cosim.logs.text import TextSource
 from cosim.signals import LOG_SIGNALS, SIGNALS, SYNTHETIC_COLUMN, TRACKER_SIGNALS, conversion
 
-_TEXT = (".csv", ".txt", ".tsv", ".dat")
+_TEXT = (".csv", ".txt", ".tsv", ".dat", ".log")
 _BINARY: dict[str, Callable[[Path], Source]] = {
     ".parquet": ParquetSource,
     ".pq": ParquetSource,
@@ -30,6 +30,26 @@ _BINARY: dict[str, Callable[[Path], Source]] = {
     ".mdf": MdfSource,
     ".tdms": TdmsSource,
 }
+OTHER_KINDS = {
+    (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z"): "unpack it first",
+    (".xlsx", ".xls", ".xlsm", ".ods"): "save its sheet as CSV",
+    (
+        ".json",
+        ".npz",
+        ".npy",
+        ".pkl",
+        ".h5",
+        ".hdf5",
+        ".feather",
+    ): "write it as CSV or Parquet, a column for each signal "
+    "(pandas: DataFrame.to_csv('log.csv', index=False))",
+    (
+        ".bag",
+        ".db3",
+        ".mcap",
+    ): "write the messages of its topics as CSV, a row for each sample and a column of time",
+    (".blf", ".asc", ".trc"): "decode its CAN messages with their database (.dbc) into MDF4 or CSV",
+}  # what people have that is not read -> what makes a log of it
 SUFFIXES: tuple[str, ...] = (*_TEXT, *_BINARY)
 """File types that can be loaded."""
 
@@ -146,7 +166,8 @@ def open_source(path: Path, mapping: Mapping | None = None) -> Source:
             return _BINARY[suffix](path)
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror or error}") from None
-    raise DataError(f"{path}: a log is one of {', '.join(SUFFIXES)}; '{suffix}' is none of them")
+    remedy = next((f": {text}" for kinds, text in OTHER_KINDS.items() if suffix in kinds), "")
+    raise DataError(f"{path}: a log is one of {', '.join(SUFFIXES)}; '{suffix}' is none of them{remedy}")
 
 
 def _load(path: Path, mapping: Mapping | None, known: Sequence[str], select: Sequence[str] | None) -> _Raw:

@@ -5,6 +5,7 @@ Without mat-io, which has no wheel for Python 3.14 yet, scipy reads what it can:
 A file is flattened into columns named by their path: ``slew``, ``log.slew``, ``data(:,2)``. A matrix takes the names
 of its columns from a list of texts beside it (``names``), units come from a list or struct beside them (``units``).
 A signal of Simulink's structure with time is called by its label, else by the block that gave it, else by its variable.
+A trace that dSPACE's ControlDesk recorded (``X``, ``Y(3).Data``) goes by ``Path`` and ``Name``, as in its CSV export.
 """
 
 import warnings
@@ -16,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import DataError, MissingExtraError
+from cosim.logs.clocks import own_clocks, seconds_per
+from cosim.logs.controldesk import trace_labels
 from cosim.logs.hdf5 import check_heaps
 from cosim.logs.mat5 import check_elements
 from cosim.logs.simulink import CLOCKS, has_streams, read_streams
@@ -53,6 +56,8 @@ class MatSource(Source):
             self._entries = _logged(path) or list(_flatten(_variables(path), "", constants, 0))
         if not self._entries:
             raise DataError(f"{path}: holds no column of numbers")
+        stamps = own_clocks([(e.label, e.values) if e.clock is None else None for e in self._entries])
+        self._entries = [replace(e, clock=stamps.get(k, e.clock)) for k, e in enumerate(self._entries)]
         super().__init__(path, [entry.label for entry in self._entries], constants)
         self.warnings += notes
 
@@ -61,7 +66,7 @@ class MatSource(Source):
         return [np.array(self._entries[k].values, dtype=np.float64) for k in indices]
 
     def clock(self, index: int) -> Array | None:
-        """See `Source.clock`: the stamps of a timeseries or a Simulink structure with time."""
+        """See `Source.clock`: of a timeseries, Simulink structure with time, recorded trace, vector with its own time."""
         return self._entries[index].clock
 
 
@@ -124,6 +129,9 @@ def _flatten(
     content: Mapping[str, Any], path: str, constants: dict[str, float], depth: int, clock: Array | None = None
 ) -> Iterator[_Entry]:
     """The columns in a mapping of names to MATLAB values; single numbers go to `constants`."""
+    if traces := _recorded(content):
+        yield from traces
+        return
     names = next((found for key in _NAMES if (found := _texts(content.get(key)))), [])
     units = next((content[key] for key in _UNITS if key in content), None)
     if clock is None and "signals" in content and "time" in content:  # Simulink's structure with time
@@ -197,6 +205,42 @@ def _signal(
     columns = by_time(values, clock.size)
     for k, column in enumerate(columns, 1):
         yield _Entry(own if len(columns) == 1 else element(own, k), column, clock)
+
+
+def _recorded(content: Mapping[str, Any]) -> list[_Entry]:
+    """The traces that ControlDesk recorded: axes ``X(1)``, ... and traces ``Y(1)``, ... with the number of their axis."""
+    if not {"X", "Y"} <= content.keys():
+        return []
+    axes, traces = (_fields(content[key]) for key in "XY")
+    if not (axes and traces) or not all("Data" in item for item in (*axes, *traces)):
+        return []
+    if not all("Name" in item for item in traces):
+        return []
+    stamps = [_vector(axis["Data"]) * seconds_per(_said(axis, "Unit")) for axis in axes]
+    paths, names = ([_said(item, key) for item in traces] for key in ("Path", "Name"))
+    labels = trace_labels(paths, names, [_said(item, "Unit") for item in traces])
+    found = []
+    for label, item in zip(labels, traces, strict=True):
+        values, number = _vector(item["Data"]), _vector(item.get("XIndex"))
+        axis = int(number[0]) - 1 if number.size else 0
+        if not 0 <= axis < len(stamps) or stamps[axis].size != values.size:
+            raise DataError(
+                f"trace '{label.text}' has {values.size} values and no axis of as many time stamps"
+            )
+        found.append(_Entry(label, values, stamps[axis]))
+    return found
+
+
+def _fields(value: Any) -> list[dict[str, Any]]:
+    """The structs of an array of them; none for anything else."""
+    if not isinstance(value, np.ndarray) or value.dtype.names is None:
+        return []
+    return [{str(name): item[name] for name in value.dtype.names} for item in value.flat]
+
+
+def _said(fields: Mapping[str, Any], key: str) -> str:
+    """A text of a struct, without the marks that older files set around the parts of a path."""
+    return "".join(_texts(fields.get(key))[:1]).replace('"', "").strip("\0 ")
 
 
 def by_time(values: np.ndarray[Any, Any], samples: int) -> list[np.ndarray[Any, Any]]:

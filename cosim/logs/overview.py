@@ -4,7 +4,6 @@ Nothing is mended or converted here; `cosim.logs.load` does that once it is know
 """
 
 import re
-import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import DataError, HeadlessError, UsageError
+from cosim.logs.clocks import RATES, TIME_WORDS, counted, is_time, plain
 from cosim.logs.load import open_source
 from cosim.logs.mapping import Mapping
 from cosim.logs.repair import wide_intervals
@@ -24,9 +24,6 @@ from cosim.units import parse_unit
 
 Array = NDArray[np.float64]
 
-TIME_WORDS = re.compile(
-    r"\b(time|timestamps?|t|tout|zeit\w*|uhrzeit|temps|tiempo|tempo|tid|aika|czas|vremya|время|时间|時間|sec|seconds|sekunden)\b"
-)
 # spellings of units that people write and pint reads as another unit or not at all
 SPELLINGS = {
     "grad": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "degre": "deg", "degres": "deg", "grados": "deg",
@@ -58,8 +55,6 @@ OF_LETTERS = {
     "us": r"time|stamp|zeit|pulse|pwm",
 }  # fmt: skip
 _EXACT = {"Pa": "Pa", "mm": "mm", "Nm": "N.m"}  # case matters where a small letter is another unit
-RATES = (5.0, 2e4)  # 1/s, of a machine's log: decides in which unit an unlabelled clock counts
-SLOW = 300.0  # times as long as the longest of these intervals may be one of a clock that counts parts of seconds
 CLOCKWORK = 0.95  # share of a clock's intervals that are near the usual one
 BARS = "▁▂▃▄▅▆▇█"
 
@@ -190,6 +185,22 @@ class Overview:
     warnings: tuple[str, ...]
     header: bool = True
 
+    @cached_property
+    def times(self) -> frozenset[int]:
+        """Index of every column that tells time and nothing else."""
+        clock = self.clock
+        if clock is None:
+            return frozenset()
+        if clock.column is not None:
+            return frozenset({clock.column})
+        return frozenset(
+            c.index
+            for c in self.columns
+            if c.finite.size > 1
+            and bool(np.all(np.diff(c.finite) > 0.0))
+            and (TIME_WORDS.search(plain(c.label.short)) or np.array_equal(c.values, clock.seconds))
+        )
+
     @property
     def samples(self) -> int:
         """Rows."""
@@ -214,6 +225,18 @@ def overview(path: Path, mapping: Mapping | None = None) -> Overview:
         source, header = TextSource(path, header=False), False
     columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
     return Overview(path, columns, _clock(source, columns), tuple(source.warnings), header)
+
+
+def measured(path: Path) -> Overview:
+    """As `overview`, of a file that can be a log.
+
+    Raises:
+        DataError: as `overview`, or no column holds numbers.
+    """
+    found = overview(path)
+    if not any(column.finite.size for column in found.columns):
+        raise DataError(f"{path}: holds no column of numbers: a log is a table with a row for each sample")
+    return found
 
 
 def _values(source: Source) -> list[Array | str]:
@@ -277,14 +300,6 @@ def longest(columns: Iterable[Column]) -> Column:
     return max(columns, key=lambda c: c.values.size)
 
 
-def plain(name: str) -> str:
-    """A name as words: small letters without accents, a blank where case, digits or signs part it."""
-    text = re.sub(r"(?<=[a-zäöüß])(?=[A-Z])|(?<=\D)(?=\d)|(?<=\d)(?=\D)", " ", name)
-    text = unicodedata.normalize("NFKD", text.lower().replace("ß", "ss"))
-    text = "".join(sign for sign in text if not unicodedata.combining(sign))
-    return " ".join(re.findall(r"\w+", text.replace("_", " ")))
-
-
 def _clock(source: Source, columns: tuple[Column, ...]) -> Clock | None:
     """The time column: by its name or unit, else the one that rises evenly."""
     for column in columns:
@@ -297,23 +312,16 @@ def _clock(source: Source, columns: tuple[Column, ...]) -> Clock | None:
         if c.finite.size > 1 and c.missing < c.finite.size and float(np.mean(np.diff(c.finite) > 0.0)) > 0.9
     ]
     named = [c for c in rising if TIME_WORDS.search(plain(c.label.name.rpartition(".")[2]))]
-    timed = [c for c in rising if c.unit is not None and _is_time(c.unit)]
+    timed = [c for c in rising if c.unit is not None and is_time(c.unit)]
     even = [c for c in rising if c.unit is None and _even(np.diff(c.finite))]
     likely = [*(c for c in named if c in timed), *named, *timed, *even]
     if not likely:
         return None
     column = likely[0]
-    if column.unit is not None and _is_time(column.unit):
+    if column.unit is not None and is_time(column.unit):
         return Clock(column.index, column.unit, "", column.finite * conversion(column.unit, "s"))
-    step = float(np.median(np.diff(column.finite)))
-    # counters of ms and less hold whole numbers: a step of 0.65 is that of a slow log, not of 1500 samples a second
-    broken = step < 1.0 / RATES[0] * SLOW and bool(np.any(column.finite % 1.0))
-    for unit in ("s", "ms", "us", "ns"):
-        scale = conversion(unit, "s")
-        if RATES[0] <= 1.0 / (step * scale) <= RATES[1] or (broken and unit == "s" and step * RATES[0] > 1.0):
-            break
-    else:
-        unit, scale = "s", 1.0
+    unit = counted(column.finite)
+    step, scale = float(np.median(np.diff(column.finite))), conversion(unit, "s")
     why = f"steps of {step:.4g}, so {1.0 / (step * scale):.4g} samples a second if it counts {unit}"
     return Clock(column.index, unit, why, column.finite * scale)
 
@@ -326,11 +334,3 @@ def _even(intervals: Array) -> bool:
     return (
         bool(np.all(intervals > 0.0)) and float(np.mean(np.abs(intervals - usual) < 0.5 * usual)) > CLOCKWORK
     )
-
-
-def _is_time(unit: str) -> bool:
-    try:
-        conversion(unit, "s")
-    except UsageError:
-        return False
-    return True

@@ -65,7 +65,8 @@ class TimeRepair:
         place = self._where(int(bad[0]))
         if bad.size > max(1, BAD_SHARE * len(self._time)):
             raise DataError(
-                f"{place}, column time: no usable time stamp; so have {bad.size} of {len(self._time)} rows"
+                f"{place}, column time: no usable time stamp; so have {bad.size} of {len(self._time)} rows: "
+                "delete them, or, if the log was sampled evenly, say in a mapping how often ([time] step = 0.01)"
             )
         self.keep = np.flatnonzero(np.isfinite(self._time))
         self.warnings.append(

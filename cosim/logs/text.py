@@ -85,6 +85,9 @@ class TextSource(Source):
         first = self._survey.first_line
         above = None
         head = head_text(path, self._survey, encoding)
+        remarks, data = _remarks(head)
+        if not header and remarks:
+            first = data
         if separator is None and blanks.parted(head, _may_be_number):
             separator = blanks.BLANK
         if header and not first.startswith(controldesk.FIRST):
@@ -93,7 +96,14 @@ class TextSource(Source):
         self._separator = found if above is None else above.separator
         self._decimal = decimal
         self._squeezed: bytes | None = None
+        self._passed = False
         self._prefixed = False
+        if header and above is None and remarks and self._unnamed(head, remarks, data):
+            raise HeadlessError(
+                f"{path}: row {remarks + 1} holds numbers, and above it stand remarks, no names: put a header such as "
+                f"'time [s],slew [deg]' before it, or let 'cosim init {typed(path)}' write a mapping in which columns go by "
+                "their place"
+            )
         try:
             cells = blanks.cells(first, self._separator)
         except csv.Error as error:
@@ -122,13 +132,15 @@ class TextSource(Source):
         if above is not None:
             labels = list(above.labels)
         super().__init__(path, labels if export is None else export.labels)
+        self._above = 0 if header else remarks
+        if self._above:
+            self.warnings.append(f"left out above the numbers: {_rows(self._above)}")
         if above is not None:
             self._survey = dataclasses.replace(self._survey, header_lines=above.lines)
             if above.several:
                 self.warnings.append(f"names were read from rows {above.before + 1} to {above.lines}")
             if not above.blank:
-                rows = "row 1" if above.before == 1 else f"rows 1 to {above.before}"
-                self.warnings.append(f"left out above the names: {rows}")
+                self.warnings.append(f"left out above the names: {_rows(above.before)}")
             if above.has_units:
                 self.warnings.append(f"units were read from row {above.before + 2}")
         self._announced = None
@@ -141,6 +153,16 @@ class TextSource(Source):
         self._check_end()
         if self._survey.header_lines >= self._survey.lines and header:
             raise DataError(f"{path}: there is a header but no data row")
+
+    def _unnamed(self, head: str, remarks: int, data: str) -> bool:
+        """Whether a table of numbers follows upon remarks of which none names its columns."""
+        try:
+            cells = blanks.cells(data, self._separator)
+            names = [blanks.cells(line, self._separator) for line in head.splitlines()[:remarks]]
+        except csv.Error:
+            return False
+        numbers = len(cells) > 1 and all(_may_be_number(cell.strip()) for cell in cells)
+        return numbers and all(len(row) != len(cells) for row in names)
 
     def read(self, indices: Sequence[int]) -> list[Array]:
         """See `Source.read`."""
@@ -155,13 +177,13 @@ class TextSource(Source):
 
     def row(self, index: int) -> int:
         """See `Source.row`; blank lines are counted."""
-        before = self._survey.header_lines if self._header else 0
+        before = self._survey.header_lines if self._header else self._above
         if self._rows == self._survey.lines - before:
             return index + before + 1
         with self._window() as file:
             seen = -1
             for number, line in enumerate(_text(file), 1):
-                seen += bool(line.strip()) and number > before
+                seen += number > before and not (blanks.remark(line) if self._passed else not line.strip())
                 if seen == index:
                     return number
         return index + before + 1
@@ -184,7 +206,7 @@ class TextSource(Source):
                 file,
                 read_options=arrow_csv.ReadOptions(
                     column_names=names,
-                    skip_rows=self._survey.header_lines if self._header else 0,
+                    skip_rows=self._survey.header_lines if self._header else self._above,
                     block_size=_BLOCK,
                 ),
                 parse_options=arrow_csv.ParseOptions(delimiter=self._delimiter),
@@ -215,7 +237,7 @@ class TextSource(Source):
         Raises:
             _RowsError: they differ by more than blank lines.
         """
-        before = self._survey.header_lines if self._header else 0
+        before = self._survey.header_lines if self._header else self._above
         if filled == self._survey.lines - before:
             return
         with self._window() as file:
@@ -247,17 +269,25 @@ class TextSource(Source):
         """Cell by cell: either names the bad one, or reads what pyarrow is too strict for (``+1.5``)."""
         columns = {k: array("d") for k in indices}
         self._rows = 0
+        passed: list[int] = []
         with self._window() as file:
             reader = csv.reader(_text(file), delimiter=self._delimiter)
             begin = 1
             for line, cells in self._rows_of(reader):
                 self._check_span(max(begin, line - sum(map(_breaks, cells))), line, cells)
                 begin = line + 1
+                if blanks.remark(cells[0]) and cells[0].strip():
+                    passed.append(line)
+                    continue
                 if len(cells) != self._width:
                     raise DataError(self._width_message(line, cells))
                 for k, values in columns.items():
                     values.append(self._number(cells[k], decimal, line, k))
                 self._rows += 1
+        if passed and not self._passed:
+            more = f"; in all {len(passed)}" if len(passed) > 1 else ""
+            self.warnings.append(f"remarks among the numbers were left out (first: row {passed[0]}{more})")
+        self._passed = bool(passed)
         return [np.frombuffer(columns[k], dtype=float) if columns[k] else np.empty(0) for k in indices]
 
     def _rows_of(self, reader: Iterator[list[str]]) -> Iterator[tuple[int, list[str]]]:
@@ -270,7 +300,7 @@ class TextSource(Source):
             line = reader.line_num  # type: ignore[attr-defined]
             if cells is None:
                 return
-            if cells and (line > self._survey.header_lines or not self._header):
+            if cells and line > (self._survey.header_lines if self._header else self._above):
                 yield line, cells
 
     def _number(self, cell: str, decimal: str, line: int, k: int) -> float:
@@ -344,6 +374,17 @@ class TextSource(Source):
         if self._separator == blanks.BLANK:
             return io.BytesIO(self._whole())
         return io.BufferedReader(Window(self.path, self._survey.start, self._end), _BLOCK)
+
+
+def _remarks(head: str) -> tuple[int, str]:
+    """How many lines at the top of a file are remarks, and the line below them; none where the whole head is."""
+    lines = head.splitlines()
+    count = next((k for k, line in enumerate(lines) if not blanks.remark(line)), 0)
+    return (count, lines[count]) if any(line.strip() for line in lines[:count]) else (0, "")
+
+
+def _rows(count: int) -> str:
+    return "row 1" if count == 1 else f"rows 1 to {count}"
 
 
 def _text(file: io.BytesIO | io.BufferedReader) -> io.TextIOWrapper:

@@ -20,9 +20,12 @@ from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_tab
 from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
 from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
-from cosim.units import parse_quantity
+from cosim.units import parse_quantity, parse_unit
 from fmus import registry
 
+BAR = 1e5  # Pa
+# what friction, inertia and damping are where a pressure is all that is known of what drives
+OF_PRESSURE = {"N.m": "bar", "kg.m2": "bar.s2/{0}", "N.m.s/rad": "bar.s/{0}"}
 SHORTEST_STEP = 1e-3  # s that the step of a simulation needs at most to be
 # signals of the pressure that drives the motion, or that the load makes
 SHOWN_BY_LOAD = ("p_load", "p_a", "p_b")
@@ -103,7 +106,7 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
             start.setdefault(f"{component}.{START_PARAMETER}", machine.output)
     table = given.model_copy(update={"signals": signals, "start": start, "aside": aside})
     sizes = Sizes.of(machine, told, inner, gains, log, sample, rates)
-    diagnose = completed(plain.diagnose, machine, told, inner, sizes)
+    diagnose = completed(plain.diagnose, machine, told, inner, sizes, driven_by_pressure(machine, plain, log))
     if log is not None and told.lag > 0.0:
         diagnose.setdefault("step", longest_step(log, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
@@ -189,8 +192,32 @@ def targets(
             )
         block = block_of(component)
         unit = (block.inputs | block.outputs)[variable].unit
-        found.setdefault(name, Target(variable=f"{component}.{variable}", factor=stands_for(machine, unit)))
+        factor = stands_for(machine, unit)
+        if machine.forced and way == "input" and name not in found:
+            factor = None if driven_by_pressure(machine, plain, log) else factor
+        found.setdefault(name, Target(variable=f"{component}.{variable}", factor=factor))
     return found
+
+
+def driven_by_pressure(machine: MachineTable, plain: Mapping, log: Log | None) -> bool:
+    """Whether the mechanics are driven by a pressure, whose area nobody stated, and not by a force or torque.
+
+    Raises:
+        DataError: it is neither.
+    """
+    own = plain.signals.get(machine.input)
+    unit = (own.unit if own else None) or (log.units.get(machine.input) if log is not None else None)
+    if not machine.forced or unit is None:
+        return False
+    kind = parse_unit(unit).dimensionality
+    force = "N" if machine.motion == "travel" else "N.m"
+    if kind not in [parse_unit(u).dimensionality for u in ("Pa", force)]:
+        raise DataError(
+            f"{plain.path}: signals.{machine.input}: what drives 'mechanical' is a {'force' if force == 'N' else 'torque'} "
+            f"[{force}] or a pressure, and no '{unit}'; of a drive that logs per cent of its rating, the rating / 100 is "
+            "the 'gain' (1 where nobody knows it: all that is found is then in per cent)"
+        )
+    return kind == parse_unit("Pa").dimensionality
 
 
 def stands_for(machine: MachineTable, unit: str) -> str | None:
@@ -231,7 +258,12 @@ def second(plain: Mapping, log: Log | None) -> float:
 
 
 def completed(
-    given: dict[str, Any], machine: MachineTable, told: Numbers, inner: dict[str, str], sizes: Sizes
+    given: dict[str, Any],
+    machine: MachineTable,
+    told: Numbers,
+    inner: dict[str, str],
+    sizes: Sizes,
+    by_pressure: bool = False,
 ) -> dict[str, Any]:
     """The table ``[diagnose]`` with what follows from the chain, where the file does not say it."""
     found = dict(given)
@@ -246,7 +278,12 @@ def completed(
     if not {"trusted", "free"} & found.keys():
         found["free" if told.from_log else "trusted"] = list(dict.fromkeys(stated))
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
-    found["units"] = {**machine.units, **scale_free(machine, inner, told.values), **given.get("units", {})}
+    own = {**machine.units, **scale_free(machine, inner, told.values)}
+    if by_pressure:  # on one square metre (or cubic metre a radian) a newton is a pascal
+        length = machine.units.get("rad", "rad")
+        own |= {si: f"{1.0 / BAR:g} {text.format(length)}" for si, text in OF_PRESSURE.items()}
+        own.pop("Pa", None)
+    found["units"] = {**own, **given.get("units", {})}
     found["scale"] = {**scales(machine, told, sizes, given.get("scale", {})), **given.get("scale", {})}
     axis = {"travel": {"mechanical": "axis"}, "flow": {"mechanical": "flow"}}.get(machine.motion, {})
     if machine.drive == "electric":

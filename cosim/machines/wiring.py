@@ -8,7 +8,7 @@ from lxml import etree
 from cosim.errors import DataError
 from cosim.machines.table import MachineTable, block_of
 from cosim.ssp.write import NAMESPACES, SSC, SSD, structure_bytes, values_xml
-from cosim.units import base_exponents, parse_unit
+from cosim.units import base_exponents, is_speed
 from fmus import registry
 
 Ends = tuple[str, str]
@@ -44,12 +44,6 @@ def outlet(table: MachineTable, unit: str | None = None) -> Ends:
     outputs = block_of(table.chain[-1]).outputs
     rates = [n for n, v in outputs.items() if v.unit == "rad/s"] if unit and is_speed(unit) else []
     return table.chain[-1], (rates or list(outputs))[0]
-
-
-def is_speed(unit: str) -> bool:
-    """True if a signal of this unit is a speed, of an angle, a length or a volume (a flow)."""
-    own = parse_unit(unit).dimensionality
-    return any(own == parse_unit(s).dimensionality for s in ("rad/s", "m/s", "m3/s"))
 
 
 def wiring_xml(

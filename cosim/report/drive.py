@@ -5,10 +5,11 @@ import numpy as np
 from cosim.diagnosis.answer.schema import DriveNumber
 from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
-from cosim.report.words import axis, number, signal_name, unit_text
+from cosim.report.words import axis, number, shows_speed, signal_name, unit_text
 
 KINDS = (("dead_zone", "dead zone"), ("slope", "slope"), ("top_speed", "top speed"))
 SIDES = (("low", "lower side"), ("high", "upper side"))
+FINEST = 1e-3
 CAPTION = (
     "Straight lines: dead zone, slope and top speed as in the table. Curve and band: fitted freely, it only has to rise; "
     "where the two part the drive is no such straight line. From all stretches of half a second of {logs}."
@@ -27,11 +28,13 @@ def picture(material: Material) -> Picture | None:
         Layer("line", "dead zone, slope, top speed", "extended", *lined(material)),
     ]
     command, motion = curve.command, curve.motion
+    moved = signal_name(motion["signal"])
+    speed_of = moved if shows_speed(motion["signal"]) else f"speed of {moved}"
     return Picture(
         "drive-curve",
         "Static curve of the drive",
         axis(signal_name(command["signal"]), command["unit"]),
-        [Panel(axis(f"speed of {signal_name(motion['signal'])}", motion["unit"]), layers)],
+        [Panel(axis(speed_of, motion["unit"]), layers)],
         CAPTION.format(logs=" and ".join(curve.logs)),
     )
 
@@ -68,10 +71,15 @@ def rows(material: Material) -> list[tuple[str, str, str, str, str]]:
             item: DriveNumber | None = getattr(curve, kind).get(side)
             if item is None:
                 continue
-            spread = 0.5 * (item.ci95[1] - item.ci95[0])
+            # what is known better than a thousandth of what the curve spans is no news
+            along = [point[0 if kind == "dead_zone" else 1] for point in curve.points]
+            finest = FINEST * (max(along) - min(along)) * (0.0 if kind == "slope" else 1.0)
+            spread = max(0.5 * (item.ci95[1] - item.ci95[0]), finest)
             read = ""
             if item.reading is not None:
-                wide = 0.5 * (item.reading.ci95[1] - item.reading.ci95[0])
+                first, second = item.reading.ci95
+                known = item.ci95[1] - item.ci95[0]
+                wide = 0.5 * abs(second - first) * (2.0 * spread / known if known > 0.0 else 1.0)
                 ends = " to ".join(number(v, wide) for v in item.reading.ci95)
                 read = f"{item.reading.column}: {number(item.reading.value, wide)} ({ends})"
             ends = " to ".join(number(v, spread) for v in item.ci95)

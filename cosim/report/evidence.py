@@ -12,7 +12,7 @@ from cosim.report import hydraulics, reading, torque, valve
 from cosim.report.material import BLOCK_EXTENDED, Curve, Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import averaged, binned
-from cosim.report.words import CAPTIONS, axis, block_name, effect_name, quantity, signal_name
+from cosim.report.words import CAPTIONS, axis, block_name, effect_name, lacking, quantity, signal_name
 
 Array = NDArray[np.float64]
 Maker = Callable[[Material, NamedCause], Picture]
@@ -160,7 +160,7 @@ def free_form(block: str, signal: str, curve: Curve, key: str) -> Picture:
     """The free-form curve of what is missing."""
     what, _, of = curve.label.partition("(")
     of = of.removesuffix(")") if not of.startswith("abs(") else of.removesuffix("))") + ")"
-    (x_text, x_unit, x_scale), (y_text, y_unit, y_scale) = quantity(of), quantity(what)
+    (x_text, x_unit, x_scale), (y_text, y_unit, y_scale) = quantity(of), lacking(what)
     layers = [
         Layer(
             "line",

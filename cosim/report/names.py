@@ -55,6 +55,7 @@ OTHER_AXIS = (
     (": the base is not level", ""),
     ("along the tilted base", "along the path"),
     ("the column", "the axis"),
+    ("external tracker", "second sensor of the motion"),
     *(
         pair
         for word in ("sensor", "angle", "speed", "acceleration", "reading", "axis")

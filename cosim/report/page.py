@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from cosim.diagnosis.found import Diagnosis
     from cosim.lexicon import speaking
 from cosim.diagnosis.answer.schema import Answer
-from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.thresholds import INDISTINGUISHABLE
 
 REPORT = "report.html"
@@ -239,7 +238,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         if answer.gain
         else {s: answer.signals[s] for s in by_error(answer, list(answer.signals))},
         "seed": seed(),
-        "window": f"{window_span(material.h):g}",
+        "window": f"{overview.window(material) * material.h:.3g}",
         "windows": len(overview.held_out(material)),
     }
 

@@ -24,8 +24,10 @@ from cosim.report.words import (
     span_of,
     telling,
     the,
+    two_digits,
     unit_text,
     with_signals,
+    without_tracker,
     words_of,
 )
 
@@ -89,7 +91,7 @@ def wrong(result: Answer) -> Iterator[str]:
     for rest in result.unexplained:
         yield (
             f"Unexplained: {block_name(rest.block)}: {with_signals(rest.what)}; no effect of the library "
-            f"explains it ({rest.residual_rms:.2g} {unit_text(rest.unit)})".replace(" )", ")")
+            f"explains it ({two_digits(rest.residual_rms)} {unit_text(rest.unit)})".replace(" )", ")")
         )
     for item in result.refused:
         yield f"Refused: {in_words(item.effect)}: {in_words(item.why)}"
@@ -175,17 +177,15 @@ def better(result: Answer) -> Iterator[str]:
     gain = result.gain[signal]
     unit = f" {unit_text(gain.unit)}".rstrip()
     text = f"error of {the(signal)} on data not used for fitting{span_of(gain)} "
-    falls = f"{gain.rmse_after:.2g}" != f"{gain.rmse_before:.2g}" and gain.rmse_after < gain.rmse_before
-    if falls:
-        text += f"falls from {gain.rmse_before:.2g} to {gain.rmse_after:.2g}{unit}"
-    else:
-        text += f"stays at {gain.rmse_before:.2g}{unit}"
-    noise = f"{gain.noise_floor:.2g}{unit}"
+    before, after = two_digits(gain.rmse_before), two_digits(gain.rmse_after)
+    falls = after != before and gain.rmse_after < gain.rmse_before
+    text += f"falls from {before} to {after}{unit}" if falls else f"stays at {before}{unit}"
+    noise = f"{two_digits(gain.noise_floor)}{unit}"
     near = gain.rmse_after <= NOISY * gain.noise_floor
     text += f", the sensor's noise ({noise})" if near else f"; the sensor's noise is {noise}"
     if signal in result.linear:
         linear = result.linear[signal]
-        text += f"; a linear model leaves {linear.rmse:.2g}{unit}"
+        text += f"; a linear model leaves {two_digits(linear.rmse)}{unit}"
         if result.verdict != "explained" and linear.ci95_of_ratio[0] > 1.0:
             text += ": linear dynamics are missing"
     yield f"{'Better' if falls else 'Not better'}: {text}"
@@ -218,8 +218,14 @@ def next_step(result: Answer, out: Path) -> str:
         return "correct the mapping or record again as noted, and diagnose again"
     if result.extended is not None and result.causes:
         return f"cosim simulate {typed(result.extended.ssp)} runs the extended model"
-    if result.helpful_signals:
-        return f"log more: {in_words(few(result.helpful_signals[0], MOST))}"
+    # of a machine that is not the crane nobody has a tracker: another sensor of its motion shows as much
+    helpful = [
+        line
+        for text in result.helpful_signals
+        if (line := without_tracker(text) if result.words.blocks else text)
+    ]
+    if helpful:
+        return f"log more: {in_words(few(helpful[0], MOST))}"
     return (
         f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
     )

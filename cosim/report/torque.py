@@ -9,7 +9,7 @@ from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, reversals, slopes
-from cosim.report.words import CAPTIONS, axis, effect_name, kind_of_motion, quantity
+from cosim.report.words import CAPTIONS, axis, effect_name, kind_of_motion, lacking, quantity, shows_speed
 from fmus import registry
 
 Array = NDArray[np.float64]
@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 CUTOFF = 5.0  # Hz: an angle noise of 0.01 deg at 1 kHz then leaves some 10 N m of torque noise
 EDGE = 0.5  # s at either end, where the smoothing has no neighbours
 STRIDE = 0.02  # s between points shown
+PERIODS = (
+    20.0  # of the cutoff that a log is long at least: one move of a servo in 0.7 s is no slew of a minute
+)
+POINTS = 300.0  # shown of a short log
 DEG = np.pi / 180.0
 BAR = 1e5
 
@@ -27,7 +31,7 @@ class Motion:
     missing = A r PL - J alpha - b omega - torques of the other named causes   (4.27)
 
     Raises:
-        LookupError: pressure or angle was not measured.
+        LookupError: pressure or motion was not measured.
     """
 
     def __init__(self, material: Material, cause: NamedCause) -> None:
@@ -36,10 +40,16 @@ class Motion:
         drive, angle = ("p_load", "slew") if part is None else (part.drive, next(iter(part.noise)))
         if drive not in signals or angle not in signals:
             raise LookupError(f"the torque needs {drive} and {angle}")
-        pick = points(signals[angle].size, h)
-        theta = low_pass(signals[angle], h, CUTOFF)
-        omega, alpha = slopes(theta, h)
-        pressure = low_pass(signals[drive], h, CUTOFF)
+        span = signals[angle].size * h
+        cutoff, stride = max(CUTOFF, PERIODS / span), min(STRIDE, span / POINTS)
+        pick = points(signals[angle].size, h, stride)
+        shown = low_pass(signals[angle], h, cutoff)
+        if shows_speed(angle):
+            theta, omega, alpha = np.cumsum(shown) * h, shown, slopes(shown, h)[0]
+        else:
+            theta, (omega, alpha) = shown, slopes(shown, h)
+        pressure = low_pass(signals[drive], h, cutoff)
+        self.applied = drive != "p_load"
         self.theta, self.omega, self.alpha, self.pressure = (v[pick] for v in (theta, omega, alpha, pressure))
         self.area = material.nominal("mechanical.A") * material.nominal("mechanical.r")
         self.inertia = material.value("mechanical.J", cause)
@@ -51,10 +61,10 @@ class Motion:
                 continue
             if other.effect == "continuity.cracking_pressure":
                 felt = opened(felt, material, other)
-            others += law(material, other, self)
+            others += law(material, other, self) - shared(material, cause, other, self)
         self.needed = self.inertia * self.alpha + self.damping * self.omega + others
         self.missing = self.area * felt - self.needed
-        self.independent = 2.0 * CUTOFF * STRIDE
+        self.independent = 2.0 * cutoff * stride
 
 
 def points(n: int, h: float, stride: float = STRIDE) -> NDArray[np.intp]:
@@ -71,6 +81,15 @@ def opened(pressure: Array, material: Material, cause: NamedCause) -> Array:
     }
     felt, parameters = effect.fills["driving_pressure"], SimpleNamespace(**values)
     return np.array([felt(p, None, parameters) for p in pressure.tolist()])
+
+
+def shared(material: Material, cause: NamedCause, other: NamedCause, motion: Motion) -> Array:
+    """The part of another cause's torque that is the shown one's too: friction at standstill goes on top of the dry one."""
+    pair = {cause.effect, other.effect}
+    if pair != {"mechanical.coulomb_friction", "mechanical.stribeck_friction"}:
+        return np.zeros_like(motion.omega)
+    dry = cause if cause.effect == "mechanical.coulomb_friction" else other
+    return law(material, dry, motion)
 
 
 def law(material: Material, cause: NamedCause, motion: Motion) -> Array:
@@ -127,7 +146,7 @@ def over_speed(material: Material, cause: NamedCause) -> Picture:
         torque = (material.size(cause, "b") - motion.damping) * speed
     else:
         torque = law_over(material, cause, motion, omega=speed)
-    (text, unit, scale), (of, force, _) = quantity("omega"), quantity("torque")
+    (text, unit, scale), (of, force, _) = quantity("omega"), lacking("torque")
     return _drawn(
         f"evidence-{cause.effect.replace('.', '-')}",
         f"{of.capitalize()} against {text}: {effect_name(cause.effect)}",
@@ -136,7 +155,7 @@ def over_speed(material: Material, cause: NamedCause) -> Picture:
         (axis(text, unit), axis(of, force)),
         (speed * scale, torque),
         motion,
-        kind_of_motion(CAPTIONS["over_speed"]),
+        kind_of_motion(CAPTIONS["applied_over_speed" if motion.applied else "over_speed"]),
     )
 
 
@@ -145,7 +164,7 @@ def over_angle(material: Material, cause: NamedCause) -> Picture:
     motion = Motion(material, cause)
     angle = np.linspace(motion.theta.min(), motion.theta.max(), 801)
     torque = law_over(material, cause, motion, theta=angle)
-    (text, unit, scale), (of, force, _) = quantity("theta"), quantity("torque")
+    (text, unit, scale), (of, force, _) = quantity("theta"), lacking("torque")
     return _drawn(
         f"evidence-{cause.effect.replace('.', '-')}",
         f"{of.capitalize()} against {text}: {effect_name(cause.effect)}",
@@ -154,7 +173,7 @@ def over_angle(material: Material, cause: NamedCause) -> Picture:
         (axis(text, unit), axis(of, force)),
         (angle * scale, torque),
         motion,
-        kind_of_motion(CAPTIONS["over_angle"]),
+        kind_of_motion(CAPTIONS["applied_over_angle" if motion.applied else "over_angle"]),
     )
 
 

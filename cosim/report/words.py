@@ -7,6 +7,7 @@ from pathlib import Path
 from string import Formatter
 
 from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, SignalGain
+from cosim.errors import UsageError
 from cosim.lexicon import current
 from cosim.report.material import Material, component_of
 from cosim.report.names import (
@@ -19,6 +20,7 @@ from cosim.report.names import (
     TURNING,
     replaced,
 )
+from cosim.units import is_speed
 from fmus import registry
 
 NOISY = 1.1  # times the sensor's noise within which an error is called the noise
@@ -55,7 +57,7 @@ def number(value: float, spread: float = 0.0) -> str:
     """
     if not math.isfinite(value):
         return "unknown"
-    if abs(value) >= 1e6 or 0.0 < abs(value) < 1e-4:
+    if abs(value) >= 1e6 or (0.0 < abs(value) < 1e-4 and not spread >= 1e-4):
         return f"{value:.4g}"
     if not (spread > 0.0 and math.isfinite(spread)):
         return f"{value:.4g}" if abs(value) < 1e4 else f"{float(f'{value:.4g}'):.0f}"
@@ -149,7 +151,7 @@ def with_signals(text: str) -> str:
     return _SIGNAL.sub(
         lambda found: signal_name(found[1]),
         _DEPENDS.sub(
-            lambda found: kind_of_motion(QUANTITIES[found[1]][0]),
+            lambda found: quantity(found[1])[0],
             _MISSING.sub(lambda lacking: kind_of_motion(lacking[0]), text),
         ),
     )
@@ -195,6 +197,21 @@ def the(signal: str) -> str:
     return name if name == signal else f"the {name}"
 
 
+def shows_speed(signal: str) -> bool:
+    """Whether a signal of this machine is a speed or a flow, and no angle or place."""
+    own = current().signals.get(signal)
+    try:
+        return own is not None and is_speed(own.unit)
+    except UsageError:  # a unit of the machine's own
+        return False
+
+
+def two_digits(value: float) -> str:
+    """A number with two significant digits, and without an exponent where people write none: 250, not 2.5e+02."""
+    text = f"{value:.2g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e6 else text
+
+
 def block_name(block: str) -> str:
     """A block as people call it; of several that are judged as one, all of them."""
     own = current().blocks
@@ -215,6 +232,12 @@ def quantity(of: str) -> tuple[str, str, float]:
         return f"{text}{changing}{quantity(by)[0]}", unit, scale
     text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
     return kind_of_motion(text), *lexicon.quantity(si, unit)
+
+
+def lacking(what: str) -> tuple[str, str, float]:
+    """What is missing, as `quantity` tells it: never a signal of the machine, which may be called torque as well."""
+    text, si, unit = QUANTITIES.get(what, (what, "1", "1"))
+    return kind_of_motion(text), *current().quantity(si, unit)
 
 
 def kind_of_motion(text: str) -> str:
@@ -323,8 +346,8 @@ def gain_clause(answer: Answer) -> str:
         return ""
     gain = answer.gain[signal]
     unit = unit_text(gain.unit)
-    before, after = f"{gain.rmse_before:.2g}", f"{gain.rmse_after:.2g}"
-    noise = f"{gain.noise_floor:.2g} {unit}"
+    before, after = two_digits(gain.rmse_before), two_digits(gain.rmse_after)
+    noise = f"{two_digits(gain.noise_floor)} {unit}"
     if gain.rmse_after >= gain.rmse_before:
         return f"; the error of {the(signal)} on data not used for fitting stays at {before} {unit}"
     end = (

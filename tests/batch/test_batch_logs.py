@@ -13,6 +13,7 @@ for needed in ("distributed", "xarray", "zarr"):
 import xarray as xr  # noqa: E402
 
 from cosim.batch.conduct import conduct  # noqa: E402
+from cosim.batch.files import find_logs  # noqa: E402
 from cosim.batch.plan import Plan  # noqa: E402
 from cosim.compare import Comparator  # noqa: E402
 from cosim.errors import UsageError  # noqa: E402
@@ -149,3 +150,17 @@ def test_a_folder_of_logs_is_diagnosed(logs: Path, tmp_path: Path) -> None:
     report = conduct(Plan.model_validate(drawn), tmp_path / "mc")
     assert report.about["done"] == 20
     assert 1100.0 < report.frame["mechanical.J [kg.m2]"].mean() < 1300.0
+
+
+def test_what_a_program_says_of_itself_is_no_log_of_a_folder(tmp_path: Path) -> None:
+    for name in ("one.csv", "program.log", "notes.md"):
+        (tmp_path / name).write_text("time [s],u [1]\n0,0\n", encoding="utf-8")
+
+    def found(name: Path) -> list[str]:
+        return [
+            path.name
+            for path in find_logs(Plan.model_validate({"model": ["full_order"], "logs": [str(name)]}))
+        ]
+
+    assert found(tmp_path) == ["one.csv"]
+    assert found(tmp_path / "program.log") == ["program.log"]

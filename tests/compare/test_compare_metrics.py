@@ -71,6 +71,15 @@ def test_noise_floor_of_a_moving_signal(size):
     assert found == pytest.approx(size, rel=0.04, abs=3e-4)
 
 
+def test_noise_floor_of_a_log_shorter_than_ten_windows():
+    """One start and stop in 0.7 s, as a servo drive records it: no window of half a second is a cubic."""
+    time = np.arange(1024) / 1500.0
+    motion = np.interp(time, [0.0, 0.05, 0.28, 0.52, 0.7], [0.0, 0.0, -2000.0, 0.0, 0.0])
+    noise = np.random.default_rng(2).standard_normal(time.size)
+    # ten windows of 102 samples, the quietest of which is the smallest of ten with 98 degrees of freedom: 11 % low
+    assert noise_floor(motion + noise, 1.0 / 1500.0) == pytest.approx(1.0, rel=0.2)
+
+
 def test_noise_floor_is_at_least_the_resolution():
     time = np.arange(5000) * 1e-3
     rounded = np.round(np.sin(time) / 0.01) * 0.01

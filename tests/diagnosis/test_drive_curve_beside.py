@@ -14,7 +14,7 @@ from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.model.groups import merged
 from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.identify.drive_fit import static
-from cosim.lexicon import speaking
+from cosim.lexicon import Lexicon, Shown, speaking
 from cosim.logs import load_log
 from cosim.report import drive
 from cosim.report.material import Material
@@ -82,6 +82,24 @@ def test_the_page_shows_it(tmp_path):
         assert np.all(np.diff(corners.x) > 0.0)
         assert np.all(np.diff(corners.y) >= 0.0)
         assert len(figure(shown)["data"]) == 4  # a band is two lines
+
+
+def test_what_is_known_too_well_is_rounded_and_a_speed_is_no_speed_of_itself(tmp_path):
+    found, log = diagnosed(tmp_path)
+    curve = curve_of(found, log)
+    assert curve is not None
+    exact = curve.dead_zone["high"].model_copy(
+        update={"value": 1.923e-14, "ci95": (0.0, 5e-10), "reading": None}
+    )
+    curve = curve.model_copy(
+        update={"dead_zone": {"high": exact}, "motion": {"signal": "speed", "unit": "rpm"}, "logs": ["log"]}
+    )
+    material = Material(Answer.model_construct(drive_curve=curve), 0.05, {}, {})
+    with speaking(Lexicon(signals={"speed": Shown("rpm", 9.55, "speed")})):
+        assert drive.rows(material)[0][1:3] == ("0.0000", "0.0000 to 0.0000")
+        shown = drive.picture(material)
+        assert shown is not None
+        assert shown.panels[0].y == "speed [rpm]"
 
 
 def test_a_force_is_no_command(tmp_path):

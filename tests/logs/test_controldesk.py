@@ -1,10 +1,13 @@
-"""CSV exports of dSPACE ControlDesk: the header block, traces told apart by path, two columns in one signal."""
+"""What dSPACE ControlDesk exports, CSV and MAT: traces told apart by path, two columns in one signal."""
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from cosim.errors import DataError
 from cosim.logs import load_log, load_mapping
+from cosim.logs.guess import guesses, mapping_text
+from cosim.logs.overview import overview
 
 HEAD = """descriptions,General,User,kim
 ,General,DateTime,2025-09-03 오후 12:24:46
@@ -101,3 +104,58 @@ def test_wrong_keys_are_named(mapping, change, message):
     mapping.write_text(MAPPING.replace(*change))
     with pytest.raises(DataError, match=message):
         load_mapping(mapping)
+
+
+def recorded(axes):
+    """What ControlDesk saves as a MAT file: axes ``X`` and traces ``Y``, each of which says its axis."""
+    axis = [("Data", object), ("Unit", object)]
+    trace = [("Name", object), ("Path", object), ("Unit", object), ("XIndex", object), ("Data", object)]
+    x, y = np.zeros((1, len(axes)), axis), np.zeros((1, 3), trace)
+    for k, (stamps, unit) in enumerate(axes):
+        x[0, k] = (stamps, unit)
+    for k, (name, path, unit, number) in enumerate(
+        (
+            ("In1", "Root/Angles/Boom", "deg", 1),
+            ("In1", "Root/Angles/Arm", "deg", 1),
+            ("duty", "Root", "", len(axes)),
+        )
+    ):
+        y[0, k] = (name, path, unit, number, np.arange(axes[number - 1][0].size) * float(k + 1))
+    return {"rec_012": {"X": x, "Y": y, "Info": {"Revision": 3}}}
+
+
+def test_a_recorded_mat_file_has_traces_by_path_and_name(tmp_path):
+    file = tmp_path / "rec.mat"
+    savemat(file, recorded([(np.arange(50) * 0.01, "s"), (np.arange(100) * 5.0, "ms")]))
+    found = overview(file)
+    assert [c.label.text for c in found.columns] == [
+        "Root/Angles/Boom/In1",
+        "Root/Angles/Arm/In1",
+        "Root/duty",
+    ]
+    assert [c.unit for c in found.columns] == ["deg", "deg", None]
+    text = mapping_text(found, guesses(found, machine=True), None)
+    assert 'column = "Root/Angles/Boom/In1"' in text
+    assert 'column = "Root/duty"' in text
+    mapping = tmp_path / "m.toml"
+    lines = (
+        "[signals.slew]",
+        'column = "Arm"',
+        'unit = "deg"',
+        "[signals.u]",
+        'column = "duty"',
+        'unit = "1"',
+    )
+    mapping.write_text("\n".join([*lines, "[time]", 'column = "duty"', 'unit = "s"']) + "\n")
+    log = load_log(file, mapping)
+    assert log.time[-1] == pytest.approx(0.495)  # of the trace with the most samples, told in ms
+    np.testing.assert_allclose(np.degrees(log["slew"][:99:2]), 2.0 * np.arange(50), atol=1e-9)
+
+
+def test_a_recorded_trace_without_its_axis_is_refused(tmp_path):
+    file = tmp_path / "rec.mat"
+    content = recorded([(np.arange(50) * 0.01, "s")])
+    content["rec_012"]["Y"][0, 1]["Data"] = np.arange(7.0)
+    savemat(file, content)
+    with pytest.raises(DataError, match=r"trace 'Root/Angles/Arm/In1' has 7 values and no axis"):
+        overview(file)

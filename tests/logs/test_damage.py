@@ -3,6 +3,7 @@
 import math
 import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -169,7 +170,9 @@ def test_unusable_stamps(load):
     assert len(log) == 399
     assert "1 row without a usable time stamp left out (first: row 102)" in log.warnings[0]
     assert log.gaps == (Gap(0.099, 0.101),)
-    with pytest.raises(DataError, match=r"row 12, column time: no usable time stamp; so have 30 of 400 rows"):
+    with pytest.raises(
+        DataError, match=r"row 12, column time: no usable time stamp; so have 30 of 400 rows: delete them"
+    ):
         load(replaced(lines, dict.fromkeys(range(10, 40), "nan,1,50")))
 
 
@@ -203,9 +206,31 @@ def test_a_missing_file_and_a_folder(tmp_path, name):
         load_log(tmp_path / name)
 
 
-def test_an_unknown_file_type_lists_those_known(write):
-    with pytest.raises(DataError, match=r"'.xlsx' is none of them"):
-        load_log(write("x", "log.xlsx"))
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("log.xlsx", ": save its sheet as CSV"),
+        ("log.csv.gz", ": unpack it first"),
+        ("run.mcap", ": write the messages of its topics as CSV"),
+        ("log.NPZ", ": write it as CSV or Parquet"),
+        ("trace.blf", ": decode its CAN messages"),
+        ("log.abc", "$"),
+    ],
+)
+def test_an_unknown_file_type_lists_those_known_and_says_what_makes_a_log_of_it(write, name, remedy):
+    with pytest.raises(
+        DataError, match=rf"a log is one of .csv, .*'{Path(name).suffix.lower()}' is none of them{remedy}"
+    ):
+        load_log(write("x", name))
+
+
+def test_a_text_file_may_be_called_a_log(write):
+    assert (
+        load_log(
+            write("time [s],u [1]\n" + "".join(f"{k / 100},0.5\n" for k in range(9)), "run.log")
+        ).time.size
+        == 9
+    )
 
 
 @pytest.mark.parametrize("last", ["", '0.700,0,350.0,"ok', '0.700,0,350.0,o"k'])

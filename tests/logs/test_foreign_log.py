@@ -10,8 +10,9 @@ from scipy.io import savemat
 
 from cosim.errors import ColumnsError
 from cosim.logs import load_log
+from cosim.logs.clocks import plain
 from cosim.logs.guess import NAMES, guesses, mapping_text
-from cosim.logs.overview import overview, plain, spelled
+from cosim.logs.overview import overview, spelled
 from cosim.machines import made_for
 from cosim.rig import make_log
 from cosim.signals import SIGNALS
@@ -396,7 +397,7 @@ def motor(count=3000, step=0.005, lag=0.1):
         ("t,voltage,Drehzahl", {"u": "voltage", "speed": "Drehzahl"}),
         ("t,u,y", {"u": "u", "speed": "y"}),
         ("t,Analog Input 1,omega", {"u": "Analog Input 1", "speed": "omega"}),
-        ("t,torque,omega", {"speed": "omega"}),
+        ("t,torque,omega", {"torque": "torque", "speed": "omega"}),
     ],
 )
 def test_the_command_of_a_motor_is_what_its_motion_follows(heading, found, write):
@@ -567,3 +568,120 @@ def test_without_a_time_the_interval_is_asked_for_and_long_lists_are_cut(write, 
     assert "--machine" not in shown, "it was given"
     assert "complete" in shown
     assert "Another machine than the crane: --machine" in cosim("init", path, "--force").stdout
+
+
+def two_loggers(path, **more):
+    """Speed of a drive at 500 Hz and a force at 2 kHz, in one file, each with a time of its own."""
+    slow, fast = np.arange(400) / 500.0, 0.1 + np.arange(1200) / 2000.0
+    savemat(path, {"t_drive": slow, "v": np.sin(slow), "t_daq": fast, "F": np.cos(fast), **more})
+    return path
+
+
+def test_vectors_of_two_loggers_go_with_the_time_of_their_length(tmp_path):
+    path = two_loggers(tmp_path / "two.mat")
+    found = overview(path)
+    assert found.clock.column is None
+    assert [c.label.name for c in found.columns if c.index not in found.times] == ["v", "F"]
+    mapping = tmp_path / "two.toml"
+    mapping.write_text(
+        '[time]\ncolumn = "t_daq"\nunit = "s"\n[signals.speed]\ncolumn = "v"\nunit = "m/s"\n'
+        '[signals.force]\ncolumn = "F"\nunit = "N"\n'
+    )
+    log = load_log(path, mapping)
+    assert log.time.size == 1200
+    # a straight line between samples of 2 ms is off by h^2/8 of the curvature at most
+    np.testing.assert_allclose(log["speed"], np.sin(log.time), atol=6e-7)
+    assert any("'speed': on a clock of their own" in text for text in log.warnings)
+
+
+def test_two_times_of_one_length_say_nothing_of_the_others(tmp_path):
+    found = overview(two_loggers(tmp_path / "three.mat", t_other=np.arange(400) / 400.0))
+    assert found.clock.column is not None
+
+
+def test_a_file_without_numbers_is_no_log(cosim, write):
+    path = write(
+        "[2019-06-10 20:12:13]: valves loaded\n[2019-06-10 20:12:17]: parsing error\n", name="events.txt"
+    )
+    for command in ("info", "init"):
+        result = cosim(command, path)
+        assert result.returncode == 3  # bad data
+        assert "holds no column of numbers: a log is a table with a row for each sample" in result.stderr
+
+
+def servo_drive(write, speed="Servo motor speed", torque="Torque"):
+    """What a servo amplifier records of one move: speed, torque, a pulse count and a flag, no command."""
+    time = np.arange(900) / 1500.0
+    w, moved = np.zeros(900), 0.0
+    drive = np.interp(time, [0.0, 0.05, 0.06, 0.25, 0.26, 0.5, 0.51], [0.0, 0.0, 20.0, 20.0, 2.0, 2.0, 0.0])
+    for k in range(1, 900):  # 0.01 kg m2 and 0.2 N m s/rad
+        w[k] = w[k - 1] + (drive[k - 1] - 0.2 * w[k - 1]) / 0.01 / 1500.0
+        moved += w[k] / 1500.0
+    lines = [
+        f"{t:.6f},{x * 30.0 / np.pi:.6f},{d:.4f},{200.0 * x:.1f},{2.5 if x < 1.0 else 0.0}"
+        for t, x, d in zip(time, w, drive, strict=True)
+    ]
+    return write(
+        "\n".join([f"Time (s),{speed},{torque},Droop pulses,INP digital", *lines]) + "\n", "move.csv"
+    )
+
+
+def test_a_measured_torque_drives_an_axis_without_a_command(write, tmp_path):
+    path = servo_drive(write)
+    found = overview(path)
+    made = guesses(found, machine=True)
+    assert {name: g.column.label.short for name, g in made.items()} == {
+        "torque": "Torque",
+        "speed": "Servo motor speed",
+    }
+    assert made["speed"].unit == "rpm"  # 940 of them; no motor turns at 940 rad/s
+    assert made["torque"].unit == "N.m"
+    assert made["torque"].check
+    mapping = tmp_path / "move.toml"
+    mapping.write_text(mapping_text(found, made, None))
+    made_now = made_for(mapping, load_log(path, mapping))
+    assert made_now.machine.chain == ("mechanical",)
+    # least squares at the samples: 1.3 % of the lag is a sample
+    assert made_now.numbers.values["mechanical.J"] == pytest.approx(0.01, rel=0.05)
+    assert made_now.numbers.values["mechanical.b"] == pytest.approx(0.2, rel=0.05)
+
+
+def test_of_several_torques_the_one_of_the_axis_drives(write):
+    path = servo_drive(write, "dq 2 velocity", "tau 2")
+    head, *lines = path.read_text().splitlines()
+    path.write_text("\n".join([f"{head},tau 1", *(f"{line},{k % 7}" for k, line in enumerate(lines))]) + "\n")
+    assert guesses(overview(path), machine=True)["torque"].column.label.short == "tau 2"
+
+
+def test_a_flag_is_no_command(write):
+    path = servo_drive(write, torque="Temperature")
+    assert "INP digital" not in [g.column.label.short for g in guesses(overview(path), machine=True).values()]
+
+
+@pytest.mark.parametrize(
+    ("names", "signals"),
+    [
+        (("Tempo_s", "Controle", "Posição", "Pressão_A"), {"u", "travel", "p_a"}),
+        (("Tijd (s)", "Stuursignaal", "Snelheid", "Druk B"), {"u", "speed", "p_b"}),
+        (("Tempo (s)", "Comando", "Ângulo", "Vazão"), {"u", "slew"}),
+        (("Time (s)", "cmd", "Pan Position", "Tilt Position"), {"u", "slew"}),
+    ],
+)
+def test_names_in_portuguese_and_dutch_and_of_pan_and_tilt(write, names, signals):
+    lines = [f"{k * 0.01:.2f},{k % 50 - 25},{(k // 3) % 40 + 0.5},{k % 9 + 20}" for k in range(200)]
+    found = overview(write("\n".join([",".join(names), *lines]) + "\n"))
+    assert found.columns[found.clock.column].label.text == names[0]
+    assert set(guesses(found, machine=True)) == signals
+
+
+def test_what_is_no_crane_is_shown_as_a_drive_of_its_own(cosim, write, german):
+    time, command, speed = motor()
+    path = write("t,u,y\n" + rows(np.column_stack([time, command / 12.0, speed])))
+    shown = cosim("info", path)
+    assert "2 of 3 columns look like signals of a drive of its own" in shown.stdout
+    assert "speed is probably 'y' [rad/s]" in shown.stdout
+    assert f"cosim init {path} --machine writes these guesses" in shown.stdout
+    assert json.loads(cosim("info", path, "--json").stdout)["machine"] is True
+    crane = cosim("info", german).stdout
+    assert "6 of 8 columns look like signals of the crane" in crane
+    assert json.loads(cosim("info", german, "--json").stdout)["machine"] is False

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.console import typed
-from cosim.errors import DataError
+from cosim.errors import DataError, HeadlessError
 from cosim.logs import load_log, load_mapping
 from cosim.logs.guess import guesses, mapping_text
 from cosim.logs.overview import overview
@@ -152,3 +152,63 @@ def test_a_path_is_shown_as_it_is_typed(path, shown, monkeypatch):
     assert typed(path) == shown
     monkeypatch.setattr("cosim.console.os.name", "nt")
     assert typed(path) == shown.replace("'", '"')
+
+
+def serial(count=60, between=(), sign="//", top=("con restarted", "#define GAIN 5.5", "")):
+    """What a microcontroller prints to its serial line: remarks, then numbers without names."""
+    lines = [f"{sign}{text}" for text in top]
+    for k in range(count):
+        lines += [f"{sign}insane angle"] if k in between else []
+        lines.append(f"{1000 + 10 * k}, {k * 0.5:.3f},{-k * 0.01:.2f}")
+    return "\n".join(lines) + "\n"
+
+
+BY_PLACE = """
+[file]
+header = false
+[time]
+column = "1"
+unit = "ms"
+[signals.travel]
+column = "2"
+unit = "mm"
+[signals.force]
+column = "3"
+unit = "N"
+"""
+
+
+@pytest.mark.parametrize("sign", ["//", "#", "%"])
+@pytest.mark.parametrize("between", [(), (0,), (20, 21, 59)])
+def test_remarks_of_a_serial_line_are_no_rows(write, sign, between):
+    path = write(serial(between=between, sign=sign))
+    found = overview(path)
+    assert not found.header
+    assert found.clock.unit == "ms"
+    log = load_log(path, load_mapping(write(BY_PLACE, "m.toml")))
+    np.testing.assert_allclose(log.time, np.arange(60) * 0.01 + 1.0)
+    np.testing.assert_allclose(log["travel"], np.arange(60) * 0.5e-3)
+    top = 4 if between[:1] == (0,) else 3
+    assert f"left out above the numbers: rows 1 to {top}" in log.warnings
+    inside = [text for text in log.warnings if text.startswith("remarks among the numbers")]
+    assert inside == (
+        ["remarks among the numbers were left out (first: row 24; in all 3)"] if len(between) > 1 else []
+    )
+
+
+def test_a_bad_row_after_remarks_is_named_by_its_line(write):
+    path = write(serial(between=(20,)) + "1600,nonsense,2\n1610,1,2\n")
+    with pytest.raises(DataError, match=r"row 65, column '2': 'nonsense' is not a number"):
+        load_log(path, load_mapping(write(BY_PLACE, "m.toml")))
+
+
+def test_names_in_a_remark_name_the_columns(write):
+    path = write(serial(top=("log of press 3", " time [ms],travel [mm],force [N]"), sign="#"))
+    assert [c.label.short for c in overview(path).columns][1:] == ["travel", "force"]
+
+
+def test_without_names_and_mapping_the_remedy_is_told(write):
+    with pytest.raises(
+        HeadlessError, match=r"row 4 holds numbers, and above it stand remarks, no names.*cosim init"
+    ):
+        load_log(write(serial()))

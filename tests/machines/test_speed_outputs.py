@@ -155,3 +155,49 @@ def test_what_rings_more_than_it_follows_has_no_sign(tmp_path: Path) -> None:
     )
     made = made_for(mapping, load_log(file, mapping), tmp_path / "made")
     assert made.numbers.values["continuity.K_c"] > 0.0
+
+
+def turned(folder: Path, unit: str, chain: str = '"mechanical"', size: float = 1.0) -> tuple[Path, Log]:
+    """The mapping and a log of an axis of 0.1 s whose drive is measured in some unit: 0.02 N m s/rad, or that many bar."""
+    t = np.arange(0.0, 20.0, 2e-3)
+    drive = np.sin(2.0 * np.pi * 0.5 * t) + 0.3 * np.sin(2.0 * np.pi * 3.1 * t)
+    w = np.zeros_like(t)
+    for k in range(1, t.size):
+        w[k] = w[k - 1] + 2e-3 / 0.1 * (drive[k - 1] / 0.02 - w[k - 1])
+    table = np.column_stack([t, drive * size, w])
+    np.savetxt(folder / "log.csv", table, delimiter=",", header="t,d,w", comments="")
+    mapping = folder / "axis.toml"
+    mapping.write_text(
+        f"""
+time = {{ column = "t", unit = "s" }}
+[signals]
+drive = {{ column = "d", unit = "{unit}" }}
+speed = {{ column = "w", unit = "rad/s" }}
+[machine]
+chain = [{chain}]
+input = "drive"
+output = "speed"
+speed = "?"
+lag = "?"
+""",
+        encoding="utf-8",
+    )
+    return mapping, load_log(folder / "log.csv", mapping)
+
+
+def test_a_torque_or_a_pressure_drives_the_mechanics(tmp_path: Path) -> None:
+    by_torque = made_for(*turned(tmp_path, "N.m"), folder=tmp_path / "torque")
+    assert by_torque.numbers.values["mechanical.b"] == pytest.approx(0.02, rel=0.05)
+    assert by_torque.diagnose["units"] == {"Pa": "N.m"}
+    by_pressure = made_for(*turned(tmp_path, "bar"), folder=tmp_path / "pressure")
+    # on an area and an arm of one the friction of 0.02 bar a rad/s is one of 2000 N m
+    assert by_pressure.numbers.values["mechanical.b"] == pytest.approx(2000.0, rel=0.05)
+    shown = Lexicon(units=by_pressure.diagnose["units"]).quantity("N.m.s/rad")
+    assert shown == ("bar.s/rad", pytest.approx(1e-5))
+
+
+def test_what_is_no_torque_is_told_with_the_remedy(tmp_path: Path) -> None:
+    with pytest.raises(
+        DataError, match=r"signals\.drive: .* is a torque \[N\.m\] or a pressure, and no '%'; .*'gain'"
+    ):
+        made_for(*turned(tmp_path, "%"), folder=tmp_path / "made")

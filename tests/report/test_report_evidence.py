@@ -6,11 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from report_helpers import hidden_material, material_of, named
+from report_helpers import empty_answer, hidden_material, material_of, named
 
+from cosim.diagnosis.answer.schema import Words
+from cosim.lexicon import Lexicon, Shown, speaking
 from cosim.report.evidence import MAKERS, free_form, pictures
-from cosim.report.material import Curve
+from cosim.report.material import Curve, Material, Noise, Part
+from cosim.report.overview import held_out, window
 from cosim.report.picture import Panel
+from cosim.report.torque import Motion
 from cosim.report.words import PHRASES
 from cosim.rig import EFFECTS, Hidden, make_log
 from fmus import effects, registry
@@ -217,3 +221,58 @@ def test_without_steps_a_response_is_shown_where_the_models_differ_most():
     assert picture.x == "time [s]"
     extended, nominal = distances(picture.panels[-1], "dcv.bandwidth")
     assert extended < 0.2 * nominal
+
+
+def servo(span=0.8, h=1.0 / 1500.0):
+    """Torque and speed of a drive over 0.8 s: 0.01 kg m2, 0.02 N m s/rad, 3 N m of dry friction; no pressure."""
+    time = np.arange(round(span / h)) * h
+    speed = 100.0 * np.sin(2.0 * np.pi * 2.0 * time)
+    torque = 0.01 * np.gradient(speed, h) + 0.02 * speed + 3.0 * np.sign(speed)
+    part = Part("mechanical", "torque", {"speed": Noise(15, 20, True, 0.1)}, {}, {})
+    values = {"mechanical.A": 1.0, "mechanical.r": 1.0, "mechanical.J": 0.01, "mechanical.b": 0.02}
+    words = Words(signals={}, units={}, blocks={"mechanical": "motor"}, values=values)
+    friction = named("mechanical.coulomb_friction", {"tau_c": 3.0})
+    answer = empty_answer(causes=[friction], words=words)
+    series = {"measured": {"torque": torque, "speed": speed}}
+    return Material(answer, h, series, {"mechanical": part}), friction
+
+
+SERVO = Lexicon(
+    signals={"speed": Shown("rpm", 30.0 / np.pi, "speed"), "torque": Shown("N.m", 1.0, "applied torque")},
+    blocks={"mechanical": "motor"},
+)
+
+
+def test_a_measured_speed_is_no_angle():
+    material, friction = servo()
+    with speaking(SERVO):
+        motion = Motion(material, friction)
+    assert np.abs(motion.omega).max() == pytest.approx(100.0, rel=0.02)
+    fast = np.abs(motion.omega) > 50.0
+    # a third-order filter at 25 Hz rounds off the jumps of friction within some 40 ms
+    assert np.median(motion.missing[fast] * np.sign(motion.omega[fast])) == pytest.approx(3.0, rel=0.05)
+
+
+def test_the_caption_of_a_measured_torque_speaks_of_no_pressure():
+    material, friction = servo()
+    with speaking(SERVO):
+        [picture] = pictures(material, friction)[:1]
+    assert picture.caption.startswith("Torque that was measured, less what inertia")
+    # what is missing is not the signal of the same name
+    assert picture.title.startswith("Missing torque against speed")
+
+
+def test_friction_at_standstill_goes_on_top_of_the_dry_one():
+    material, friction = servo()
+    more = named("mechanical.stribeck_friction", {"tau_c": 3.0, "tau_s": 2.0, "omega_s": 5.0})
+    material.answer = material.answer.model_copy(update={"causes": [friction, more]})
+    with speaking(SERVO):
+        motion = Motion(material, friction)
+    fast = np.abs(motion.omega) > 50.0
+    assert np.median(motion.missing[fast] * np.sign(motion.omega[fast])) == pytest.approx(3.0, rel=0.05)
+
+
+def test_windows_held_out_of_a_short_log_are_those_of_the_fits():
+    material, _ = servo()
+    assert window(material) == 300
+    assert held_out(material) == [pytest.approx((0.4, 0.6))]

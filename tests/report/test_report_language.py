@@ -172,3 +172,29 @@ def test_how_an_uneven_log_was_taken_is_said_in_german():
         assert german.said(text).startswith(
             "Abtastung alle 17,59 bis 126,2 ms: simuliert in Schritten von 6,63 ms, u "
         )
+
+
+@pytest.mark.parametrize(
+    ("english", "german"),
+    [
+        ("left out above the numbers: rows 1 to 3", "über den Zahlen weggelassen: Zeilen 1 bis 3"),
+        (
+            "remarks among the numbers were left out (first: row 24; in all 3)",
+            "Bemerkungen zwischen den Zahlen weggelassen (die erste: Zeile 24; insgesamt 3)",
+        ),
+        (
+            "a missing torque that depends on slew speed explains 64% of what is systematic in slew angle",
+            "Moment, in Abhängigkeit von Schwenkgeschwindigkeit, erklärt als Fehlendes 64 % des Systematischen in "
+            "Schwenkwinkel",
+        ),
+        (
+            "error of speed on data not used for fitting falls from 250 to 15 rpm; the sensor's noise is 0.29 rpm; a linear "
+            "model leaves 140 rpm.",
+            "der Fehler (Geschwindigkeit) auf nicht angepassten Daten fällt von 250 auf 15 rpm; das Rauschen des Sensors "
+            "ist 0,29 rpm; ein lineares Modell lässt 140 rpm.",
+        ),
+    ],
+)
+def test_what_the_log_of_another_machine_brings_is_said_in_german(english, german):
+    with reported_in("de"):
+        assert said(english) == german

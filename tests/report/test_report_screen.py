@@ -17,6 +17,7 @@ from cosim.diagnosis.answer.schema import (
     Rival,
     SignalGain,
     Unexplained,
+    Words,
 )
 from cosim.report.earlier import FILES, Earlier
 from cosim.report.material import Material
@@ -207,6 +208,21 @@ def test_what_would_help_is_said_and_is_the_next_step_where_nothing_is_named():
     told = lines(empty_answer(verdict="unexplained", advice=["slew goes back by 70 deg while u is 0"]), OUT)
     assert "Note: slew angle goes back by 70 deg while u is 0" in told
     assert told[-1].startswith("Next: correct the mapping")
+
+
+def test_another_machine_is_asked_for_a_second_sensor_and_no_tracker():
+    helpful = [
+        "slew_external would make visible: tracker.clock",
+        "slew_external would make visible: sensor.gain, tracker.seam",
+    ]
+    result = empty_answer(verdict="unexplained", helpful_signals=helpful)
+    assert lines(result, OUT)[-1].startswith(
+        "Next: log more: external tracker would make visible: the tracker's clock"
+    )
+    other = result.model_copy(update={"words": Words(blocks={"mechanical": "motor", "sensor": "sensor"})})
+    assert lines(other, OUT)[-1] == (
+        "Next: log more: second sensor of the motion would make visible: a scale error of the sensor (sensor.gain)"
+    )
 
 
 def test_the_report_is_named_where_there_is_one(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from report_helpers import empty_answer, named
 
 from cosim.diagnosis.answer.schema import SignalGain, Unexplained
-from cosim.lexicon import Lexicon, speaking
+from cosim.lexicon import Lexicon, Shown, speaking
 from cosim.report.evidence import MAKERS
 from cosim.report.language import reported_in, said
 from cosim.report.material import Material, Noise, Part
@@ -25,6 +25,8 @@ from cosim.report.words import (
     prose,
     quantity,
     sentence,
+    shows_speed,
+    two_digits,
     unit_text,
     with_signals,
     without_tracker,
@@ -103,6 +105,13 @@ def test_several_causes_are_told_one_by_one():
 def test_a_rest_above_the_noise_is_not_called_noise():
     told = sentence(material(causes=[friction()], gain={"slew": gain(0.16, 0.02, 0.01)}))
     assert told.endswith("falls from 0.16 to 0.02 deg, against a noise of 0.01 deg.")
+
+
+def test_what_a_torque_depends_on_is_the_signal_of_that_name():
+    friction = "a missing torque that depends on torque explains 64% of it"
+    assert with_signals(friction) == "a missing torque that depends on missing torque explains 64% of it"
+    with speaking(Lexicon(signals={"torque": Shown("N.m", 1.0, "applied torque")})):
+        assert with_signals(friction) == "a missing torque that depends on applied torque explains 64% of it"
 
 
 def test_no_gain_is_not_called_a_gain():
@@ -216,3 +225,29 @@ def test_without_a_tracker_its_faults_are_not_listed():
 def test_captions_are_there_for_every_maker():
     names = {maker.__name__ for makers in MAKERS.values() for maker in makers}
     assert {"over_speed", "curve", "spectrum"} <= names & set(CAPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (250.4, "250"),
+        (1943.0, "1900"),
+        (14.66, "15"),
+        (0.0061, "0.0061"),
+        (0.0, "0"),
+        (99.6, "100"),
+        (3.1e7, "3.1e+07"),
+    ],
+)
+def test_two_digits_are_written_without_an_exponent(value, text):
+    assert two_digits(value) == text
+
+
+def test_a_speed_is_told_by_its_unit():
+    shown = {
+        "w": Shown("rpm", 9.55, "speed"),
+        "q": Shown("l/min", 6e4, "flow"),
+        "x": Shown("mm", 1e3, "place"),
+    }
+    with speaking(Lexicon(signals=shown | {"z": Shown("full command", 1.0, "z")})):
+        assert [shows_speed(s) for s in ("w", "q", "x", "z", "slew")] == [True, True, False, False, False]
