@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
+from matplotlib.figure import Figure
 
 from cosim.cli import main
 from cosim.paths import ssp_folder
@@ -180,6 +181,12 @@ def finished(command):
         return subprocess.CompletedProcess(words, code, out, err)
 
     return call
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are laid out and not drawn: for tests that look at everything else that a command writes."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: Path(file).write_bytes(b"picture"))
 
 
 @pytest.fixture(scope="module")
