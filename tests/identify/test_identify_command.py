@@ -195,7 +195,7 @@ def test_a_transfer_function_is_told_in_sentences_before_any_table(words, log):
         pair = told.splitlines()[-2]
         assert pair.startswith("pair of poles: natural frequency 25.")
         assert re.search(r"damping ratio 0\.5\d+ ± 0\.0\d+$", pair), "a ratio has no unit"
-    assert "candidates (* chosen)" in call("transfer-function", log, *words, "--verbose").stdout
+        assert "candidates (* chosen)" in call("transfer-function", log, *words, "--verbose").stdout
 
 
 def test_a_frequency_response_is_told_in_sentences_and_its_points_on_demand(log):
