@@ -12,7 +12,7 @@ import linecache
 import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -147,6 +147,7 @@ def header(block: Block, effects: tuple[Effect, ...]) -> str:
     return "\n".join([f'"""{title}"""', "import math", "from collections import namedtuple", "", *tuples])
 
 
+@lru_cache(maxsize=1024)
 def bare_text(function: Callable[..., Any], name: str | None = None) -> str:
     """Source of an equation without decorators and annotations, under another name if one is given."""
     tree = parsed(textwrap.dedent(inspect.getsource(function)))
