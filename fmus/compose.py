@@ -55,7 +55,7 @@ class Composed:
         """What block and effects remember besides the state."""
         return merged_memory(self.block, self.effects)
 
-    @property
+    @cached_property
     def takes_time(self) -> bool:
         """True if the block's last input is the communication time."""
         return any(v.kind == "time" for v in self.block.inputs.values())
