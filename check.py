@@ -1,13 +1,15 @@
 """Format, lint, types and tests in one command: ``python check.py``. The CI runs the same.
 
-Every step runs even when an earlier one failed; pytest comes last, so that its closing line ends the output. The exit
-code is 0 only when all steps passed.
+Every step runs even when an earlier one failed. Types are checked while the tests begin, so that both cores are busy,
+and said as soon as they are known; what failed before the tests end is said again at the end. The exit code is 0 only
+when all steps passed.
 """
 
 import argparse
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 TOP = Path(__file__).resolve().parent
@@ -40,6 +42,29 @@ def steps(fix: bool, slow: bool, pytest_arguments: list[str]) -> dict[str, list[
     }
 
 
+def checked(
+    name: str, command: list[str], environment: dict[str, str], failed: list[str]
+) -> threading.Thread:
+    """A step that runs beside the next ones; all that it says is printed at once when it ends."""
+
+    def run() -> None:
+        done = subprocess.run(
+            [sys.executable, "-m", *command],
+            cwd=TOP,
+            env=environment,
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        print(f"\n== {name}: {' '.join(command)}\n{done.stdout}{done.stderr}", end="", flush=True)
+        if done.returncode:
+            failed.append(name)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread
+
+
 def main() -> int:
     """Runs the steps and returns the exit code."""
     parser = argparse.ArgumentParser(
@@ -53,12 +78,19 @@ def main() -> int:
     environment = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"} | os.environ
     # tests begin hundreds of processes: each module is compiled once for all of them
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
-    for name, command in steps(options.fix, options.slow, rest).items():
-        if name == "tests" and failed:
-            print(f"== failed before the tests: {', '.join(failed)}", flush=True)
+    wanted = steps(options.fix, options.slow, rest)
+    types = wanted.pop("types")
+    beside = None
+    for name, command in wanted.items():
+        if name == "tests":
+            beside = checked("types", types, environment, failed)
         print(f"== {name}: {' '.join(command)}", flush=True)
         if subprocess.run([sys.executable, "-m", *command], cwd=TOP, env=environment, check=False).returncode:
             failed.append(name)
+    if beside is not None:
+        beside.join()
+    if failed:
+        print(f"== failed: {', '.join(failed)}", flush=True)
     return 1 if failed else 0
 
 

@@ -27,7 +27,8 @@ def users(module: ModuleType) -> dict[str, list[str]]:
     """Name of a threshold -> the files that import it, below ``cosim``."""
     found = defaultdict(list)
     for path in sorted((TOP / "cosim").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if module.__name__ in text else ():
             if isinstance(node, ast.ImportFrom) and node.module == module.__name__:
                 for alias in node.names:
                     found[alias.name].append(path.relative_to(TOP / "cosim").as_posix())

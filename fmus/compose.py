@@ -12,7 +12,7 @@ import linecache
 import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -55,7 +55,7 @@ class Composed:
         """What block and effects remember besides the state."""
         return merged_memory(self.block, self.effects)
 
-    @property
+    @cached_property
     def takes_time(self) -> bool:
         """True if the block's last input is the communication time."""
         return any(v.kind == "time" for v in self.block.inputs.values())
@@ -147,6 +147,7 @@ def header(block: Block, effects: tuple[Effect, ...]) -> str:
     return "\n".join([f'"""{title}"""', "import math", "from collections import namedtuple", "", *tuples])
 
 
+@lru_cache(maxsize=1024)
 def bare_text(function: Callable[..., Any], name: str | None = None) -> str:
     """Source of an equation without decorators and annotations, under another name if one is given."""
     tree = parsed(textwrap.dedent(inspect.getsource(function)))

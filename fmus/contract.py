@@ -21,6 +21,7 @@ function that without effects returns its neutral value.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import ModuleType
 from typing import Any, Literal, NamedTuple, TypeVar, get_type_hints
 
@@ -93,8 +94,13 @@ def slot(rule: Literal["sum", "chain"]) -> Callable[[F], F]:
 
 def fields(layout: type) -> dict[str, Variable]:
     """The `Variable` of each field of a named tuple declared with ``Annotated[float, Variable(...)]``, in order."""
+    return dict(_declared(layout))
+
+
+@lru_cache(maxsize=1024)
+def _declared(layout: type) -> tuple[tuple[str, Variable], ...]:
     hints = get_type_hints(layout, include_extras=True)
-    return {name: hints[name].__metadata__[0] for name in layout._fields}  # type: ignore[attr-defined]
+    return tuple((name, hints[name].__metadata__[0]) for name in layout._fields)  # type: ignore[attr-defined]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
+from matplotlib.figure import Figure
 
 from cosim.cli import main
 from cosim.paths import ssp_folder
@@ -110,6 +111,14 @@ def heeds_interrupts() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def unsynced() -> Iterator[None]:
+    """No disk is waited for: no test cuts the power, and a disk that refuses is `fault_injection`'s."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda handle: None)
+        yield
+
+
 @pytest.fixture(scope="session")
 def packages(made_once):
     """The open packages by name."""
@@ -180,6 +189,12 @@ def finished(command):
         return subprocess.CompletedProcess(words, code, out, err)
 
     return call
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are laid out and not drawn: for tests that look at everything else that a command writes."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: Path(file).write_bytes(b"picture"))
 
 
 @pytest.fixture(scope="module")

@@ -23,15 +23,19 @@ def blocks(name):
     return found
 
 
-def run(words, folder):
+def script_of(text, folder):
     done = subprocess.run(
-        [sys.executable, *words], cwd=folder, capture_output=True, text=True, encoding="utf-8", timeout=900
+        [sys.executable, "-c", text],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=900,
     )
-    assert done.returncode == 0, f"{words}: {done.stderr}"
-    return done.stdout
+    assert done.returncode == 0, f"{text}: {done.stderr}"
 
 
-def console(text, folder, slow):
+def console(text, finished, slow):
     """Run the commands of a block; each must print the lines below it."""
     for part in re.split(r"^\$ ", text, flags=re.M)[1:]:
         command, *wanted = part.strip().splitlines()
@@ -39,30 +43,34 @@ def console(text, folder, slow):
             continue
         program, *words = command.split()
         assert program == "cosim"
-        said = iter(run(["-m", "cosim", *words], folder).splitlines())
+        done = finished(*words)
+        assert done.returncode == 0, f"{words}: {done.stderr}"
+        said = iter(done.stdout.splitlines())
         for line in wanted:
             assert any(line == other.rstrip() for other in said), f"{command} does not say: {line}"
 
 
-def follow(name, folder, slow):
+def follow(name, folder, finished, slow):
     shutil.copytree(TOP / "examples", folder / "examples")
     script = ""  # blocks of Python go into one program: later ones use the names of earlier ones
     for kind, text in [*blocks(name), ("console", "")]:
         if kind == "python":
             script += text if slow or not any(word in text for word in SLOW) else ""
         elif script:
-            run(["-c", script], folder)
+            script_of(script, folder)
             script = ""
         if kind == "console":
-            console(text, folder, slow)
+            console(text, finished, slow)
 
 
 @pytest.mark.parametrize("name", TUTORIALS)
-def test_a_tutorial_runs(name, tmp_path):
-    follow(name, tmp_path, slow=False)
+def test_a_tutorial_runs(name, tmp_path, finished, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    follow(name, tmp_path, finished, slow=False)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TUTORIALS)
-def test_a_tutorial_runs_to_its_end(name, tmp_path):
-    follow(name, tmp_path, slow=True)
+def test_a_tutorial_runs_to_its_end(name, tmp_path, finished, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    follow(name, tmp_path, finished, slow=True)

@@ -50,7 +50,7 @@ def test_the_parameter_set_gives_the_calibrated_model(run, log_file, tmp_path):
         assert numbers["rmse"] == pytest.approx(result["signals"][name]["rmse"], rel=1e-9), name
 
 
-def test_tables_say_what_was_found(run, log_file, tmp_path):
+def test_tables_say_what_was_found(run, log_file, undrawn, tmp_path):
     words = [
         "--calibrate",
         "--free",
@@ -73,7 +73,7 @@ def test_tables_say_what_was_found(run, log_file, tmp_path):
     assert max(map(len, tables.splitlines())) <= 80
 
 
-def test_a_calibration_in_a_line_for_each_parameter(run, log_file, tmp_path):
+def test_a_calibration_in_a_line_for_each_parameter(run, log_file, undrawn, tmp_path):
     words = ("--calibrate", "--free", "mechanical.b", "--starts", "1", "--out", tmp_path)
     code, out, _ = run("compare", log_file, *words, "--set", "mechanical.b=20000")
     assert code == 0
@@ -90,7 +90,7 @@ def test_a_calibration_in_a_line_for_each_parameter(run, log_file, tmp_path):
     assert "Calibrated parameters" not in out
 
 
-def test_a_mapping_can_say_what_is_free(run, log_file, tmp_path):
+def test_a_mapping_can_say_what_is_free(run, log_file, undrawn, tmp_path):
     mapping = tmp_path / "m.toml"
     mapping.write_text(
         'model = "full_order"\n[time]\ncolumn = "time"\nunit = "s"\n'

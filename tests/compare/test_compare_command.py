@@ -64,7 +64,7 @@ def test_json_has_all_and_no_arrays(compared):
     assert len(compared) < 20_000  # arrays are in the files
 
 
-def test_series_hold_what_the_table_is_made_of(run, log_file, compared, tmp_path):
+def test_series_hold_what_the_table_is_made_of(run, log_file, compared, undrawn, tmp_path):
     result = json.loads(compared)
     series = pd.read_parquet(result["files"]["series"])
     error = series["slew_measured [deg]"] - series["slew_simulated [deg]"]
@@ -78,7 +78,7 @@ def test_series_hold_what_the_table_is_made_of(run, log_file, compared, tmp_path
     np.testing.assert_allclose(table.to_numpy(), series.to_numpy(), rtol=1e-12)
 
 
-def test_an_earlier_comparison_is_said_and_leaves_nothing_behind(run, log_file, tmp_path):
+def test_an_earlier_comparison_is_said_and_leaves_nothing_behind(run, log_file, undrawn, tmp_path):
     _, out, _ = run("compare", log_file, "--json", "--out", tmp_path, "--csv")
     assert {Path(file).name for file in json.loads(out)["files"].values()} <= set(COMPARED)
     _, _, err = run("compare", log_file, "--json", "--out", tmp_path)

@@ -63,7 +63,7 @@ def test_friction_that_is_nearly_nothing_in_motion_is_another_law() -> None:
     found = diagnosed(
         "mechanical.stribeck_friction:tau_c=0 N.m,tau_s=150 N.m,omega_s=0.01",
         seed=12,
-        seconds=25.0,
+        seconds=21.0,
         blocks=("mechanical",),
     )
     assert "mechanical.stribeck_friction" not in [c.effect.name for c in found.causes]

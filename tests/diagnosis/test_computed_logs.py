@@ -17,7 +17,7 @@ from cosim.rig.write import as_log
 def told_without_noise(*hidden: str, model="full_order"):
     """Diagnosis of a log without noise."""
     return diagnose(
-        as_log(make_log("mixed", 30.0, list(hidden), seed=31, noise=Noise(scale=0.0))), model=model
+        as_log(make_log("mixed", 21.0, list(hidden), seed=31, noise=Noise(scale=0.0))), model=model
     )
 
 
@@ -52,7 +52,7 @@ def test_an_effect_without_noise_is_found_alone_and_exactly(effect: str, paramet
 def test_the_noise_of_sensors_is_never_below_what_is_assumed(kind: str) -> None:
     """Even at half the usual size the noise learned is that of the log, and not the least that is assumed."""
     noise = Noise(scale=0.5, kind=kind, correlation_time=0.03)
-    log = as_log(make_log("mixed", 30.0, [], seed=8, settings=off(8), noise=noise))
+    log = as_log(make_log("mixed", 21.0, [], seed=8, settings=off(8), noise=noise))
     found = diagnose(log, budget=Budget(1e-9))  # the noise is learned before causes are tried
     for finding in found.findings.values():
         for signal, rule in finding.task.rules.items():
@@ -74,7 +74,7 @@ def test_what_stands_is_not_stale_and_what_jumps_behind_is() -> None:
 
 def test_a_nominal_parameter_that_is_off_is_named_beside_a_small_rest() -> None:
     """The nominal model bends the parameter itself: all that is left then is the rest, however small it is."""
-    run = make_log("mixed", 30.0, ["dcv.gain:K=2.1 mm"], seed=4, settings=off(4, "dcv.gain"))
+    run = make_log("mixed", 21.0, ["dcv.gain:K=2.1 mm"], seed=4, settings=off(4, "dcv.gain"))
     log = as_log(run)
     spool = log.signals["spool"]
     curved = spool * (1.0 - 0.002 * (spool / 2.6e-3) ** 2)  # a displacement sensor that is not quite straight

@@ -23,23 +23,23 @@ def diagnosed_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, model=
 
 
 @pytest.mark.parametrize(
-    ("effect", "settings", "form", "size"),
+    ("effect", "settings", "form", "size", "seconds"),
     [
         pytest.param(
-            "mechanical.stribeck_friction", FRICTION | {"law": 1}, "delta", 1.0, marks=pytest.mark.slow
+            "mechanical.stribeck_friction", FRICTION | {"law": 1}, "delta", 1.0, 30.0, marks=pytest.mark.slow
         ),
-        pytest.param("mechanical.stribeck_friction", FRICTION, "", math.nan, marks=pytest.mark.slow),
-        ("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25),
-        pytest.param("sensor.lag", {"tau_l": 0.1}, "", math.nan, marks=pytest.mark.slow),
+        pytest.param("mechanical.stribeck_friction", FRICTION, "", math.nan, 30.0, marks=pytest.mark.slow),
+        ("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25, 16.0),
+        pytest.param("sensor.lag", {"tau_l": 0.1}, "", math.nan, 30.0, marks=pytest.mark.slow),
         pytest.param(
-            "mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06, marks=pytest.mark.slow
+            "mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06, 30.0, marks=pytest.mark.slow
         ),
-        pytest.param("mechanical.backlash", {"gap": 0.006}, "", math.nan, marks=pytest.mark.slow),
+        pytest.param("mechanical.backlash", {"gap": 0.006}, "", math.nan, 30.0, marks=pytest.mark.slow),
     ],
     ids=["exponential", "Gauss", "two lags", "one lag", "creeping", "kinematic"],
 )
-def test_the_form_is_found_only_where_it_is(tmp_path, effect, settings, form, size) -> None:
-    found = diagnosed_of(tmp_path, 11, model=only("mechanical"), **settings)
+def test_the_form_is_found_only_where_it_is(tmp_path, effect, settings, form, size, seconds) -> None:
+    found = diagnosed_of(tmp_path, 11, ("jog", seconds, 0.9), model=only("mechanical"), **settings)
     (cause,) = found.causes
     assert cause.effect.name == effect
     assert not found.rests

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="a console's Ctrl-C cann
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short log with friction and a smaller valve gain."""
     run = make_log(
-        "mixed", 30.0, ["mechanical.coulomb_friction:tau_c=120 N.m", "dcv.gain:K=2.1 mm"], seed=4, start=0.3
+        "steps", 12.0, ["mechanical.coulomb_friction:tau_c=120 N.m", "dcv.gain:K=2.1 mm"], seed=4, start=0.3
     )
     path = tmp_path_factory.mktemp("interrupt") / "log.parquet"
     write(run, path)

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Task
 from cosim.diagnosis.fitting.noise import broad, plain
-from cosim.diagnosis.fitting.trials import Trial, candidates_of, starting, tried, unused
+from cosim.diagnosis.fitting.trials import Trial, candidates_of, copied, starting, tried, unused
 from cosim.diagnosis.hypotheses import naming
 from cosim.diagnosis.hypotheses.naming import least_error, nominal
 from cosim.diagnosis.model.groups import Group, merged
@@ -50,29 +50,36 @@ def pair() -> tuple[Record, Group]:
     return record, group
 
 
-def test_an_end_of_the_travel_that_was_met_is_among_the_first(pair: tuple[Record, Group]) -> None:
-    record, group = pair
-    task = task_for(group, record, [])
-    null = nominal(task, record, CALIBRATED_TRUST)
-    rules = dict(task.rules)
-    found = least_error(task, null, candidates_of(task), CALIBRATED_TRUST, 3)
-    assert found is not None
-    assert "mechanical.end_stop" in found.names
-    assert task.rules == rules  # the noise is as it was learned
+Begun = tuple[Task, Trial, tuple[Effect, ...]]
 
 
-def mechanical(pair: tuple[Record, Group]) -> tuple[Task, Trial, tuple[Effect, ...]]:
-    """Where a search in these logs begins, and the effects of the mechanics."""
+@pytest.fixture(scope="module")
+def fitted(pair: tuple[Record, Group]) -> Begun:
+    """The model without effects, fitted to these logs once."""
     record, group = pair
     task = task_for(group, record, [])
     candidates = tuple(e for e in candidates_of(task) if e.component == "mechanical")
     return task, nominal(task, record, CALIBRATED_TRUST), candidates
 
 
-def test_where_no_effect_is_sure_alone_pairs_are_tried(
-    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    task, null, candidates = mechanical(pair)
+@pytest.fixture
+def begun(fitted: Begun) -> Begun:
+    """Where a search in these logs begins, each in a task of its own, and the effects of the mechanics."""
+    task, null, candidates = fitted
+    return copied(task), null, candidates
+
+
+def test_an_end_of_the_travel_that_was_met_is_among_the_first(begun: Begun) -> None:
+    task, null, _ = begun
+    rules = dict(task.rules)
+    found = least_error(task, null, candidates_of(task), CALIBRATED_TRUST, 2)
+    assert found is not None
+    assert "mechanical.end_stop" in found.names
+    assert task.rules == rules  # the noise is as it was learned
+
+
+def test_where_no_effect_is_sure_alone_pairs_are_tried(begun: Begun, monkeypatch: pytest.MonkeyPatch) -> None:
+    task, null, candidates = begun
     monkeypatch.setattr(naming, "believable", lambda new, *_: len(new.effects) == 2)
     found = least_error(task, null, candidates, CALIBRATED_TRUST, 1)
     assert found is not None
@@ -100,10 +107,10 @@ def test_where_other_data_have_the_last_word_a_parameter_costs_what_it_costs_a_p
 
 
 def test_a_search_ends_where_the_data_that_judge_it_gain_nothing_more(
-    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+    begun: Begun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is sure of them stays; two effects that help together only are waited for, and no third."""
-    task, null, candidates = mechanical(pair)
+    task, null, candidates = begun
 
     def tried(_: Task, effects: tuple[Effect, ...], *__: object, **___: object) -> Trial:
         """Every further effect takes nine tenths of the error away."""
@@ -111,6 +118,7 @@ def test_a_search_ends_where_the_data_that_judge_it_gain_nothing_more(
 
     monkeypatch.setattr(naming, "tried", tried)
     monkeypatch.setattr(naming, "tried_all", lambda task, sets, *_: [tried(task, one) for one in sets])
+    monkeypatch.setattr(naming, "fitted_on", lambda _, ahead, *__: ahead)
     monkeypatch.setattr(naming, "believable", lambda *_: True)
     monkeypatch.setattr(naming, "swapped", lambda _, more, *__: more)
     monkeypatch.setattr(naming, "promising", lambda _, __, further, *___: further)
@@ -133,10 +141,10 @@ def test_a_search_ends_where_the_data_that_judge_it_gain_nothing_more(
 
 
 def test_where_few_values_count_what_pays_its_price_stays(
-    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+    begun: Begun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An effect that takes nine tenths away gains less there than naming asks for: that is asked later."""
-    task, null, candidates = mechanical(pair)
+    task, null, candidates = begun
     left = {2: -1.0, 1: -9.0}
 
     def tried(_: Task, effects: tuple[Effect, ...], *__: object) -> Trial:
@@ -151,10 +159,8 @@ def test_where_few_values_count_what_pays_its_price_stays(
     assert kept is both
 
 
-def test_the_other_end_of_the_travel_is_sought_though_one_was_found(pair: tuple[Record, Group]) -> None:
-    record, group = pair
-    task = task_for(group, record, [])
-    null = nominal(task, record, CALIBRATED_TRUST)
+def test_the_other_end_of_the_travel_is_sought_though_one_was_found(begun: Begun) -> None:
+    task, null, _ = begun
     stop = next(e for e in candidates_of(task) if e.name == "mechanical.end_stop")
     off = {n: task.model.nominal(n) for n in ("mechanical.theta_max", "mechanical.theta_min")}
     near = replace(null.fit, values=null.fit.values | off | {"mechanical.theta_max": 0.3})
@@ -198,9 +204,9 @@ def test_a_limit_is_sought_where_it_can_be_though_what_it_limits_never_moves(
 
 
 def test_where_the_size_of_the_best_is_not_known_the_next_is_taken(
-    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+    begun: Begun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    task, null, candidates = mechanical(pair)
+    task, null, candidates = begun
     offered: list[tuple[str, ...]] = []
 
     def all_but_the_first(new: Trial, *_: object) -> bool:

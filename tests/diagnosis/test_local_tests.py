@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hidden_logs import only
 
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.pipeline.diagnose import diagnose
@@ -92,7 +93,7 @@ def test_a_faint_event_in_a_narrow_band_is_found() -> None:
 def test_a_push_is_located_in_its_block_and_its_seconds() -> None:
     run = make_log("mixed", 40.0, ["unknown.torque_burst:t_burst=22 s,tau_burst=300 N.m"], seed=71)
     log = as_log(run)
-    found = diagnose(log)
+    found = diagnose(log, model=only("continuity", "mechanical"))
     (rest,) = answer(found, log, None).unexplained
     assert rest.block == "mechanical"
     assert rest.span is not None

@@ -26,19 +26,19 @@ def in_bursts(log: Log, every: int, chance: float, longest: int) -> Log:
 
 
 @pytest.mark.parametrize(
-    ("excitation", "every", "chance", "longest"),
+    ("excitation", "every", "chance", "longest", "seconds"),
     [
-        ("triangle", 5, 0.02, 8),
+        ("triangle", 5, 0.02, 8, 30.0),
         *(
-            pytest.param(*case, marks=pytest.mark.slow)
+            pytest.param(*case, 60.0, marks=pytest.mark.slow)
             for case in [("mixed", 1, 0.5, 3), ("steps", 1, 0.01, 45)]
         ),
     ],
 )
 def test_lost_packets_hide_nothing_and_make_nothing_up(
-    excitation: str, every: int, chance: float, longest: int
+    excitation: str, every: int, chance: float, longest: int, seconds: float
 ) -> None:
-    log = as_log(make_log(excitation, 60.0, seed=41, settings=off(41)))
+    log = as_log(make_log(excitation, seconds, seed=41, settings=off(41)))
     # only the blocks that the angle shows meet the packets
     found = diagnose(in_bursts(log, every, chance, longest), model=only("mechanical"))
     assert [c.effect.name for c in found.causes] == ["sensor.dropout"]

@@ -13,12 +13,9 @@ from cosim.diagnosis.model.groups import MODELS
 from cosim.diagnosis.pipeline import diagnose as pipeline
 from cosim.diagnosis.pipeline.parts import part
 from cosim.errors import DataError
-from cosim.logs import load_log
 from cosim.report import deliver
 from cosim.rig import make_log
 from cosim.rig.write import as_log
-
-EXAMPLE = Path(__file__).parents[2] / "examples" / "synthetic_demo.csv"
 
 
 def test_a_part_that_fails_leaves_a_note_and_ctrl_c_passes() -> None:
@@ -42,7 +39,8 @@ def test_the_answer_is_there_though_everything_after_it_fails(
 
     for room, name in ((pipeline, "gain_by_fmus"), (deliver, "proposal_for"), (deliver, "save_and_report")):
         monkeypatch.setattr(room, name, broken)
-    answer = deliver.diagnose_into(tmp_path, load_log(EXAMPLE), None, None, 0.01, False)
+    log = as_log(make_log("steps", 8.0, ["mechanical.coulomb_friction:tau_c=300 N.m"], seed=2))
+    answer = deliver.diagnose_into(tmp_path, log, None, None, 0.01, False)
     assert [c.effect for c in answer.causes] == ["mechanical.coulomb_friction"]
     written = json.loads((tmp_path / "diagnosis.json").read_text())
     assert written["verdict"] == "explained"

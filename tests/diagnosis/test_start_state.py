@@ -20,7 +20,7 @@ BEGIN = 7.0  # s into the log: the column turns
 
 @pytest.fixture(scope="module")
 def run() -> RigRun:
-    return make_log("steps", 30.0, [], seed=7)
+    return make_log("steps", 20.0, [], seed=7)
 
 
 def cut_off(log: Log, begin: float, without: tuple[str, ...] = ()) -> Log:

@@ -4,6 +4,7 @@ import ast
 import importlib.util
 from collections import defaultdict
 from collections.abc import Collection, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,12 @@ def files(package: str) -> list[Path]:
     return sorted((TOP / "cosim" / package).rglob("*.py"))
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """A module, read once for all tests."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def constants(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
     """(name, value) of each module-level constant, private ones included."""
     for node in tree.body:
@@ -69,15 +76,15 @@ def numeric(value: ast.expr) -> bool:
     return False
 
 
-def outside(source: str, allowed: Collection[str]) -> list[str]:
+def outside(tree: ast.Module, allowed: Collection[str]) -> list[str]:
     """Names of numbers that a module has of its own though they are not among the allowed ones."""
-    return [n for n, value in constants(ast.parse(source)) if numeric(value) and n not in allowed]
+    return [n for n, value in constants(tree) if numeric(value) and n not in allowed]
 
 
-def compared(source: str) -> list[float]:
+def compared(tree: ast.Module) -> list[float]:
     """Numbers that stand in a comparison, but 0, 1/2, 1 and 2 and those as small as rounding."""
     found = []
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(tree):
         for side in (node.left, *node.comparators) if isinstance(node, ast.Compare) else ():
             found += [
                 leaf.value
@@ -90,8 +97,8 @@ def compared(source: str) -> list[float]:
 
 def test_a_threshold_beside_the_code_is_found() -> None:
     source = "A, B = 1.0, 'b'\nPAIR = (1.0 / 3.0, 3)\nNAMES = ('a',)\nNONE = Event(1.0)\nFINE: int = 4\nALSO = 2 * A\n"
-    assert outside(source, {"FINE"}) == ["A", "PAIR", "ALSO"]
-    assert compared("x > 3.5 * y and x < 1e-9 and abs(x) <= 0.5 * y") == [3.5]
+    assert outside(ast.parse(source), {"FINE"}) == ["A", "PAIR", "ALSO"]
+    assert compared(ast.parse("x > 3.5 * y and x < 1e-9 and abs(x) <= 0.5 * y")) == [3.5]
 
 
 @pytest.mark.parametrize("package", TABLES)
@@ -100,7 +107,7 @@ def test_a_new_threshold_goes_into_the_table(package: str) -> None:
     found = {
         path.stem: names
         for path in files(package)
-        if path != table and (names := outside(path.read_text(encoding="utf-8"), NUMERICAL[package].split()))
+        if path != table and (names := outside(parsed(path), NUMERICAL[package].split()))
     }
     assert not found, f"give them a line in {table.relative_to(TOP)}, with unit, reason and where measured"
 
@@ -117,7 +124,7 @@ COMPARED = {
 
 @pytest.mark.parametrize("package", TABLES)
 def test_no_comparison_holds_a_threshold_without_a_name(package: str) -> None:
-    found = {p.stem: numbers for p in files(package) if (numbers := compared(p.read_text(encoding="utf-8")))}
+    found = {p.stem: numbers for p in files(package) if (numbers := compared(parsed(p)))}
     assert {name: numbers for name, numbers in found.items() if sorted(numbers) != COMPARED.get(name)} == {}
 
 
@@ -125,14 +132,14 @@ def test_no_comparison_holds_a_threshold_without_a_name(package: str) -> None:
 def test_no_name_has_two_values(package: str) -> None:
     values = defaultdict(set)
     for path in files(package):
-        for name, value in constants(ast.parse(path.read_text(encoding="utf-8"))):
+        for name, value in constants(parsed(path)):
             values[name].add(ast.dump(value))
     assert not [name for name, each in values.items() if len(each) > 1]
 
 
 @pytest.mark.parametrize("package", TABLES)
 def test_the_list_of_numerical_settings_names_no_other(package: str) -> None:
-    present = {n for p in files(package) for n, _ in constants(ast.parse(p.read_text(encoding="utf-8")))}
+    present = {n for p in files(package) for n, _ in constants(parsed(p))}
     allowed = set(NUMERICAL[package].split())
     assert allowed <= present
     assert not allowed & {one.name for one in listed(TABLES[package])}
@@ -142,13 +149,13 @@ def test_the_list_of_numerical_settings_names_no_other(package: str) -> None:
 def test_each_line_says_what_why_and_where_and_is_used(package: str) -> None:
     module = TABLES[package]
     lines = listed(module)
-    named = {n for n, _ in constants(ast.parse(Path(module.__file__).read_text(encoding="utf-8")))}
+    named = {n for n, _ in constants(parsed(Path(module.__file__)))}
     assert {line.name for line in lines} == named
     assert all(all(text.strip() for text in line[2:]) for line in lines)
     used = {
         alias.name
         for path in (TOP / "cosim").rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.ImportFrom) and node.module == module.__name__
         for alias in node.names
     }

@@ -88,7 +88,7 @@ def test_explicit_steps_of_a_millisecond_call_for_no_cause(
 def test_a_signal_half_a_sample_late_calls_for_no_cause(
     signal: str, late: float, blocks: tuple[str, ...]
 ) -> None:
-    log = as_log(make_log("mixed", 30.0, [], seed=77, settings=off(77)))
+    log = as_log(make_log("mixed", 21.0, [], seed=77, settings=off(77)))
     moved = np.interp(log.time - late, log.time, log.signals[signal])
     found = diagnose(replace(log, signals=log.signals | {signal: moved}), model=only(*blocks))
     assert found.verdict == "adequate"

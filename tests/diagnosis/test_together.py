@@ -3,7 +3,7 @@
 from dataclasses import FrozenInstanceError, replace
 
 import pytest
-from hidden_logs import off
+from hidden_logs import off, only
 
 from cosim.diagnosis.extension import estimate
 from cosim.diagnosis.extension.together import against_rivals, in_best_form
@@ -48,7 +48,7 @@ def apart(log) -> Diagnosis:
     """What is found where the blocks behind have no say."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(estimate, "weighed", lambda found, groups, fitted, near, tolerance: fitted((), near))
-        return diagnose(log)
+        return diagnose(log, model=only("dcv", "continuity"))
 
 
 def test_without_the_blocks_behind_the_two_are_declared_indistinguishable(apart: Diagnosis) -> None:

@@ -26,7 +26,7 @@ EFFICIENT = (0.7, 1.5)  # mean square error over the Cramer-Rao bound
 
 
 def found(*hidden: str) -> TrackerFinding:
-    run = make_log("mixed", 40.0, list(hidden), seed=3, tracker=True, start=9.0 * DEG)
+    run = make_log("mixed", 30.0, list(hidden), seed=3, tracker=True, start=11.0 * DEG)
     return compare_tracker(prepare(as_log(run), our_machine("full_order")), as_tracker(run))
 
 

@@ -38,7 +38,7 @@ def ramp_file(ramp_log, tmp_path_factory):
     return write_log(ramp_log(), tmp_path_factory.mktemp("ramp") / "ramp.parquet")
 
 
-def test_values_run_in_the_model(log, tmp_path):
+def test_values_run_in_the_model(log, undrawn, tmp_path):
     """The .ssv of a log goes into the SSP as it is, and its values are those the simulation reports."""
     out = tmp_path / "all"
     found = json.loads(call("all", log, "--out", out, "--json").stdout)
@@ -112,7 +112,7 @@ def test_any_two_signals(log):
     assert found["parameters"] == {}
 
 
-def test_experiment_then_frequency_response(tmp_path):
+def test_experiment_then_frequency_response(undrawn, tmp_path):
     """What a user does: write the experiment, play it, read it back."""
     command = tmp_path / "sine.csv"
     band = ["--low", "2 rad/s", "--high", "9 Hz", "--count", "14"]
@@ -195,7 +195,7 @@ def test_a_transfer_function_is_told_in_sentences_before_any_table(words, log):
         pair = told.splitlines()[-2]
         assert pair.startswith("pair of poles: natural frequency 25.")
         assert re.search(r"damping ratio 0\.5\d+ ± 0\.0\d+$", pair), "a ratio has no unit"
-    assert "candidates (* chosen)" in call("transfer-function", log, *words, "--verbose").stdout
+        assert "candidates (* chosen)" in call("transfer-function", log, *words, "--verbose").stdout
 
 
 def test_a_frequency_response_is_told_in_sentences_and_its_points_on_demand(log):
@@ -211,7 +211,7 @@ def test_a_frequency_response_is_told_in_sentences_and_its_points_on_demand(log)
     assert "phase deg" in call(*words, "--verbose").stdout
 
 
-def test_a_scaling_is_told_in_sentences_and_hands_its_mapping_on(tmp_path):
+def test_a_scaling_is_told_in_sentences_and_hands_its_mapping_on(undrawn, tmp_path):
     told = call("scaling", "--point", "spool=3.248 V:2.6 mm", "--point", "spool=1.769 V:-2.6 mm").stdout
     assert re.search(
         r"spool position \(spool\): 3.5159 mm a volt, zero at 2.50\d+ V: 2 measured points", told
