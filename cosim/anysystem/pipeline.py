@@ -193,12 +193,30 @@ def diagnose_system(
     return found
 
 
+def whole_outputs(found: AnyDiagnosis, group: CutGroup) -> list[str]:
+    """Measured outputs of a group that are whole numbers, or true or false."""
+    inside = {component for unit in group.units for component in unit.components}
+    ports = {n: port_of(found.system, n) for log in found.logs for n in log.signals}
+    return [
+        str(p)
+        for p in dict.fromkeys(ports.values())
+        if p.component in inside
+        and found.system.variable(p).kind != "Real"
+        and found.system.variable(p).causality != "input"
+    ]
+
+
 def judge(
     found: AnyDiagnosis, group: CutGroup, runs: Runs, trust: Trust, options: AnyOptions, watch: Watch
 ) -> None:
     """Judge one group; its model, where it fits, then gives the quantity behind the reading to what comes after."""
     if not group.judged:
-        found.unjudged[group.name] = "none of its outputs was measured"
+        whole = whole_outputs(found, group)
+        found.unjudged[group.name] = (
+            f"of its outputs only {', '.join(whole)} was measured, and what is whole or true or false is not judged"
+            if whole
+            else "none of its outputs was measured"
+        )
         return
     watch(group.name)
     model = GroupModel(group, found.system, runs, found.segments)
