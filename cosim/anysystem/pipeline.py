@@ -476,11 +476,33 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
             found.where[name, action] = "sensor"
         elif votes and abs(total) > CLOSE:
             found.where[name, action] = "sensor" if total > 0.0 else "output"
+            as_decided(found, name, action, signal, trust, options)
         elif signal in finding.model.own:  # both places were looked for
             found.where[name, action] = action.where
         else:
             found.where[name, action] = "output"
             found.undecided[name, action] = [Action(action.effect, action.port, "sensor").words]
+
+
+def as_decided(
+    found: AnyDiagnosis, name: str, action: Action, signal: str, trust: Trust, options: AnyOptions
+) -> None:
+    """Groups that were judged as if the effect were elsewhere, and found something then, judged again as the others say.
+
+    What is taken off a reading that is right comes back as a fault of what it drives.
+    """
+    quantity = found.where[name, action] == "sensor"
+    for n, user in list(found.findings.items()):
+        driven = any(d.signal == signal for d in user.model.group.drives)
+        if n == name or not driven or (signal in user.model.drives) == quantity or found.budget.over:
+            continue
+        if not (user.named or user.unexplained):
+            continue
+        model = like(found, user.model)
+        model.drives.pop(signal, None)
+        if quantity:
+            model.drives[signal] = before_effect(found.findings[name], action, signal)
+        found.findings[n] = Search(model, trust, options.exclude, options.causes, found.budget).run()
 
 
 def _drive(found: AnyDiagnosis, name: str, action: Action) -> None:
