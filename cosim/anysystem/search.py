@@ -728,7 +728,11 @@ class Search:
                 look(action, both)
             for start in () if limits else self.begins(action):
                 look(action, start)
-            if action.effect == PARAMETER and (self._loses_step(action) or self._other_optima(changes)):
+            if (
+                action.effect == PARAMETER
+                and any(0.5 * float(c @ c) > NAMED for c in changes)  # nobody follows what nobody sees
+                and (self._loses_step(action) or self._other_optima(changes))
+            ):
                 look(action, self._kept_in_step(base, action))
             if own:
                 own.sort(key=lambda item: -item[0])
@@ -1211,7 +1215,7 @@ class Search:
             rms = float(np.std(own))
             if rms > UNTOLD * spread and rms > LOUD * max(self._white(signal), 1e-300):
                 found[signal] = (
-                    "the residual is far above the reading's noise and depends on nothing that was measured"
+                    "the residual is far above the reading's noise, and what was measured does not tell it directly"
                 )
         return found
 
