@@ -139,7 +139,10 @@ def read_inputs(
         raise UsageError(
             f"'{system.name}' has no inputs, so --input drives nothing: take its open package (*_open.ssp)"
         )
-    if mapping is not None or set(wanted) <= set(LOG_SIGNALS):
+    ours = all(part.fmu.ours for part in system.components.values())
+    if not ours and mapping is not None:
+        time, columns = _mapped(file, mapping, system)
+    elif mapping is not None or (ours and set(wanted) <= set(LOG_SIGNALS)):
         log = load_log(file, mapping)
         for warning in log.warnings:
             warn(warning)
@@ -151,6 +154,23 @@ def read_inputs(
     first = float(time[0])
     steps = int((float(time[-1]) - first) / step + 1e-6)
     return {name: (time, values) for name, values in columns.items()}, first, first + steps * step
+
+
+def _mapped(file: Path, mapping: Path, system: System) -> tuple[Any, dict[str, Any]]:
+    """Inputs of a system of others by the mapping that its diagnosis takes, in their units."""
+    from cosim.anysystem.read import read
+
+    (log,), _, _ = read([file], system, mapping)
+    for warning in log.warnings:
+        warn(warning)
+    found = {}
+    for name, item in system.inputs.items():
+        wires = [w for w in item.targets if str(w.target) in log.signals]
+        if name in log.signals:
+            found[name] = log.signals[name]
+        elif wires:  # the mapping names the component's end
+            found[name] = (log.signals[str(wires[0].target)] - wires[0].offset) / wires[0].factor
+    return log.time, found
 
 
 def _table(file: Path, system: System) -> tuple[Any, dict[str, Any]]:

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Where = Literal["input", "output", "sensor", ""]
 PARAMETER = "parameter"
 LEAST_DELAY = 1.5  # samples: below it a delay is a matter of when a sample was taken
+STILL = 1e-9  # of a series' largest value: one that moves by less has one value, but for rounding
 NEVER = 0.05  # of the reach beyond the extremes, where a limit does nothing
 
 
@@ -69,11 +70,19 @@ class Reach:
     quantiles: tuple[float, ...]
     speeds: tuple[float, ...]
 
+    @property
+    def still(self) -> bool:
+        """The series has one value."""
+        return self.high - self.low <= STILL * max(abs(self.low), abs(self.high))
+
     @classmethod
     def of(cls, series: Array, h: float) -> "Reach":
         """The reach of a series (n,) every h seconds."""
         low, high = (float(q) for q in np.quantile(series, [0.01, 0.99]))
-        half = max(0.5 * (high - low), 1e-9 * max(1.0, float(np.abs(series).max())))
+        most = float(np.abs(series).max())
+        half = max(0.5 * (high - low), STILL * max(1.0, most))
+        if most > 0.0 and float(np.ptp(series)) <= STILL * most:  # its scale is its value
+            half = most
         # over some samples, so that noise is no speed
         far = max(1, series.size // 2000)
         speed = (series[far:] - series[:-far]) / (far * h)
@@ -90,6 +99,13 @@ class Reach:
             tuple(float(q) for q in np.quantile(series, [0.1, 0.25, 0.75, 0.9])),
             speeds,
         )
+
+
+def acts(effect: str, reach: Reach) -> bool:
+    """Whether an effect is more than another value of a series that has one: what limits or delays it is no more."""
+    return not reach.still or (
+        effect in ("port.gain", "port.offset") and max(abs(reach.low), abs(reach.high)) > 0.0
+    )
 
 
 def unknowns(action: Action, reach: Reach) -> list[Unknown]:

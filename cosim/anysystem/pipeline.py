@@ -193,12 +193,30 @@ def diagnose_system(
     return found
 
 
+def whole_outputs(found: AnyDiagnosis, group: CutGroup) -> list[str]:
+    """Measured outputs of a group that are whole numbers, or true or false."""
+    inside = {component for unit in group.units for component in unit.components}
+    ports = {n: port_of(found.system, n) for log in found.logs for n in log.signals}
+    return [
+        str(p)
+        for p in dict.fromkeys(ports.values())
+        if p.component in inside
+        and found.system.variable(p).kind != "Real"
+        and found.system.variable(p).causality != "input"
+    ]
+
+
 def judge(
     found: AnyDiagnosis, group: CutGroup, runs: Runs, trust: Trust, options: AnyOptions, watch: Watch
 ) -> None:
     """Judge one group; its model, where it fits, then gives the quantity behind the reading to what comes after."""
     if not group.judged:
-        found.unjudged[group.name] = "none of its outputs was measured"
+        whole = whole_outputs(found, group)
+        found.unjudged[group.name] = (
+            f"of its outputs only {', '.join(whole)} was measured, and what is whole or true or false is not judged"
+            if whole
+            else "none of its outputs was measured"
+        )
         return
     watch(group.name)
     model = GroupModel(group, found.system, runs, found.segments)
@@ -458,11 +476,33 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
             found.where[name, action] = "sensor"
         elif votes and abs(total) > CLOSE:
             found.where[name, action] = "sensor" if total > 0.0 else "output"
+            as_decided(found, name, action, signal, trust, options)
         elif signal in finding.model.own:  # both places were looked for
             found.where[name, action] = action.where
         else:
             found.where[name, action] = "output"
             found.undecided[name, action] = [Action(action.effect, action.port, "sensor").words]
+
+
+def as_decided(
+    found: AnyDiagnosis, name: str, action: Action, signal: str, trust: Trust, options: AnyOptions
+) -> None:
+    """Groups that were judged as if the effect were elsewhere, and found something then, judged again as the others say.
+
+    What is taken off a reading that is right comes back as a fault of what it drives.
+    """
+    quantity = found.where[name, action] == "sensor"
+    for n, user in list(found.findings.items()):
+        driven = any(d.signal == signal for d in user.model.group.drives)
+        if n == name or not driven or (signal in user.model.drives) == quantity or found.budget.over:
+            continue
+        if not (user.named or user.unexplained):
+            continue
+        model = like(found, user.model)
+        model.drives.pop(signal, None)
+        if quantity:
+            model.drives[signal] = before_effect(found.findings[name], action, signal)
+        found.findings[n] = Search(model, trust, options.exclude, options.causes, found.budget).run()
 
 
 def _drive(found: AnyDiagnosis, name: str, action: Action) -> None:

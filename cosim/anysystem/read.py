@@ -16,13 +16,12 @@ from cosim.logs.mapping import Mapping as LogMapping
 from cosim.logs.mapping import SignalColumn, TimeColumn
 from cosim.logs.source import Label
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
-from cosim.ssp.quantities import UnitDefinition, definition
+from cosim.ssp.quantities import UnitDefinition, contradiction, definition, of_reading
 from cosim.ssp.system import Port, System
 from cosim.system.graph import connectors, port_of
 
 Array = NDArray[np.float64]
 OWN = "in the unit of the FMU"
-ANGLE = 7  # place of the radian among the base units: exporters disagree whether it is one
 
 
 @dataclass(frozen=True)
@@ -274,6 +273,13 @@ def _recording(
         own = column.text == OWN or not unit
         factor, offset = (1.0, 0.0) if own else _conversion(log, name, log.units[name], port, system, stated)
         scale = conversion(shown, log.units[name]) if not own else 1.0
+        if not own and (odd := contradiction(unit, _known(system, port))):
+            told = (
+                "the log's numbers are taken as they are"
+                if shown == unit
+                else "the FMU's definition is taken"
+            )
+            found.warnings.append(f"{port}: {odd}: {told}; have the FMU corrected")
         text = column.unit if own and column.unit not in (None, "1") else shown
         if own and unit:
             text = unit
@@ -298,16 +304,10 @@ def _conversion(
             return parse_quantity(stated.split()[0], "1"), 0.0
         except UsageError as error:
             raise DataError(f"compare.signals.{name}.factor: {error}") from None
-    if not unit or si == unit:
-        return 1.0, 0.0
-    one, other = definition(si, {}), definition(unit, _known(system, port))
     label = log.display[name]
-    if one is None or other is None or _dimension(one) != _dimension(other):
+    found = of_reading(label, si, unit, _known(system, port))
+    if found is None:
         raise DataError(
             f"{log.source}: '{name}' is in '{label}', but {port} in '{unit}': correct the heading or the mapping"
         )
-    return one.factor / other.factor, (one.offset - other.offset) / other.factor
-
-
-def _dimension(unit: UnitDefinition) -> tuple[int, ...]:
-    return tuple(e for k, e in enumerate(unit.exponents) if k != ANGLE)
+    return found

@@ -12,6 +12,7 @@ from cosim.anysystem.actions import (
     PARAMETER,
     Action,
     Reach,
+    acts,
     moderate,
     off,
     sides,
@@ -58,6 +59,9 @@ AROUND = tuple(np.geomspace(0.02, 1.0, 7))  # of a scale: how far from an estima
 AGAIN = 3  # times at most
 SCANNED = 9  # values of a limit over its range
 GROWS = 2.0  # times what a parameter changes early in a log: where it changes so much late, it puts a model out of step
+UNDONE = (
+    0.5  # of what more of a parameter does: less of it undoes so much where the likelihood has one optimum
+)
 HORIZONS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of a log: where such a parameter is fitted first
 HORIZON_STEPS = 6  # of each of these fits
 OFF_STEP = 0.01  # of a parameter: where the first of them begins
@@ -371,9 +375,11 @@ class Search:
     def begins(self, action: Action) -> list[dict[str, float]]:
         """Where its search begins."""
         if action.effect == PARAMETER:
-            name, value = str(action.port), self.trusted[str(action.port)][0]
+            value = self.trusted[str(action.port)][0]
             size = abs(value) or 1.0
-            return [{f"{PARAMETER}|{name}": value + part * size} for part in (0.2, -0.2, 0.8)]
+            (unknown,) = self.numbers(action)
+            near = dict.fromkeys(unknown.within(value + part * size) for part in (0.2, -0.2, 0.8))
+            return [{unknown.name: v} for v in near if v != value]
         return starts(action, self.reach(action))
 
     # The null model
@@ -678,13 +684,20 @@ class Search:
         for action in self.candidates():
             if action in base.actions or self._twice(action, base.actions):
                 continue
+            if action.effect != PARAMETER and not acts(action.effect, self.reach(action)):
+                self.sizes[action] = 0.0
+                continue
             if self.budget.over:
                 self._left_out(action.effect)
                 continue
             own: list[tuple[float, dict[str, float]]] = []
+            changes: list[Array] = []
 
             def look(
-                action: Action, start: dict[str, float], own: list[tuple[float, dict[str, float]]] = own
+                action: Action,
+                start: dict[str, float],
+                own: list[tuple[float, dict[str, float]]] = own,
+                changes: list[Array] = changes,
             ) -> float:
                 """What a start reaches as it is; kept with how far its shape goes along with what is left."""
                 rows = problem.rows({**base.fit.values, **start})
@@ -692,6 +705,7 @@ class Search:
                     return 0.0
                 change = (rest - rows)[inside]
                 size = float(change @ change)
+                changes.append(change)
                 if not base.actions:
                     self.sizes[action] = max(self.sizes.get(action, 0.0), 0.5 * size)
                 if size <= 0.0:
@@ -714,7 +728,11 @@ class Search:
                 look(action, both)
             for start in () if limits else self.begins(action):
                 look(action, start)
-            if action.effect == PARAMETER and self._loses_step(action):
+            if (
+                action.effect == PARAMETER
+                and any(0.5 * float(c @ c) > NAMED for c in changes)  # nobody follows what nobody sees
+                and (self._loses_step(action) or self._other_optima(changes))
+            ):
                 look(action, self._kept_in_step(base, action))
             if own:
                 own.sort(key=lambda item: -item[0])
@@ -752,6 +770,18 @@ class Search:
             float(np.abs(s[-count:]).mean()) > GROWS * float(np.abs(s[count : 3 * count]).mean())
             for s in slope.values()
         )
+
+    @staticmethod
+    def _other_optima(changes: Sequence[Array]) -> bool:
+        """Whether a size above and one below change the readings otherwise than in opposite ways: bounces, or turns.
+
+        A ball that has come to rest at the end of the log is out of step before, and what that changes does not grow.
+        """
+        if len(changes) < 2:
+            return False
+        above, below = changes[:2]
+        sizes = float(np.linalg.norm(above)), float(np.linalg.norm(below))
+        return min(sizes) > UNDONE * max(sizes) and -float(above @ below) < UNDONE * sizes[0] * sizes[1]
 
     def _kept_in_step(self, base: Candidate, action: Action) -> dict[str, float]:
         """A parameter's value followed from the first part of the log, where no size of it is out of step, to the whole."""
@@ -912,6 +942,7 @@ class Search:
                 best = self._scored(Candidate(best.actions, fine, best.price))
             best = self._at_outputs(best, singles)
         between = self._between(best)
+        agreed = self._as_well_as_programs_agree(best).fit
         for action in best.actions:
             poorer = self._without(best, action, null)
             if poorer is None:
@@ -936,6 +967,10 @@ class Search:
                 )
             elif action.effect == PARAMETER and self._small(action, best.fit):
                 trusted |= {u.name for u in self.numbers(action)}
+            elif action.effect == PARAMETER and self._as_programs_differ(action, best.fit, agreed):
+                finding.refused.append(
+                    (action, "is no further from what is trusted than two programs with one model differ")
+                )
             elif not matters or self._small(action, best.fit):
                 finding.refused.append((action, "is too small to matter"))
             elif self._none_between(action, between):
@@ -1120,6 +1155,14 @@ class Search:
             return abs(fit.values[f"{PARAMETER}|{name}"] - value) <= 3.0 * deviation * (abs(value) or 1.0)
         return False
 
+    def _as_programs_differ(self, action: Action, fit: Fit, agreed: Fit) -> bool:
+        """Whether a parameter is off by no more than trust, and what two programs make of one model, allow together."""
+        name = f"{PARAMETER}|{action.port}"
+        value, deviation = self.trusted[str(action.port)]
+        own = max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0)
+        allowed = np.sqrt((deviation * (abs(value) or 1.0)) ** 2 + own)
+        return bool(abs(fit.values[name] - value) <= SURE * allowed)
+
     def _white(self, signal: str) -> float:
         """White noise of a reading; what is rounded has at least that of its steps, and all what two runs differ by."""
         return max(
@@ -1172,7 +1215,7 @@ class Search:
             rms = float(np.std(own))
             if rms > UNTOLD * spread and rms > LOUD * max(self._white(signal), 1e-300):
                 found[signal] = (
-                    "the residual is far above the reading's noise and depends on nothing that was measured"
+                    "the residual is far above the reading's noise, and what was measured does not tell it directly"
                 )
         return found
 

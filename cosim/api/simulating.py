@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cosim import console
 from cosim.compare.model import open_model
 from cosim.errors import UsageError
@@ -15,6 +18,7 @@ from cosim.request import model_path, parameters, read_inputs
 from cosim.results import Result
 from cosim.ssp.archive import scratch_folder
 from cosim.ssp.build import SYSTEMS
+from cosim.ssp.quantities import of_reading
 from cosim.ssp.system import System
 
 DEFAULT_STOP, DEFAULT_STEP = 10.0, 1e-3  # [s], where neither request nor model says
@@ -126,13 +130,30 @@ def of_log(log: Log, system: System, step: float) -> tuple[dict[str, Any], float
     Raises:
         UsageError: it holds none.
     """
-    found = {name: (log.time, log[name]) for name in system.inputs if name in log}
+    found = {name: (log.time, _in_its_unit(log, name, system)) for name in system.inputs if name in log}
     if not found:
         raise UsageError(
             f"{log.source} has none of the inputs of '{system.name}': {', '.join(system.inputs)}"
         )
     first = float(log.time[0])
     return found, first, first + int((float(log.time[-1]) - first) / step + 1e-6) * step
+
+
+def _in_its_unit(log: Log, name: str, system: System) -> NDArray[np.float64]:
+    """A signal of a log in the unit of the system's input of its name.
+
+    Raises:
+        UsageError: the dimensions differ.
+    """
+    item = system.inputs[name]
+    known = system.components[item.targets[0].target.component].fmu.units if item.targets else {}
+    scale = of_reading(log.display[name], log.units[name], item.unit, known)
+    if scale is None:
+        raise UsageError(
+            f"{log.source}: '{name}' is in '{log.display[name]}', but the system's in '{item.unit}'"
+        )
+    factor, offset = scale
+    return np.asarray(factor * log[name] + offset)
 
 
 @contextmanager

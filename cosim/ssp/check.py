@@ -16,6 +16,7 @@ from cosim.paths import unsafe_characters
 from cosim.ssp import binary
 from cosim.ssp.archive import open_archive, read_entry
 from cosim.ssp.parameters import local_source, read_ssv, units_of
+from cosim.ssp.quantities import contradiction
 from cosim.ssp.read import DESCRIPTION, read_fmu, read_ssp
 from cosim.ssp.system import Fmu, System
 from cosim.ssp.xml import SSD, parse, safe_parser, schema_problems
@@ -135,6 +136,14 @@ def _fmu_findings(system: System) -> list[Problem]:
     fmus = {c.fmu.folder: c.fmu for c in system.components.values()}.values()
     found = [Problem("error", fmu.source, text) for fmu in fmus for text in validate_fmu(str(fmu.folder))]
     found += [Problem("error", fmu.source, text) for fmu in fmus for text in fmu.oddities]
+    found += [
+        Problem(
+            "warning", fmu.source, f"{text}: correct one, or readings in other units are converted wrongly"
+        )
+        for fmu in fmus
+        for unit in fmu.units
+        if (text := contradiction(unit, fmu.units))
+    ]
     return found + [Problem("error", fmu.source, text) for fmu in fmus for text in _binary_findings(fmu)]
 
 

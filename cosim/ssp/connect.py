@@ -60,6 +60,11 @@ class _Wiring:
         self.system, self.components, self.problems, self.notes = system, components, problems, notes
         node = system.getparent().find(f"{SSD}Units") if system.getparent() is not None else None
         self.units: dict[str, UnitDefinition] = {} if node is None else from_xml(node, "the system's Units")
+        self.wired = {
+            Port(connection.get(f"{end}Element", ""), connection.get(f"{end}Connector", ""))
+            for connection in system.iterfind(f"{SSD}Connections/{SSD}Connection")
+            for end in ("start", "end")
+        }
         self.connectors = {"": self.declared(system, "the system")}
         for element in system.iterfind(f"{SSD}Elements/{SSD}Component"):
             name = element.get("name", "")
@@ -95,13 +100,18 @@ class _Wiring:
         variable = fmu.variables.get(name)
         if variable is None:
             hint = did_you_mean(name, fmu.variables)
-            self.problems.append(f"connector {component}.{name}: {fmu.source} has no such variable{hint}")
+            text = f"connector {component}.{name}: {fmu.source} has no such variable"
+            if Port(component, name) in self.wired:
+                self.problems.append(text + hint)
+            else:  # Dymola writes its own settings so, such as fmi_StartTime
+                self.notes.append(f"{text}{hint}; nothing is connected to it, and it is left out")
             return
         if connector.kind in _CAUSALITIES and variable.causality != connector.kind:
             self.problems.append(
                 f"connector {component}.{name} is of kind {connector.kind}, but the FMU's variable is a {variable.causality}"
             )
-        if connector.type and alike(connector.type) != alike(variable.kind):
+        # Binary is what SSP leaves to others to read (Dymola: text/x-modelica; path=Modelica.Units.SI.Time)
+        if connector.type not in ("", "Binary") and alike(connector.type) != alike(variable.kind):
             self.problems.append(
                 f"connector {component}.{name} is of type {connector.type}, but the FMU's variable is {variable.kind}"
             )

@@ -10,6 +10,8 @@ from cosim.ssp.xml import number
 from cosim.units import base_exponents
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+ANGLE = 7  # place of the radian among them: exporters disagree whether it is one
+ROUNDED = 0.01  # a unit is rounded, or of another country, by less: calories differ by 0.07 %
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,42 @@ def definition(name: str, known: Mapping[str, UnitDefinition]) -> UnitDefinition
     except (UsageError, KeyError):
         return None
     return UnitDefinition(name, tuple(exponents.get(base, 0) for base in BASE_UNITS), scale)
+
+
+def contradiction(unit: str, known: Mapping[str, UnitDefinition]) -> str:
+    """How what the file says of a unit differs from what its name means, by more than rounding; empty where it does not."""
+    own, named = known.get(unit), definition(unit, {})
+    if own is None or named is None or own.exponents != named.exponents or own.offset:
+        return ""
+    if abs(own.factor / named.factor - 1.0) <= ROUNDED:
+        return ""
+    return f"the unit '{unit}' is defined as {own.factor:.6g} of the SI unit, but by its name it is {named.factor:.6g}"
+
+
+def of_reading(
+    label: str, si: str, unit: str, known: Mapping[str, UnitDefinition]
+) -> tuple[float, float] | None:
+    """Factor and offset from a log's SI number to the number of an FMU's variable; None where the dimensions differ.
+
+    Where log and FMU call their unit alike they mean the same, whatever the FMU says of that unit.
+
+    Args:
+        label: unit that the log names.
+        si: the SI unit that its numbers were brought to.
+        unit: the variable's; empty where it has none.
+        known: units that the FMU defines.
+    """
+    if not unit or si == unit:
+        return 1.0, 0.0
+    one = definition(si, {})
+    other = (definition(label, {}) if label == unit else None) or definition(unit, known)
+    if one is None or other is None or _dimension(one) != _dimension(other):
+        return None
+    return one.factor / other.factor, (one.offset - other.offset) / other.factor
+
+
+def _dimension(unit: UnitDefinition) -> tuple[int, ...]:
+    return tuple(e for k, e in enumerate(unit.exponents) if k != ANGLE)
 
 
 def agree(

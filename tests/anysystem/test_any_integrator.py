@@ -1,6 +1,7 @@
 """A component that integrates makes a wandering of the noise of what drives it: that is no fault, and hides none."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,11 @@ import systems
 
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden, read, simulate
+from cosim.anysystem.actions import PARAMETER, Action
+from cosim.anysystem.search import Search
+from cosim.inference.problem import Fit
+from cosim.inference.unknowns import Unknown
+from cosim.ssp.system import Port
 
 KINDS = {"valve": "lag", "tank": "lag", "out": "second"}
 # T y' = K u - y with a T far beyond the log: y' = u
@@ -52,3 +58,18 @@ def test_a_wandering_integral_is_adequate_and_a_gain_before_it_is_named(
     assert cause["component"] == "tank"
     assert cause["effect"] == "port.gain"
     assert cause["parameters"]["gain"]["value"] == pytest.approx(gain, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("value", "programs", "named"), [(27.0, 5.6, False), (27.0, 0.5, True), (20.5, 0.0, False)]
+)
+def test_a_parameter_is_no_cause_within_what_two_programs_make_of_one_model(value, programs, named):
+    """Trusted to 1 % it is 20: what the estimate may be off for the solver's sake counts as trust does."""
+    name = f"{PARAMETER}|part.scale"
+    unknown = Unknown(name, 0.0, 400.0, 4.0)
+    noise = 0.1
+    fit = Fit({name: value}, np.array([[noise**2]]), (unknown,), np.zeros(1), 0.0)
+    agreed = replace(fit, covariance=np.array([[noise**2 + programs**2]]))
+    search = Search.__new__(Search)
+    search.trusted = {"part.scale": (20.0, 0.01)}
+    assert search._as_programs_differ(Action(PARAMETER, Port("part", "scale")), fit, agreed) is not named

@@ -281,3 +281,104 @@ def test_a_command_of_the_crane_in_volts_is_refused_as_before(tmp_path):
         load_mapping(mapping)
     mapping.write_text(f'model = "drive.fmu"\n{text}')
     assert load_mapping(mapping).signals["u"].unit == "V"
+
+
+COUNTER = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Integer
+
+
+class Counter(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.counter = 0
+        self.register_variable(Integer("counter", causality=Fmi2Causality.output))
+
+    def do_step(self, t, h):
+        self.counter = int(t + h)
+        return True
+"""
+
+
+def test_a_measured_output_that_is_a_whole_number_is_said_to_be_one(command, tmp_path: Path) -> None:
+    (tmp_path / "Counter.py").write_text(COUNTER)
+    words = [sys.executable, "-m", "pythonfmu", "build", "-f", "Counter.py", "-d", "."]
+    subprocess.run(words, check=True, cwd=tmp_path, capture_output=True)
+    log = tmp_path / "log.csv"
+    log.write_text("time [s],counter [1]\n" + "".join(f"{0.1 * k!r},{k // 10}\n" for k in range(100)))
+    code, _, err = command("diagnose", log, "--model", tmp_path / "Counter.fmu", "--out", tmp_path / "o")
+    assert code == 3
+    assert "only Counter.counter was measured, and what is whole or true or false is not judged" in " ".join(
+        err.split()
+    )
+
+
+UNITS = (
+    '<UnitDefinitions><Unit name="mA"><BaseUnit A="1" factor="1e-3"/></Unit>'
+    '<Unit name="L/min"><BaseUnit m="3" s="-1" factor="6e-4"/></Unit></UnitDefinitions>'
+)
+
+
+@pytest.fixture
+def valve(tmp_path: Path) -> Path:
+    """An FMU from mA to L/min that defines the second as if a minute were 1.7 s, as a valve of Parker's does."""
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    made, target = parts.native("lag", tmp_path), tmp_path / "valve.fmu"
+    with zipfile.ZipFile(made) as source, zipfile.ZipFile(target, "w") as archive:
+        for name in source.namelist():
+            data = source.read(name)
+            if name == "modelDescription.xml":
+                text = data.decode().replace("<ModelVariables>", UNITS + "<ModelVariables>")
+                text = text.replace(
+                    'causality="input"><Real start="0.0"', 'causality="input"><Real unit="mA" start="0.0"'
+                )
+                data = text.replace("<Real/>", '<Real unit="L/min"/>').encode()
+            archive.writestr(name, data)
+    return target
+
+
+def test_a_unit_that_log_and_fmu_call_alike_is_the_same_whatever_the_fmu_says_of_it(valve, tmp_path):
+    log = tmp_path / "log.csv"
+    rows = "".join(f"{0.01 * k!r},{k % 7},{k % 5}\n" for k in range(100))
+    with read_system(valve) as system:
+        log.write_text("time [s],u [mA],y [L/min]\n" + rows)
+        ((alike,), _, _) = read([log], system, None)
+        log.write_text("time [s],u [A],y [m3/s]\n" + rows)
+        ((other,), _, _) = read([log], system, None)
+    np.testing.assert_allclose(alike.signals["u"], np.arange(100) % 7, rtol=1e-12)
+    np.testing.assert_allclose(alike.signals["valve.y"], np.arange(100) % 5, rtol=1e-12)
+    np.testing.assert_allclose(other.signals["u"], 1e3 * (np.arange(100) % 7), rtol=1e-12)
+    np.testing.assert_allclose(other.signals["valve.y"], np.arange(100) % 5 / 6e-4, rtol=1e-12)
+    for found, told in (
+        (alike, "the log's numbers are taken as they are"),
+        (other, "the FMU's definition is taken"),
+    ):
+        (warning,) = found.warnings
+        assert "'L/min' is defined as 0.0006" in warning
+        assert told in warning
+
+
+def test_a_unit_that_is_not_what_it_is_called_is_a_warning_of_validate(valve, command):
+    _, out, _ = command("validate", valve)
+    assert "the unit 'L/min' is defined as 0.0006" in " ".join(out.split())
+    assert "'mA'" not in out
+
+
+@pytest.mark.parametrize("unit", ["mA", "A"])
+def test_an_input_of_a_mapped_log_reaches_an_fmu_in_its_own_unit(valve, command, tmp_path, unit):
+    log, mapping, out = tmp_path / "log.csv", tmp_path / "m.toml", tmp_path / "run.csv"
+    size = {"mA": 400.0, "A": 0.4}[unit]
+    log.write_text("Zeit,Strom\n" + "".join(f"{0.1 * k!r},{size!r}\n" for k in range(300)))
+    for target in ("u", "valve.u"):
+        mapping.write_text(
+            'model = "valve.fmu"\n[time]\ncolumn = "Zeit"\nunit = "s"\n'
+            + f'[signals."{target}"]\ncolumn = "Strom"\nunit = "{unit}"\n'
+        )
+        code, _, err = command(
+            "simulate", valve, "--input", log, "--mapping", mapping, "--step-size", "0.1 s", "--out", out
+        )
+        assert code == 0, err
+        last = np.genfromtxt(out, delimiter=",", skip_header=1)[-1]
+        heading = out.read_text().partition("\n")[0].split(",")
+        place = next(k for k, name in enumerate(heading) if name.startswith("valve.y"))
+        assert last[place] == pytest.approx(400.0, rel=1e-6), heading  # K = 1, long settled

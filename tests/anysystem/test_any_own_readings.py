@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.any_system import Case, run, score, told
+from benchmarks.any_system import Case, make_case, run, score, told
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
 from cosim.anysystem.actions import Action
@@ -128,3 +128,15 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
     assert abs(stuck.values[size.name] - 9.1) > 0.1
     found = search._elsewhere(search._scored(Candidate((action,), stuck, 0.0)))
     assert abs(found.fit.values[size.name] - 9.1) < 0.03
+
+
+def test_what_others_say_of_a_reading_holds_for_each_group_that_it_drives(tmp_path):
+    """An output that is off drives two groups: one cannot tell, took the reading for wrong and lacked a gain."""
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    case = make_case(7012)
+    (gain, _) = case.hidden
+    assert (gain.effect, gain.port, gain.where) == ("port.gain", "part2.y", "output")
+    fmus = {kind: parts.native(kind, tmp_path) for kind in set(case.kinds.values())}
+    found, _, _ = run(case, fmus, tmp_path)
+    assert score(case, found)["exact"], [told(c) for c in found.causes]

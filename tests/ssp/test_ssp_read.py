@@ -295,3 +295,29 @@ def test_an_fmu_alone_is_a_system_and_other_files_are_not(toys: Any, tmp_path: P
         assert system.outputs == {"y": Port("gain", "y")}
     with pytest.raises(UsageError, match=r"neither an \.ssp nor an \.fmu"):
         read_system(tmp_path / "x.zip")
+
+
+def test_what_dymola_declares_beside_an_fmu_s_own_connectors_stops_nobody(toys: Any) -> None:
+    """Its settings are connectors that no FMU has, and a quantity's type is its Modelica name."""
+    flat = toys.ssp(PAIR, ["w.y -> g.u"])
+    with zipfile.ZipFile(flat) as archive:
+        entries = {n: archive.read(n) for n in archive.namelist()}
+    text = entries["SystemStructure.ssd"].decode()
+    extra = (
+        '<ssd:Connector kind="parameter" name="fmi_StartTime"><ssc:Real/></ssd:Connector>'
+        '<ssd:Connector kind="parameter" name="k"><ssc:Binary mime-type="text/x-modelica; path=Modelica.Units.SI.Time"/>'
+        "</ssd:Connector></ssd:Connectors>"
+    )
+    assert text.count("</ssd:Connectors>") == 2
+    first, second, rest = text.split("</ssd:Connectors>")
+    changed = flat.with_name("dymola.ssp")
+    with zipfile.ZipFile(changed, "w") as archive:
+        for name, data in entries.items():
+            if name == "SystemStructure.ssd":
+                data = f"{first}</ssd:Connectors>{second}{extra}{rest}".encode()
+            archive.writestr(name, data)
+    with read_ssp(changed) as system:
+        assert [str(w) for w in system.wires] == ["w.y -> g.u"]
+        (note,) = system.notes
+    assert "connector g.fmi_StartTime: resources/gain.fmu has no such variable" in note
+    assert "nothing is connected to it" in note
