@@ -88,10 +88,10 @@ def test_where_no_effect_is_sure_alone_pairs_are_tried(begun: Begun, monkeypatch
 
 
 def test_where_other_data_have_the_last_word_a_parameter_costs_what_it_costs_a_prediction(
-    pair: tuple[Record, Group], monkeypatch: pytest.MonkeyPatch
+    begun: Begun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What gains 1.5 by one parameter pays AIC's price of 1, and not BIC's, which of 100 values is 2.3."""
-    task, null, candidates = mechanical(pair)
+    task, null, candidates = begun
     candidates = tuple(e for e in candidates if e.prior == 0.0)
 
     def tried(_: Task, effects: tuple[Effect, ...], *__: object, **___: object) -> Trial:
