@@ -1,6 +1,7 @@
 """Where much is wrong and parameters are free, causes are first sought by the error itself."""
 
 import dataclasses
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from cosim.diagnosis.fitting.noise import broad, plain
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, copied, starting, tried, unused
 from cosim.diagnosis.hypotheses import naming
 from cosim.diagnosis.hypotheses.naming import least_error, nominal
+from cosim.diagnosis.hypotheses.screening import promising
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import prepare
@@ -85,6 +87,19 @@ def test_where_no_effect_is_sure_alone_pairs_are_tried(begun: Begun, monkeypatch
     assert found is not None
     assert len(found.effects) == 2
     assert "mechanical.end_stop" in found.names
+
+
+def test_a_law_is_not_sought_beside_one_that_holds_it(begun: Begun) -> None:
+    """Coulomb's and Stribeck's friction share a level: both named would say the same thing twice."""
+    task, null, candidates = begun
+    frictions = [
+        e for e in candidates if e.name in ("mechanical.coulomb_friction", "mechanical.stribeck_friction")
+    ]
+    assert len(frictions) == 2
+    assert set(promising(task, null, frictions, CALIBRATED_TRUST)) == set(frictions)
+    for friction, other in itertools.permutations(frictions):
+        with_it = replace(null, effects=(friction,))
+        assert promising(task, with_it, [other], CALIBRATED_TRUST) == []
 
 
 def test_where_other_data_have_the_last_word_a_parameter_costs_what_it_costs_a_prediction(

@@ -1,12 +1,16 @@
 """Something that happens once, or rings at one frequency, stands out; noise does not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hidden_logs import only
 
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.residuals.freeform import Leftover
 from cosim.diagnosis.residuals.local import apart, burst, line
+from cosim.diagnosis.verdict import verdict
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 
@@ -100,3 +104,22 @@ def test_a_push_is_located_in_its_block_and_its_seconds() -> None:
     assert 21.5 < rest.span[0] < 23.5 < 24.5 < rest.span[1] < 26.5
     shares = {row.signal: row.share for row in answer(found, log, None).localisation}
     assert shares["slew"] > 0.95
+
+
+@pytest.mark.parametrize(("size", "leads"), [(3.0, True), (0.1, False)])
+def test_an_event_smaller_than_what_is_left_everywhere_is_not_all_that_is_wrong(
+    monkeypatch: pytest.MonkeyPatch, size: float, leads: bool
+) -> None:
+    """However much it weighs against the noise: an axis that is 40 deg off is not off by 0.2 deg in one second only."""
+
+    def left(gain: float, rms: float) -> Leftover:
+        return Leftover(0.0, gain, rms, np.zeros((1, 1)), {"torque(omega)": gain}, {}, gain)
+
+    rest, event = left(10.0, 1.0), verdict.Rest("mechanical", "slew", left(1e6, size), "once", (1.0, 2.0))
+    group = SimpleNamespace(model=SimpleNamespace(group=SimpleNamespace(name="mechanical")))
+    finding = SimpleNamespace(after={"slew": rest}, task=group, lacks_linear=False)
+    monkeypatch.setattr(verdict, "stands", lambda _: True)
+    monkeypatch.setattr(verdict, "notable", lambda *_: True)
+    monkeypatch.setattr(verdict, "local_rests", lambda *_: [event])
+    (found,) = verdict.rests(finding)  # type: ignore[arg-type]
+    assert (found is event) == leads

@@ -76,6 +76,11 @@ def candidates_of(task: Task) -> tuple[Effect, ...]:
     return tuple(e for e in task.model.group.effects() if e.name not in hidden)
 
 
+def holds(effect: Effect, other: Effect) -> bool:
+    """True if an effect changes all parameters of another and more: Stribeck's friction those of Coulomb's."""
+    return other.component == effect.component and set(other.free) < set(effect.free)
+
+
 def declared(effect: Effect, parameter: str) -> Variable:
     """Declaration of a parameter that an effect frees: its own, or its block's."""
     if parameter in effect.parameters:

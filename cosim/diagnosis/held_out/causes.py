@@ -21,6 +21,7 @@ from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import (
     QUICK_ROUNDS,
     Trial,
+    holds,
     quickly,
     tried,
     tried_all,
@@ -668,8 +669,4 @@ def widened(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> tu
 
 def simpler(finding: Finding, effect: Effect) -> list[Effect]:
     """Candidates that change a part of what an effect changes: Coulomb friction for Stribeck friction."""
-    return [
-        e
-        for e in finding.task.model.group.effects()
-        if e.component == effect.component and set(e.free) < set(effect.free)
-    ]
+    return [e for e in finding.task.model.group.effects() if holds(effect, e)]

@@ -270,7 +270,7 @@ def under_noise_left(
         null = tried(task, (), tolerance, null.fit)
         chosen = tried(task, chosen.effects, tolerance, chosen.fit)
     single = tried_all(task, [(e,) for e in candidates], tolerance, null.fit)
-    return null, needed(task, chosen, null, tolerance), single
+    return null, chosen, single
 
 
 def remaining(task: Task, trial: Trial) -> float:
@@ -278,17 +278,6 @@ def remaining(task: Task, trial: Trial) -> float:
     signal, rule = next(iter(task.rules.items()))
     rows = rule.windows(trial.fit.residuals[signal])
     return rms((rows - rows.mean(axis=1, keepdims=True) if rule.demean else rows).ravel())
-
-
-def needed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial:
-    """A set without the effects that under the noise it leaves gain no more than chance does, the least first."""
-    while chosen.effects and not current().over:
-        fewer = [without(task, chosen, e, null, tolerance) for e in chosen.effects]
-        best = max(fewer, key=lambda t: t.score)
-        if chosen.score > best.score + NAMING_GAIN:
-            break
-        chosen = best
-    return chosen
 
 
 def least_error(

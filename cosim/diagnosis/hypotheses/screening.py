@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.fit import Task
-from cosim.diagnosis.fitting.trials import Trial, copied, declared, starting
+from cosim.diagnosis.fitting.trials import Trial, copied, declared, holds, starting
 from cosim.diagnosis.thresholds import HOPELESS, NAMING_GAIN, NOT_MADE_UP, PROMISING
 from fmus.contract import Effect
 
@@ -41,7 +41,8 @@ def promising(
         wanted, starts = starting(task, (effect,), tolerance, base.fit)
         return pointed(copied(task), base, {u.name: starts[u.name] for u in wanted if u.name in starts})
 
-    listed = list(candidates)
+    # a law beside one that holds it says the same thing twice
+    listed = [c for c in candidates if not any(holds(c, e) or holds(e, c) for e in base.effects)]
     if listed and current().over:
         current().leave_out(task.model.group.name, "a further cause")
         return []

@@ -253,7 +253,9 @@ def rests(finding: Finding, tolerance: float = NOMINAL_TRUST) -> list[Rest]:
         left = after if standing else finding.before[signal]
         best, gain = next(iter(left.by_signal.items()), ("", 0.0))
         at_once = local_rests(finding, signal)
-        if notable(finding, signal, left) and not any(r.leftover.gain > gain for r in at_once):
+        # against the noise a small event may weigh more than all that is left, but it is not all that is wrong
+        leads = [r for r in at_once if r.leftover.gain > gain and not (r.span and r.leftover.rms < left.rms)]
+        if notable(finding, signal, left) and not leads:
             share = gain / max(left.gain, 1e-300)
             what, _, of = best.partition("(")
             cause = f"a missing {what} that depends on {of.rstrip(')')}"
