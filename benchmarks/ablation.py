@@ -553,6 +553,14 @@ Where no error of a real log changed, its interval has no width and says nothing
 {gone}
 """
 GONE = (  # with what was measured before
+    "**A second search without what held-out data refused** (25 November 2026): on four diagnoses of the excavator, an "
+    "axis out and back in one pose fitted and the other pose held out, it changed no name and, with rivals judged in each "
+    "search, took up to half of the processor time. One effect is now held against the several that a search ends with, "
+    "which it had found once.",
+    "**Causes that learned noise makes nothing of are dropped before held-out data are asked** (25 November 2026): an end "
+    "of travel was lost by it, bucket of the excavator 106 instead of 205 deg without the rule.",
+    "**Exchanges among rivals of equal likelihood while causes are left out** (25 November 2026): rivals of what is kept "
+    "are judged once, at the end.",
     "**Two searches where other data judge** (one under noise learned from what is left, one by the size of the "
     "error, the better end taken; 24 November 2026): on real logs of four machines the second alone ends at the "
     "same causes or at fewer of them, the same ones from log to log, in a third of the time (docs/scores.md, "
