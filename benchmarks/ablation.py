@@ -559,8 +559,6 @@ GONE = (  # with what was measured before
     "which it had found once.",
     "**Causes that learned noise makes nothing of are dropped before held-out data are asked** (25 November 2026): an end "
     "of travel was lost by it, bucket of the excavator 106 instead of 205 deg without the rule.",
-    "**Exchanges among rivals of equal likelihood while causes are left out** (25 November 2026): rivals of what is kept "
-    "are judged once, at the end.",
     "**Two searches where other data judge** (one under noise learned from what is left, one by the size of the "
     "error, the better end taken; 24 November 2026): on real logs of four machines the second alone ends at the "
     "same causes or at fewer of them, the same ones from log to log, in a third of the time (docs/scores.md, "

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hidden_logs import only
 
 from cosim.diagnosis.answer.remarks import turned_down
 from cosim.diagnosis.extension.estimate import vanished
@@ -32,7 +33,7 @@ from cosim.diagnosis.held_out.gain import begun_anew
 from cosim.diagnosis.hypotheses.naming import find
 from cosim.diagnosis.model.groups import MODELS
 from cosim.diagnosis.model.machine import our_machine
-from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.diagnosis.verdict.verdict import causes
@@ -397,6 +398,17 @@ def test_held_out_data_decide_between_a_cause_and_a_rival_that_fits_as_well(
         [(effects[refused], effects[named].name)] if refused else []
     )
     assert bool(found.undecided[effects[named].name]) == (not refused)
+
+
+def test_of_two_that_explain_the_fitted_log_alike_the_held_out_log_takes_the_one_it_bears_out() -> None:
+    """In a log of steps the play of a valve does what an overlap does; a log that goes back and forth shows which it is."""
+    steps, back_and_forth = (
+        as_log(make_log(shape, 40.0, ["dead_zone.mismatch"], seed=seed))
+        for shape, seed in (("steps", 2801), ("mixed", 2901))
+    )
+    found = diagnose(steps, model=only("dcv"), held_out=back_and_forth)
+    assert [c.effect.name for c in found.causes] == ["dead_zone.mismatch"]
+    assert "dcv.hysteresis" in [r.effect.name for r in found.refused]
 
 
 @pytest.mark.parametrize(

@@ -193,7 +193,8 @@ def refuse(
     (95 %), that of the set or of one passed on the way to it (`shrunk`), and if the whole fitting log determines its size.
     Because some help together only (friction and a limit of the stroke bend the same curve at its two ends), causes are
     taken in one by one from none and left out one by one from all, and the better end counts. Of a cause that holds
-    another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler.
+    another (Stribeck friction holds Coulomb friction) the fuller must be better than the simpler. A rival that explains
+    the fitting log as well as a cause takes its place if it is clearly better on held-out data.
 
     Args:
         finding: what was named in one group; the one returned is `confirmed` if nothing is refused.
@@ -585,6 +586,10 @@ def balanced(
         while not current().over:
             more = [step(widened(finding, at.effects, e)) for e in waiting if e not in at.effects]
             better = [s for s in more if s.clearly_better(at)]
+            for effect in at.effects:
+                rest = tuple(e for e in at.effects if e != effect)
+                more = [step((*rest, e)) for e, _ in indistinguishable(finding, effect) if e not in rest]
+                better += [s for s in more if s.clearly_better(at)]
             if not better:
                 better = [s for s in map(step, pairs(finding, at.effects, waiting)) if s.clearly_better(at)]
             # the one that describes the fitting log best, of those that held-out data bear out

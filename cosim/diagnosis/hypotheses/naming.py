@@ -160,8 +160,8 @@ def find(
     seen = sampled(task, record, finding.chosen.fit)
     return replace(
         finding,
-        # where other data decide some of the causes may go first, and their rivals with them
-        rivals=rivals(task, finding, candidates, tolerance) if within else {},
+        # where other data decide on the size of the error, likelihoods that are alike say nothing yet
+        rivals=rivals(task, finding, candidates, tolerance) if within or not free else {},
         events={s: local_tests(task, s, finding.chosen.fit) for s in task.measured},
         signatures=seen,
         chosen=with_signatures(usually_spelled(finding.chosen), seen),
