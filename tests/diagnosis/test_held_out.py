@@ -207,7 +207,7 @@ def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_bett
     record, other = (prepare(log, our_machine("full_order")) for log in logs)
     refused = [CRACKING, STRIBECK, registry.effects()["mechanical.gravity_load"]]
     group = replace(MODELS["full_order"][2], excluded=tuple(e.name for e in refused))
-    finding = find(task_for(group, record, []), record)
+    finding = find(task_for(group, record, []), record, better=lambda *_: True)
     assert finding.chosen.effects == (COULOMB,)
     assert not {e.name for t in finding.rivals[COULOMB.name] for e in t.effects} & {e.name for e in refused}
     turned_down = [Refused(e, group.name, "slew", 0.0, 1.0, 2.0) for e in refused]

@@ -160,8 +160,8 @@ def find(
     seen = sampled(task, record, finding.chosen.fit)
     return replace(
         finding,
-        # where other data decide on the size of the error, likelihoods that are alike say nothing yet
-        rivals=rivals(task, finding, candidates, tolerance) if within or not free else {},
+        # where other data decide some of the causes may go first, and their rivals with them
+        rivals=rivals(task, finding, candidates, tolerance, RIVAL_WITHIN if within else 0.0),
         events={s: local_tests(task, s, finding.chosen.fit) for s in task.measured},
         signatures=seen,
         chosen=with_signatures(usually_spelled(finding.chosen), seen),
@@ -542,8 +542,9 @@ def rivals(
     finding: Finding,
     candidates: tuple[Effect, ...],
     tolerance: float,
+    share: float = RIVAL_WITHIN,
 ) -> dict[str, list[Trial]]:
-    """For each accepted effect, the sets in which another stands in its place, best first."""
+    """For each accepted effect, the sets in which another stands in its place, best first; `share` as `to_the_end`."""
     found: dict[str, list[Trial]] = {}
     for effect in finding.chosen.effects:
         kept = tuple(e for e in finding.chosen.effects if e != effect)
@@ -559,7 +560,7 @@ def rivals(
         )
         if kept:  # one effect may do what the whole set does
             found[effect.name] += [t for t in finding.single if t.effects[0] not in finding.chosen.effects]
-        found[effect.name] = [to_the_end(task, t, finding, tolerance) for t in found[effect.name]]
+        found[effect.name] = [to_the_end(task, t, finding, tolerance, share) for t in found[effect.name]]
     return found
 
 
