@@ -387,7 +387,7 @@ def page(rows: Sequence[Row], asked: Sequence[str]) -> str:
         "Each line is one `cosim diagnose FITTED --mapping examples/mappings/... --held-out HELD --calibrate`.",
         "",
         "- `axis`: with `, all`, all duties of one pose or load of the machine are fitted, and all those of the other are",
-        "  held out.",
+        "  held out. With `, both ways`, those out and those back are fitted together.",
         "- `before` and `after`: error of the whole held-out log, from the command alone, by the FMUs.",
         "- `linear`: error of the linear reference of free order. `same windows`: that of the extended model in the windows",
         "  in which the linear one was scored. If an axis drifts and the extension does not make its free run over minutes",
