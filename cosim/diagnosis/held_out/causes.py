@@ -200,7 +200,7 @@ def refuse(
         finding: what was named in one group; the one returned is `confirmed` if nothing is refused.
         held: the held-out data.
         tolerance: trust in the nominal parameters.
-        done: sets judged already, in an earlier search of this group; it grows.
+        done: sets judged already, while causes were looked for; it grows.
     """
     signal = compared(finding.task, held)
     waiting = tuple(e for e in finding.chosen.effects if e.name not in SAMPLED)
