@@ -220,6 +220,14 @@ def moved(record: Record, machine: Machine) -> tuple[str, bool]:
     return "", False
 
 
+def never(command: Array) -> str:
+    """The sign that a command (n,) never has, beyond rounding; empty for one that has both or neither."""
+    ahead, back = float(np.max(command, initial=0.0)), float(-np.min(command, initial=0.0))
+    if min(ahead, back) > AT_ZERO * max(ahead, back) or ahead == back:
+        return ""
+    return "negative" if ahead > back else "positive"
+
+
 def one_way(record: Record, machine: Machine) -> list[str]:
     """That a drive goes both ways on a command that never changes sign: the column of the other direction is missing.
 
@@ -227,12 +235,9 @@ def one_way(record: Record, machine: Machine) -> list[str]:
     """
     drive, (name, is_speed) = machine.drive, moved(record, machine)
     command = record.signals.get(drive)
-    if command is None or not name or is_speed:
+    if command is None or not name or is_speed or not never(command):
         return []
-    reach = float(np.max(np.abs(command), initial=0.0))
-    rest = np.abs(command) <= AT_ZERO * reach
-    if reach == 0.0 or min(np.max(command, initial=0.0), -np.min(command, initial=0.0)) > AT_ZERO * reach:
-        return []
+    rest = np.abs(command) <= AT_ZERO * float(np.max(np.abs(command)))
     steps = np.diff(record.smooth(name))
     steps[[cut - 1 for cut in record.cuts]] = 0.0  # a log does not go on where the one before it ended
     at_rest = rest[1:] & rest[:-1]
@@ -249,15 +254,10 @@ def one_way(record: Record, machine: Machine) -> list[str]:
 def one_sided(record: Record, machine: Machine) -> list[str]:
     """That all logs drive one way: dead zone, friction and load take the same share of each command there."""
     command = record.signals.get(machine.drive)
-    if command is None or not moved(record, machine)[0]:
+    if command is None or not moved(record, machine)[0] or not (sign := never(command)):
         return []
-    ahead, back = float(np.max(command, initial=0.0)), float(-np.min(command, initial=0.0))
-    reach = max(ahead, back)
-    if reach == 0.0 or min(ahead, back) > AT_ZERO * reach:
-        return []
-    never = "negative" if ahead > back else "positive"
     return [
-        f"{machine.drive} is never {never}: in one direction dead zone, friction and load look alike; if the machine goes "
+        f"{machine.drive} is never {sign}: in one direction dead zone, friction and load look alike; if the machine goes "
         "both ways, fit logs of the other direction beside this one (cosim diagnose LOG LOG ...)"
     ]
 

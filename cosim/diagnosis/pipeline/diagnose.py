@@ -31,7 +31,7 @@ from cosim.diagnosis.held_out.causes import (
     refuse,
 )
 from cosim.diagnosis.hypotheses.exercised import never_exercised
-from cosim.diagnosis.hypotheses.naming import Judge, find, rivals
+from cosim.diagnosis.hypotheses.naming import Judge, find, rivals, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.model.groups import Group, left_out, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
@@ -262,11 +262,20 @@ def borne_out(
 
 
 def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: float, done: Steps) -> Finding:
-    """The finding with those of its effects that held-out data bear out, fitted also from where these judged them."""
-    if freed(kept) != freed(finding.chosen.effects):
-        begin = refound(finding, kept, trust, done) if kept else finding.null
-        finding = replace(finding.accept(begin, record), confirmed=kept != ())
-    return replace(finding, rivals=rivals(finding.task, finding, candidates_of(finding.task), trust))
+    """The finding with those of its effects that held-out data bear out, fitted also from where these judged them.
+
+    Of all that was found the rivals are known; those that explain nearly as much are fitted until they settle.
+    """
+    task = finding.task
+    if freed(kept) == freed(finding.chosen.effects):
+        known = {
+            name: [to_the_end(task, t, finding, trust) for t in found]
+            for name, found in finding.rivals.items()
+        }
+        return replace(finding, rivals=known)
+    begin = refound(finding, kept, trust, done) if kept else finding.null
+    finding = replace(finding.accept(begin, record), confirmed=kept != ())
+    return replace(finding, rivals=rivals(task, finding, candidates_of(task), trust))
 
 
 def refound(finding: Finding, kept: tuple[Effect, ...], trust: float, done: Steps) -> Trial:
