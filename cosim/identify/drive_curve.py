@@ -23,7 +23,17 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from cosim.errors import DataError
-from cosim.identify.drive_fit import KNOTS, Run, begin, fine, fitted, free_curve, knots_of
+from cosim.identify.drive_fit import (
+    KNOTS,
+    Run,
+    begin,
+    commands,
+    fine,
+    fitted,
+    free_curve,
+    knots_of,
+    mean_speeds,
+)
 
 Array = NDArray[np.float64]
 
@@ -58,7 +68,7 @@ class DriveCurve:
         speeds: (m,) of the free curve.
         band: (2, m) its 95 % band.
         typical: error of the speed over a stretch.
-        each: of every log alone, in the order of the logs.
+        each: of every log that tells one alone, in the order of the logs; where one does not, all were fitted together.
         names: of the logs.
     """
 
@@ -73,6 +83,11 @@ class DriveCurve:
     names: tuple[str, ...] = ()
     points: tuple[Array, Array] = field(default=(np.empty(0), np.empty(0)), repr=False)
 
+    @property
+    def scattered(self) -> bool:
+        """Whether the intervals come from how the logs scatter, each by itself."""
+        return len(self.each) == len(self.names) > 1
+
 
 def drive_curve(runs: Sequence[Run]) -> DriveCurve:
     """The static curve of a drive from one log or several of one machine.
@@ -81,15 +96,15 @@ def drive_curve(runs: Sequence[Run]) -> DriveCurve:
         runs: the logs.
 
     Raises:
-        DataError: no log, or one that is too short, stands still or drives against its command.
+        DataError: no log, or they are too short, stand still, drive against their command or hold too few levels of it.
     """
     if not runs:
         raise DataError("a static curve takes a log at least")
-    each = tuple(_of_one(run) for run in runs)
-    if len(each) == 1:
-        alone = each[0]
-        widened = {n: next_log([e], SCATTER[n.partition("_")[0]]) for n, e in alone.values.items()}
-        return replace(alone, values=widened, each=each)
+    each = tuple(curve for curve in map(_alone, runs) if curve is not None) if len(runs) > 1 else ()
+    if len(runs) == 1 or len(each) < len(runs):
+        together = _of(runs)
+        widened = {n: next_log([e], SCATTER[n.partition("_")[0]]) for n, e in together.values.items()}
+        return replace(together, values=widened, each=each if len(runs) > 1 else (together,))
     values = {}
     for name in NAMES:
         told = [c.values[name] for c in each if name in c.values]
@@ -111,41 +126,58 @@ def drive_curve(runs: Sequence[Run]) -> DriveCurve:
     )
 
 
-def _of_one(run: Run) -> DriveCurve:
-    """The curve of one log, intervals within the log."""
-    log = fine(run)
-    goal = log.mean_speed(run.position)
-    begun = begin(log, goal)
-    x, typical = fitted(log, goal, begun, np.ones(goal.size, dtype=bool))
-    if log.ahead < round(2.0 * x[6] / float(np.median(np.diff(run.time)))):
-        log = fine(run, float(x[6]))
-        goal = log.mean_speed(run.position)
-        x, typical = fitted(log, goal, x, np.ones(goal.size, dtype=bool))
-    part = np.minimum(np.arange(goal.size) * PARTS // goal.size, PARTS - 1)
-    knots = knots_of(run.command, x)
-    speeds = free_curve(log, goal, x, knots, typical, np.ones(goal.size, dtype=bool))
-    others, curves = [], []
-    for k in range(PARTS):
-        kept = part != k
-        x_k, _ = fitted(log, goal, x, kept, typical)
-        others.append(x_k)
-        curves.append(free_curve(log, goal, x, knots, typical, kept))
-    spread = _jackknife(np.array(others))
-    reach = student.ppf(0.975, PARTS - 1)
-    low, high = (float(np.quantile(run.command, q)) for q in (0.002, 0.998))
-    values = {}
+def _alone(run: Run) -> DriveCurve | None:
+    """The curve of one of several logs, if it tells one by itself: a log of one step does not."""
+    try:
+        return _of([run])
+    except DataError:
+        return None
+
+
+def _of(runs: Sequence[Run]) -> DriveCurve:
+    """One curve of all logs; its intervals come from the parts of the log, or from the logs, each left out in turn."""
+    logs = fine(runs)
+    goal = mean_speeds(logs)
+    x, typical, curved = fitted(logs, goal, begin(logs, goal), np.ones(goal.size, dtype=bool))
+    if any(log.ahead < round(2.0 * x[6] / float(np.median(np.diff(log.run.time)))) for log in logs):
+        logs = fine(runs, float(x[6]))
+        goal = mean_speeds(logs)
+        x, typical, curved = fitted(logs, goal, x, np.ones(goal.size, dtype=bool))
+    tenth = np.concatenate([np.arange(log.begins.size) * PARTS // log.begins.size for log in logs])
+    count = [log.begins.size for log in logs]
+    part = tenth if len(logs) == 1 else np.repeat(np.arange(len(logs)), count)
+    knots = knots_of(logs, x)
+    speeds = free_curve(logs, goal, x, knots, typical, np.ones(goal.size, dtype=bool))
+    # a level may be in one log only: without this log nothing is known of its speed, but between two levels there is
+    curves = [free_curve(logs, goal, x, knots, typical, tenth != k) for k in range(PARTS)]
+    others = [fitted(logs, goal, x, part != k, typical)[0] for k in range(int(part[-1]) + 1)]
+    deviations = np.maximum(_jackknife(np.array(others)), typical * curved)
+    reach = student.ppf(0.975, len(others) - 1)
+    command = commands(logs)
+    low, high = (float(np.quantile(command, q)) for q in (0.002, 0.998))
+    values: dict[str, Estimate] = {}
     for i, name in enumerate(NAMES):
-        if name.startswith("top") and not _topped(name, x, low, high):
-            continue
-        if (name.endswith("low") and low >= x[0]) or (name.endswith("high") and high <= x[1]):
+        kind, _, side = name.partition("_")
+        if (side == "low" and low >= x[0]) or (side == "high" and high <= x[1]):
             continue  # this side was never driven
-        d = float(spread[i])
-        values[name] = Estimate(float(x[i]), d, float(x[i] - reach * d), float(x[i] + reach * d))
-    off = reach * _jackknife(np.array(curves))
-    steady = log.steadiness() <= STEADY * float(np.abs(run.command).max())
-    points = (log.mean_command()[steady], goal[steady])
+        if kind == "top" and not (f"slope_{side}" in values and _topped(name, x, low, high)):
+            continue
+        d = float(deviations[i])
+        # what could as well be anything is not known: of one level, where the dead zone ends and how steep it goes on
+        if reach * d < (float(np.abs(command).max()) if kind == "dead" else abs(x[i])):
+            values[name] = Estimate(float(x[i]), d, float(x[i] - reach * d), float(x[i] + reach * d))
+    if not values:
+        raise DataError(
+            f"{', '.join(log.run.name for log in logs)}: too few levels of the command to tell the dead zone from the "
+            "slope beyond it; give logs of at least two levels of each direction together"
+        )
+    off = student.ppf(0.975, PARTS - 1) * _jackknife(np.array(curves))
+    size = STEADY * float(np.abs(command).max())
+    steady = np.concatenate([log.steadiness() for log in logs]) <= size
+    points = (np.concatenate([log.mean_command() for log in logs])[steady], goal[steady])
     band = np.array([speeds - off, speeds + off])
-    return DriveCurve(values, float(x[6]), float(x[7]), knots, speeds, band, typical, (), (run.name,), points)
+    names = tuple(log.run.name for log in logs)
+    return DriveCurve(values, float(x[6]), float(x[7]), knots, speeds, band, typical, (), names, points)
 
 
 def _topped(name: str, x: Array, low: float, high: float) -> bool:

@@ -1,5 +1,6 @@
-"""A drive's static curve fitted to one log: the simulation over stretches, the seven numbers and the free curve."""
+"""A drive's static curve fitted to logs: the simulation over stretches, the seven numbers and the free curve."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -14,6 +15,7 @@ from cosim.errors import DataError
 Array = NDArray[np.float64]
 
 STRETCH = 0.5  # s over which the way is compared, at least 4 samples and 2 lags
+FEWEST = 20  # stretches, of all logs
 FINER = 4  # steps of the simulation in a sample
 MOVING = 0.02  # of the largest speed, beyond which a stretch counts as one of motion
 LEAST = 1e-3  # of the largest speed: no error is taken for smaller
@@ -88,26 +90,36 @@ class Fine:
         return np.asarray(spread[np.clip(self.begins - before, 0, spread.size - 1)])
 
 
-def fine(run: Run, lag: float = 0.0) -> Fine:
-    """A log prepared: its grid and its stretches.
+def fine(runs: Sequence[Run], lag: float = 0.0) -> tuple[Fine, ...]:
+    """The logs of one drive prepared: each one's grid and stretches. A log shorter than a stretch is left out.
 
     Raises:
-        DataError: it is too short, or command or position stand still.
+        DataError: they are too short together, or command or position stand still in all of them.
     """
-    usual = float(np.median(np.diff(run.time)))
-    span = float(run.time[-1] - run.time[0])
-    ahead = max(4, round(max(STRETCH, 2.0 * lag) / usual))
-    if run.time.size < 20 * ahead:
+    name = runs[0].name if len(runs) == 1 else f"{len(runs)} logs"
+    for what in ("command", "position"):
+        if all(np.ptp(getattr(run, what)) == 0.0 for run in runs):
+            raise DataError(f"{name}: the {what} never moves")
+    found, stretches, longest = [], 0.0, 0.0
+    for run in runs:
+        usual = float(np.median(np.diff(run.time)))
+        span = float(run.time[-1] - run.time[0])
+        ahead = max(4, round(max(STRETCH, 2.0 * lag) / usual))
+        stretches += run.time.size / ahead
+        longest = max(longest, ahead * usual)
+        if run.time.size <= 2 * ahead:
+            continue
+        step = max(usual / FINER, FASTEST, span / MOST_STEPS)
+        grid = run.time[0] + step * np.arange(int(span / step) + 2)
+        begins = np.arange(0, run.time.size - ahead, max(1, ahead // 2))
+        found.append(Fine(run, step, grid, begins, ahead))
+    if stretches < FEWEST or not found:
+        span = sum(float(run.time[-1] - run.time[0]) for run in runs)
         raise DataError(
-            f"{run.name}: {span:.3g} s are too short for a static curve: it takes 20 stretches of {ahead * usual:.2g} s"
+            f"{name}: {span:.3g} s are too short for a static curve: "
+            f"it takes {FEWEST} stretches of {longest:.2g} s"
         )
-    for what, values in (("command", run.command), ("position", run.position)):
-        if np.ptp(values) == 0.0:
-            raise DataError(f"{run.name}: the {what} never moves")
-    step = max(usual / FINER, FASTEST, span / MOST_STEPS)
-    grid = run.time[0] + step * np.arange(int(span / step) + 2)
-    begins = np.arange(0, run.time.size - ahead, max(1, ahead // 2))
-    return Fine(run, step, grid, begins, ahead)
+    return tuple(found)
 
 
 def static(command: Array, x: Array) -> Array:
@@ -118,39 +130,58 @@ def static(command: Array, x: Array) -> Array:
     return np.asarray(right - left)
 
 
-def begin(log: Fine, goal: Array) -> Array:
+def begin(logs: Sequence[Fine], goal: Array) -> Array:
     """Rough numbers: dead zone where the drive stands, slopes and top speeds of what moves."""
-    command = log.run.command
-    if float(np.corrcoef(log.mean_command(), goal)[0, 1]) < 0.0:
+    command = commands(logs)
+    if float(np.corrcoef(np.concatenate([log.mean_command() for log in logs]), goal)[0, 1]) < 0.0:
+        name = logs[0].run.name if len(logs) == 1 else f"{len(logs)} logs"
         raise DataError(
-            f"{log.run.name}: the position goes against the command: give one of them sign = -1 in the mapping"
+            f"{name}: the position goes against the command: give one of them sign = -1 in the mapping"
         )
     low, high = min(float(command.min()), 0.0), max(float(command.max()), 0.0)
     size = max(high, -low)
     low, high = min(low, -1e-3 * size), max(high, 1e-3 * size)
     fastest = float(np.quantile(np.abs(goal), 0.98))
     slope = 1.3 * fastest / size
-    return np.array(
-        [0.2 * low, 0.2 * high, slope, slope, -fastest, fastest, 2.0 * log.step, log.step * FINER]
-    )
+    lag, delay = 2.0 * logs[0].step, logs[0].step * FINER
+    return np.array([0.2 * low, 0.2 * high, slope, slope, -fastest, fastest, lag, delay])
+
+
+def commands(logs: Sequence[Fine]) -> Array:
+    """All commands of the logs, one behind the other."""
+    return np.concatenate([log.run.command for log in logs])
+
+
+def mean_speeds(logs: Sequence[Fine]) -> Array:
+    """(k,) speed over each stretch of each log."""
+    return np.concatenate([log.mean_speed(log.run.position) for log in logs])
 
 
 def fitted(
-    log: Fine, goal: Array, begun: Array, kept: NDArray[np.bool_], typical: float | None = None
-) -> tuple[Array, float]:
-    """The numbers (dead zone, slopes, tops, lag, delay) and the typical error of the speed over a stretch."""
-    command = log.run.command
-    size, fastest = float(np.abs(command).max()), float(np.abs(goal).max())
-    usual = log.step * FINER
+    logs: Sequence[Fine],
+    goal: Array,
+    begun: Array,
+    kept: NDArray[np.bool_],
+    typical: float | None = None,
+) -> tuple[Array, float, Array]:
+    """The numbers (dead zone, slopes, tops, lag, delay), the typical error of the speed over a stretch, and how sure.
+
+    Returns:
+        the numbers (8,), the typical error, and standard deviations (8,) by the curvature of the errors: without bound
+        where the logs hold a number only together with another one.
+    """
+    size, fastest = float(np.abs(commands(logs)).max()), float(np.abs(goal).max())
+    usual = max(log.step for log in logs) * FINER
     flat = fastest / size
-    low = np.array([-size, 0, 0.01 * flat, 0.01 * flat, -3 * fastest, 0.01 * fastest, 0.1 * log.step, 0])
+    low = np.array([-size, 0, 0.01 * flat, 0.01 * flat, -3 * fastest, 0.01 * fastest, 0.025 * usual, 0])
     slowest, latest = max(2.0, 20.0 * usual), max(0.5, 4.0 * usual)  # s
     high = np.array([0, size, 50 * flat, 50 * flat, -0.01 * fastest, 3 * fastest, slowest, latest])
     scale = np.array([0.1 * size, 0.1 * size, flat, flat, fastest, fastest, usual, usual])
     x = np.clip(begun, low + 1e-9 * scale, high - 1e-9 * scale)
 
     def off(x: Array) -> Array:
-        return (goal - log.ways(static(log.held, x), float(x[6]), float(x[7])))[kept]
+        ways = [log.ways(static(log.held, x), float(x[6]), float(x[7])) for log in logs]
+        return np.asarray((goal - np.concatenate(ways))[kept])
 
     learn = typical is None
     moving = np.abs(goal) > MOVING * fastest  # at rest everything fits
@@ -167,25 +198,46 @@ def fitted(
             diff_step=1e-3,
         )
         x = found.x
-    return np.asarray(x), float(typical or 0.0)
+    return np.asarray(x), float(typical or 0.0), spread(found.jac * scale) * scale / FAR
 
 
-def knots_of(command: Array, x: Array) -> Array:
-    """Commands at which the free curve may bend: the edges of the dead zone, and evenly from there to the extremes."""
-    low, high = float(command.min()), float(command.max())
+def spread(jacobian: Array) -> Array:
+    """(k,) standard deviations of numbers by the derivatives (n, k) of errors of a deviation of 1.
+
+    A number on which no error depends is left out of the others' and is not known (infinite).
+    """
+    known = np.linalg.norm(jacobian, axis=0) > 0.0
+    found = np.full(known.size, np.inf)
+    _, sizes, rows = np.linalg.svd(jacobian[:, known], full_matrices=False)
+    with np.errstate(divide="ignore"):
+        found[known] = np.sqrt(np.sum((rows / np.maximum(sizes, 1e-150)[:, None]) ** 2, axis=0))
+    return found
+
+
+def knots_of(logs: Sequence[Fine], x: Array) -> Array:
+    """Commands at which the free curve may bend: the edges of the dead zone, and evenly from there to the extremes.
+
+    Where the command was held at a few levels only, at these: between them the logs know nothing of a bend.
+    """
+    command = commands(logs)
+    levels = np.unique(command)
+    if levels.size <= KNOTS:
+        return np.unique(np.append(levels, 0.0))
+    low, high = float(levels[0]), float(levels[-1])
     left = np.linspace(low, min(x[0], 0.0), KNOTS) if low < x[0] else np.empty(0)
     right = np.linspace(max(x[1], 0.0), high, KNOTS) if high > x[1] else np.empty(0)
     return np.unique(np.concatenate([left, [0.0], right]))
 
 
 def free_curve(
-    log: Fine, goal: Array, x: Array, knots: Array, typical: float, kept: NDArray[np.bool_]
+    logs: Sequence[Fine], goal: Array, x: Array, knots: Array, typical: float, kept: NDArray[np.bool_]
 ) -> Array:
     """(m,) speeds at the knots of a curve of straight lines that only rises and is zero at no command."""
     ramps = []
     for a, b in pairwise(knots):
-        rise = np.clip((log.held - a) / (b - a), 0.0, 1.0)
-        ramps.append(log.ways(rise if a >= 0.0 else rise - 1.0, float(x[6]), float(x[7])))
+        rises = [np.clip((log.held - a) / (b - a), 0.0, 1.0) - (a < 0.0) for log in logs]
+        ways = [log.ways(rise, float(x[6]), float(x[7])) for log, rise in zip(logs, rises, strict=True)]
+        ramps.append(np.concatenate(ways))
     columns = np.stack(ramps, axis=1)[kept]
     target, weights = goal[kept], np.ones(int(kept.sum()))
     steps = np.zeros(knots.size - 1)

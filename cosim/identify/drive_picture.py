@@ -70,9 +70,9 @@ def measured(axes: "Axes", curve: DriveCurve, u: float, speed: float) -> None:
         color=SIMULATED,
         alpha=0.18,
         linewidth=0.0,
-        label=f"free curve: 95 % band {'between logs' if len(curve.each) > 1 else 'within the log'}",
+        label=f"free curve: 95 % band {'between logs' if curve.scattered else 'within a log'}",
     )
-    if len(curve.each) > 1:
+    if curve.scattered:
         for k, one in enumerate(curve.each):
             name = "free curve: each log" if k == 0 else None
             axes.plot(

@@ -142,7 +142,7 @@ def curve_data(curve: DriveCurve, told: Told) -> dict[str, Any]:
         "error": {"value": curve.typical * speed, "unit": told.speed_unit},
         "logs": list(curve.names),
         "holds": "for the next log, from the scatter of these"
-        if len(curve.names) > 1
+        if curve.scattered
         else "for the next log, with the scatter between logs of other drives",
     }
 
@@ -248,7 +248,7 @@ def drive_answer(
         f"the speed follows the command after {curve.lag + curve.delay:.3g} s; over half a second the curve is off by "
         f"{data['error']['value']:.3g} {data['error']['unit']}"
     ]
-    notes = [f"not reached in the log{'s' if len(logs) > 1 else ''}: {'; '.join(missing)}"] if missing else []
+    notes = [f"not told by the log{'s' if len(logs) > 1 else ''}: {'; '.join(missing)}"] if missing else []
     if len(logs) == 1:
         notes.append(
             "one log says nothing of the next: the scatter between logs of other drives widens its intervals"

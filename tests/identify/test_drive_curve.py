@@ -50,6 +50,47 @@ def test_the_numbers_come_out():
     )
 
 
+def step_of(level, seed, *, noise=1e-3):
+    """A log of one step of the command, too short for a curve of its own: half a second of rest, then motion."""
+    count, h = int(6.0 / STEP), STEP / FINE
+    command = np.where(np.arange(count) * STEP < 0.5, 0.0, level)
+    kept = np.exp(-h / LAG)
+    speed = lfilter([0.0, 1.0 - kept], [1.0, -kept], static(np.repeat(command, FINE), TRUTH))
+    position = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * h)])[::FINE]
+    position += noise * np.random.default_rng(seed).standard_normal(count)
+    return Run(f"step to {level}", STEP * np.arange(count), command, position)
+
+
+def test_logs_of_one_step_each_tell_the_curve_together():
+    levels = (-0.6, -0.5, -0.35, 0.4, 0.5, 0.6)
+    found = drive_curve([step_of(level, k) for k, level in enumerate(levels)])
+    assert set(found.values) == {
+        "dead_low",
+        "dead_high",
+        "slope_low",
+        "slope_high",
+    }  # no top speed is reached
+    for name, one in found.values.items():
+        truth = TRUTH[NAMES.index(name)]
+        assert one.value == pytest.approx(truth, rel=0.03)
+        assert one.low < truth < one.high
+    assert found.names == tuple(f"step to {level}" for level in levels)
+    # the free curve claims no bend between the levels that were driven
+    assert found.knots == pytest.approx([*levels[:3], 0.0, *levels[3:]])
+    assert found.speeds == pytest.approx(static(found.knots, TRUTH), abs=0.02)
+
+
+@pytest.mark.parametrize("levels", [(0.6, 0.6), (0.6, -0.6), (0.6, 0.6, 0.6)])
+def test_one_level_a_side_tells_no_dead_zone(levels):
+    with pytest.raises(DataError, match="at least two levels of each direction together"):
+        drive_curve([step_of(level, k) for k, level in enumerate(levels)])
+
+
+def test_a_side_with_one_level_is_left_out():
+    found = drive_curve([step_of(level, k) for k, level in enumerate((-0.6, 0.4, 0.5, 0.6))])
+    assert set(found.values) == {"dead_high", "slope_high"}
+
+
 def test_stretches_that_are_none_of_the_curve_do_not_bend_it():
     found = drive_curve([made(2, shared=0.15)])
     for name in ("top_low", "top_high"):

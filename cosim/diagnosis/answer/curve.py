@@ -25,7 +25,7 @@ def integrating(found: Diagnosis) -> Group | None:
 
 
 def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
-    """The static curve from the logs, and from the held-out log of the same machine where there is one.
+    """The static curve from the logs, and from the held-out logs of the same machine where there is one.
 
     Args:
         found: the diagnosis.
@@ -44,13 +44,14 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
         runs = [run_of(one, told) for one in logs]
     except DataError:
         return None
+    more = []
     if found.held is not None and found.held.name and found.held.record.has(drive, motion):
         signals = found.machine.signals
-        rows = {n: found.held.record.signals[n] / signals[n].gain for n in (drive, motion)}
-        time = found.held.record.time
-        moved = way(time, rows[motion]) if group.is_speed(motion) else rows[motion]
-        runs.append(Run(found.held.name, time, rows[drive], moved))
-    for used in (runs, runs[:1]):
+        for name, record in zip(found.held.name.split(", "), found.held.record.pieces, strict=True):
+            rows = {n: record.signals[n] / signals[n].gain for n in (drive, motion)}
+            moved = way(record.time, rows[motion]) if group.is_speed(motion) else rows[motion]
+            more.append(Run(name, record.time, rows[drive], moved))
+    for used in ([*runs, *more], runs):
         try:
             return DriveCurve.model_validate(curve_data(drive_curve(used), told))
         except DataError:
