@@ -36,6 +36,7 @@ from cosim.report.words import (
     kind_of_motion,
     limits_met,
     number,
+    odd_sentence,
     phrase,
     prose,
     signal_name,
@@ -161,6 +162,7 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     environment.filters["prose"] = prose
     environment.filters["few"] = few
     environment.filters["motion"] = kind_of_motion
+    environment.filters["odd"] = lambda gain: f"{text}." if (text := odd_sentence(gain)) else ""
     environment.filters["fit"] = fit_text
     # said here, before the marks of code become elements
     environment.filters["coded"] = lambda text: Markup(_CODE.sub(r"<code>\1</code>", str(escape(said(text)))))

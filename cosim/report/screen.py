@@ -20,6 +20,7 @@ from cosim.report.words import (
     limits_met,
     listed,
     nominal_of,
+    odd_sentence,
     phrase,
     span_of,
     telling,
@@ -189,6 +190,8 @@ def better(result: Answer) -> Iterator[str]:
         if result.verdict != "explained" and linear.ci95_of_ratio[0] > 1.0:
             text += ": linear dynamics are missing"
     yield f"{'Better' if falls else 'Not better'}: {text}"
+    if sentence := odd_sentence(gain):
+        yield sentence
 
 
 def not_judged(result: Answer) -> Iterator[str]:

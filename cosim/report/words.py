@@ -6,7 +6,9 @@ import tomllib
 from pathlib import Path
 from string import Formatter
 
-from cosim.diagnosis.answer.schema import Answer, NamedCause, Parameter, SignalGain
+import numpy as np
+
+from cosim.diagnosis.answer.schema import Answer, LogGain, NamedCause, Parameter, SignalGain
 from cosim.errors import UsageError
 from cosim.lexicon import current
 from cosim.report.material import Material, component_of
@@ -24,6 +26,8 @@ from cosim.units import is_speed
 from fmus import registry
 
 NOISY = 1.1  # times the sensor's noise within which an error is called the noise
+FEW_LOGS = 3  # held out, from which on one of them may be odd
+ODD = 3.0  # times the error in the others, from which on a log is
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
 PHRASES: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what the simulation gets wrong, and how
@@ -358,6 +362,32 @@ def gain_clause(answer: Answer) -> str:
         f"the error of {the(signal)} on data not used for fitting{span_of(gain)} falls from "
         f"{before} to {after} {unit}{joint}{end}"
     )
+
+
+def odd_log(gain: SignalGain) -> LogGain | None:
+    """The held-out log that holds most of what is left by itself, if there are several and there is such a one."""
+    worst = max(gain.per_log, key=lambda log: log.rmse_after, default=None)
+    if worst is None or len(gain.per_log) < FEW_LOGS or worst.rmse_after <= NOISY * gain.noise_floor:
+        return None
+    return worst if worst.rmse_after > ODD * of_others(gain, worst) else None
+
+
+def odd_sentence(gain: SignalGain) -> str:
+    """Where most of what is left is, if one held-out log holds it; else empty."""
+    odd = odd_log(gain)
+    if odd is None:
+        return ""
+    unit = f" {unit_text(gain.unit)}".rstrip()
+    error, rest = two_digits(odd.rmse_after), two_digits(of_others(gain, odd))
+    return (
+        f"Most of what is left is in {odd.log}: {error}{unit}, against {rest}{unit} in the other "
+        f"{len(gain.per_log) - 1} held-out logs"
+    )
+
+
+def of_others(gain: SignalGain, one: LogGain) -> float:
+    """Root mean square of the error that is left in the other held-out logs."""
+    return float(np.sqrt(np.mean([log.rmse_after**2 for log in gain.per_log if log is not one])))
 
 
 def span_of(gain: SignalGain) -> str:

@@ -61,7 +61,7 @@ def test_dead_zone_and_top_speed_stand_in_the_answer(tmp_path):
 
 def test_the_held_out_log_is_one_more_of_the_machine(tmp_path):
     found, log = diagnosed(tmp_path)
-    found.held = Held(found.record, 0, "second")
+    found.held = Held(found.record, 0, ("second",))
     both = curve_of(found, log)
     assert both is not None
     assert both.logs == ["log", "second"]

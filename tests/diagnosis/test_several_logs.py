@@ -366,6 +366,14 @@ def test_two_logs_find_one_effect_and_intervals_that_hold_it() -> None:
     assert any("20.001 s" in warning for warning in said.warnings)
 
 
+def test_each_of_several_held_out_logs_has_its_own_error(pair: list[Record]) -> None:
+    whole = joined(pair)
+    y = whole.signals["slew"]
+    off = np.where(np.arange(y.size) < whole.cuts[0], 1.0, 3.0)
+    gain = measure(whole, {"slew": y + 2.0 * off}, {"slew": y + off}, 1000, 0)["slew"]
+    assert gain.each == (pytest.approx((2.0, 1.0)), pytest.approx((6.0, 3.0)))
+
+
 def test_a_held_out_log_shorter_than_a_window_still_tells_the_gain(pair: list[Record]) -> None:
     held = pair[0].until(700)
     y = held.signals["slew"]

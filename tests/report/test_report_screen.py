@@ -11,6 +11,7 @@ from cosim.diagnosis.answer.schema import (
     DataFinding,
     LinearReference,
     Location,
+    LogGain,
     NextExperiment,
     Packages,
     Parameter,
@@ -106,6 +107,22 @@ def test_no_gain_is_not_called_better():
     open_ = linear.model_copy(update={"ci95_of_ratio": (0.9, 2.4)})
     told = lines(answer.model_copy(update={"linear": {"slew": open_}}), OUT)
     assert any(line.endswith("a linear model leaves 0.08 deg") for line in told)
+
+
+def with_logs(*errors):
+    each = [LogGain(log=f"run {k}", rmse_before=9.0, rmse_after=e) for k, e in enumerate(errors)]
+    return empty_answer(causes=[friction()], gain={"slew": GAIN.model_copy(update={"per_log": each})})
+
+
+def test_the_held_out_log_in_which_most_is_left_is_told():
+    """Five runs that are predicted well and one in which the machine stalled."""
+    told = lines(with_logs(0.3, 0.3, 0.3, 4.2, 0.3), OUT)
+    assert "Most of what is left is in run 3: 4.2 deg, against 0.3 deg in the other 4 held-out logs" in told
+
+
+@pytest.mark.parametrize("errors", [(0.3, 0.5, 0.3, 0.8), (0.3, 4.2), (0.0001, 0.0099, 0.0001)])
+def test_logs_that_are_much_alike_few_or_within_noise_are_not_told_apart(errors):
+    assert not any(line.startswith("Most of what is left") for line in lines(with_logs(*errors), OUT))
 
 
 def test_the_error_is_told_where_nothing_is_named():

@@ -27,6 +27,7 @@ from cosim.diagnosis.answer.schema import (
     DataFinding,
     LinearReference,
     Location,
+    LogGain,
     NamedCause,
     NextExperiment,
     OfLog,
@@ -274,9 +275,11 @@ def packages(diagnosis: Diagnosis) -> Packages | None:
 
 def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:
     """Held-out errors in display units."""
-    found, floors = {}, diagnosis.noise
+    found, floors, held = {}, diagnosis.noise, diagnosis.held
+    names = held.logs if held is not None else ()
     for signal, gain in diagnosis.gains.items():
         unit, scale = shown(signal)
+        logs = zip(names, gain.each, strict=True) if gain.each else ()
         found[signal] = SignalGain(
             rmse_before=gain.before * scale,
             rmse_after=gain.after * scale,
@@ -286,6 +289,7 @@ def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:
             fit_percent_after=gain.fit_after,
             ci95_of_ratio=gain.ratio_ci95,
             horizon=gain.horizon if np.isfinite(gain.horizon) else None,
+            per_log=[LogGain(log=n, rmse_before=a * scale, rmse_after=b * scale) for n, (a, b) in logs],
         )
     return found
 

@@ -45,9 +45,9 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
     except DataError:
         return None
     more = []
-    if found.held is not None and found.held.name and found.held.record.has(drive, motion):
+    if found.held is not None and found.held.logs and found.held.record.has(drive, motion):
         signals = found.machine.signals
-        for name, record in zip(found.held.name.split(", "), found.held.record.pieces, strict=True):
+        for name, record in zip(found.held.logs, found.held.record.pieces, strict=True):
             rows = {n: record.signals[n] / signals[n].gain for n in (drive, motion)}
             moved = way(record.time, rows[motion]) if group.is_speed(motion) else rows[motion]
             more.append(Run(name, record.time, rows[drive], moved))

@@ -109,10 +109,19 @@ class Packages(Model):
     ssv: str
 
 
+class LogGain(Model):
+    """The same of one of several held-out logs."""
+
+    log: str
+    rmse_before: float
+    rmse_after: float
+
+
 class SignalGain(Model):
     """Error on held-out windows, before and after the extension.
 
     `horizon`: s after which the prediction begins anew where the machine stands; None for one run over the whole log.
+    `per_log`: where several logs were held out.
     """
 
     rmse_before: float
@@ -123,6 +132,7 @@ class SignalGain(Model):
     fit_percent_after: float
     ci95_of_ratio: tuple[float, float]
     horizon: float | None = None
+    per_log: list[LogGain] = []
 
 
 class LinearReference(Model):

@@ -59,37 +59,40 @@ class Held:
     Attributes:
         record: the log, from its start.
         first: sample from which errors count.
-        name: of the log.
-        sha256: of its file.
+        logs: names of the logs; none where it is the end of the fitted one.
+        sha256: of their files.
         in_turn: it is the fitted logs themselves, each left out in turn.
     """
 
     record: Record
     first: int
-    name: str = ""
+    logs: tuple[str, ...] = ()
     sha256: str = ""
     in_turn: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of the logs, in one text."""
+        return ", ".join(self.logs)
 
 
 def held_logs(records: Sequence[Record], logs: Sequence[Log]) -> Held:
     """One or more whole logs held out."""
-    return Held(
-        joined(records), 0, ", ".join(log.name for log in logs), ", ".join(log.sha256 for log in logs)
-    )
+    return Held(joined(records), 0, tuple(log.name for log in logs), ", ".join(log.sha256 for log in logs))
 
 
 def leave_one_log_out(record: Record) -> list[tuple[Record, Held]]:
     """Each log of a record held out in turn: what is fitted then, and what is held out; nothing of one log."""
     pieces = record.pieces if record.cuts else []
     return [
-        (joined([*pieces[:i], *pieces[i + 1 :]]), Held(own, 0, f"log {i + 1}"))
+        (joined([*pieces[:i], *pieces[i + 1 :]]), Held(own, 0, (f"log {i + 1}",)))
         for i, own in enumerate(pieces)
     ]
 
 
 def each_in_turn(record: Record) -> Held | None:
     """The logs of a record, each left out in turn; None of one log."""
-    return Held(record, 0, "each log, left out in turn", in_turn=True) if record.cuts else None
+    return Held(record, 0, in_turn=True) if record.cuts else None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compare.metrics import fit_percent
+from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.fitting.noise import Windows
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, of_piece
@@ -29,6 +29,7 @@ class Gain:
         ratio_ci95: interval of after/before, by resampling windows.
         fit_before, fit_after: best fit %, MATLAB's NRMSE fit.
         horizon: s after which the prediction begins anew where the machine stands; infinite for one run over all.
+        each: RMSE before and after in each of several logs that are held out.
     """
 
     before: float
@@ -37,6 +38,7 @@ class Gain:
     fit_before: float
     fit_after: float
     horizon: float = float("inf")
+    each: tuple[tuple[float, float], ...] = ()
 
 
 def run_package(path: Path, record: Record, machine: Machine, start: Mapping[str, float]) -> dict[str, Array]:
@@ -160,5 +162,8 @@ def measure(
         ratios = np.sqrt(squares[1][rows].sum(axis=1) / np.maximum(squares[0][rows].sum(axis=1), 1e-300))
         low, high = np.quantile(ratios, [0.025, 0.975])
         fits = [fit_or_nan(y[pick], simulated[signal][pick]) for simulated in (before, after)]
-        found[signal] = Gain(whole[0], whole[1], (float(low), float(high)), fits[0], fits[1])
+        edges = [start, *(cut for cut in record.cuts if cut > start), y.size]
+        logs = [slice(a, b) for a, b in pairwise(edges)] if first is not None and len(edges) > 2 else []
+        each = tuple((rms((y - before[signal])[log]), rms((y - after[signal])[log])) for log in logs)
+        found[signal] = Gain(whole[0], whole[1], (float(low), float(high)), fits[0], fits[1], each=each)
     return found
