@@ -372,6 +372,53 @@ def test_an_effect_takes_the_place_of_one_only_and_of_none_at_the_cost_of_anothe
     assert found.undecided[offset.name] == [zone.name]
 
 
+def test_an_exchange_that_is_taken_back_leaves_what_took_the_place_undecided(monkeypatch) -> None:
+    """A dead zone is clearly better than a shifted valve beside friction, and what is left of the set with it is not."""
+    zone, offset = registry.effects()["dead_zone.mismatch"], registry.effects()["dcv.offset"]
+    errors = {
+        (COULOMB, offset): 1.0,
+        (COULOMB, zone): 0.5,
+        (zone,): 9.0,
+        (offset,): 9.0,
+        (COULOMB,): 4.0,
+        (): 9.0,
+    }
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        error = errors[tuple(sorted(effects, key=lambda e: e is not COULOMB))]
+        return Step(effects, FIT, 1.0, error, squares=error**2 * np.linspace(0.8, 1.2, 24))
+
+    chosen = SimpleNamespace(effects=(COULOMB, offset), fit=FIT, score=0.0)
+    task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
+    rivals = {offset.name: [SimpleNamespace(effects=(COULOMB, zone), names=(), score=0.0)]}
+    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
+    monkeypatch.setattr(held_out, "tried_all", lambda *_: [])
+    monkeypatch.setattr(
+        held_out, "shrunk", lambda _, begin, *__: replace(begin, held=9.0, squares=81.0 * begin.squares)
+    )
+    held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
+    found, taken, _ = reconsider(FakeFinding(task, chosen, rivals), held, [], 0.01)  # type: ignore[arg-type]
+    assert taken == chosen.effects
+    assert found.undecided == {COULOMB.name: [], offset.name: [zone.name]}
+
+
+def test_no_law_takes_the_place_of_another_cause_beside_one_that_it_holds(monkeypatch) -> None:
+    """Stribeck's friction has Coulomb's in it: beside it there would be two names for one friction."""
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        error = 0.1 if STRIBECK in effects else 1.0 if len(effects) == 2 else 4.0
+        return Step(effects, FIT, 1.0, error, squares=error**2 * np.linspace(0.8, 1.2, 24))
+
+    chosen = SimpleNamespace(effects=(COULOMB, BACKLASH), fit=FIT, score=0.0)
+    task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
+    rivals = {BACKLASH.name: [SimpleNamespace(effects=(COULOMB, STRIBECK), names=(), score=0.0)]}
+    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
+    monkeypatch.setattr(held_out, "tried_all", lambda *_: [])
+    held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
+    _, taken, _ = reconsider(FakeFinding(task, chosen, rivals), held, [], 0.01)  # type: ignore[arg-type]
+    assert taken == chosen.effects
+
+
 @pytest.mark.parametrize(
     ("error", "named", "refused"), [(0.5, "zone", "offset"), (1.0, "zone", ""), (2.0, "offset", "zone")]
 )

@@ -477,7 +477,9 @@ def reconsider(
         able = [e for e in turned_down if not hopeless(finding, effect, e, tolerance)]
         others = dict.fromkeys([*able, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
         instead: dict[Effect, Step] = {}
-        for other in (e for e in others if e not in rest):
+        for other in (
+            e for e in others if e not in rest and not any(holds(e, r) or holds(r, e) for r in rest)
+        ):
             if current().over:
                 break
             instead[other] = step((*rest, other))
@@ -492,7 +494,10 @@ def reconsider(
         bare = step(rest)
         undecided = [e for e, s in instead.items() if may_stand(e, s, bare, best)]
         proven = [e for e in undecided if instead[e].gain_over(bare).sure]
-        told[cause.name] = kept_apart[cause.name] = [e.name for e in undecided]
+        told[cause.name] = [e.name for e in undecided]
+        # should the set be kept as it was: what took its place is the first that may stand there
+        first = [cause] if cause != effect else []
+        kept_apart[effect.name] = [e.name for e in (*first, *undecided) if e != effect]
         as_well = dict(indistinguishable(finding, effect))
         if cause in as_well:
             as_well |= {effect: -as_well[cause]}
