@@ -1,9 +1,12 @@
 """How finely held-out data are cut and sampled beside a linear reference."""
 
 import numpy as np
+import pytest
+from scipy.signal import lfilter
 
 from cosim.diagnosis.fitting.chain import window_of
-from cosim.diagnosis.residuals.reference import enough_parts, finer, quickest
+from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.residuals.reference import enough_parts, finer, in_turn, quickest
 from cosim.diagnosis.thresholds import REFERENCE_PARTS, REFERENCE_WINDOWS
 
 
@@ -36,3 +39,27 @@ def test_points_lie_as_fine_as_a_signal_needs() -> None:
 def test_a_log_sampled_slowly_has_windows_of_many_samples() -> None:
     assert window_of([1024], 1, 4.0) >= 40, "5 s would be one sample"
     assert window_of([60000], 10, 1e-3) == 500, "5 s of bins of 10 ms"
+
+
+def lagging(seed: int, gain: float, count: int = 2000, h: float = 0.02) -> Record:
+    """A log of a first-order lag of a second, with white noise of 0.01."""
+    rng = np.random.default_rng(seed)
+    command = np.repeat(rng.uniform(-1.0, 1.0, count // 50), 50)
+    kept = np.exp(-h)
+    slew = lfilter([0.0, gain * (1.0 - kept)], [1.0, -kept], command) + 0.01 * rng.standard_normal(count)
+    return Record(h, {"u": command, "slew": slew})
+
+
+def test_of_several_logs_the_reference_predicts_each_from_the_others() -> None:
+    logs = [lagging(k, gain) for k, gain in enumerate((1.0, 1.0, 1.5))]
+    record = joined(logs)
+    y = record.signals["slew"]
+    found = in_turn(record, "u", ["slew"], {"slew": 0.1 * y}, 200)["slew"]
+    first, second, odd = np.sqrt(found.squares.reshape(3, -1).mean(axis=1))
+    # the other two have gains of 1 and 1.5; the odd one is predicted by two of 1
+    moved = [float(np.std(log.signals["slew"])) for log in logs]
+    assert odd == pytest.approx(moved[2] / 3.0, rel=0.1)
+    assert first == pytest.approx(0.25 * moved[0], rel=0.3)
+    assert second == pytest.approx(0.25 * moved[1], rel=0.3)
+    assert found.ours_error == pytest.approx(0.1 * float(np.sqrt(np.mean(y**2))), rel=1e-3)
+    assert found.model.order == 1

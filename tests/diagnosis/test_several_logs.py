@@ -15,7 +15,7 @@ from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Windows, learned, plain
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.held_out.between import combined, over_logs
-from cosim.diagnosis.held_out.causes import leave_one_log_out, left_out_errors
+from cosim.diagnosis.held_out.causes import left_out_errors
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import measure
 from cosim.diagnosis.hypotheses.naming import find, nominal
@@ -23,7 +23,7 @@ from cosim.diagnosis.model.groups import MODELS, Group
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, none_between_logs, prepare
 from cosim.diagnosis.record.grid import Grid, Pieces, grid_of
-from cosim.diagnosis.record.record import Record, fixed_values, joined
+from cosim.diagnosis.record.record import Record, each_left_out, fixed_values, joined
 from cosim.diagnosis.residuals.cross_validation import repetitions, window_numbers
 from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
@@ -186,12 +186,12 @@ def test_two_logs_know_a_hidden_effect_better_than_one(pair: list[Record]) -> No
 
 
 def test_each_log_is_held_out_in_turn(pair: list[Record]) -> None:
-    (fitted, held), (other, first) = leave_one_log_out(joined(pair))
+    (fitted, held), (other, first) = each_left_out(joined(pair))
     np.testing.assert_array_equal(fitted.signals["slew"], pair[1].signals["slew"])
-    np.testing.assert_array_equal(held.record.signals["slew"], pair[0].signals["slew"])
+    np.testing.assert_array_equal(held.signals["slew"], pair[0].signals["slew"])
     np.testing.assert_array_equal(other.signals["slew"], pair[0].signals["slew"])
-    np.testing.assert_array_equal(first.record.signals["slew"], pair[1].signals["slew"])
-    assert leave_one_log_out(pair[0]) == []
+    np.testing.assert_array_equal(first.signals["slew"], pair[1].signals["slew"])
+    assert each_left_out(pair[0]) == []
 
 
 @pytest.mark.parametrize("estimator", [refitted, onward])
@@ -210,10 +210,10 @@ def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(
     finding, both = found(record)
     each = left_out_errors(finding, (effect,), both, "slew", CALIBRATED_TRUST, estimator is onward)
     fitted = np.split(both.residuals["slew"], record.cuts)
-    left_out = leave_one_log_out(record)[:1]
+    left_out = each_left_out(record)[:1]
     for own, inside, (other, held) in zip(each, fitted, left_out, strict=False):
         alone, fit = found(other)
-        assert rms(own) == pytest.approx(rms(errors(alone, fit, held.record)["slew"]), rel=0.15)
+        assert rms(own) == pytest.approx(rms(errors(alone, fit, held)["slew"]), rel=0.15)
         # the free run is what the one estimator makes smallest; of the other it is no more than about as small
         assert rms(own) > (1.0 if estimator is refitted else 0.99) * rms(inside)
 

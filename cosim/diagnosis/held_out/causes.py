@@ -81,15 +81,6 @@ def held_logs(records: Sequence[Record], logs: Sequence[Log]) -> Held:
     return Held(joined(records), 0, tuple(log.name for log in logs), ", ".join(log.sha256 for log in logs))
 
 
-def leave_one_log_out(record: Record) -> list[tuple[Record, Held]]:
-    """Each log of a record held out in turn: what is fitted then, and what is held out; nothing of one log."""
-    pieces = record.pieces if record.cuts else []
-    return [
-        (joined([*pieces[:i], *pieces[i + 1 :]]), Held(own, 0, (f"log {i + 1}",)))
-        for i, own in enumerate(pieces)
-    ]
-
-
 def each_in_turn(record: Record) -> Held | None:
     """The logs of a record, each left out in turn; None of one log."""
     return Held(record, 0, in_turn=True) if record.cuts else None

@@ -26,10 +26,12 @@ from cosim.diagnosis.held_out.causes import (
     each_in_turn,
     held_logs,
     key_of,
+    left_out_errors,
     predicts_better,
     reconsider,
     refuse,
 )
+from cosim.diagnosis.held_out.free_run import onward, refitted
 from cosim.diagnosis.hypotheses.exercised import never_exercised
 from cosim.diagnosis.hypotheses.naming import Judge, find, rivals, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
@@ -44,7 +46,7 @@ from cosim.diagnosis.record.grid import grid_of
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.diagnosis.residuals.reference import Reference, across, of_group, of_whole, over_logs
+from cosim.diagnosis.residuals.reference import Reference, across, in_turn, of_group, of_whole, over_logs
 from cosim.diagnosis.thresholds import (
     CALIBRATED_TRUST,
     FAST_SAMPLING,
@@ -423,14 +425,34 @@ def taken_back(found: Diagnosis, folder: Path, trust: float) -> None:
     gain_by_fmus(found, folder)
 
 
-def beside_the_whole(found: Diagnosis, constants: Mapping[str, float]) -> dict[str, Reference]:
+def left_out_of(found: Diagnosis, trust: float) -> dict[str, Array]:
+    """Signal of a group that the command drives -> (n,) error of several logs, each with what the others give, SI."""
+    errors = {}
+    for finding in found.findings.values():
+        group, signal = finding.task.model.group, next(iter(finding.task.measured))
+        if group.drive != found.machine.drive:
+            continue
+        effects = tuple(
+            c.effect for c in found.causes if c.group == group.name and c.effect.name not in SAMPLED
+        )
+        again = onward if group.drifts else refitted
+        fit = again(finding, effects, trust, finding.chosen.fit)
+        each = left_out_errors(finding, effects, fit, signal, trust, group.drifts)
+        errors[signal] = np.concatenate(each)
+    return errors
+
+
+def beside_the_whole(found: Diagnosis, constants: Mapping[str, float], trust: float) -> dict[str, Reference]:
     """The linear reference from the command to each signal, beside the extended model."""
     held, drive = found.held, found.machine.drive
     values = dict(constants) | found.values
     after = found.after or by_twin(found, found.record, values)
     signals = [s for s in after if s in found.record.signals and s in found.noise]
     if held is None:
-        return of_whole(found.record, drive, signals, after, found.window)
+        if not found.record.cuts:
+            return of_whole(found.record, drive, signals, after, found.window)
+        ours = {s: found.record.signals[s] - after[s] for s in signals} | left_out_of(found, trust)
+        return in_turn(found.record, drive, signals, ours, found.window)
     judged = found.held_after or by_twin(found, held.record, values)
     anew = [s for s, gain in found.gains.items() if np.isfinite(gain.horizon)]
     return across(found.record, held.record, held.first, drive, signals, judged, found.window, anew)
@@ -626,7 +648,7 @@ def stages(
             if worse(found):
                 taken_back(found, folder, trust)
     with part_of(found.notes, "the linear reference of the whole"):
-        found.references = beside_the_whole(found, constants)
+        found.references = beside_the_whole(found, constants, trust)
     if found.verdict == "explained" and outdone_by_linear(found.references, found.noise):
         found.verdict = "partly_explained"
     found.stage = ""

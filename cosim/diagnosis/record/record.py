@@ -144,6 +144,12 @@ def joined(records: Sequence[Record]) -> Record:
     return Record(float(np.median(intervals)), signals, pieces, records[0].rest, sparse, filled)
 
 
+def each_left_out(record: Record) -> list[tuple[Record, Record]]:
+    """Each log of a record left out in turn: the others, and that one; nothing of one log."""
+    pieces = record.pieces if record.cuts else []
+    return [(joined([*pieces[:i], *pieces[i + 1 :]]), own) for i, own in enumerate(pieces)]
+
+
 def fixed_values(record: Record, group: Group) -> dict[str, float]:
     """What each log itself fixes: the state at which it starts; a log that begins in motion has more of it than an angle."""
     found: dict[str, float] = {}

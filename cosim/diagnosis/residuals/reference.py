@@ -13,7 +13,7 @@ from scipy.signal import welch
 
 from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.noise import Whitener, Windows
-from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.record.record import Record, each_left_out
 from cosim.diagnosis.residuals.cross_validation import held_windows, left_out_steps
 from cosim.diagnosis.thresholds import PART_CROSSINGS, REFERENCE_PARTS, REFERENCE_WINDOWS
 from cosim.inference.held_out import mean_squares as begun_anew
@@ -393,4 +393,36 @@ def of_whole(
         inside = fine.window >= 0
         parts = finer(np.where(inside & held[np.maximum(fine.window, 0)], fine.window, -1), errors)
         found[signal] = Reference(model, *(mean_squares(e, parts, False) for e in errors))
+    return found
+
+
+def in_turn(
+    record: Record,
+    drive: str,
+    signals: Iterable[str],
+    errors: Mapping[str, Array],
+    window: int,
+) -> dict[str, Reference]:
+    """The reference from the command to each signal, fitted to all logs but one and judged on that one, each in turn.
+
+    Args:
+        record: the logs.
+        drive: the command.
+        signals: those of which a reference is wanted.
+        errors: signal -> (n,) of the extended model, each log without a share in its estimates, SI.
+        window: samples in a window.
+    """
+    found = {}
+    for signal in signals:
+        models, left, ours = [], [], []
+        for (others, own), error in zip(
+            each_left_out(record), np.split(errors[signal], record.cuts), strict=True
+        ):
+            parts = max(1, round(error.size / window))
+            model, squares = free_run(others, own, 0, drive, signal, parts)
+            models.append(model)
+            left.append(squares)
+            ours.append(mean_squares(error, parted(error.size, 0, parts), False))
+        middle = sorted(models, key=lambda m: m.order)[len(models) // 2]  # of which the words are
+        found[signal] = Reference(middle, np.concatenate(left), np.concatenate(ours))
     return found
