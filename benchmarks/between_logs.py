@@ -20,13 +20,12 @@ from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.held_out.between import Between, over_logs
-from cosim.diagnosis.held_out.causes import leave_one_log_out
 from cosim.diagnosis.held_out.free_run import onward, refitted
 from cosim.diagnosis.hypotheses.naming import nominal
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.model.groups import Group, merged
 from cosim.diagnosis.pipeline.diagnose import prepare
-from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.record.record import Record, each_left_out, joined
 from cosim.diagnosis.residuals.cross_validation import repetitions
 from cosim.diagnosis.residuals.finding import Finding, relearned
 from cosim.diagnosis.thresholds import GUESSED_TRUST
@@ -80,9 +79,9 @@ def main() -> None:
     table = Table("held out", "parameter", "its own, SI", "from the others, 95 % of the next log", "holds")
     inside = total = 0
     with threadpool_limits(1):
-        for log, (others, held) in zip(logs, leave_one_log_out(record), strict=True):
+        for log, (others, held) in zip(logs, each_left_out(record), strict=True):
             told = between(others, group, effects)
-            own = fitted(held.record, group, effects)[1]
+            own = fitted(held, group, effects)[1]
             for name, item in told.items():
                 low, high = item.next_ci95
                 holds = low <= own.values[name] <= high

@@ -14,7 +14,7 @@ Backend = Literal["auto", "plotly", "matplotlib"]
 Panels = Mapping[str, Mapping[str, Array]]
 """Title of a panel, such as ``slew [deg]`` -> label of a line -> (n,)."""
 
-MOST = 4000  # points of a line; beyond that the smallest and largest of each stretch
+LINE_POINTS = 4000  # points of a line; beyond that the smallest and largest of each stretch
 
 
 def draw(time: Array, panels: Panels, backend: Backend = "auto", title: str = "") -> Any:
@@ -39,7 +39,7 @@ def draw(time: Array, panels: Panels, backend: Backend = "auto", title: str = ""
     return (_plotly if use_plotly else _matplotlib)(time, panels, title)
 
 
-def thinned(time: Array, values: Array, most: int = MOST) -> tuple[Array, Array]:
+def thinned(time: Array, values: Array, most: int = LINE_POINTS) -> tuple[Array, Array]:
     """A line of at most about `most` points that keeps every peak."""
     if values.size <= most:
         return time, values

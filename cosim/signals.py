@@ -80,7 +80,7 @@ SYNTHETIC_COLUMN = "synthetic"
 
 
 _FACTOR = r"(?:[A-Za-zµμΩ]+|%|°[A-Za-z]?)(?:\^?-?\d{1,2}|[²³])?"
-_UNIT = re.compile(rf"(?:1|{_FACTOR})(?: ?[./*] ?{_FACTOR})*")
+_UNIT_TEXT = re.compile(rf"(?:1|{_FACTOR})(?: ?[./*] ?{_FACTOR})*")
 
 
 def check_spelling(unit: str) -> None:
@@ -89,7 +89,7 @@ def check_spelling(unit: str) -> None:
     Raises:
         UsageError: the text is not names with small exponents, joined by ``.``, ``*`` or ``/``.
     """
-    if len(unit) > 40 or not _UNIT.fullmatch(unit.strip()):
+    if len(unit) > 40 or not _UNIT_TEXT.fullmatch(unit.strip()):
         raise UsageError(f"'{unit[:40]}' is not a unit: write one such as 'bar', 'deg/s' or 'N.m.s/rad'")
 
 

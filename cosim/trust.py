@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cosim.paths import cache_folder
 
-MOST = 20_000  # digests kept; each is an empty file
+MOST_DIGESTS = 20_000  # digests kept; each is an empty file
 _built: set[str] = set()
 
 
@@ -31,9 +31,9 @@ def remember(fmu: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         Path(folder, digest).touch()
         known = list(folder.iterdir())
-        if len(known) > MOST:
+        if len(known) > MOST_DIGESTS:
             known.sort(key=lambda file: file.stat().st_mtime)
-            for file in known[: MOST // 2]:
+            for file in known[: MOST_DIGESTS // 2]:
                 file.unlink(missing_ok=True)
 
 

@@ -320,3 +320,79 @@ def test_the_diagnosis_and_its_core_use_the_words_of_the_field() -> None:
 
 def test_the_inference_core_stands_alone() -> None:
     assert {other for _, own, other in _imports() if own == "cosim.inference"} <= {"cosim.errors"}
+
+
+def _taken(tree: ast.Module) -> list[tuple[str, str]]:
+    """(module, name) of each name that a file takes from the product or from another benchmark."""
+    return [
+        (node.module, alias.name)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        and node.module
+        and node.level == 0
+        and node.module.partition(".")[0] in ("cosim", "fmus", "benchmarks")
+        for alias in node.names
+    ]
+
+
+def _given(module: str) -> set[str]:
+    """Names that a module binds at its top, or that are its submodules; empty where there is no such module."""
+    path = TOP.joinpath(*module.split("."))
+    package = path / "__init__.py"
+    file = package if package.is_file() else path.with_suffix(".py")
+    if not file.is_file():
+        return {p.stem for p in path.glob("*.py")} if path.is_dir() else set()
+    found = {p.stem for p in path.iterdir()} if path.is_dir() else set()
+    for node in ast.walk(_tree(file)):
+        if isinstance(node, ast.ImportFrom | ast.Import):
+            found |= {(a.asname or a.name).partition(".")[0] for a in node.names}
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            found.add(node.id)
+    if "__getattr__" in found:  # names that are found when they are asked for
+        found |= {
+            n.value for n in ast.walk(_tree(file)) if isinstance(n, ast.Constant) and isinstance(n.value, str)
+        }
+    return found
+
+
+def test_what_benchmarks_and_pages_import_is_there() -> None:
+    """They are not run with the tests: a function that moved was found by nobody."""
+    files = [p for folder in ("benchmarks", "docs", "examples") for p in (TOP / folder).rglob("*.py")]
+    missing = [
+        f"{file.relative_to(TOP)}: {module}.{name}"
+        for file in files
+        for module, name in _taken(_tree(file))
+        if name not in _given(module)
+    ]
+    assert len(files) > 40
+    assert missing == []
+
+
+def _constants(tree: ast.Module) -> dict[str, str]:
+    """Constants of a module: name in capitals -> its value as written."""
+    found = {}
+    for node in tree.body:
+        target = (
+            node.targets[0]
+            if isinstance(node, ast.Assign)
+            else node.target
+            if isinstance(node, ast.AnnAssign)
+            else None
+        )
+        if isinstance(target, ast.Name) and target.id.isupper() and node.value is not None:  # type: ignore[union-attr]
+            found[target.id] = ast.unparse(node.value)  # type: ignore[union-attr]
+    return found
+
+
+def test_no_constant_has_two_values_in_one_package() -> None:
+    """A reader takes a name that he has seen next door for the same thing."""
+    values: dict[tuple[Path, str], dict[str, str]] = {}
+    for file in (p for p in _sources() if p.is_relative_to(TOP / "cosim")):
+        for name, value in _constants(_tree(file)).items():
+            values.setdefault((file.parent.relative_to(TOP), name), {})[file.name] = value
+    twice = {
+        f"{folder}: {name}": each for (folder, name), each in values.items() if len(set(each.values())) > 1
+    }
+    assert twice == {}

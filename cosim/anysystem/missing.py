@@ -31,9 +31,9 @@ KNOTS = (
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # quantiles at which it is shown
 PIECE_SIZE = 0.05  # of a port's reach: of a piece, for its response
 RIDGE = 1e-4  # of a piece's own power
-WORTH = 0.3  # of the variance on windows held out: a function that tells less tells nothing
+TELLING = 0.3  # of the variance on windows held out: a function that tells less tells nothing
 ALONE = 0.95  # of what functions of all signals tell, from which one signal alone will do
-NEAR = 1.5  # times what the best port leaves: another that leaves no more may be it as well
+AS_LITTLE = 1.5  # times what the best port leaves: another that leaves no more may be it as well
 SPENT = 0.5  # of the runs that a diagnosis made: so many may be made here, in all groups
 FEWEST_RUNS = 100  # runs that may be made in any case
 
@@ -100,11 +100,11 @@ def missing(finding: Finding, runs: Runs, most: int) -> Missing | None:
         finally:
             model.added.clear()
         found.append(_best(f"{port} ({where})", signals, columns, target, inside))
-    found = sorted((e for e in found if e.told > WORTH), key=lambda e: -e.told)
+    found = sorted((e for e in found if e.told > TELLING), key=lambda e: -e.told)
     if not found:
         return None
     best = found[0]
-    near = [e.name for e in found if 1.0 - e.told <= NEAR * (1.0 - best.told)]
+    near = [e.name for e in found if 1.0 - e.told <= AS_LITTLE * (1.0 - best.told)]
     return Missing(tuple(near), best.by, best.told, best.at, best.of)
 
 

@@ -28,7 +28,7 @@ Watch = Callable[[str], None]
 WINDOWS = 30  # a log is cut into, of which every third is held out
 SHOWN = 10  # inputs that a sentence lists
 SEARCHED = 0.85  # of the time allowed, until which groups are judged
-NEAR = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
+AS_GOOD = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
 SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
@@ -409,7 +409,7 @@ def driven_by_itself(
     The noise of such a reading would else go through the components behind it and look like a fault of theirs.
     """
     begun = finding.nearest or finding.chosen
-    near = search.model.own - {s for s, _ in search.model.group.judged if search.leaves(s, begun) > NEAR}
+    near = search.model.own - {s for s, _ in search.model.group.judged if search.leaves(s, begun) > AS_GOOD}
     if not near or found.budget.over or not (finding.named or finding.unexplained):
         return search, finding
     before = [dict(segment.driving) for segment in found.segments]

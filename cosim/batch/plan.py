@@ -34,7 +34,7 @@ Word = Annotated[str, Field(min_length=1)]
 Words = tuple[Word, ...]
 Scalar = str | int | float | bool
 
-FILES = ("mapping", "input", "from_file")  # keys that name one file
+FILE_KEYS = ("mapping", "input", "from_file")  # keys that name one file
 FILE_LISTS = ("logs", "parameter_set")  # keys that name several
 
 
@@ -123,7 +123,7 @@ def load_plan(path: Path) -> Plan:
     folder = path.resolve().parent
     moved: dict[str, Any] = {"model": tuple(m if m in SYSTEMS else str(folder / m) for m in plan.model)}
     moved |= {key: tuple(str(folder / name) for name in getattr(plan, key)) for key in FILE_LISTS}
-    moved |= {key: str(folder / getattr(plan, key)) for key in FILES if getattr(plan, key) is not None}
+    moved |= {key: str(folder / getattr(plan, key)) for key in FILE_KEYS if getattr(plan, key) is not None}
     return plan.model_copy(update=moved)
 
 

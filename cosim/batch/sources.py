@@ -21,7 +21,7 @@ from cosim.correlation import correlations
 from cosim.diagnosis.answer.schema import Answer, Parameter
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.ssp.parameters import read_ssv
-from cosim.ssp.xml import SSC, SSV, parse
+from cosim.ssp.xml import IN_SSC, IN_SSV, parse
 from fmus import registry
 
 ANNOTATION = "slew-cosim.ci95"
@@ -142,8 +142,8 @@ def _parameter_set(path: Path) -> Estimates:
 
 def _intervals(path: Path) -> Iterator[tuple[str, tuple[float, float]]]:
     root = parse(path.read_bytes(), str(path))
-    for parameter in root.iterfind(f"{SSV}Parameters/{SSV}Parameter"):
-        for note in parameter.iterfind(f"{SSV}Annotations/{SSC}Annotation[@type='{ANNOTATION}']"):
+    for parameter in root.iterfind(f"{IN_SSV}Parameters/{IN_SSV}Parameter"):
+        for note in parameter.iterfind(f"{IN_SSV}Annotations/{IN_SSC}Annotation[@type='{ANNOTATION}']"):
             name = parameter.get("name", "")
             child = next((c for c in note if etree.QName(c).localname == "ci95"), None)
             try:

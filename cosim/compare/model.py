@@ -7,7 +7,7 @@ from cosim.paths import build_folder, ssp_folder
 from cosim.ssp.build import SYSTEMS
 from cosim.ssp.write import STIMULUS, read_xml, write_as_wired, write_ssp
 
-NAMES = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
+NAMESPACE = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
 
 
 def open_model(model: str, folder: Path | None = None) -> Path:
@@ -55,7 +55,7 @@ def build_wiring(wiring: Path, folder: Path | None = None) -> Path:
     """
     document = read_xml(wiring)
     folder = folder or build_folder() / "ssp"
-    components = document.findall(".//ssd:Component", NAMES)
+    components = document.findall(".//ssd:Component", NAMESPACE)
     if any(component.get("name") == STIMULUS for component in components):
         return write_ssp(wiring, folder / f"{wiring.stem}_open.ssp", open=True)
     return write_as_wired(wiring, folder / f"{wiring.stem}.ssp")

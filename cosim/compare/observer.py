@@ -22,7 +22,7 @@ from cosim.ssp.system import System
 Array = NDArray[np.float64]
 COMPONENT = "observer"
 ANGLE, RATE = "slew_estimate", "slew_rate_estimate"
-WINDOW = 0.3  # s of the derivative's polynomial: follows some 3 Hz, and its noise is a tenth of a difference's over 50 ms
+DERIVATIVE_WINDOW = 0.3  # s: follows some 3 Hz, and its noise is a tenth of a difference's over 50 ms
 SETTLING = 2.0  # s at the start that do not count: the observer's error has died out (slowest pole 6.6 1/s)
 LONGEST_LAG = 1.0  # s by which an estimate may trail what it estimates
 REFERENCE = {ANGLE: "measured slew", RATE: "derivative of the measured slew"}
@@ -146,8 +146,8 @@ def run_observer(comparator: Comparator, parameters: dict[str, Any] | None = Non
 
 
 def differentiated(angle: Array, h: float, noise: float) -> tuple[Array, float]:
-    """Time derivative (n,) of an angle (n,) by a cubic over `WINDOW`, and the error that white noise of the angle makes."""
-    width = max(5, 2 * round(0.5 * WINDOW / h) + 1)
+    """Time derivative (n,) of an angle (n,) by a cubic over `DERIVATIVE_WINDOW`, and the error that white noise makes."""
+    width = max(5, 2 * round(0.5 * DERIVATIVE_WINDOW / h) + 1)
     width = min(width, angle.size - 1 + angle.size % 2)
     weights = savgol_coeffs(width, 3, deriv=1, delta=h)
     return np.asarray(savgol_filter(angle, width, 3, deriv=1, delta=h)), noise * float(

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.compare.observer import ANGLE, RATE, REFERENCE, SETTLING, WINDOW, ObserverRun
+from cosim.compare.observer import ANGLE, DERIVATIVE_WINDOW, RATE, REFERENCE, SETTLING, ObserverRun
 from cosim.compare.picture import ERROR, MEASURED, SIMULATED, write_figure
 from cosim.signals import SIGNALS
 from cosim.units import factor
@@ -46,7 +46,7 @@ def as_data(run: ObserverRun) -> dict[str, Any]:
     }
 
 
-NAMES = {ANGLE: "slew angle", RATE: "slew speed"}
+SIGNAL_NAMES = {ANGLE: "slew angle", RATE: "slew speed"}
 
 
 def answer(run: ObserverRun) -> list[str]:
@@ -55,7 +55,7 @@ def answer(run: ObserverRun) -> list[str]:
     for trace in run.traces:
         unit, scale = shown(trace.estimate)
         text = (
-            f"Observer: its {NAMES[trace.estimate]} is {trace.rmse * scale:.3g} {unit} RMSE off the {trace.against}, "
+            f"Observer: its {SIGNAL_NAMES[trace.estimate]} is {trace.rmse * scale:.3g} {unit} RMSE off the {trace.against}, "
             f"{trace.largest * scale:.3g} {unit} at most"
         )
         if trace.fit_percent is not None:
@@ -83,7 +83,7 @@ def lines(run: ObserverRun) -> list[str]:
     if floors:
         unit, scale = shown(floors[0].estimate)
         noise = f"{(floors[0].floor or 0.0) * scale:.2g} {unit}"
-        text += f" The derivative itself (cubic over {WINDOW:g} s) is uncertain by {noise} of sensor noise."
+        text += f" The derivative itself (cubic over {DERIVATIVE_WINDOW:g} s) is uncertain by {noise} of sensor noise."
     return [text, *map(_said, run.notes)]
 
 

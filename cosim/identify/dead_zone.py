@@ -26,7 +26,7 @@ from cosim.logs.filter import low_pass
 Array = NDArray[np.float64]
 
 RESPONSES = ("spool", "p_load", "slew")  # the nearest to the dead zone first
-UNITS = {"spool": "m", "p_load": "Pa", "slew": "rad/s"}
+SIGNAL_UNITS = {"spool": "m", "p_load": "Pa", "slew": "rad/s"}
 HIGHEST = 40.0  # Hz
 REACH = 0.05  # of full command: a side that x does not enter by so much is not judged
 SCALES = (0.05, 20.0)  # of the chain's time
@@ -191,7 +191,7 @@ def _item(i: int, *, of_theta: bool = False, per: float = 1.0) -> Callable[[Arra
 
 
 def _result(found: Fit, model: _Model, taken: str, item: Record, sides: list[str]) -> DeadZone:
-    unit, notes = UNITS[taken], list(item.notes)
+    unit, notes = SIGNAL_UNITS[taken], list(item.notes)
     judged: dict[str, dict[str, Quantity]] = {}
     for i, side in enumerate(sides):
         judged[side] = {

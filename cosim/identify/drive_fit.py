@@ -22,7 +22,7 @@ LEAST = 1e-3  # of the largest speed: no error is taken for smaller
 FAR = 2.0  # typical errors from which on an error counts linearly
 ROUNDS = 3  # of learning what the typical error is
 KNOTS = 7  # of the free curve on either side
-FASTEST = 5e-3  # s, of a step: no drive here tells two changes of command apart within it
+FINEST_STEP = 5e-3  # s, of a step: no drive here tells two changes of command apart within it
 MOST_STEPS = 200_000  # of the simulation: longer logs are simulated more coarsely
 
 
@@ -109,7 +109,7 @@ def fine(runs: Sequence[Run], lag: float = 0.0) -> tuple[Fine, ...]:
         longest = max(longest, ahead * usual)
         if run.time.size <= 2 * ahead:
             continue
-        step = max(usual / FINER, FASTEST, span / MOST_STEPS)
+        step = max(usual / FINER, FINEST_STEP, span / MOST_STEPS)
         grid = run.time[0] + step * np.arange(int(span / step) + 2)
         begins = np.arange(0, run.time.size - ahead, max(1, ahead // 2))
         found.append(Fine(run, step, grid, begins, ahead))

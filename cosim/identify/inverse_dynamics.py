@@ -33,10 +33,10 @@ WIDER = 3.0  # the differentiated angle's cut-off over the highest frequency use
 STANDING = 0.01  # of the largest speed: below it friction laws differ, and noise decides the sign
 NOISES = 5.0  # standard deviations of the velocity's noise below which its sign is in doubt
 ORDER = 4  # of the low-pass without shift
-EDGE = 0.2  # s at both ends of the log that the filter spoils
-PARTS = 24  # of the log, whose errors are taken as independent
+SPOILT = 0.2  # s at both ends of the log that the filter spoils
+LOG_PARTS = 24  # of the log, whose errors are taken as independent
 FEWEST_PARTS = 10  # of them with motion
-ROUNDS = 6  # of simulating the instruments and solving
+REFINEMENTS = 6  # of simulating the instruments and solving
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class _Problem:
         self.rows, velocity = self.differentiated(motion.angle)
         self.used = self._moving(velocity)
         self.bins = Bins.up_to(motion.angle.size, motion.step, highest)
-        self.parts = np.array_split(np.arange(motion.angle.size), PARTS)
+        self.parts = np.array_split(np.arange(motion.angle.size), LOG_PARTS)
         self.parts = [part for part in self.parts if self.used[part].any()]
         if len(self.parts) < FEWEST_PARTS or self.bins.last < FEWEST_BINS:
             raise DataError(
@@ -186,7 +186,7 @@ class _Problem:
         noise = 2.0 * np.pi * np.sqrt(self.highest**3 / 3.0 * float(above.mean()))
         still = np.abs(velocity) <= max(NOISES * noise, STANDING * float(np.abs(velocity).max()))
         still |= ~self.motion.keep
-        edge = round(EDGE / step)
+        edge = round(SPOILT / step)
         still[:edge] = still[-edge:] = True
         width = 2 * round(1.0 / self.wide / step) + 1
         return np.convolve(still.astype(np.float64), np.ones(width), "same") < 0.5
@@ -200,7 +200,7 @@ class _Problem:
         places = [list(UNITS).index(name) for name in names]
         rows, torque = self.row_numbers[places], self.torque_numbers
         found: Array = np.asarray(np.linalg.lstsq(rows.T, torque, rcond=None)[0])
-        for _ in range(ROUNDS):
+        for _ in range(REFINEMENTS):
             self._check(dict(zip(names, found, strict=True)))
             instruments = self.numbers(self._simulated(names, found)[places])
             inverse = np.linalg.pinv(instruments @ rows.T)

@@ -17,7 +17,7 @@ from cosim.units import factor, is_speed
 
 Array = NDArray[np.float64]
 
-COLUMNS = ["number", "value", "95 % from", "to", "unit", "as read"]
+CURVE_COLUMNS = ["number", "value", "95 % from", "to", "unit", "as read"]
 WORDS = {
     "dead_low": "dead zone, low",
     "dead_high": "dead zone, high",
@@ -263,7 +263,7 @@ def drive_answer(
     table = [
         (
             f"Static curve of the drive, from {len(logs)} log{'s' if len(logs) > 1 else ''}",
-            COLUMNS,
+            CURVE_COLUMNS,
             table_rows(curve, told),
         )
     ]

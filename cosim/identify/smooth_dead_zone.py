@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 SHARPEST = 500.0  # S beyond which a curve is no smoother than a thousandth of command
 BLUNTEST = 2.0
 BINS = 400  # of command, whose mean responses are fitted: a branch of a ramp is averaged with the other
-POINTS = 801  # of the curve's table
+TABLE_POINTS = 801  # of the curve's table
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def opening(x: Array, d_plus: float, d_minus: float, S: float) -> Array:
     """Y (n,) of x = y + d tanh(S y) (n,); the curve rises everywhere, so it has one."""
     reach = max(float(np.abs(x).max()), 1e-9)
     # denser about zero, where the curve bends
-    y = reach * np.linspace(-1.0, 1.0, POINTS) ** 3
+    y = reach * np.linspace(-1.0, 1.0, TABLE_POINTS) ** 3
     return np.asarray(np.interp(x, y + np.where(y > 0.0, d_plus, d_minus) * np.tanh(S * y), y))
 
 

@@ -35,7 +35,7 @@ SPELLINGS = {
 }  # fmt: skip
 _BRACKETS = re.compile(r"[\[(]([^\[\]():]*)[\])]")
 # last parts of names that nobody writes for anything else than a unit
-SUFFIXES = {
+UNIT_SUFFIXES = {
     "mm": "mm", "cm": "cm", "um": "um", "bar": "bar", "mbar": "mbar", "psi": "psi", "kpa": "kPa", "mpa": "MPa", "deg": "deg",
     "degrees": "deg", "rad": "rad", "rpm": "rpm", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "dps": "deg/s",
     "mps": "m/s", "rps": "turn/s", "ms": "ms", "us": "us", "ns": "ns", "sec": "s", "mv": "mV", "ma": "mA",
@@ -292,7 +292,7 @@ def unit_within(name: str) -> str | None:
     for letter, words in OF_LETTERS.items():
         if last == letter and re.search(words, plain(before)):
             return letter
-    return SUFFIXES.get(last.lower())
+    return UNIT_SUFFIXES.get(last.lower())
 
 
 def longest(columns: Iterable[Column]) -> Column:

@@ -26,7 +26,7 @@ from cosim.logs.blanks import cells
 from cosim.logs.source import Label, parse_label
 from cosim.units import parse_unit
 
-LONGEST = 200  # lines in which the table must begin
+MOST_TITLES = 200  # lines in which the table must begin
 SEPARATORS = (";", "\t", ",")
 _LONGEST_UNIT = 12
 _UNIT_KEYS = ("unit", "units", "einheit", "einheiten", "unite", "unidad", "unita", "enhet")
@@ -65,7 +65,7 @@ def read_preamble(head: str, separator: str | None, number: Callable[[str], bool
         separator: column separator, None where it is to be found out.
         number: whether a cell holds a number, or says that one is missing.
     """
-    lines = head.splitlines()[:LONGEST]
+    lines = head.splitlines()[:MOST_TITLES]
     for sign in SEPARATORS if separator is None else (separator,):
         try:
             rows = [cells(line, sign) for line in lines]

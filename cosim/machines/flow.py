@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 KNOTS = 7  # of the static curve through which a drive acts, its two ends among them
 LAGS, FINER = 12, 8  # lags that are tried, evenly spaced in their logarithm, and between two of them
-MOST = 6000  # samples that are used
+FLOW_SAMPLES = 6000  # samples that are used
 WINDOWS = 8  # at least so many, shorter ones in a short log
 FEWEST = 6  # of them; fewer cannot be told from chance
 # of the error from the command at once; on the crane they are equal, 2.1 where dry friction takes two thirds of the torque
@@ -84,7 +84,7 @@ def set_by_flow(time: Array, command: Array, pressure: Array, motion: Array, *, 
         motion: (n,) what it does.
         integrates: the motion is an angle or a position, whose rate of change follows; else a speed.
     """
-    stamps = np.linspace(time[0], time[-1], min(time.size, MOST))
+    stamps = np.linspace(time[0], time[-1], min(time.size, FLOW_SAMPLES))
     h = float(stamps[1] - stamps[0])
     length = min(max(round(min(WINDOW, h * stamps.size / WINDOWS) / h), 8), stamps.size)
     even = Even(h, length, stamps.size // length)

@@ -14,7 +14,7 @@ WINDOW = 5.0  # s: an integrated response drifts with all that a first order lac
 LAGS = 20  # lags that are tried first, evenly spaced in their logarithm
 # a side that is reached less than this part of the other is not used; a signal that stays as far off zero has a bias
 ONE_SIDED = 0.25
-MOST = 20000  # samples that are used: a rough number needs no more
+ROUGH_SAMPLES = 20000  # samples that are used: a rough number needs no more
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def first_order(time: Array, drive: Array, response: Array, *, integrates: bool)
     Returns:
         The best; its gain is 0 where the drive stands still.
     """
-    count = min(time.size, MOST)
+    count = min(time.size, ROUGH_SAMPLES)
     even = np.linspace(time[0], time[-1], count)
     h = float(even[1] - even[0])
     u = drive[np.clip(np.searchsorted(time, even, side="right") - 1, 0, time.size - 1)]

@@ -47,7 +47,7 @@ POLL = 0.05  # s between looks at a child
 OWN_TIME = 300.0  # s that the child's own code may take: imports and compiling, on a machine with other work
 END = 5.0  # s for FMUs to be freed
 ROOM = 1 << 30  # bytes; a piece of a thousand signals has 0.8 GB
-LONGEST = 1 << 22  # bytes of an answer
+LONGEST_ANSWER = 1 << 22  # bytes of an answer
 START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from cosim.master.child import main; main(int(sys.argv[2]), float(sys.argv[3]))"
@@ -380,7 +380,7 @@ def _template(path: list[str]) -> Template:
 def _read(stream: IO[bytes], lines: "queue.Queue[bytes | None]") -> None:
     """Hand on the child's answers; None at the end, or where one is too long to be ours."""
     with contextlib.suppress(OSError, ValueError):
-        while (line := stream.readline(LONGEST)).endswith(b"\n"):
+        while (line := stream.readline(LONGEST_ANSWER)).endswith(b"\n"):
             lines.put(line)
     lines.put(None)
 

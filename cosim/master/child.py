@@ -24,10 +24,10 @@ from cosim.master.template import end_with
 LENGTH = struct.Struct("<Q")
 MARKS, ROWS = "marks", "rows"  # files in the run's folder
 MOST_WORDS = 2000  # characters of one message of an FMU
-MOST_MESSAGES = 1000
+QUEUED_MESSAGES = 1000
 # the parent ends a child at its limit; beyond this the system refuses what the parent is too slow for
 SPARE = 512.0  # MiB: tables of ours, compiled code
-SLACK = 1.25
+ALLOWANCE = 1.25
 
 
 def send(stream: IO[bytes], request: Any) -> None:
@@ -67,7 +67,7 @@ class Child:
 
     def hear(self, name: bytes, message: instance.Message) -> None:
         """Hand on what an FMU says, since the process may not live to do so later."""
-        if message.status >= instance.WARNING and self.said < MOST_MESSAGES:
+        if message.status >= instance.WARNING and self.said < QUEUED_MESSAGES:
             self.said += 1
             self.answer(said=message.text[:MOST_WORDS].strip())
 
@@ -129,7 +129,7 @@ def guard(parent: int, memory: float) -> None:
     if sys.platform.startswith("linux"):
         status = Path("/proc/self/status").read_text(encoding="utf-8")
         data = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmData"))
-        most = int(1024 * data + (SLACK * memory + SPARE) * 2**20)
+        most = int(1024 * data + (ALLOWANCE * memory + SPARE) * 2**20)
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
         if hard == resource.RLIM_INFINITY or most < hard:
             resource.setrlimit(resource.RLIMIT_DATA, (most, most))

@@ -22,9 +22,9 @@ from typing import IO, Any
 
 AVAILABLE = sys.platform == "linux"
 DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG
-LONGEST = 1 << 17  # bytes of a request, most of them the environment
+LONGEST_REQUEST = 1 << 17  # bytes of a request, most of them the environment
 CODE = struct.Struct("<i")
-START = (
+START_TEMPLATE = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from cosim.master.template import main; main(int(sys.argv[2]), int(sys.argv[3]))"
 )
@@ -92,7 +92,14 @@ class Template:
         self._retired = False
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
-            command = [sys.executable, "-c", START, json.dumps(path), str(os.getpid()), str(theirs.fileno())]
+            command = [
+                sys.executable,
+                "-c",
+                START_TEMPLATE,
+                json.dumps(path),
+                str(os.getpid()),
+                str(theirs.fileno()),
+            ]
             self._process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()], start_new_session=True
             )
@@ -120,7 +127,7 @@ class Template:
         request = json.dumps([path, memory, dict(os.environ), str(Path.cwd())]).encode(
             "utf-8", "surrogateescape"
         )
-        if len(request) > LONGEST:
+        if len(request) > LONGEST_REQUEST:
             raise OSError("too long a request")
         their_in, our_in = os.pipe()
         our_out, their_out = os.pipe()
@@ -195,7 +202,7 @@ def main(parent: int, channel: int) -> None:
                 with contextlib.suppress(BlockingIOError):
                     os.read(heard, 4096)
             elif each is requests:
-                data, files, _, _ = socket.recv_fds(requests, LONGEST, 4)
+                data, files, _, _ = socket.recv_fds(requests, LONGEST_REQUEST, 4)
                 if not data:
                     os._exit(0)  # the children end with us
                 pid = os.fork()

@@ -7,7 +7,7 @@ from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.words import axis, number, shows_speed, signal_name, unit_text
 
-KINDS = (("dead_zone", "dead zone"), ("slope", "slope"), ("top_speed", "top speed"))
+NUMBER_NAMES = (("dead_zone", "dead zone"), ("slope", "slope"), ("top_speed", "top speed"))
 SIDES = (("low", "lower side"), ("high", "upper side"))
 FINEST = 1e-3
 CAPTION = (
@@ -46,7 +46,7 @@ def lined(material: Material) -> tuple[np.ndarray, np.ndarray]:
     first, last = curve.points[0][0], curve.points[-1][0]
     found = [(0.0, 0.0)]
     for side, end in (("low", first), ("high", last)):
-        edge, slope, top = (getattr(curve, kind).get(side) for kind, _ in KINDS)
+        edge, slope, top = (getattr(curve, kind).get(side) for kind, _ in NUMBER_NAMES)
         if edge is None or slope is None:
             continue
         corner = end if top is None else edge.value + top.value / slope.value
@@ -66,7 +66,7 @@ def rows(material: Material) -> list[tuple[str, str, str, str, str]]:
     if curve is None:
         return []
     found = []
-    for kind, words in KINDS:
+    for kind, words in NUMBER_NAMES:
         for side, where in SIDES:
             item: DriveNumber | None = getattr(curve, kind).get(side)
             if item is None:

@@ -12,7 +12,7 @@ from cosim.report.words import CAPTIONS, axis, effect_name
 
 Array = NDArray[np.float64]
 
-CUTOFF = 10.0  # Hz
+PRESSURE_CUTOFF = 10.0  # Hz
 BAR, MM = 1e5, 1e-3
 OPEN = 0.3  # of the widest opening, less than which the ratio of flow to opening is mostly noise
 BINS = "mean in bins, ±2 standard errors"
@@ -30,10 +30,10 @@ class Pressures:
         if "spool" not in signals or "p_load" not in signals:
             raise LookupError("the hydraulics need spool and p_load")
         pick = points(signals["spool"].size, h, 0.01)
-        spool, pressure = (low_pass(signals[s], h, CUTOFF) for s in ("spool", "p_load"))
+        spool, pressure = (low_pass(signals[s], h, PRESSURE_CUTOFF) for s in ("spool", "p_load"))
         rate, _ = slopes(pressure, h)
         self.spool, self.pressure, self.rate = spool[pick], pressure[pick], rate[pick]
-        self.independent = 2.0 * CUTOFF * 0.01
+        self.independent = 2.0 * PRESSURE_CUTOFF * 0.01
 
 
 def extended_pair(material: Material, but: NamedCause | None) -> tuple[float, float]:
@@ -153,13 +153,15 @@ def supply(material: Material, cause: NamedCause) -> Picture:
     h = material.h
     p_s = material.value("continuity.p_s")
     decay = np.exp(-h / material.size(cause, "tau_s"))
-    drawn = lfilter([1.0 - decay], [1.0, -decay], np.abs(low_pass(material.measured["spool"], h, CUTOFF)))
+    drawn = lfilter(
+        [1.0 - decay], [1.0, -decay], np.abs(low_pass(material.measured["spool"], h, PRESSURE_CUTOFF))
+    )
     pick = points(drawn.size, h, 0.01)
-    x, y = drawn[pick] / MM, low_pass(material.measured["p_supply"], h, CUTOFF)[pick] / BAR
+    x, y = drawn[pick] / MM, low_pass(material.measured["p_supply"], h, PRESSURE_CUTOFF)[pick] / BAR
     grid = np.linspace(0.0, drawn[pick].max(), 201)
     fall = material.size(cause, "k_s") * grid
     root = (np.sqrt(fall**2 + 4.0 * p_s**2) - fall) / (2.0 * p_s)  # of Ps = p_s - k_s x sqrt(Ps/p_s)
-    at, mean, error = binned(x, y, 2.0 * CUTOFF * 0.01)
+    at, mean, error = binned(x, y, 2.0 * PRESSURE_CUTOFF * 0.01)
     layers = [
         Layer("points", "measured", "measured", x, y),
         Layer("line", "nominal model", "nominal", grid[[0, -1]] / MM, np.full(2, p_s / BAR)),

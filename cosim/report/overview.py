@@ -11,7 +11,7 @@ from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.residuals.cross_validation import held_windows
 from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise, Part
 from cosim.report.picture import Layer, Panel, Picture, Role
-from cosim.report.series import MOST, averaged, bucket, envelope
+from cosim.report.series import MOST_BUCKETS, averaged, bucket, envelope
 from cosim.report.words import CAPTIONS, axis, block_name, by_error, effect_name, signal_name
 
 Array = NDArray[np.float64]
@@ -192,8 +192,8 @@ def _residual(material: Material, part: Part, signal: str) -> Picture:
             shown_series.append((f"without {effect_name(cause.effect)}", "falling", without, True))
     for name, role, simulated, hidden in shown_series:
         at, values = judged(material.measured[signal] - simulated, noise)
-        if at.size > 2 * MOST:
-            kept, values = envelope(values, -(-at.size // MOST))
+        if at.size > 2 * MOST_BUCKETS:
+            kept, values = envelope(values, -(-at.size // MOST_BUCKETS))
             at = at[kept.astype(int)]
         layers.append(Layer("line", name, role, material.at(at), values * scale, hidden=hidden))
     block = block_name(part.name)

@@ -20,12 +20,12 @@ from cosim.report.words import (
     signal_name,
 )
 
-_TEXTS = tomllib.loads((Path(__file__).parent / "advice.toml").read_text(encoding="utf-8"))
-ADVICE: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what to check on the machine
-MOTOR: dict[str, list[str]] = _TEXTS["motor"]  # the same where a motor drives it
+_ADVICE = tomllib.loads((Path(__file__).parent / "advice.toml").read_text(encoding="utf-8"))
+ADVICE: dict[str, list[str]] = _ADVICE["effects"]  # effect -> what to check on the machine
+MOTOR: dict[str, list[str]] = _ADVICE["motor"]  # the same where a motor drives it
 # the same where it is not the crane, whose parts have other names
-OF_OTHERS: dict[str, list[str]] = _TEXTS["other_machines"]
-_VERDICTS: dict[str, list[str]] = _TEXTS["verdict"]
+OF_OTHERS: dict[str, list[str]] = _ADVICE["other_machines"]
+_VERDICTS: dict[str, list[str]] = _ADVICE["verdict"]
 _NAME = re.compile(r" \((?:[a-z_]+\.)+[a-z_]+\)")  # an identifier behind the name that people know
 
 

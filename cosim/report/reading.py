@@ -12,7 +12,7 @@ from cosim.report.words import CAPTIONS, axis, effect_name
 
 Array = NDArray[np.float64]
 
-CUTOFF = 5.0  # Hz
+READING_CUTOFF = 5.0  # Hz
 DEG = np.pi / 180.0
 BINS = "mean in bins, ±2 standard errors"
 ZOOM = 2.0  # s
@@ -30,14 +30,14 @@ def against_model(material: Material, cause: NamedCause) -> Picture:
     if driven is None:
         raise LookupError("the prediction without the sensor's error was not kept")
     h = material.h
-    residual = low_pass(material.measured["slew"] - driven, h, CUTOFF)
+    residual = low_pass(material.measured["slew"] - driven, h, READING_CUTOFF)
     pick = points(driven.size, h)
     if cause.effect == "sensor.gain":
         x, slope, label = driven, material.size(cause, "gain") - 1.0, axis("predicted slew angle", "deg")
     elif cause.effect == "sensor.drift":
         x, slope, label = material.time, material.size(cause, "drift"), axis("time", "s")
     else:  # tau_l d(reading)/dt = angle - reading
-        x = slopes(low_pass(material.measured["slew"], h, CUTOFF), h)[0]
+        x = slopes(low_pass(material.measured["slew"], h, READING_CUTOFF), h)[0]
         slope, label = -material.size(cause, "tau_l"), axis("measured slew speed", "deg/s")
     scale = 1.0 if cause.effect == "sensor.drift" else DEG
     return _slope(
@@ -56,7 +56,7 @@ def _slope(
     """Points, bins, and a line of the named slope through their middle, or through zero where the level is known."""
     level = 0.0 if fixed else float(np.mean(y - slope * x))
     ends = np.array([x.min(), x.max()])
-    at, mean, error = binned(x, y, 2.0 * CUTOFF * 0.02)
+    at, mean, error = binned(x, y, 2.0 * READING_CUTOFF * 0.02)
     layers = [
         Layer("points", "measured", "measured", x, y),
         Layer("line", "nominal model", "nominal", ends, np.zeros(2)),
@@ -82,7 +82,7 @@ def against_tracker(material: Material, cause: NamedCause) -> Picture:
     if not material.tracker:
         raise LookupError("no tracker")
     time, reading, stamp = (material.tracker[k] for k in ("time", "reading", "stamp"))
-    slew = low_pass(material.measured["slew"], material.h, 2.0 * CUTOFF)
+    slew = low_pass(material.measured["slew"], material.h, 2.0 * READING_CUTOFF)
     if cause.effect == "tracker.clock":
         # the mean speed between the two instants is that half way
         speed = np.interp(0.5 * (stamp + time), material.time, np.gradient(slew, material.h))
@@ -175,7 +175,7 @@ def limit(material: Material, cause: NamedCause) -> Picture:
     if extended is None or without is None:
         raise LookupError("the predictions were not kept")
     h = material.h
-    slew = low_pass(material.measured["slew"], h, 2.0 * CUTOFF)
+    slew = low_pass(material.measured["slew"], h, 2.0 * READING_CUTOFF)
     ends = [material.size(cause, name) for name in cause.parameters]
     near = 0.01 * float(np.ptp(slew))
     still = np.concatenate([[False], np.min([np.abs(slew - end) for end in ends], axis=0) < near, [False]])
@@ -220,7 +220,7 @@ def speed_over_angle(material: Material, cause: NamedCause) -> Picture:
     )
     fastest = 0.0
     for name, role, values in told:
-        angle = low_pass(values, material.h, CUTOFF)
+        angle = low_pass(values, material.h, READING_CUTOFF)
         speed = slopes(angle, material.h)[0][pick] / DEG
         fastest = fastest or float(np.abs(speed).max(initial=0.0))
         if fastest == 0.0:

@@ -33,7 +33,7 @@ from cosim.report.words import (
 )
 
 REPORT = "report.html"
-MOST = 3  # names in a line; the rest are counted
+MOST_NAMES = 3  # names in a line; the rest are counted
 _WORD = re.compile(r"\b[a-z_]+\.[a-z_]+\b")
 
 
@@ -143,7 +143,7 @@ def sure(result: Answer) -> Iterator[str]:
         told = []
         if alike:
             told.append(
-                f"this log cannot tell it from {listed([in_words(a) for a in alike[:MOST]])}{_more(alike)}"
+                f"this log cannot tell it from {listed([in_words(a) for a in alike[:MOST_NAMES]])}{_more(alike)}"
             )
         behind = next((r for r in cause.rivals if r.effect not in alike), None)
         if behind is not None:
@@ -155,7 +155,7 @@ def sure(result: Answer) -> Iterator[str]:
     # without a tracker nobody expects to hear of its faults
     never = [effect for effect in result.not_exercised if not effect.startswith("tracker.")]
     if result.verdict == "adequate" and never and not result.at_rest:
-        yield f"How sure: this log could not have shown {listed([in_words(e) for e in never[:MOST]])}{_more(never)}"
+        yield f"How sure: this log could not have shown {listed([in_words(e) for e in never[:MOST_NAMES]])}{_more(never)}"
 
 
 def _clause(why: str) -> str:
@@ -164,7 +164,7 @@ def _clause(why: str) -> str:
 
 
 def _more(names: list[str]) -> str:
-    return f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
 
 
 def better(result: Answer) -> Iterator[str]:
@@ -228,7 +228,7 @@ def next_step(result: Answer, out: Path) -> str:
         if (line := without_tracker(text) if result.words.blocks else text)
     ]
     if helpful:
-        return f"log more: {in_words(few(helpful[0], MOST))}"
+        return f"log more: {in_words(few(helpful[0], MOST_NAMES))}"
     return (
         f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
     )

@@ -8,12 +8,12 @@ from cosim.logs.filter import low_pass_without_shift
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOST = (
+MOST_BUCKETS = (
     6000  # buckets of a thinned series: 100 Hz over a minute, and files of one size whatever the log's length
 )
 
 
-def bucket(n: int, h: float, most: int = MOST) -> int:
+def bucket(n: int, h: float, most: int = MOST_BUCKETS) -> int:
     """Samples in one bucket of a thinned series of n samples: 10 ms, more for logs longer than `most` buckets."""
     return max(1, round(0.01 / h), -(-n // most))
 

@@ -14,7 +14,7 @@ from fmus import registry
 
 Array = NDArray[np.float64]
 
-CUTOFF = 5.0  # Hz: an angle noise of 0.01 deg at 1 kHz then leaves some 10 N m of torque noise
+TORQUE_CUTOFF = 5.0  # Hz: an angle noise of 0.01 deg at 1 kHz then leaves some 10 N m of torque noise
 EDGE = 0.5  # s at either end, where the smoothing has no neighbours
 STRIDE = 0.02  # s between points shown
 PERIODS = (
@@ -41,7 +41,7 @@ class Motion:
         if drive not in signals or angle not in signals:
             raise LookupError(f"the torque needs {drive} and {angle}")
         span = signals[angle].size * h
-        cutoff, stride = max(CUTOFF, PERIODS / span), min(STRIDE, span / POINTS)
+        cutoff, stride = max(TORQUE_CUTOFF, PERIODS / span), min(STRIDE, span / POINTS)
         pick = points(signals[angle].size, h, stride)
         shown = low_pass(signals[angle], h, cutoff)
         if shows_speed(angle):
@@ -248,7 +248,7 @@ def lost_motion(material: Material, cause: NamedCause) -> Picture:
     if driven is None:
         raise LookupError("the prediction without backlash was not kept")
     gap = material.size(cause, "gap")
-    rest = low_pass(material.measured["slew"] - driven, material.h, 2.0 * CUTOFF)
+    rest = low_pass(material.measured["slew"] - driven, material.h, 2.0 * TORQUE_CUTOFF)
     turns = reversals(driven, max(1.5 * gap, 1e-3))
     stride = max(1, round(0.01 / material.h))
     travels, losses = [], []
@@ -264,7 +264,7 @@ def lost_motion(material: Material, cause: NamedCause) -> Picture:
     if not travels:
         raise LookupError("no reversal in this log")
     x, y = np.concatenate(travels) / DEG, np.concatenate(losses) / DEG
-    at, mean, error = binned(x, y, 4.0 * CUTOFF * 0.01)
+    at, mean, error = binned(x, y, 4.0 * TORQUE_CUTOFF * 0.01)
     grid = np.array([0.0, gap, max(5.0 * gap, 1.1 * gap)]) / DEG
     layers = [
         Layer("points", f"measured, {len(turns)} reversals", "measured", x, y),

@@ -12,10 +12,10 @@ from cosim.report.words import CAPTIONS, axis, effect_name, signal_name
 
 Array = NDArray[np.float64]
 
-CUTOFF = 15.0  # Hz, beyond the valve's bandwidth of some 4 Hz
+SPOOL_CUTOFF = 15.0  # Hz, beyond the valve's bandwidth of some 4 Hz
 MM = 1e-3
 BEFORE, AFTER = 0.05, 0.6  # s shown around a step
-MOST = 20  # steps laid over each other
+OVERLAID = 20  # steps laid over each other
 
 
 def demand_of(material: Material, cause: NamedCause) -> Array:
@@ -27,7 +27,7 @@ def demand_of(material: Material, cause: NamedCause) -> Array:
     if "spool" not in material.measured:
         raise LookupError("the valve needs the spool")
     w0, zeta = material.value("dcv.w0", cause), material.value("dcv.zeta", cause)
-    spool = low_pass(material.measured["spool"], material.h, CUTOFF)
+    spool = low_pass(material.measured["spool"], material.h, SPOOL_CUTOFF)
     rate, acceleration = slopes(spool, material.h)
     return spool + 2.0 * zeta / w0 * rate + acceleration / w0**2
 
@@ -58,11 +58,11 @@ def curve(material: Material, cause: NamedCause) -> Picture:
     if pick.size < 20:
         raise LookupError("the command jumps all the time")
     x, y = u[pick], demand[pick]
-    off = (demand - low_pass(static(material, u, cause), h, CUTOFF))[pick]
+    off = (demand - low_pass(static(material, u, cause), h, SPOOL_CUTOFF))[pick]
     grid = np.unique(np.concatenate([np.linspace(x.min(), x.max(), 401), np.linspace(-0.12, 0.12, 241)]))
     grid = grid[(grid >= x.min()) & (grid <= x.max())]
     nominal, extended = static(material, grid, cause), static(material, grid, None)
-    at, mean, error = binned(x, off / MM, 2.0 * CUTOFF * 0.01, 40)
+    at, mean, error = binned(x, off / MM, 2.0 * SPOOL_CUTOFF * 0.01, 40)
     top = [
         Layer("points", "measured", "measured", 100.0 * x, y / MM),
         Layer("line", "nominal model", "nominal", 100.0 * grid, nominal / MM),
@@ -97,14 +97,14 @@ def play(material: Material, cause: NamedCause) -> Picture:
     # just after a reversal the play is being crossed: on neither side of the loop
     crossed = np.abs(u - u[np.maximum(turned - 1, 0)]) > 2.0 * half + 0.01
     pick = pick[crossed[pick]]
-    off = (demand - low_pass(static(material, u, cause), h, CUTOFF)) / material.value("dcv.K", cause)
+    off = (demand - low_pass(static(material, u, cause), h, SPOOL_CUTOFF)) / material.value("dcv.K", cause)
     layers = []
     for name, role, sign in (("command rising", "rising", 1.0), ("command falling", "falling", -1.0)):
         own = direction[pick] == sign
         if not own.any():
             continue
         x, y = 100.0 * u[pick][own], 100.0 * off[pick][own]
-        at, mean, error = binned(x, y, 2.0 * CUTOFF * 0.01)
+        at, mean, error = binned(x, y, 2.0 * SPOOL_CUTOFF * 0.01)
         layers.append(Layer("points", name, role, x, y))  # type: ignore[arg-type]
         layers.append(Layer("means", f"mean, {name}", role, at, mean, error))  # type: ignore[arg-type]
     ends = 100.0 * np.array([u.min(), u.max()])
@@ -129,7 +129,7 @@ def span_of(material: Material, apart: Array) -> tuple[NDArray[np.intp], Array, 
     a, b = round(BEFORE / h), round(AFTER / h)
     choices = []
     for pair, at in steps_of(u, h).items():
-        inside = at[(at >= a) & (at + b <= u.size)][:MOST]
+        inside = at[(at >= a) & (at + b <= u.size)][:OVERLAID]
         if inside.size:
             rows = inside[:, None] + np.arange(-a, b)
             choices.append((float(np.mean(apart[rows] ** 2) * np.sqrt(inside.size)), pair, rows))
@@ -194,7 +194,7 @@ def ceiling(material: Material, cause: NamedCause) -> Picture:
         raise LookupError("the prediction without stops was not kept")
     pick = points(free.size, material.h, 0.01)
     x = free[pick] / MM
-    y = low_pass(material.measured["spool"], material.h, 2.0 * CUTOFF)[pick] / MM
+    y = low_pass(material.measured["spool"], material.h, 2.0 * SPOOL_CUTOFF)[pick] / MM
     grid = np.linspace(x.min(), x.max(), 401)
     low, high = (material.size(cause, name) / MM for name in ("x_min", "x_max"))
     layers = [

@@ -29,14 +29,14 @@ NOISY = 1.1  # times the sensor's noise within which an error is called the nois
 FEW_LOGS = 3  # held out, from which on one of them may be odd
 ODD = 3.0  # times the error in the others, from which on a log is
 
-_TEXTS = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
-PHRASES: dict[str, list[str]] = _TEXTS["effects"]  # effect -> what the simulation gets wrong, and how
-PHYSICAL: dict[str, list[str]] = _TEXTS[
+_PHRASES = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
+PHRASES: dict[str, list[str]] = _PHRASES["effects"]  # effect -> what the simulation gets wrong, and how
+PHYSICAL: dict[str, list[str]] = _PHRASES[
     "physical"
 ]  # the same, of parameters that only the physical hydraulics have
-NAMES: dict[str, str] = _TEXTS["names"]  # effect -> what people call it
-FORMS: dict[str, str] = _TEXTS["forms"]  # parameter of another form of a law -> what it adds to that
-CAPTIONS: dict[str, str] = _TEXTS["captions"]
+NAMES: dict[str, str] = _PHRASES["names"]  # effect -> what people call it
+FORMS: dict[str, str] = _PHRASES["forms"]  # parameter of another form of a law -> what it adds to that
+CAPTIONS: dict[str, str] = _PHRASES["captions"]
 
 
 def unit_text(unit: str) -> str:

@@ -19,7 +19,7 @@ from cosim.ssp.parameters import local_source, read_ssv, units_of
 from cosim.ssp.quantities import contradiction
 from cosim.ssp.read import DESCRIPTION, read_fmu, read_ssp
 from cosim.ssp.system import Fmu, System
-from cosim.ssp.xml import SSD, parse, safe_parser, schema_problems
+from cosim.ssp.xml import IN_SSD, parse, safe_parser, schema_problems
 
 EVERY = tuple(name for name in dir(FMU3Slave) if name.startswith("fmi3"))  # function of FMI 3.0
 
@@ -113,7 +113,7 @@ def _schema_findings(archive: zipfile.ZipFile) -> Iterator[Problem]:
     for name in sorted(set(_sources(root))):
         values = parse(read_entry(archive, name, "the package"), name)
         yield from (Problem("error", name, text) for text in schema_problems(values))
-    for connector in root.iter(f"{SSD}Connector"):
+    for connector in root.iter(f"{IN_SSD}Connector"):
         if not any(isinstance(c.tag, str) and "SystemStructureCommon" in c.tag for c in connector):
             yield Problem(
                 "warning",
@@ -123,7 +123,7 @@ def _schema_findings(archive: zipfile.ZipFile) -> Iterator[Problem]:
 
 
 def _sources(root: etree._Element) -> Iterator[str]:
-    for binding in root.iter(f"{SSD}ParameterBinding"):
+    for binding in root.iter(f"{IN_SSD}ParameterBinding"):
         if binding.get("source") and binding.get("sourceBase", "SSD") == "SSD":
             yield local_source(binding.get("source"), "a parameter binding")
 

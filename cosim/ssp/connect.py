@@ -1,4 +1,4 @@
-"""Connectors and connections of an SSD, checked against the FMUs and turned into wires."""
+"""Connectors and connections of an IN_SSD, checked against the FMUs and turned into wires."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import linear
 from cosim.ssp.quantities import UnitDefinition, agree, from_xml
 from cosim.ssp.system import NUMERIC, Component, Port, SystemInput, Variable, Wire, alike
-from cosim.ssp.xml import SSC, SSD
+from cosim.ssp.xml import IN_SSC, IN_SSD
 
 _CAUSALITIES = {
     "input": "input",
@@ -58,15 +58,15 @@ class _Wiring:
         notes: list[str],
     ) -> None:
         self.system, self.components, self.problems, self.notes = system, components, problems, notes
-        node = system.getparent().find(f"{SSD}Units") if system.getparent() is not None else None
+        node = system.getparent().find(f"{IN_SSD}Units") if system.getparent() is not None else None
         self.units: dict[str, UnitDefinition] = {} if node is None else from_xml(node, "the system's Units")
         self.wired = {
             Port(connection.get(f"{end}Element", ""), connection.get(f"{end}Connector", ""))
-            for connection in system.iterfind(f"{SSD}Connections/{SSD}Connection")
+            for connection in system.iterfind(f"{IN_SSD}Connections/{IN_SSD}Connection")
             for end in ("start", "end")
         }
         self.connectors = {"": self.declared(system, "the system")}
-        for element in system.iterfind(f"{SSD}Elements/{SSD}Component"):
+        for element in system.iterfind(f"{IN_SSD}Elements/{IN_SSD}Component"):
             name = element.get("name", "")
             self.connectors[name] = self.declared(element, f"component '{name}'")
         self.wires: list[Wire] = []
@@ -82,13 +82,13 @@ class _Wiring:
     def declared(self, element: etree._Element, what: str) -> dict[str, _Connector]:
         """Connectors of an element, checked against its FMU."""
         found: dict[str, _Connector] = {}
-        for connector in element.iterfind(f"{SSD}Connectors/{SSD}Connector"):
+        for connector in element.iterfind(f"{IN_SSD}Connectors/{IN_SSD}Connector"):
             name = connector.get("name", "")
             if name in found:
                 self.problems.append(f"{what} has two connectors named '{name}'")
             kind, unit = "", ""
             for child in connector:
-                if isinstance(child.tag, str) and child.tag.startswith(SSC):
+                if isinstance(child.tag, str) and child.tag.startswith(IN_SSC):
                     kind, unit = etree.QName(child).localname, child.get("unit", "")
             found[name] = _Connector(connector.get("kind", ""), kind, unit)
             if element is not self.system:
@@ -121,7 +121,7 @@ class _Wiring:
             )
 
     def read(self) -> Connected:
-        for connection in self.system.iterfind(f"{SSD}Connections/{SSD}Connection"):
+        for connection in self.system.iterfind(f"{IN_SSD}Connections/{IN_SSD}Connection"):
             ends = [
                 Port(connection.get(f"{end}Element", ""), connection.get(f"{end}Connector", ""))
                 for end in ("start", "end")

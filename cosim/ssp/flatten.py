@@ -9,7 +9,7 @@ from copy import deepcopy
 from lxml import etree
 
 from cosim.errors import ModelError
-from cosim.ssp.xml import SSD
+from cosim.ssp.xml import IN_SSD
 
 
 def flatten(system: etree._Element, what: str = "the system") -> None:
@@ -18,7 +18,7 @@ def flatten(system: etree._Element, what: str = "the system") -> None:
     Raises:
         ModelError: two components would have one name, or a connection cannot be taken through a nested system.
     """
-    for nested in list(system.iterfind(f"{SSD}Elements/{SSD}System")):
+    for nested in list(system.iterfind(f"{IN_SSD}Elements/{IN_SSD}System")):
         flatten(nested, f"system '{nested.get('name', '')}'")
         _lift(system, nested, what)
 
@@ -27,7 +27,7 @@ def _lift(system: etree._Element, nested: etree._Element, what: str) -> None:
     name = nested.get("name", "")
     elements = _part(system, "Elements")
     taken = {e.get("name") for e in elements if e is not nested}
-    for component in list(nested.iterfind(f"{SSD}Elements/*")):
+    for component in list(nested.iterfind(f"{IN_SSD}Elements/*")):
         flat = f"{name}_{component.get('name', '')}"
         if flat in taken:
             raise ModelError(
@@ -38,7 +38,9 @@ def _lift(system: etree._Element, nested: etree._Element, what: str) -> None:
     elements.remove(nested)
     _rewire(system, nested, name)
     bindings = _part(system, "ParameterBindings", before=("Elements", "Connections"))
-    for place, binding in enumerate(list(nested.iterfind(f"{SSD}ParameterBindings/{SSD}ParameterBinding"))):
+    for place, binding in enumerate(
+        list(nested.iterfind(f"{IN_SSD}ParameterBindings/{IN_SSD}ParameterBinding"))
+    ):
         binding.set("prefix", f"{name}_{binding.get('prefix', '')}")
         bindings.insert(place, binding)
 
@@ -47,7 +49,7 @@ def _rewire(system: etree._Element, nested: etree._Element, name: str) -> None:
     """Join what meets at the connectors of a nested system, and take its own wires over."""
     wires = _part(system, "Connections")
     inside: dict[str, list[tuple[etree._Element, str]]] = {}
-    for wire in list(nested.iterfind(f"{SSD}Connections/{SSD}Connection")):
+    for wire in list(nested.iterfind(f"{IN_SSD}Connections/{IN_SSD}Connection")):
         inner = [end for end in ("start", "end") if wire.get(f"{end}Element")]
         for end in inner:
             wire.set(f"{end}Element", f"{name}_{wire.get(f'{end}Element')}")
@@ -90,9 +92,9 @@ def _joined(wire: etree._Element, end: str, within: etree._Element, its: str, na
 
 def _part(system: etree._Element, tag: str, before: tuple[str, ...] = ()) -> etree._Element:
     """The child of a system with this tag, made where it is not there."""
-    found = system.find(f"{SSD}{tag}")
+    found = system.find(f"{IN_SSD}{tag}")
     if found is None:
-        found = etree.Element(f"{SSD}{tag}")
+        found = etree.Element(f"{IN_SSD}{tag}")
         later = next(
             (c for c in system if isinstance(c.tag, str) and etree.QName(c).localname in before), None
         )

@@ -1,4 +1,4 @@
-"""Parameter values: .ssv files and the bindings of an SSD, with SSP 1.0's rules of precedence."""
+"""Parameter values: .ssv files and the bindings of an IN_SSD, with SSP 1.0's rules of precedence."""
 
 import math
 import zipfile
@@ -14,7 +14,7 @@ from cosim.ssp.archive import read_entry
 from cosim.ssp.fmu import parse_value
 from cosim.ssp.quantities import UnitDefinition, convert, from_xml
 from cosim.ssp.system import Fmu, Value, Variable, alike
-from cosim.ssp.xml import SSC, SSD, SSM, SSV, number, parse
+from cosim.ssp.xml import IN_SSC, IN_SSD, IN_SSM, IN_SSV, number, parse
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ParameterValue:
 
 def units_of(root: etree._Element, what: str) -> dict[str, UnitDefinition]:
     """Units that a parameter set defines, by name; `what` is its own, for messages."""
-    node = root.find(f"{SSV}Units")
+    node = root.find(f"{IN_SSV}Units")
     return {} if node is None else from_xml(node, what)
 
 
@@ -41,12 +41,12 @@ def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
     Raises:
         ModelError: it is no parameter set, holds a value that cannot be read, or a name twice.
     """
-    if root.tag != f"{SSV}ParameterSet":
+    if root.tag != f"{IN_SSV}ParameterSet":
         raise ModelError(f"{what} is no SSP 1.0 parameter set: its root element is {root.tag}")
     units = units_of(root, what)
     label = root.get("name", "")
     found: dict[str, ParameterValue] = {}
-    for parameter in root.iterfind(f"{SSV}Parameters/{SSV}Parameter"):
+    for parameter in root.iterfind(f"{IN_SSV}Parameters/{IN_SSV}Parameter"):
         name = parameter.get("name", "")
         item = next(
             (child for child in parameter if isinstance(child.tag, str) and child.get("value") is not None),
@@ -105,12 +105,12 @@ def bindings(
         ModelError: a source is missing, remote or of another type.
     """
     found = []
-    for binding in element.iterfind(f"{SSD}ParameterBindings/{SSD}ParameterBinding"):
+    for binding in element.iterfind(f"{IN_SSD}ParameterBindings/{IN_SSD}ParameterBinding"):
         if binding.get("type", "application/x-ssp-parameter-set") != "application/x-ssp-parameter-set":
             raise ModelError(f"{what}: parameter bindings of type {binding.get('type')} are not supported")
         root, label = _binding_root(binding, archive, fmu, what)
         values = read_set(root, label)
-        mapping = binding.find(f"{SSD}ParameterMapping")
+        mapping = binding.find(f"{IN_SSD}ParameterMapping")
         if mapping is not None:
             values = mapped(values, *_mapping_root(mapping, archive, fmu, what))
         prefix = binding.get("prefix", "")
@@ -124,11 +124,11 @@ def mapped(values: Sequence[ParameterValue], root: etree._Element, what: str) ->
     Raises:
         ModelError: it is no mapping, or changes a value otherwise than linearly.
     """
-    if root.tag != f"{SSM}ParameterMapping":
+    if root.tag != f"{IN_SSM}ParameterMapping":
         raise ModelError(f"{what} is no parameter mapping: its root element is {root.tag}")
     known = {v.name: v for v in values}
     found = []
-    for entry in root.iterfind(f"{SSM}MappingEntry"):
+    for entry in root.iterfind(f"{IN_SSM}MappingEntry"):
         value = known.get(entry.get("source", ""))
         if value is None:
             continue  # the set need not hold every name
@@ -146,7 +146,7 @@ def _mapping_root(
     mapping: etree._Element, archive: zipfile.ZipFile, fmu: zipfile.ZipFile | None, what: str
 ) -> tuple[etree._Element, str]:
     """The mapping of a binding, inline or in a file, and its name for messages."""
-    inline = mapping.find(f"{SSM}ParameterMapping")
+    inline = mapping.find(f"{IN_SSM}ParameterMapping")
     if mapping.get("source") is None:
         if inline is None:
             raise ModelError(f"{what}: a parameter mapping has neither a source nor entries")
@@ -158,7 +158,7 @@ def _binding_root(
     binding: etree._Element, archive: zipfile.ZipFile, fmu: zipfile.ZipFile | None, what: str
 ) -> tuple[etree._Element, str]:
     if binding.get("source") is None:
-        inline = binding.find(f"{SSD}ParameterValues/{SSV}ParameterSet")
+        inline = binding.find(f"{IN_SSD}ParameterValues/{IN_SSV}ParameterSet")
         if inline is None:
             raise ModelError(f"{what}: a parameter binding has neither a source nor values")
         return inline, f"{what}: inline values"
@@ -225,7 +225,7 @@ def linear(connection: etree._Element, what: str) -> tuple[float, float]:
         ModelError: it has a transformation of another kind, or a bad number.
     """
     for child in connection:
-        if child.tag == f"{SSC}LinearTransformation":
+        if child.tag == f"{IN_SSC}LinearTransformation":
             factor, offset = number(child, "factor", what, 1.0), number(child, "offset", what, 0.0)
             return 1.0 if factor is None else factor, offset or 0.0
         if isinstance(child.tag, str) and child.tag.endswith("Transformation"):

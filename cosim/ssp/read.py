@@ -23,7 +23,7 @@ from cosim.ssp.fmu import load_fmu
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import ParameterValue, bindings, fitted, local_source
 from cosim.ssp.system import NUMERIC, Component, Fmu, Port, System, SystemInput, Value, Wire
-from cosim.ssp.xml import SSD, number, parse
+from cosim.ssp.xml import IN_SSD, number, parse
 from cosim.trust import is_ours
 
 DESCRIPTION = "SystemStructure.ssd"
@@ -141,14 +141,14 @@ class _Reader:
 
     def read(self) -> System:
         root = parse(read_entry(self.archive, DESCRIPTION, str(self.path)), DESCRIPTION)
-        if root.tag != f"{SSD}SystemStructureDescription":
+        if root.tag != f"{IN_SSD}SystemStructureDescription":
             raise ModelError(
                 f"{self.path}: {DESCRIPTION} is no SSP 1.0 system: its root element is {root.tag}"
             )
         version = root.get("version", "")
         if not version.startswith(("1.", "2.")):
             raise ModelError(f"{self.path}: SSP version '{version}' is not supported: only 1.x and 2.x")
-        node = root.find(f"{SSD}System")
+        node = root.find(f"{IN_SSD}System")
         if node is None:
             raise ModelError(f"{self.path}: {DESCRIPTION} holds no System")
         try:
@@ -166,7 +166,7 @@ class _Reader:
         self.check_set_name()
         self.check_modules(components)
         self.stop_if_bad()
-        experiment = root.find(f"{SSD}DefaultExperiment")
+        experiment = root.find(f"{IN_SSD}DefaultExperiment")
         if experiment is not None:
             what = f"{self.path}: {DESCRIPTION}: DefaultExperiment"
             system.start_time = number(experiment, "startTime", what)
@@ -180,7 +180,7 @@ class _Reader:
 
     def components(self, system: etree._Element) -> dict[str, Component]:
         found: dict[str, Component] = {}
-        elements = system.find(f"{SSD}Elements")
+        elements = system.find(f"{IN_SSD}Elements")
         for element in [] if elements is None else elements:
             if not isinstance(element.tag, str):
                 continue

@@ -16,7 +16,7 @@ from cosim.ssp.xml import parse
 
 ENTRY = "extra/org.ssp-standard.ssp-traceability.srmd/resourceMetaData.srmd"
 SPACE = "http://ssp-standard.org/SSPTraceability1"
-NAMESPACES = {"srmd": f"{SPACE}/SimulationResourceMetaData", "stc": f"{SPACE}/SSPTraceabilityCommon"}
+RECORD_NAMESPACES = {"srmd": f"{SPACE}/SimulationResourceMetaData", "stc": f"{SPACE}/SSPTraceabilityCommon"}
 PREFIX = "slew-cosim."
 
 Sections = Mapping[str, Mapping[str, str]]
@@ -32,10 +32,10 @@ def meta_data(name: str, tool: str, sections: Sections) -> bytes:
         tool: name and version of what made it.
         sections: classification -> keyword -> text; empty ones are left out.
     """
-    stc = ElementMaker(namespace=NAMESPACES["stc"])
-    root = ElementMaker(namespace=NAMESPACES["srmd"], nsmap=NAMESPACES).SimulationResourceMetaData(
-        version="1.0.0", name=name, generationTool=tool
-    )
+    stc = ElementMaker(namespace=RECORD_NAMESPACES["stc"])
+    root = ElementMaker(
+        namespace=RECORD_NAMESPACES["srmd"], nsmap=RECORD_NAMESPACES
+    ).SimulationResourceMetaData(version="1.0.0", name=name, generationTool=tool)
     for section, entries in sections.items():
         if entries:
             listed = [stc.ClassificationEntry(text, keyword=keyword) for keyword, text in entries.items()]
@@ -64,8 +64,8 @@ def embedded(package: Path) -> dict[str, dict[str, str]] | None:
     return {
         node.get("type", "").removeprefix(PREFIX): {
             entry.get("keyword", ""): entry.text or ""
-            for entry in node.findall("stc:ClassificationEntry", NAMESPACES)
+            for entry in node.findall("stc:ClassificationEntry", RECORD_NAMESPACES)
         }
-        for node in root.findall("stc:Classification", NAMESPACES)
+        for node in root.findall("stc:Classification", RECORD_NAMESPACES)
         if node.get("type", "").startswith(PREFIX)
     }

@@ -8,14 +8,14 @@ from lxml import etree
 
 from cosim.errors import ModelError
 
-SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
-SSC = "{http://ssp-standard.org/SSP1/SystemStructureCommon}"
-SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
-SSM = "{http://ssp-standard.org/SSP1/SystemStructureParameterMapping}"
+IN_SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
+IN_SSC = "{http://ssp-standard.org/SSP1/SystemStructureCommon}"
+IN_SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
+IN_SSM = "{http://ssp-standard.org/SSP1/SystemStructureParameterMapping}"
 
 _SCHEMAS = {
-    f"{SSD}SystemStructureDescription": "SystemStructureDescription.xsd",
-    f"{SSV}ParameterSet": "SystemStructureParameterValues.xsd",
+    f"{IN_SSD}SystemStructureDescription": "SystemStructureDescription.xsd",
+    f"{IN_SSV}ParameterSet": "SystemStructureParameterValues.xsd",
 }
 
 
