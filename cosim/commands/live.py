@@ -34,7 +34,10 @@ Excitation = Annotated[
 Played = Annotated[
     Path | None,
     typer.Option(
-        "--input", "--stimulus", help="Manual command: CSV with 'time [s]' and 'u [1]'.", metavar="FILE"
+        "--input",
+        "--stimulus",
+        help="Manual command: CSV with columns for time in s and u, -1 to 1.",
+        metavar="FILE",
     ),
 ]
 Amplitude = Annotated[float, typer.Option(help="Of the excitation or the played command, 0 to 1.")]

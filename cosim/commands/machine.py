@@ -15,7 +15,7 @@ def register(app: typer.Typer) -> None:
 
 def machine(
     mapping: Annotated[
-        Path, typer.Argument(help="Mapping file (TOML) with a table [machine].", metavar="FILE")
+        Path, typer.Argument(help="Mapping file (TOML) with a table 'machine'.", metavar="FILE")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for .ssd, .ssv and .ssp.", metavar="DIR")],
     log: Annotated[

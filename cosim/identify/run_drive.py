@@ -111,6 +111,20 @@ def ends(mapping: Mapping | None) -> tuple[str, str]:
     return str(machine.get("input", "u")), str(machine.get("output", "slew"))
 
 
+def moved_by(log: Log, command: str, usual: str) -> str:
+    """The motion of a log: the usual one, or the one signal beside the command where it is not there.
+
+    Raises:
+        DataError: several might be it.
+    """
+    others = [name for name in log.signals if name != command]
+    if usual in log or len(others) < 2:
+        return usual if usual in log or not others else others[0]
+    raise DataError(
+        f"{log.source}: which signal is the motion of the drive? Say --motion {' or '.join(others)}"
+    )
+
+
 def number(estimate: Estimate, unit: str, scale: float) -> dict[str, Any]:
     """An estimate as JSON, in the unit people read."""
     low, high = sorted((estimate.low * scale, estimate.high * scale))
@@ -234,13 +248,14 @@ def drive_answer(
         logs: of one machine.
         mapping: with which they were read.
         command: name of the command; by default the input of the mapping's machine, or ``u``.
-        motion: name of the motion; by default its output, or ``slew``.
+        motion: name of the motion; by default its output, or ``slew``, or the one signal beside the command.
 
     Raises:
         DataError: a log does not hold them, is too short or stands still.
     """
     default = ends(mapping)
-    told = told_of(logs[0], mapping, command or default[0], motion or default[1])
+    command = command or default[0]
+    told = told_of(logs[0], mapping, command, motion or moved_by(logs[0], command, default[1]))
     curve = drive_curve([run_of(log, told) for log in logs])
     data = curve_data(curve, told)
     missing = [WORDS[n] for n in WORDS if n not in curve.values]

@@ -222,6 +222,35 @@ def test_the_answer_is_in_words_and_the_table_on_demand(tmp_path: Path, capsys):
     assert "95 % from" in capsys.readouterr().out
 
 
+LINEAR = """
+time = { column = "t", unit = "s" }
+[signals]
+u = { column = "duty", unit = "1" }
+travel = { column = "way", unit = "m" }
+[signals.pressure]
+column = "p"
+unit = "bar"
+"""
+
+
+def test_the_one_signal_beside_the_command_is_the_motion(tmp_path: Path):
+    """A cylinder's position is called by another name than the crane's angle."""
+    run = made(6)
+    table = np.column_stack([run.time, run.command, run.position, 100.0 + run.command])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,duty,way,p", comments="", fmt="%.9g")
+    (tmp_path / "one.toml").write_text(LINEAR.partition("[signals.pressure]")[0])
+    (tmp_path / "two.toml").write_text(LINEAR)
+    one, two = (load_mapping(tmp_path / f"{name}.toml") for name in ("one", "two"))
+    found = drive_answer([load_log(tmp_path / "log.csv", one)], one, None, None).data["drive_curve"]
+    assert found["motion"]["signal"] == "travel"
+    assert found["dead_zone"]["high"]["value"] == pytest.approx(0.25, abs=0.01)
+    log = load_log(tmp_path / "log.csv", two)
+    with pytest.raises(DataError, match="--motion travel or pressure"):
+        drive_answer([log], two, None, None)
+    named = drive_answer([log], two, None, "travel").data["drive_curve"]
+    assert named["dead_zone"] == found["dead_zone"]
+
+
 def test_a_side_that_is_not_known_is_left_out_of_the_words():
     run = made(3, seconds=200.0)
     curve = drive_curve([run])
