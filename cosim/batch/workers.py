@@ -4,6 +4,7 @@ Both are executors of concurrent.futures. Of this machine's processes each is a 
 its own run and no other, and one that has grown is replaced between two runs.
 """
 
+import contextlib
 import math
 import multiprocessing
 import os
@@ -20,6 +21,8 @@ from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from multiprocessing.util import get_temp_dir
 from typing import Any, Protocol
+
+import psutil
 
 from cosim.batch.job import Job, Outcome, Run, Task
 from cosim.batch.task import execute, hello
@@ -201,7 +204,19 @@ if sys.platform == "linux":
 
         def __init__(self, process: BaseProcess) -> None:
             self._asking = threading.Lock()
-            super().__init__(process)
+            until = clock.monotonic() + GONE
+            while True:
+                try:
+                    super().__init__(process)
+                except (
+                    ConnectionError,
+                    EOFError,
+                ):  # its server has just died, and is not known to be dead yet
+                    if clock.monotonic() > until:
+                        raise
+                    clock.sleep(0.01)
+                else:
+                    return
 
         def poll(self, flag: int = os.WNOHANG) -> int | None:
             """The exit code, negative for a signal; None while the process runs and `flag` is not to wait for it."""
@@ -235,6 +250,17 @@ def _context(task: Task) -> BaseContext:
     return context
 
 
+def _gone(pid: int | None, within: float) -> bool:
+    """True if a process has ended, or does so within so many seconds."""
+    until = clock.monotonic() + within
+    while pid is not None and psutil.pid_exists(pid) and clock.monotonic() < until:
+        with contextlib.suppress(psutil.Error):
+            if psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+                return True
+        clock.sleep(0.01)
+    return pid is None or not psutil.pid_exists(pid)
+
+
 def _begin(folders: tuple[str, ...], environment: dict[str, str]) -> None:
     """First thing in a process: Ctrl-C is the parent's to handle, and without the parent there is nothing to do.
 
@@ -253,8 +279,10 @@ def _begin(folders: tuple[str, ...], environment: dict[str, str]) -> None:
 
         def follow() -> None:
             wait([parent.sentinel])
-            for folder in folders:
-                shutil.rmtree(folder, ignore_errors=True)
+            # given up by a parent that lives, since what forked this one is gone: the folders are others' too
+            if _gone(parent.pid, GONE):
+                for folder in folders:
+                    shutil.rmtree(folder, ignore_errors=True)
             os._exit(1)
 
         threading.Thread(target=follow, daemon=True).start()
