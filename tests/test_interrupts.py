@@ -12,7 +12,9 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+import typer
 
+from cosim import cli
 from cosim.compiled import CompiledBlock, load_compiled
 from cosim.interrupts import ended_in_order, stoppable, uninterrupted
 from fmus import registry
@@ -168,3 +170,19 @@ def test_a_signal_within_an_import_waits_for_its_end(tmp_path: Path, monkeypatch
         time.sleep(10.0 * importlib.import_module("struck_module").whole)
     assert came
     assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_an_end_of_file_is_no_ctrl_c() -> None:
+    """Typer takes one for the other: what another process no longer said was "interrupted"."""
+    ending = typer.Typer(cls=cli._Group)
+
+    @ending.command()
+    def first() -> None:
+        raise EOFError("unexpected EOF")
+
+    @ending.command()
+    def second() -> None:
+        return
+
+    with pytest.raises(RuntimeError, match="unexpected EOF"):
+        ending(["first"], standalone_mode=False)

@@ -34,6 +34,7 @@ Outcomes = list[Outcome]
 CONNECT = 10.0  # s until a scheduler must answer
 ARRIVE = 30.0  # s until it must have a worker
 GONE = 5.0  # s until a process that was killed is gone
+TRIES = 100  # to have a process forked
 START = 60.0  # s that a process may take to begin, beside the time limit of its first run
 # what a task needs beside `cosim.batch.ready`
 LOADED: dict[Task, tuple[str, ...]] = {
@@ -204,19 +205,17 @@ if sys.platform == "linux":
 
         def __init__(self, process: BaseProcess) -> None:
             self._asking = threading.Lock()
-            until = clock.monotonic() + GONE
-            while True:
+            for _ in range(TRIES):
                 try:
                     super().__init__(process)
                 except (
                     ConnectionError,
                     EOFError,
-                ):  # its server has just died, and is not known to be dead yet
-                    if clock.monotonic() > until:
-                        raise
-                    clock.sleep(0.01)
+                ):  # its server has just died, and may not be known to be dead yet
+                    clock.sleep(GONE / TRIES)
                 else:
                     return
+            raise OSError("the process from which those of a batch are forked ends again and again")
 
         def poll(self, flag: int = os.WNOHANG) -> int | None:
             """The exit code, negative for a signal; None while the process runs and `flag` is not to wait for it."""

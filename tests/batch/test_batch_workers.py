@@ -93,6 +93,29 @@ def test_without_the_process_that_forks_them_others_take_over_and_what_is_given_
         crew.close()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing stands between")
+def test_a_process_begins_though_the_one_that_forks_it_dies_meanwhile(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1"}), tmp_path)
+    read, killed = forkserver.read_signed, []  # type: ignore[attr-defined]
+
+    def dying(channel: int) -> int:
+        if not killed:
+            killed.append(forkserver._forkserver._forkserver_pid)  # type: ignore[attr-defined]
+            os.kill(killed[0], signal.SIGKILL)
+            raise EOFError("unexpected EOF")
+        return int(read(channel))
+
+    monkeypatch.setattr(forkserver, "read_signed", dying)
+    crew = Processes(1, 1e12)
+    try:
+        assert crew.submit(batch.job, batch.runs).result(timeout=60.0)[0].status == "done"
+    finally:
+        crew.close()
+    assert killed
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX")
 def test_a_process_is_gone_that_nobody_has_collected_and_one_that_lives_is_not() -> None:
     ended = subprocess.Popen([sys.executable, "-c", ""])
