@@ -64,6 +64,8 @@ class _Group(TyperGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise _InterruptedError from None
+        except EOFError as error:  # which typer takes for a Ctrl-C
+            raise RuntimeError(f"unexpected end of what another process says: {error}") from error
         except BrokenPipeError as error:
             raise console.OutputClosedError from error
 

@@ -5,6 +5,7 @@ within one of them, numba goes on with no object at all and the process dies.
 """
 
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,11 +24,13 @@ class _Struck:
         waits: they are set, and wait for compiled code by themselves.
         inside: compiled code runs.
         came: a signal that must end everything came meanwhile.
+        raised: the last signal that raised a KeyboardInterrupt.
     """
 
     waits = False
     inside = False
     came = False
+    raised: int | None = None
 
 
 @contextmanager
@@ -78,6 +81,7 @@ def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
         if _Struck.inside:
             _Struck.came = True
             return
+        _Struck.raised = number
         raise KeyboardInterrupt
 
     # a signal that is ignored stays ignored (nohup, a job in the background)
@@ -95,8 +99,9 @@ def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
 def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
     """Within this context SIGTERM is a Ctrl-C, so that temporary folders and halves of files are cleared up.
 
-    Neither strikes within an import or a call of an FMU, whose C makes another error of it, but right after. The second
-    SIGTERM ends the process at once. A signal that is ignored or handled already stays so.
+    Neither strikes within an import or a call of an FMU, whose C makes another error of it, but right after. Where Python
+    drops what is raised (a finaliser, the callback of a weak reference) it strikes again, soon. The second SIGTERM ends the
+    process at once. A signal that is ignored or handled already stays so.
 
     Args:
         came: takes the number of what came.
@@ -109,23 +114,38 @@ def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
         if leaving:
             return
         if _untimely(frame):
-            waiting.append(threading.Timer(AGAIN, _send, (number,)))
-            waiting[-1].daemon = True
-            waiting[-1].start()
+            later(number)
             return
         if number == signal.SIGTERM:
             signal.signal(number, signal.SIG_DFL)
         if came is not None:
             came.append(number)
+        _Struck.raised = number
         raise KeyboardInterrupt
+
+    def later(number: int) -> None:
+        waiting.append(threading.Timer(AGAIN, _send, (number,)))
+        waiting[-1].daemon = True
+        waiting[-1].start()
+
+    def dropped(event: "sys.UnraisableHookArgs") -> None:
+        number = _Struck.raised
+        if not isinstance(event.exc_value, KeyboardInterrupt) or number is None or leaving:
+            usual_hook(event)
+            return
+        if signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, struck)
+        later(number)
 
     waiting: list[threading.Timer] = []
     leaving: list[bool] = []
     usual = (signal.SIG_DFL, signal.default_int_handler)
     before = {s: signal.signal(s, struck) for s in HANDLED if signal.getsignal(s) in usual}
+    usual_hook, sys.unraisablehook = sys.unraisablehook, dropped
     try:
         yield
     finally:
+        sys.unraisablehook = usual_hook
         leaving.append(True)  # what comes from here on, or was still to come again, strikes nobody
         for again in waiting:
             again.cancel()

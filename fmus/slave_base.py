@@ -126,10 +126,14 @@ class BaseSlave(Fmi2Slave):
             if hasattr(library, "finalizePythonInterpreter"):
                 # its address alone: a library object is kilobytes, and this is kept until the process ends
                 address = ctypes.cast(library.finalizePythonInterpreter, ctypes.c_void_p).value or 0
-                atexit.register(self.settle, address, os.stat(path).st_ino)
+                if sys.orig_argv:
+                    atexit.register(self.settle, address, os.stat(path).st_ino)
+                else:
+                    # the host is not Python: Python ends within the end of the first library, when others are gone already
+                    ctypes.CDLL(None)["__cxa_atexit"](ctypes.c_void_p(address), None, None)
             if sys.orig_argv:
                 _ctypes.dlclose(library._handle)  # the host alone decides how long it stays
-            # else the host is not Python, which then ends within the library's own end: it must stay until the process ends
+            # else it must stay until the process ends
 
     @staticmethod
     def settle(address: int, inode: int) -> None:

@@ -12,7 +12,9 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+import typer
 
+from cosim import cli
 from cosim.compiled import CompiledBlock, load_compiled
 from cosim.interrupts import ended_in_order, stoppable, uninterrupted
 from fmus import registry
@@ -168,3 +170,76 @@ def test_a_signal_within_an_import_waits_for_its_end(tmp_path: Path, monkeypatch
         time.sleep(10.0 * importlib.import_module("struck_module").whole)
     assert came
     assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_an_end_of_file_is_no_ctrl_c() -> None:
+    """Typer takes one for the other: what another process no longer said was "interrupted"."""
+    ending = typer.Typer(cls=cli._Group)
+
+    @ending.command()
+    def first() -> None:
+        raise EOFError("unexpected EOF")
+
+    @ending.command()
+    def second() -> None:
+        return
+
+    with pytest.raises(RuntimeError, match="unexpected EOF"):
+        ending(["first"], standalone_mode=False)
+
+
+DROPPED = """
+import os, signal, sys, time, weakref
+from cosim.interrupts import ended_in_order
+class Thing: pass
+thing = Thing()
+held = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM) or time.sleep(0.5))
+try:
+    with ended_in_order():
+        del thing
+        time.sleep(30.0)
+    print("went on")
+except KeyboardInterrupt:
+    print("ended")
+"""
+
+
+def test_a_signal_within_a_callback_whose_errors_python_drops_strikes_after_it() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "ended\n", "")
+
+
+SCRATCH = """
+import os, signal, sys, tempfile
+from cosim.interrupts import ended_in_order
+from cosim.ssp.archive import scratch_folder
+made, removed = tempfile.mkdtemp, tempfile.TemporaryDirectory._rmtree.__func__
+def struck_mkdtemp(*words):
+    folder = made(*words)
+    os.kill(os.getpid(), signal.SIGTERM)
+    return folder
+def struck_rmtree(cls, name, **options):
+    os.kill(os.getpid(), signal.SIGTERM)
+    removed(cls, name, **options)
+try:
+    with ended_in_order():
+        if sys.argv[1] == "made":
+            tempfile.mkdtemp = struck_mkdtemp
+        folder, _ = scratch_folder()
+        tempfile.TemporaryDirectory._rmtree = classmethod(struck_rmtree)
+        folder.cleanup()
+except KeyboardInterrupt:
+    print("ended")
+"""
+
+
+@pytest.mark.parametrize("when", ["made", "removed"])
+def test_no_signal_leaves_a_temporary_folder_behind(when: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SCRATCH, when],
+        capture_output=True, text=True, timeout=60, check=False, env=os.environ | {"TMPDIR": str(tmp_path)},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "ended\n", "")
+    assert list(tmp_path.iterdir()) == []

@@ -4,6 +4,7 @@ Both are executors of concurrent.futures. Of this machine's processes each is a 
 its own run and no other, and one that has grown is replaced between two runs.
 """
 
+import contextlib
 import math
 import multiprocessing
 import os
@@ -21,6 +22,8 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.util import get_temp_dir
 from typing import Any, Protocol
 
+import psutil
+
 from cosim.batch.job import Job, Outcome, Run, Task
 from cosim.batch.task import execute, hello
 from cosim.errors import MissingExtraError, SimulationError, UsageError
@@ -31,6 +34,7 @@ Outcomes = list[Outcome]
 CONNECT = 10.0  # s until a scheduler must answer
 ARRIVE = 30.0  # s until it must have a worker
 GONE = 5.0  # s until a process that was killed is gone
+TRIES = 100  # to have a process forked
 START = 60.0  # s that a process may take to begin, beside the time limit of its first run
 # what a task needs beside `cosim.batch.ready`
 LOADED: dict[Task, tuple[str, ...]] = {
@@ -201,7 +205,17 @@ if sys.platform == "linux":
 
         def __init__(self, process: BaseProcess) -> None:
             self._asking = threading.Lock()
-            super().__init__(process)
+            for _ in range(TRIES):
+                try:
+                    super().__init__(process)
+                except (
+                    ConnectionError,
+                    EOFError,
+                ):  # its server has just died, and may not be known to be dead yet
+                    clock.sleep(GONE / TRIES)
+                else:
+                    return
+            raise OSError("the process from which those of a batch are forked ends again and again")
 
         def poll(self, flag: int = os.WNOHANG) -> int | None:
             """The exit code, negative for a signal; None while the process runs and `flag` is not to wait for it."""
@@ -235,6 +249,17 @@ def _context(task: Task) -> BaseContext:
     return context
 
 
+def _gone(pid: int | None, within: float) -> bool:
+    """True if a process has ended, or does so within so many seconds."""
+    until = clock.monotonic() + within
+    while pid is not None and psutil.pid_exists(pid) and clock.monotonic() < until:
+        with contextlib.suppress(psutil.Error):
+            if psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+                return True
+        clock.sleep(0.01)
+    return pid is None or not psutil.pid_exists(pid)
+
+
 def _begin(folders: tuple[str, ...], environment: dict[str, str]) -> None:
     """First thing in a process: Ctrl-C is the parent's to handle, and without the parent there is nothing to do.
 
@@ -253,8 +278,10 @@ def _begin(folders: tuple[str, ...], environment: dict[str, str]) -> None:
 
         def follow() -> None:
             wait([parent.sentinel])
-            for folder in folders:
-                shutil.rmtree(folder, ignore_errors=True)
+            # given up by a parent that lives, since what forked this one is gone: the folders are others' too
+            if _gone(parent.pid, GONE):
+                for folder in folders:
+                    shutil.rmtree(folder, ignore_errors=True)
             os._exit(1)
 
         threading.Thread(target=follow, daemon=True).start()

@@ -112,7 +112,9 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
     command = record.signals[machine.drive]
     commanding = machine.drive != "u" or commands(command)
     spoiled = bool(as_labelled) and not (commanding and abs(as_labelled[0][1]) >= SHAPE)
-    if plausible(as_labelled, usual) and not (trusted and spoiled):
+    # of a reading where no machine is, the model can be that far off that its shape tells nothing
+    strange = [name for name in record.signals if not in_range(record.signals, name)]
+    if plausible(as_labelled, usual) and not (trusted and (spoiled or strange)):
         return exchanged_with_supply(record.signals)
     mistakes = [*signs(record, groups)]
     if trusted:
@@ -124,7 +126,11 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
         if not in_range(undone, machine.drive):
             continue
         each = shapes(record, undone, groups, base)
-        if cured(as_labelled, each, usual) if not plausible(as_labelled, usual) else shaped(each, commanding):
+        if not plausible(as_labelled, usual):
+            right = cured(as_labelled, each, usual)
+        else:
+            right = shaped(each, commanding) and all(in_range(undone, name) for name in strange)
+        if right:
             told.append(((round(min(r for _, r in each), 3), -off(each)), mistake))
     if told:
         return [either_sign(max(told, key=lambda item: item[0])[1].reported, groups)]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import DataError, UsageError
+from cosim.errors import UsageError
 from cosim.files import whole, write_text
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ def write_experiment(experiment: Experiment, path: Path) -> Path:
         The plan's path.
 
     Raises:
-        DataError: the file cannot be written.
+        UsageError: the file cannot be written.
     """
     from pandas import DataFrame
 
@@ -139,5 +139,5 @@ def write_experiment(experiment: Experiment, path: Path) -> Path:
             DataFrame(table).round({"u [1]": 9}).to_csv(part, index=False, lineterminator="\n")
         write_text(plan, json.dumps(content, indent=2) + "\n")
     except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
     return plan

@@ -211,6 +211,8 @@ def ratio_ci95(one: Array, other: Array) -> tuple[float, float]:
     parts = min(one.size, MOST_BLOCKS)
     sums = [np.array([part.sum() for part in np.array_split(values, parts)]) for values in (one, other)]
     rows = np.random.default_rng(1).integers(0, parts, (RESAMPLED, parts))
-    ratios = np.sqrt(sums[0][rows].sum(axis=1) / np.maximum(sums[1][rows].sum(axis=1), 1e-300))
+    above, below = (total[rows].sum(axis=1) for total in sums)
+    # of errors that are none a ratio is large, and a number all the same
+    ratios = np.sqrt(above / np.maximum(below, np.maximum(1e-30 * above, 1e-300)))
     low, high = np.quantile(ratios, [0.025, 0.975])
     return float(low), float(high)

@@ -11,6 +11,7 @@ from cosim.errors import DataError, MissingExtraError
 from cosim.logs.source import Array, Label, Source, parse_label, translated
 
 DEFLATE = 1032  # times that its data can be longer than what is compressed
+VIRTUAL = (3, 6)  # channels of MDF 4 that are counted, not recorded
 
 
 class MdfSource(Source):
@@ -67,7 +68,9 @@ class MdfSource(Source):
 
 
 def _check_sizes(path: Path, file: Any) -> None:
-    """Refuses a group that claims more than its file can hold: the library would first make room for it, for minutes.
+    """Refuses a group that claims more than its file can hold, and a channel that lies outside its group's records.
+
+    For the one the library would make room, for minutes; for the other it would read memory that is not the file's.
 
     Raises:
         DataError: so it is.
@@ -81,6 +84,21 @@ def _check_sizes(path: Path, file: Any) -> None:
                 f"{path}: cannot be read as an MDF file: group {number} claims {about.cycles_nr} records of {record} bytes,"
                 " more than the file can hold"
             )
+        for channel in group.channels:
+            begin, size = _place(channel)
+            if begin + size > 8 * about.samples_byte_nr and channel.channel_type not in VIRTUAL:
+                raise DataError(
+                    f"{path}: cannot be read as an MDF file: channel '{channel.name}' lies at byte {begin // 8} of records"
+                    f" of {about.samples_byte_nr} bytes"
+                )
+
+
+def _place(channel: Any) -> tuple[int, int]:
+    """First bit in the record and number of bits of a channel of MDF 4, or of MDF 2 and 3."""
+    if hasattr(channel, "byte_offset"):
+        return 8 * channel.byte_offset + channel.bit_offset, channel.bit_count
+    beyond = getattr(channel, "additional_byte_offset", 0)
+    return channel.start_offset + 8 * beyond, channel.bit_count
 
 
 def _mdf_unit(file: Any, group: int, channel: int) -> str:

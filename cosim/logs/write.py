@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
-from cosim.errors import DataError, UsageError
+from cosim.errors import UsageError
 from cosim.files import whole
 from cosim.logs import checksums
 from cosim.logs.log import Log, Tracker
@@ -34,8 +34,7 @@ def write_log(log: Log | Tracker, path: Path | str) -> Path:
         The path.
 
     Raises:
-        UsageError: the suffix cannot be written, or the log's time is in samples.
-        DataError: the file cannot be written.
+        UsageError: the suffix or the file cannot be written, or the log's time is in samples.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -56,7 +55,7 @@ def write_log(log: Log | Tracker, path: Path | str) -> Path:
                         checksums.added(table), part, row_group_size=_ROW_GROUP, write_page_checksum=True
                     )
     except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
 
 

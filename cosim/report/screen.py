@@ -105,7 +105,8 @@ def wrong(result: Answer) -> Iterator[str]:
             "nominal parameters allow"
         )
     if result.verdict == "interrupted":
-        yield f"Interrupted ({result.interrupted}): what is said here was found until then"
+        why = result.interrupted or "a block could not be judged"
+        yield f"Interrupted ({why}): what is said here was found until then"
 
 
 def place(cause: NamedCause) -> str:

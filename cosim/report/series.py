@@ -116,5 +116,7 @@ def reversals(angle: Array, least: float) -> list[tuple[int, int, int]]:
         elif direction <= 0 and angle[k] - angle[low] > least:
             turns.append((low, 1))
             direction, low, high = 1, k, k
+    if not turns:
+        return []
     ends = [*[t for t, _ in turns[1:]], angle.size - 1]
     return [(t, end, d) for (t, d), end in zip(turns, ends, strict=True)][1:]

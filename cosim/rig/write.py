@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import DataError, UsageError
+from cosim.errors import UsageError
 from cosim.files import write_text
 from cosim.logs.log import Log, Tracker
 from cosim.logs.write import WRITABLE, write_log
@@ -88,8 +88,7 @@ def write(run: RigRun, path: Path) -> None:
     """Write the log of `run`; the suffix of `path` chooses CSV, Parquet or MAT.
 
     Raises:
-        UsageError: the suffix is none of these.
-        DataError: the file cannot be written.
+        UsageError: the suffix is none of these, or the file cannot be written.
     """
     log = as_log(run)
     signals = {name: _rounded(name, values) for name, values in log.signals.items()}
@@ -100,8 +99,7 @@ def write_tracker(run: RigRun, path: Path) -> None:
     """Write the tracker's record of `run`, on its own clock.
 
     Raises:
-        UsageError: the run has no tracker record, or the suffix cannot be written.
-        DataError: the file cannot be written.
+        UsageError: the run has no tracker record, or suffix or file cannot be written.
     """
     record = as_tracker(run)
     angle = _rounded("slew_external", record.slew_external)
@@ -115,8 +113,7 @@ def write_markers(run: RigRun, path: Path) -> Path:
     path is returned.
 
     Raises:
-        UsageError: the run has no marker positions, or the suffix cannot be written.
-        DataError: a file cannot be written.
+        UsageError: the run has no marker positions, or suffix or file cannot be written.
     """
     if run.markers is None:
         raise UsageError("this run has no marker positions: make it with markers=True")
@@ -158,4 +155,4 @@ def _written(path: Path, text: str) -> Path:
     try:
         return write_text(path, text)
     except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None

@@ -71,6 +71,7 @@ _NARROW = ("x86", "aarch32", "riscv32")  # architectures of 32 bit in the names 
 SUFFIXES = {"linux": ".so", "win": ".dll", "darwin": ".dylib"}
 _ELF_MACHINES = {3: "32", 62: "64", 183: "64"}  # i386, x86-64, AArch64
 _PE_MACHINES = {0x14C: "32", 0x8664: "64", 0xAA64: "64"}
+_ARCHITECTURES = {62: "x86_64", 183: "aarch64", 0x8664: "x86_64", 0xAA64: "aarch64"}
 
 
 def platform_of(folder: str) -> str:
@@ -81,22 +82,30 @@ def platform_of(folder: str) -> str:
     return {"windows": "win"}.get(system, system) + ("32" if machine in _NARROW else "64")
 
 
-def problem(data: bytes, folder: str, version: str = "2.0") -> str | None:
+def architecture_of(folder: str) -> str | None:
+    """The architecture that a folder of FMI 3.0 names; those of FMI 2.0 name a system and a width only."""
+    machine, _, system = folder.partition("-")
+    return machine if system else None
+
+
+def problem(data: bytes, folder: str, version: str = "2.0", architecture: str | None = None) -> str | None:
     """What is wrong with a library, or None.
 
     Args:
         data: the file.
         folder: the one that it lies in, such as linux64 (FMI 2.0) or x86_64-linux (FMI 3.0).
         version: of FMI.
+        architecture: which it must be for, as FMI 3.0 calls it; by default what the folder says.
     """
     platform = platform_of(folder)
+    architecture = architecture or architecture_of(folder)
     if not data:
         return "is empty"
     check = {"linux": _elf, "win": _pe, "darwin": _mach}.get(platform.rstrip("0123456789"))
     if check is None:
         return None  # a platform that FMI does not name
     try:
-        wrong = check(data, platform)
+        wrong = check(data, platform, architecture)
     except struct.error:
         wrong = "is cut off"
     if wrong:
@@ -108,14 +117,19 @@ def problem(data: bytes, folder: str, version: str = "2.0") -> str | None:
     return f"exports no {', '.join(missing)}" if missing else None
 
 
-def _elf(data: bytes, platform: str) -> str | None:
+def _other(machine: int, architecture: str | None) -> bool:
+    """True if a machine's number is known to be of another architecture."""
+    return architecture in _ARCHITECTURES.values() and _ARCHITECTURES.get(machine) != architecture
+
+
+def _elf(data: bytes, platform: str, architecture: str | None) -> str | None:
     if data[:4] != b"\x7fELF":
         return "is no ELF library"
     wide = data[4] == 2
     if data[5] != 1:
         return "is no little-endian library"
     kind, machine = struct.unpack_from("<HH", data, 16)
-    if _ELF_MACHINES.get(machine) != platform[-2:]:
+    if _ELF_MACHINES.get(machine) != platform[-2:] or _other(machine, architecture):
         return f"is for another machine (ELF machine {machine})"
     if kind != 3:
         return "is no shared library"
@@ -136,7 +150,7 @@ def _elf(data: bytes, platform: str) -> str | None:
     return None
 
 
-def _pe(data: bytes, platform: str) -> str | None:
+def _pe(data: bytes, platform: str, architecture: str | None) -> str | None:
     if data[:2] != b"MZ":
         return "is no Windows library"
     (start,) = struct.unpack_from("<I", data, 60)
@@ -144,7 +158,7 @@ def _pe(data: bytes, platform: str) -> str | None:
         return "is no Windows library"
     machine, count = struct.unpack_from("<HH", data, start + 4)
     optional, flags = struct.unpack_from("<HH", data, start + 20)
-    if _PE_MACHINES.get(machine) != platform[-2:]:
+    if _PE_MACHINES.get(machine) != platform[-2:] or _other(machine, architecture):
         return f"is for another machine (PE machine {machine:#x})"
     if not flags & 0x2000:
         return "is no shared library"
@@ -155,7 +169,7 @@ def _pe(data: bytes, platform: str) -> str | None:
     return None
 
 
-def _mach(data: bytes, platform: str) -> str | None:
+def _mach(data: bytes, platform: str, architecture: str | None) -> str | None:
     if data[:4] not in (b"\xcf\xfa\xed\xfe", b"\xce\xfa\xed\xfe", b"\xca\xfe\xba\xbe"):
         return "is no Mach-O library"
     return None

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import re
+import sys
 import zipfile
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -174,7 +175,10 @@ def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, versio
     platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
     wanted = f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
     if wanted in names:
-        wrong = binary.problem(read_entry(archive, wanted, source), platform, version)
+        library = read_entry(archive, wanted, source)
+        # linux64 of FMI 2.0 says no architecture: here it is the one that is to load it
+        own = binary.architecture_of(fmpy.platform_tuple) if sys.platform == "linux" else None
+        wrong = binary.problem(library, platform, version, own)
         if wrong:
             raise ModelError(f"{source}: the library '{wanted}' {wrong}: export or copy the FMU again")
         return

@@ -1,9 +1,13 @@
 """The processes that carry out runs: how they end, when they are replaced, what memory they take."""
 
+import gc
 import json
 import multiprocessing
+import multiprocessing.connection
+import multiprocessing.util
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -28,7 +32,7 @@ import xarray as xr  # noqa: E402
 from cosim.batch.cases import plan_batch  # noqa: E402
 from cosim.batch.conduct import conduct  # noqa: E402
 from cosim.batch.plan import Plan  # noqa: E402
-from cosim.batch.workers import Processes, SharedContext, how_it_ended  # noqa: E402
+from cosim.batch.workers import Processes, SharedContext, _gone, how_it_ended  # noqa: E402
 from tests.batch.asked import plan  # noqa: E402
 
 MIB = 2.0**20
@@ -62,6 +66,65 @@ def test_a_process_that_dies_between_two_runs_is_replaced(
     finally:
         known.set()
         crew.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing stands between")
+def test_without_the_process_that_forks_them_others_take_over_and_what_is_given_up_removes_nothing(
+    rogue: Path, tmp_path: Path
+) -> None:
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1,2,3"}), tmp_path)
+    crew = Processes(1, 1e12)
+    try:
+        first = crew.submit(batch.job, batch.runs[:1])
+        (outcome,) = first.result()
+        crew.settle(first)
+        os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)  # type: ignore[attr-defined]
+        given_up = psutil.Process(int(outcome.worker.partition(":")[2]))
+        multiprocessing.connection.wait([crew._lanes[0].process.sentinel], 60.0)  # type: ignore[union-attr]
+        second = crew.submit(batch.job, batch.runs[1:2])
+        assert second.result(timeout=60.0)[0].status == "done"
+        crew.settle(second)
+        gc.collect()
+        given_up.wait(60.0)
+        assert Path(crew._folder.name).is_dir()
+        assert Path(multiprocessing.util.get_temp_dir()).is_dir()
+        assert crew.submit(batch.job, batch.runs[2:]).result(timeout=60.0)[0].status == "done"
+    finally:
+        crew.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing stands between")
+def test_a_process_begins_though_the_one_that_forks_it_dies_meanwhile(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1"}), tmp_path)
+    read, killed = forkserver.read_signed, []  # type: ignore[attr-defined]
+
+    def dying(channel: int) -> int:
+        if not killed:
+            killed.append(forkserver._forkserver._forkserver_pid)  # type: ignore[attr-defined]
+            os.kill(killed[0], signal.SIGKILL)
+            raise EOFError("unexpected EOF")
+        return int(read(channel))
+
+    monkeypatch.setattr(forkserver, "read_signed", dying)
+    crew = Processes(1, 1e12)
+    try:
+        assert crew.submit(batch.job, batch.runs).result(timeout=60.0)[0].status == "done"
+    finally:
+        crew.close()
+    assert killed
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX")
+def test_a_process_is_gone_that_nobody_has_collected_and_one_that_lives_is_not() -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    try:
+        assert _gone(ended.pid, 60.0)
+    finally:
+        ended.wait()
+    assert _gone(ended.pid, 0.0)
+    assert not _gone(os.getpid(), 0.05)
 
 
 def dies_at_once(*_: object) -> None:

@@ -106,6 +106,17 @@ def test_a_deleted_folder_is_named(tmp_path):
     assert done.stderr.strip().endswith("the current folder does not exist any more: change to another one")
 
 
+@posix
+def test_a_deleted_folder_is_named_where_fmus_run(tmp_path, packages):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    words = ["simulate", str(packages["simplified"]), "--stop-time", "0.1 s"]
+    script = f"import os, sys; os.rmdir(os.getcwd()); from cosim.cli import main; main({words!r})"
+    done = run_python("-c", script, folder=gone)
+    assert done.returncode == 2
+    assert done.stderr.strip().endswith("the current folder does not exist any more: change to another one")
+
+
 def sensor():
     return compose(registry.block("sensor"))
 

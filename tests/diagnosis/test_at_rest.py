@@ -73,6 +73,17 @@ def test_nothing_is_named_and_what_to_excite_is_said(tmp_path) -> None:
     assert any(w.startswith("nothing moves in this log") for w in result.warnings)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1.0], ids=["all zero", "with the sensors' noise"])
+def test_a_log_whose_command_is_zero_throughout_is_answered(noise: float, tmp_path) -> None:
+    log = commanded(0.0)
+    log = replace(log, signals={n: noise * v for n, v in log.signals.items()})
+    result = delivered(diagnose(log), log, tmp_path)
+    assert (result.causes, result.at_rest, result.interrupted) == ([], True, None)
+    assert result.verdict == (
+        "unexplained" if noise == 0.0 else "adequate"
+    )  # no supply pressure: 170 bar off
+
+
 def test_a_level_that_is_off_while_nothing_moves_has_no_cause() -> None:
     # a shifted neutral would turn the machine: it may as well be the zero of the sensor
     log = uneasy(commanded(0.0), 1e-5)

@@ -43,6 +43,15 @@ def test_the_unit_and_its_factor_are_named(log: Log) -> None:
     assert told.factor == pytest.approx(180.0 / np.pi)
 
 
+def test_an_angle_beyond_all_machines_is_told_where_its_motion_is_too_small_for_the_model_so_far_away() -> (
+    None
+):
+    small = as_log(make_log("small_steps", 30.0, ["sensor.dropout:p_drop=0.02"], seed=4))
+    assert said(small) == []
+    wrong = changed(small, slew=(small.signals["slew"] + np.radians(90.0)) * 180.0 / np.pi)
+    assert [t.finding for t in said(wrong)] == ["slew: looks like deg labelled rad"]
+
+
 @pytest.mark.parametrize(
     "hidden",
     [

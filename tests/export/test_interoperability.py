@@ -44,7 +44,7 @@ def test_reference_of_the_loop_is_our_runner_s(built, tmp_path):
 def test_plain_host_gives_the_same_numbers(trials):
     needs_host(trials)
     row = trials.row("pythonfmu", "host+python")
-    assert (row.loads, row.runs, row.agrees) == (True, True, True), row.reasons
+    assert (row.loads, row.runs, row.agrees, row.ends) == (True, True, True, True), row.reasons
 
 
 def test_plain_host_without_python_fails_for_the_known_reason(trials):

@@ -15,6 +15,10 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description
 
+from benchmarks.plain_host import compiled_host, libpython, run_host
+from cosim.export import prepare
+from cosim.ssp.read import read_system
+
 HERE = Path(__file__).resolve().parent
 COMPILER = shutil.which("cc")
 pytestmark = pytest.mark.skipif(
@@ -79,6 +83,17 @@ def test_a_host_that_is_not_python_ends_cleanly(unpacked, tmp_path, watch, how) 
         capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
+
+
+def test_a_host_that_is_not_python_ends_cleanly_with_several_fmus(packages, tmp_path) -> None:
+    """Each library is released before any is destroyed; Python ends with the first library, which is the last to end."""
+    python, host = libpython(), compiled_host(tmp_path)
+    if python is None or host is None:
+        pytest.skip("this Python has no shared library")
+    signals = ["mechanical.theta"]
+    with read_system(packages["full_order"]) as system:
+        found = [run_host(host, prepare(system), 20, 1e-3, signals, python) for _ in range(3)]
+    assert [len(each["time"]) for each in found] == [21, 21, 21]
 
 
 def test_a_reset_does_not_read_the_table_again(unpacked, tmp_path) -> None:

@@ -266,3 +266,24 @@ def test_an_mdf_file_that_claims_more_than_it_holds_is_refused_at_once(tmp_path,
     with pytest.raises(DataError, match=r"group 1 claims .* more than the file can hold"):
         load_log(path)
     assert time.process_time() - begun < 5.0
+
+
+@pytest.mark.parametrize("place", [41, 48, 1 << 22])
+def test_an_mdf_channel_outside_its_records_is_refused_before_memory_of_others_is_read(tmp_path, place):
+    pytest.importorskip("asammdf", reason="an extra is not installed")
+    path = READERS["mf4"][1](tmp_path / "log.mf4")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"##CN") + 92  # byte of the record
+    data[at : at + 4] = place.to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(DataError, match=rf"channel '\w+' lies at byte {place} of records of 48 bytes"):
+        load_log(path)
+
+
+def test_a_file_of_mdf_3_is_read_as_one_of_mdf_4(tmp_path):
+    asammdf = pytest.importorskip("asammdf", reason="an extra is not installed")
+    whole = load_log(READERS["mf4"][1](tmp_path / "log.mf4"))
+    with asammdf.MDF(tmp_path / "log.mf4") as file:
+        file.convert("3.30").save(tmp_path / "log.mdf", overwrite=True)
+    old = load_log(tmp_path / "log.mdf")
+    assert all(np.array_equal(whole[name], old[name]) for name in whole.signals)

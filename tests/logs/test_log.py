@@ -113,7 +113,7 @@ def test_what_cannot_be_written(log, tmp_path):
     with pytest.raises(UsageError, match=r"'.xlsx' is none of them"):
         write_log(log, tmp_path / "log.xlsx")
     (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(DataError, match="cannot be written"):
+    with pytest.raises(UsageError, match="cannot be written"):
         write_log(log, tmp_path / "folder.csv")
 
 

@@ -81,6 +81,11 @@ def test_reversals_of_a_sine_are_its_turning_points_and_small_ones_do_not_count(
     assert found[0][1] == found[1][0]
 
 
+def test_a_motion_without_a_turn_has_no_reversals():
+    assert reversals(np.zeros(100), 0.2) == []
+    assert reversals(np.linspace(0.0, 0.1, 100), 0.2) == []
+
+
 def test_a_residual_is_shown_as_it_is_judged():
     residual = np.concatenate([np.full(500, 2.0), np.full(500, -3.0)]) + np.tile([0.1, -0.1], 500)
     at, values = judged(residual, Noise(10, 50, True, 0.1))

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import make_app
-from cosim.errors import CosimError, DataError, UsageError
+from cosim.errors import CosimError, UsageError
 from cosim.logs import load_log, load_tracker
 from cosim.rig import EFFECTS, as_log, make_log, write, write_tracker
 from cosim.rig.parameters import DEG
@@ -166,7 +166,7 @@ def test_mistakes_are_usage_errors(arguments, word, tmp_path, monkeypatch):
 
 def test_unwritable_place_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(DataError, match="cannot be written"):
+    with pytest.raises(UsageError, match="cannot be written"):
         call("--out", tmp_path / "file" / "log.csv", *SHORT)
 
 

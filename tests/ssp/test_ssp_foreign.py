@@ -59,6 +59,14 @@ def test_a_bad_library_is_invalid_and_is_not_loaded(
 def test_a_library_for_another_machine_is_invalid(tmp_path: Path, command: Any) -> None:
     arm = LIBRARY[:18] + (40).to_bytes(2, "little") + LIBRARY[20:]
     assert "another machine (ELF machine 40)" in str(binary.problem(arm, "linux64"))
+    newer = LIBRARY[:18] + (183).to_bytes(2, "little") + LIBRARY[20:]
+    assert binary.problem(newer, "linux64") is None  # elsewhere it may be right
+    assert "another machine (ELF machine 183)" in str(binary.problem(newer, "x86_64-linux", "3.0"))
+    if fmpy.platform_tuple == "x86_64-linux":
+        for word in ("validate", "simulate"):
+            code, out, err = command(word, bad_fmus.pack(tmp_path / "arm.fmu", newer))
+            assert code == 3
+            assert "another machine (ELF machine 183)" in " ".join((out + err).split())
     # the platform it is run on is good, another one's is not
     others = {"binaries/win64/bad.dll": b"MZ" + bytes(100), "binaries/linux32/bad.so": LIBRARY}
     code, out, _ = command("validate", bad_fmus.pack(tmp_path / "two.fmu", LIBRARY, others=others))

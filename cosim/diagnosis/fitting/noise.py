@@ -279,7 +279,10 @@ def learned_at(
     if rule.propagated is not None:
         there = periodogram(rule.propagated, rule.demean)[None]
     kept = np.ones(shapes.shape[1], dtype=bool)
-    listed = [(centred(rule, column) / over).ravel() for column in absorbed]
+    each = [(centred(rule, column) / over).ravel() for column in absorbed]
+    listed = [
+        column for column in each if column.any()
+    ]  # of a command that is zero throughout nothing is left
     if listed:
         columns = np.stack(listed, axis=1)
         left, values, _ = np.linalg.svd(
