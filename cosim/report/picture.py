@@ -66,6 +66,7 @@ class Picture:
         shaded: spans of x that were held out.
         log: logarithmic abscissa.
         labels: x -> text, for bars.
+        evidence: it stands beside a cause, and is higher for its width.
     """
 
     key: str
@@ -76,6 +77,12 @@ class Picture:
     shaded: list[tuple[float, float]] = field(default_factory=list)
     log: bool = False
     labels: tuple[str, ...] = ()
+    evidence: bool = False
+
+    @property
+    def height(self) -> int:
+        """Pixels on the screen."""
+        return (290 if self.evidence else 240) + 105 * (len(self.panels) - 1)
 
     def layer(self, role: Role, panel: int = 0, kind: Kind | None = None) -> Layer:
         """The first layer of a role (and kind) in a panel; LookupError if there is none."""
@@ -162,8 +169,8 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
     }
     layout: dict[str, Any] = {
         "template": None,
-        "height": 330 if rows == 1 else 330 + 130 * (rows - 1),
-        "margin": {"l": 70, "r": 15, "t": 36, "b": 48},
+        "height": picture.height,
+        "margin": {"l": 70, "r": 15, "t": 30, "b": 44},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
         "font": {
@@ -171,7 +178,14 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
             "size": 12.5,
             "color": "#1f2937",
         },
-        "legend": {"orientation": "h", "x": 0.0, "y": 1.01, "yanchor": "bottom", "xanchor": "left"},
+        "legend": {
+            "orientation": "h",
+            "x": 0.0,
+            "y": 1.01,
+            "yanchor": "bottom",
+            "xanchor": "left",
+            "font": {"size": 11.5},
+        },
         "hovermode": "closest",
         "bargap": 0.35,
         "barmode": "group",
