@@ -22,6 +22,10 @@ COLOURS: dict[Role, str] = {
 }
 
 
+# what is drawn beside the models differs in its dashes too, for readers who see these colours alike
+DASHES: dict[Role, str] = {"rising": "dash", "falling": "dot"}
+
+
 @dataclass(frozen=True)
 class Layer:
     """One set of marks.
@@ -123,7 +127,8 @@ def _traces(layer: Layer, picture: Picture) -> list[dict[str, Any]]:
     base: dict[str, Any] = {"type": "scatter", "y": y, "name": layer.name} | _abscissa(layer.x)
     if layer.kind == "line":
         width = 1.0 if layer.role in ("measured", "plain") else 1.6
-        return [base | {"mode": "lines", "line": {"color": colour, "width": width}}]
+        line = {"color": colour, "width": width, "dash": DASHES.get(layer.role, "solid")}
+        return [base | {"mode": "lines", "line": line}]
     if layer.kind == "points":
         return [base | {"mode": "markers", "marker": {"color": colour, "size": 3.5, "opacity": 0.35}}]
     if layer.kind == "means":
