@@ -1,5 +1,6 @@
 """A picture as plain data, and how plotly draws it."""
 
+import re
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -22,6 +23,8 @@ COLOURS: dict[Role, str] = {
 }
 
 
+TOP, MARGINS = 30, 74  # px above, and above and below the axes
+LETTER = 8.0  # px of a letter of an axis' title
 # what is drawn beside the models differs in its dashes too, for readers who see these colours alike
 DASHES: dict[Role, str] = {"rising": "dash", "falling": "dot"}
 
@@ -175,7 +178,7 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
     layout: dict[str, Any] = {
         "template": None,
         "height": picture.height,
-        "margin": {"l": 70, "r": 15, "t": 30, "b": 44},
+        "margin": {"l": 70, "r": 15, "t": TOP, "b": MARGINS - TOP},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
         "font": {
@@ -218,6 +221,18 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
     return layout
 
 
+def wrapped(label: str, most: int) -> list[str]:
+    """A label in lines of at most so many letters where its words allow it; a unit stays in one piece."""
+    words = re.findall(r"\S*\[[^\]]*\]\S*|\S+", label)
+    lines = words[:1]
+    for word in words[1:]:
+        if len(lines[-1]) + 1 + len(word) <= most:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines
+
+
 def _ordinates(picture: Picture, grid: dict[str, Any]) -> dict[str, Any]:
     """One vertical axis a panel, from top to bottom."""
     found: dict[str, Any] = {}
@@ -227,7 +242,12 @@ def _ordinates(picture: Picture, grid: dict[str, Any]) -> dict[str, Any]:
     top = 1.0
     for row, (panel, weight) in enumerate(zip(picture.panels, weights, strict=True), 1):
         low = max(0.0, top - unit * weight)
-        axis = grid | {"title": {"text": panel.y}, "domain": [low, min(1.0, top)], "anchor": "x"}
+        room = int(unit * weight * (picture.height - MARGINS) / LETTER)
+        axis = grid | {
+            "title": {"text": "<br>".join(wrapped(panel.y, room))},
+            "domain": [low, min(1.0, top)],
+            "anchor": "x",
+        }
         if panel.log:
             axis |= {"type": "log", "exponentformat": "power", "dtick": 1}
         found["yaxis" if row == 1 else f"yaxis{row}"] = axis
