@@ -105,6 +105,18 @@ def make_app() -> typer.Typer:
     return app
 
 
+def plain_texts(command: Any) -> Any:
+    """A command whose help is shown as it is written: rich would take "[default: ...]" for markup, and leave it out."""
+    from rich.markup import escape
+
+    for part in (command, *command.params):
+        if getattr(part, "help", None):
+            part.help = escape(part.help)
+    for inner in getattr(command, "commands", {}).values():
+        plain_texts(inner)
+    return command
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Runs the command line and exits the process.
 
@@ -127,7 +139,8 @@ def _run(words: list[str], as_json: bool) -> int:
     debug = "--debug" in words or os.environ.get("COSIM_DEBUG", "0") not in ("", "0")
     try:
         with console.on_screen(), ended_in_order(struck):
-            result = typer.main.get_command(make_app()).main(words, prog_name="cosim", standalone_mode=False)
+            app = plain_texts(typer.main.get_command(make_app()))
+            result = app.main(words, prog_name="cosim", standalone_mode=False)
         return result if isinstance(result, int) else 0
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else INTERNAL_ERROR

@@ -10,6 +10,7 @@ from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
 from cosim.errors import UsageError
+from cosim.paths import cache_folder
 
 if TYPE_CHECKING:
     import pint
@@ -34,7 +35,11 @@ def registry() -> "pint.UnitRegistry[Any]":
     """Pint's units and ours; made when the first unit is read, because a process that only runs models reads none."""
     import pint
 
-    made: pint.UnitRegistry[Any] = pint.UnitRegistry()
+    made: pint.UnitRegistry[Any]
+    try:  # to read the definitions takes a quarter of a second, to load what was read of them a hundredth
+        made = pint.UnitRegistry(cache_folder=cache_folder() / "units")
+    except Exception:  # a cache that is damaged, half written or cannot be written to is no error
+        made = pint.UnitRegistry()
     made.define("percent = 0.01 = %")
     made.define("@alias turn = rev")
     return made

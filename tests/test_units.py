@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cosim.errors import UsageError
-from cosim.units import base_exponents, factor, fmi_to_pint, parse_quantity, parse_unit
+from cosim.units import base_exponents, factor, fmi_to_pint, parse_quantity, parse_unit, registry
 
 ODD = [
     "((", "m/", "9**9**9", "m**9**9", "m**(9**9)", "(m**99)**99**99", "1/0", "0 m", "10 m", "1e-3 m", "m//s", "m%s", "**",
@@ -137,3 +137,20 @@ def test_any_text_gives_a_unit_or_a_usage_error(text: str) -> None:
 @given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(["m", "bar", "deg/s", "kg.m2", "%"]))
 def test_a_number_in_its_own_unit_stays_itself(value: float, unit: str) -> None:
     assert parse_quantity(f"{value!r} {unit}", unit) == value
+
+
+@pytest.mark.parametrize("damage", ["none", "cut short", "a file in its place"])
+def test_units_are_read_whatever_the_cache_is_like(tmp_path, monkeypatch, damage: str) -> None:
+    monkeypatch.setenv("COSIM_CACHE", str(tmp_path))
+    folder = tmp_path / "units"
+    if damage == "a file in its place":
+        folder.write_text("no folder", encoding="utf-8")
+    else:
+        registry.__wrapped__()
+        kept = list(folder.glob("*.pickle"))
+        assert kept
+        for file in kept if damage == "cut short" else ():
+            file.write_bytes(file.read_bytes()[:100])
+    made = registry.__wrapped__()
+    assert made.Quantity(180.0, "deg").to("rad").magnitude == pytest.approx(math.pi)
+    assert made.Quantity(50.0, "percent").to_base_units().magnitude == pytest.approx(0.5)

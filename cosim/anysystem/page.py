@@ -69,6 +69,8 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
         "rate": f"{1.0 / first.h:.4g}",
         "signals": drawn,
         "quiet_signals": [],
+        "quiet_signal_names": "",
+        "quiet_residual_names": "",
         "nominal": [(name, *interval(p)) for name, p in answer.nominal.items()],
         "drive": [],
         "drive_rows": [],

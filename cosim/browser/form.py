@@ -1,7 +1,9 @@
 """What the page shows of a log: its columns, and a form with a row for each signal, filled with guesses."""
 
 import re
+import tomllib
 from collections.abc import Collection
+from collections.abc import Mapping as Table
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +11,7 @@ import numpy as np
 
 from cosim.anysystem.start import of_file
 from cosim.errors import UsageError
-from cosim.logs.guess import guesses
+from cosim.logs.guess import DRIVERS, MOTIONS, Guess, guesses, likely, machine_lines, texts_of
 from cosim.logs.mapping import Column as Named
 from cosim.logs.mapping import Mapping, SignalColumn
 from cosim.logs.overview import Column, Overview
@@ -19,6 +21,13 @@ from cosim.ssp.system import System
 
 POINTS = 160  # of a column's small picture
 DRIVE = "u"  # without the crane's command nothing can be simulated
+OF_MACHINES = {
+    "torque": "N.m",
+    "force": "N",
+    "travel": "m",
+    "speed": "rad/s",
+    "flow": "l/min",
+}  # units to begin with
 
 
 @dataclass
@@ -126,26 +135,69 @@ def log_facts(found: Overview) -> dict[str, Any]:
     }
 
 
+def guessed(row: Row, guess: Guess) -> Row:
+    """A row with a guess of `cosim init` in it."""
+    row.column, row.unit, row.why = guess.column.index, guess.unit, guess.why
+    row.gain, row.zero = guess.gain, guess.zero
+    if guess.minus is not None:
+        row.minus = (guess.column.index, guess.minus.index)
+        row.check = f"column '{guess.minus.label.shown}' is taken off it"
+    elif guess.check:
+        row.check = "full command is taken to be the largest reading" if guess.gain != 1.0 else "the unit"
+    return row
+
+
 def crane_form(found: Overview) -> Form:
     """The signals of the crane with the guesses of `cosim init`."""
     made = guesses(found)
     rows = []
     for name in LOG_SIGNALS:
         row = Row(name, said(name), needed=name == DRIVE, unit=SIGNALS[name].unit)
-        if name in made:
-            guess = made[name]
-            row.column, row.unit, row.why = guess.column.index, guess.unit, guess.why
-            row.gain, row.zero = guess.gain, guess.zero
-            if guess.minus is not None:
-                row.minus = (guess.column.index, guess.minus.index)
-                row.check = f"column '{guess.minus.label.shown}' is taken off it"
-            elif guess.check:
-                row.check = (
-                    "full command is taken to be the largest reading" if guess.gain != 1.0 else "the unit"
-                )
-        rows.append(row)
+        rows.append(guessed(row, made[name]) if name in made else row)
     measured = [name for name in LOG_SIGNALS if name != DRIVE and not name.endswith("estimate")]
     return Form(time_row(found), rows, measured, "the slew angle, the spool or the pressures")
+
+
+def machine_form(found: Overview) -> Form:
+    """The signals of a machine of its own with the guesses of `cosim init --machine`, those with a column first."""
+    made = guesses(found, machine=True)
+    texts = texts_of(None)
+    rows = []
+    for name in (DRIVE, *DRIVERS, "slew", *MOTIONS, "spool", "p_supply", "p_a", "p_b"):
+        unit = SIGNALS[name].unit if name in SIGNALS else OF_MACHINES[name]
+        row = Row(name, texts[name].split(";")[0], unit=unit)
+        rows.append(guessed(row, made[name]) if name in made else row)
+    rows.sort(key=lambda row: row.column is None)
+    return Form(time_row(found), rows, ["slew", *MOTIONS, "spool"], "an angle, a travel, a speed or a flow")
+
+
+def of_another(found: Overview) -> bool:
+    """Whether a log shows a drive of its own, and nothing of the crane but a command."""
+    return likely(found)[1] and guesses(found).keys() <= {DRIVE}
+
+
+def machine_of(found: Overview, entries: Table[str, Table[str, Any]]) -> dict[str, Any]:
+    """The table `[machine]` of a drive whose signals were chosen so, as `cosim init --machine` writes it.
+
+    Args:
+        found: the log.
+        entries: signal -> column and unit, as in a mapping.
+
+    Raises:
+        UsageError: nothing drives it.
+    """
+    if not entries.keys() & {DRIVE, *DRIVERS}:
+        raise UsageError("nothing drives the machine: choose a column for u, torque or force")
+    made = {}
+    for name, entry in entries.items():
+        column = find(found, entry["column"])
+        if column is not None:
+            made[name] = Guess(name, found.columns[column], entry["unit"], 1.0, "", False)
+    # a command drives more of the chain than the force behind it
+    if DRIVE in made:
+        made = {name: guess for name, guess in made.items() if name not in DRIVERS}
+    table: dict[str, Any] = tomllib.loads("\n".join(machine_lines(found, made)))["machine"]
+    return table
 
 
 def connector_form(found: Overview, system: System) -> Form:
@@ -168,12 +220,34 @@ def connector_form(found: Overview, system: System) -> Form:
     return Form(time_row(found), rows, outputs, "an output of a component")
 
 
-def file_form(found: Overview, mapping: Mapping, needed: Collection[str]) -> Form:
-    """The signals of a mapping file; a column that this log does not have is left open."""
+def file_form(
+    found: Overview, mapping: Mapping, needed: Collection[str], other: Table[str, Row] | None = None
+) -> Form:
+    """The signals of a mapping file; for a column that this log does not have `other` may have a guess.
+
+    Args:
+        found: the log.
+        mapping: the file.
+        needed: signals that cannot do without a column.
+        other: signal -> row with the guess of `cosim init`.
+    """
     rows = [
         _of_file(found, name, entry, name in needed or name == DRIVE)
         for name, entry in mapping.signals.items()
     ]
+    taken = {row.column for row in rows}
+    for row in rows:
+        guess = (other or {}).get(row.signal)
+        if (
+            row.column is None
+            and guess is not None
+            and guess.column is not None
+            and guess.column not in taken
+        ):
+            # the file's scaling belongs to the column that it names
+            row.column, row.why, row.minus = guess.column, guess.why, guess.minus
+            row.unit, row.gain, row.zero, row.reversed = guess.unit, guess.gain, guess.zero, guess.reversed
+            taken.add(guess.column)
     time = time_row(found)
     given = mapping.time
     if given.column is not None:

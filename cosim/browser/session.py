@@ -19,7 +19,16 @@ from typing import TYPE_CHECKING, Any
 from cosim import api
 from cosim.anysystem.command import any_system
 from cosim.api.results import DiagnosisResult
-from cosim.browser.form import Form, connector_form, crane_form, file_form, log_facts
+from cosim.browser.form import (
+    Form,
+    connector_form,
+    crane_form,
+    file_form,
+    log_facts,
+    machine_form,
+    machine_of,
+    of_another,
+)
 from cosim.browser.language import page_words, said, words
 from cosim.browser.mapping import Content, FormError, mapping_of, remember, toml_text
 from cosim.console import heard_by
@@ -28,6 +37,7 @@ from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, DataError, HeadlessError, UsageError
 from cosim.files import write_text
 from cosim.logs import load_tracker
+from cosim.logs.guess import DRIVERS
 from cosim.logs.load import SUFFIXES, open_source
 from cosim.logs.mapping import load_mapping
 from cosim.logs.markers import holds_markers
@@ -49,6 +59,7 @@ LARGEST = {
     TABLE: 1 << 20,
 }  # bytes that are taken
 WAIT = 0.2  # s between two looks at whether the page was closed
+MACHINE = "machine"  # choice of a drive of its own, of which the log tells speed and lag
 OWN = "own"  # choice of the model that was dropped, or that a dropped mapping names
 KEPT = "mapping.toml"
 LOG, MORE, HELD_OUT, TRACKER = ROLES = ("log", "more", "held_out", "external")
@@ -175,6 +186,7 @@ class Session:
         self._seen: Overview | None = None
         self._facts: dict[str, Any] = {}
         self._form: Form | None = None
+        self._picked = False  # somebody has chosen a model
         self._chosen = False  # somebody has diagnosed with the form as it is
         self._ports = False  # the signals are the connectors of any system
         self._revision = 0
@@ -281,7 +293,7 @@ class Session:
         """
         if model not in (entry["value"] for entry in self._models()):
             raise UsageError(f"no model '{model[:40]}': one of {', '.join(MODELS)}, or drop a file")
-        self._choice = model
+        self._choice, self._picked = model, True
         self._ask_anew()
 
     def speak(self, language: str) -> None:
@@ -371,6 +383,8 @@ class Session:
         found = overview(dropped.path, self._plain)
         if not any(column.finite.size for column in found.columns):
             raise DataError(f"{dropped.name} holds no column of numbers: is it a log?")
+        if self._choice != OWN and not self._picked:
+            self._choice = MACHINE if of_another(found) else next(iter(MODELS))
         # the next log of the same logger: what was chosen for the last one holds
         again = self._chosen and self._seen is not None and headings(found) == headings(self._seen)
         form = self._form if again and self._form is not None else self._form_for(found)
@@ -448,6 +462,7 @@ class Session:
 
     def _models(self) -> list[dict[str, str]]:
         found = [{"value": name, "label": f"{self.said(WORDS[name])} ({name})"} for name in MODELS]
+        found.append({"value": MACHINE, "label": self.said("another machine: the log tells speed and lag")})
         files = [dropped.name for dropped in (self._model, self._table) if dropped is not None]
         return [*found, {"value": OWN, "label": " + ".join(files)}] if files else found
 
@@ -462,14 +477,25 @@ class Session:
 
     def _form_for(self, found: Overview) -> Form:
         self._ports = False
+        if self._choice == MACHINE:
+            return machine_form(found)
         if self._choice != OWN:
             return crane_form(found)
         if self._plain is not None:
             machine = machine_table(self._plain.machine, "the mapping") if self._plain.machine else None
-            return file_form(found, self._plain, () if machine is None else (machine.input, machine.output))
-        if self._model is None or any_system(str(self._model.path), None, found.path) is None:
+            ends = () if machine is None else (machine.input, machine.output)
+            own = machine_form(found) if machine is not None else self._form_of_model(found)
+            return file_form(found, self._plain, ends, {row.signal: row for row in own.rows})
+        self._ports = self._is_foreign(found)
+        return self._form_of_model(found)
+
+    def _is_foreign(self, found: Overview) -> bool:
+        """Whether the dropped model is of anybody's, whose signals are its connectors."""
+        return self._model is not None and any_system(str(self._model.path), None, found.path) is not None
+
+    def _form_of_model(self, found: Overview) -> Form:
+        if self._model is None or not self._is_foreign(found):
             return crane_form(found)
-        self._ports = True
         with api.read_system(self._model.path) as system:
             return connector_form(found, system)
 
@@ -491,7 +517,9 @@ class Session:
         base: Content = dict(self._content) if own else {}
         if not self._seen.header and "file" not in base:
             base["file"] = {"header": False}
-        if not own:
+        if self._choice == MACHINE:
+            base["signals"] = {name: {"text": f"applied {name}"} for name in DRIVERS}
+        elif not own:
             base["model"] = self._choice
         elif (
             model is None
@@ -505,6 +533,8 @@ class Session:
                 "the tracker goes with one log: remove it or the other logs, or take these to judge on"
             )
         content = mapping_of(given, self._form, self._seen, base)
+        if self._choice == MACHINE:
+            content["machine"] = machine_of(self._seen, content["signals"])
         text = toml_text(
             content, f"which column of {self._log.name} is which signal, as chosen in 'cosim open'"
         )

@@ -19,7 +19,7 @@ PlanFile = Annotated[
     Path | None, typer.Option(help="The batch as a TOML file; options change it.", metavar="FILE")
 ]
 Models = Annotated[
-    list[str] | None, typer.Option(help="Name or file of a model; repeatable (default: full_order).")
+    list[str] | None, typer.Option(help="Name or file of a model; repeatable [default: full_order].")
 ]
 Diagnose = Annotated[bool, typer.Option("--diagnose", help="Diagnose every log, instead of comparing.")]
 Sweep = Annotated[
@@ -40,10 +40,10 @@ From = Annotated[
 ]
 DesignOption = Annotated[
     str | None,
-    typer.Option(help="grid, zip, latin_hypercube, sobol or random (default: grid; draws: random)."),
+    typer.Option(help="grid, zip, latin_hypercube, sobol or random [default: grid; draws: random]."),
 ]
-Samples = Annotated[int | None, typer.Option(help="How many draws (default: 200).")]
-Seed = Annotated[int | None, typer.Option(help="Of the draws (default: 1).")]
+Samples = Annotated[int | None, typer.Option(help="How many draws [default: 200].")]
+Seed = Annotated[int | None, typer.Option(help="Of the draws [default: 1].")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", help="For every run, such as 'mechanical.J=900 kg.m2'; repeatable."),
@@ -58,25 +58,25 @@ MappingFile = Annotated[Path | None, typer.Option(help="Mapping file (TOML) of t
 External = Annotated[
     str | None, typer.Option(help="A tracker's file is named as its log, with this behind, such as _tracker.")
 ]
-Record = Annotated[list[str] | None, typer.Option(help="Signal to keep; repeatable (default: all).")]
-StopTime = Annotated[str | None, typer.Option(help="Such as '10 s' (default: the model's own).")]
-StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' (default: the model's or the log's own).")]
-OutputStep = Annotated[str | None, typer.Option(help="Interval at which signals are kept (default: 10 ms).")]
+Record = Annotated[list[str] | None, typer.Option(help="Signal to keep; repeatable [default: all].")]
+StopTime = Annotated[str | None, typer.Option(help="Such as '10 s' [default: the model's own].")]
+StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' [default: the model's or the log's own].")]
+OutputStep = Annotated[str | None, typer.Option(help="Interval at which signals are kept [default: 10 ms].")]
 EngineOption = Annotated[
     str | None,
-    typer.Option(help="fmu, or compiled: models of our blocks, the same numbers, faster (default: fmu)."),
+    typer.Option(help="fmu, or compiled: models of our blocks, the same numbers, faster [default: fmu]."),
 ]
-Tolerance = Annotated[float | None, typer.Option(help="Of a diagnosis (default: 0.01).")]
+Tolerance = Annotated[float | None, typer.Option(help="Of a diagnosis [default: 0.01].")]
 Calibrate = Annotated[bool, typer.Option("--calibrate", help="Of a diagnosis.")]
 Threshold = Annotated[
     list[str] | None,
     typer.Option(help="Largest RMSE against a log, such as slew=0.5deg; exit code 1 if missed."),
 ]
 MostFailed = Annotated[int | None, typer.Option(help="How many runs may fail; exit code 1 if more do.")]
-Workers = Annotated[int | None, typer.Option(help="Processes (default: one a core).")]
+Workers = Annotated[int | None, typer.Option(help="Processes [default: one a core].")]
 RunsPerWorker = Annotated[int | None, typer.Option(help="Replace a process after so many runs.")]
 WorkerMemory = Annotated[
-    str | None, typer.Option(help="Replace a process before it is larger (default: 1 GiB).")
+    str | None, typer.Option(help="Replace a process before it is larger [default: 1 GiB].")
 ]
 TimeLimit = Annotated[
     str | None, typer.Option(help="A run that takes longer is ended and counts as failed, such as '5 min'.")

@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 def build(
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder to build into (default: COSIM_BUILD, or build/ in the checkout)."),
+        typer.Option(help="Folder to build into [default: COSIM_BUILD, or build/ in the checkout]."),
     ] = None,
     with_stimulus: Annotated[
         Path | None, typer.Option(help="A log whose command u the closed packages play.", metavar="FILE")

@@ -32,12 +32,12 @@ def check(
     ] = False,
     margin: Annotated[
         str | None,
-        typer.Option(help="Of limits above the errors found, with --add or --update (default: 10 %)."),
+        typer.Option(help="Of limits above the errors found, with --add or --update [default: 10 %]."),
     ] = None,
     cause: Annotated[
         bool | None,
         typer.Option(
-            "--cause/--no-cause", help="Diagnose each log, or none (default: those whose limits are missed)."
+            "--cause/--no-cause", help="Diagnose each log, or none [default: those whose limits are missed]."
         ),
     ] = None,
     budget: Annotated[str | None, typer.Option(help="Time of each diagnosis, such as 60s.")] = None,

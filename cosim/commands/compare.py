@@ -23,7 +23,7 @@ ParameterSets = Annotated[
 Settings = Annotated[
     list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
 ]
-StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' (default: the log's own, uniform).")]
+StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' [default: the log's own, uniform].")]
 Thresholds = Annotated[
     list[str] | None,
     typer.Option(help="Largest RMSE of a signal, such as slew=0.5deg; exit code 1 if missed; repeatable."),
@@ -38,13 +38,13 @@ Priors = Annotated[
     typer.Option(help="What is known of one beforehand, such as 'dcv.K=2.4+-0.1 mm'; repeatable."),
 ]
 FitTo = Annotated[
-    list[str] | None, typer.Option(help="Fit to this signal (default: all measured); repeatable.")
+    list[str] | None, typer.Option(help="Fit to this signal [default: all measured]; repeatable.")
 ]
 HeldOut = Annotated[
     str | None,
-    typer.Option(help="Not fitted but scored: a part of the log's end or another log (default: 0.3)."),
+    typer.Option(help="Not fitted but scored: a part of the log's end or another log [default: 0.3]."),
 ]
-Starts = Annotated[int | None, typer.Option(help="Starts of the search (default: 4).")]
+Starts = Annotated[int | None, typer.Option(help="Starts of the search [default: 4].")]
 WithObserver = Annotated[
     bool, typer.Option("--observer", help="Run the observer's FMU on the log's command and slew.")
 ]
@@ -64,7 +64,7 @@ def compare(
     model: Annotated[
         str | None,
         typer.Option(
-            help="simplified, full_order, physical or a file (default: the mapping's or full_order)."
+            help="simplified, full_order, physical or a file [default: the mapping's or full_order]."
         ),
     ] = None,
     mapping: Annotated[

@@ -22,7 +22,7 @@ def demo(
         typer.Option(
             "--out",
             "-o",
-            help="Folder for pictures and series (default: demo/ in the build folder).",
+            help="Folder for pictures and series [default: demo/ in the build folder].",
             metavar="DIR",
         ),
     ] = None,

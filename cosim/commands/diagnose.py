@@ -27,14 +27,14 @@ def diagnose(
         str | None,
         typer.Option(
             help="full_order, simplified, physical, a package (.ssp) or a wiring (.ssd) of our blocks, or any .ssp or .fmu "
-            "(default: the mapping's or full_order)."
+            "[default: the mapping's or full_order]."
         ),
     ] = None,
     mapping: Annotated[Path | None, typer.Option(help="TOML that names the columns.")] = None,
     held_out: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Another log of the same machine, once for each: gains are measured on it (default: a part of LOG)."
+            help="Another log of the same machine, once for each: gains are measured on it [default: a part of LOG]."
         ),
     ] = None,
     tolerance: Annotated[
@@ -50,7 +50,7 @@ def diagnose(
         str | None,
         typer.Option(
             help="Time it may take, such as 60s: searches end with the best so far, and what was not tried is said "
-            "(default: as long as it takes)."
+            "[default: as long as it takes]."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),

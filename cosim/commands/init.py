@@ -25,14 +25,14 @@ def init(
     second: Annotated[Path | None, typer.Argument(help="The log.", metavar="LOG", hidden=True)] = None,
     model: Annotated[
         str | None,
-        typer.Option(help="full_order, simplified, or any .ssp or .fmu (default: full_order)."),
+        typer.Option(help="full_order, simplified, or any .ssp or .fmu [default: full_order]."),
     ] = None,
     machine: Annotated[
         bool, typer.Option("--machine", help="Another machine than the crane: its log tells speed and lag.")
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Mapping file (default: LOG with .toml).", metavar="FILE"),
+        typer.Option("--out", "-o", help="Mapping file [default: LOG with .toml].", metavar="FILE"),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over a file that exists.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,

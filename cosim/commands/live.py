@@ -22,7 +22,7 @@ Text = str | None
 Texts = list[str] | None
 Listen = Annotated[int, typer.Option(help="Port to listen on; 0 takes a free one, which is told.")]
 Peer = Annotated[
-    Text, typer.Option(help="HOST:PORT to send to (default: whoever sends; a crane must be told).")
+    Text, typer.Option(help="HOST:PORT to send to [default: whoever sends; a crane must be told].")
 ]
 Bind = Annotated[str, typer.Option(help="Address of this machine to listen on.")]  # fmt: skip
 LayoutFile = Annotated[Path | None, typer.Option("--layout", help="Of the datagrams (TOML).", metavar="FILE")]  # fmt: skip
@@ -66,7 +66,7 @@ Effect = Annotated[
 ]
 Settings = Annotated[Texts, typer.Option("--set", help="Crane: such as 'mechanical.J=800 kg.m2'; repeatable.")]  # fmt: skip
 NoiseScale = Annotated[float, typer.Option(help="Crane: factor on the usual noise; 0 is none.")]
-Start = Annotated[Text, typer.Option(help="Crane: slew angle at the start (default: 12 deg).")]
+Start = Annotated[Text, typer.Option(help="Crane: slew angle at the start [default: 12 deg].")]
 Friction = Annotated[str, typer.Option(help="Crane: sharp, lugre or smooth.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
@@ -135,7 +135,9 @@ def live(
             plant, truth = _plant(stack, model, effect, settings, noise, start, friction, seed, compensated)
             side: Master | Crane = _crane_side(link, codec, plant, out, truth)
         else:
-            recorded = _played(excitation, played, amplitude, seed, length)
+            from cosim.live.operator import commands_of
+
+            recorded = commands_of(excitation, played, amplitude, seed, length)
             side = _master_side(stack, link, codec, out, recorded, commands, automatic, target, gain, compensated,
                                 synthetic)  # fmt: skip
         lines = _lines(commands) if commands == "-" else lambda: None
@@ -285,32 +287,6 @@ def _compensator() -> Callable[[float], float]:
 
     p = dead_zone.Parameters(*(v.start for v in dead_zone.BLOCK.parameters.values()))._replace(form=3.0)
     return lambda u: dead_zone.limited(u, p)
-
-
-def _played(
-    excitation: str | None, file: Path | None, amplitude: float, seed: int, duration: float | None
-) -> list[float]:
-    """The manual command of each slot."""
-    if excitation is None and file is None:
-        return []
-    import numpy as np
-
-    from cosim.errors import UsageError
-    from cosim.rig.excitation import command, read_command
-
-    if excitation is not None and file is not None:
-        raise UsageError("--excitation and --input are two commands: give one")
-    length = duration
-    if file is not None:
-        length = float(read_command(file)[0][-1])
-    elif length is None:
-        raise UsageError("an excitation has a length: give --duration")
-    elif length > 36000.0:
-        raise UsageError("an excitation of more than ten hours does not fit into memory: use --input")
-    time = np.arange(round((length or 0.0) * 1000) + 1, dtype=np.float64) * 1e-3
-    name = "file" if file is not None else excitation or ""
-    found: list[float] = command(name, time, amplitude, seed, file).tolist()
-    return found
 
 
 def _lines(commands: str | None) -> Callable[[], str | None]:

@@ -38,7 +38,7 @@ def open_page(
     language: Annotated[
         str | None,
         typer.Option(
-            "--language", help="Of page and report: en, de (default: the browser's).", metavar="LANGUAGE"
+            "--language", help="Of page and report: en, de [default: the browser's].", metavar="LANGUAGE"
         ),
     ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in your browser.")] = True,

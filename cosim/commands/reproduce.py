@@ -19,7 +19,7 @@ def reproduce(
         typer.Option(
             "--out",
             "-o",
-            help="Folder for page and JSON (default: reproduce/ in the build folder).",
+            help="Folder for page and JSON [default: reproduce/ in the build folder].",
             metavar="DIR",
         ),
     ] = None,
@@ -27,13 +27,13 @@ def reproduce(
         list[str] | None,
         typer.Option(
             help="Effect that the rig carries; repeatable; 'none' for the nominal crane "
-            "(default: dcv.amplitude_damping and continuity.flow_pressure, the source's own findings)."
+            "[default: dcv.amplitude_damping and continuity.flow_pressure, the source's own findings]."
         ),
     ] = None,
     only: Annotated[
         list[str] | None,
         typer.Option(
-            help="Figure or table by its number in the source, such as 'fig. 4.4' or 5.14; repeatable (default: all)."
+            help="Figure or table by its number in the source, such as 'fig. 4.4' or 5.14; repeatable [default: all]."
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the rig's noise.", min=0)] = 1,

@@ -20,16 +20,16 @@ Model = Annotated[
     str, typer.Argument(help="An .ssp or .fmu file, a machine (.toml), or simplified, full_order, physical.")
 ]
 StopTime = Annotated[
-    str | None, typer.Option(help="Such as '10 s' (default: end of the input, the model's own, or 10 s).")
+    str | None, typer.Option(help="Such as '10 s' [default: end of the input, the model's own, or 10 s].")
 ]
-StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' (default: the model's own, or 1 ms).")]
+StepSize = Annotated[str | None, typer.Option(help="Such as '1 ms' [default: the model's own, or 1 ms].")]
 StartTime = Annotated[
-    str | None, typer.Option(help="Such as '2 s' (default: start of the input, the model's own, or 0).")
+    str | None, typer.Option(help="Such as '2 s' [default: start of the input, the model's own, or 0].")
 ]
 Tolerance = Annotated[
     float | None,
     typer.Option(
-        help="For the FMUs' own step-size control, such as 1e-6 (default: that of their default experiments).",
+        help="For the FMUs' own step-size control, such as 1e-6 [default: that of their default experiments].",
         min=1e-15,
         max=1.0,
     ),
@@ -49,7 +49,7 @@ MappingFile = Annotated[
 ]
 Record = Annotated[
     list[str] | None,
-    typer.Option(help="Signal to keep, such as mechanical.theta; repeatable (default: all)."),
+    typer.Option(help="Signal to keep, such as mechanical.theta; repeatable [default: all]."),
 ]
 Estimate = Annotated[
     bool, typer.Option("--estimate-error", help="Estimate the error of the step size, by two finer runs.")
@@ -65,13 +65,13 @@ Native = Annotated[
 Stall = Annotated[
     str | None,
     typer.Option(
-        help="Longest time for one call of an FMU that is not ours, such as '5 min' (default: COSIM_STALL or 60 s)."
+        help="Longest time for one call of an FMU that is not ours, such as '5 min' [default: COSIM_STALL or 60 s]."
     ),
 ]
 Memory = Annotated[
     str | None,
     typer.Option(
-        help="Memory for FMUs that are not ours, such as '8 GiB' (default: COSIM_MEMORY in MiB, or 4 GiB)."
+        help="Memory for FMUs that are not ours, such as '8 GiB' [default: COSIM_MEMORY in MiB, or 4 GiB]."
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

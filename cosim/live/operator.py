@@ -143,3 +143,32 @@ def read_script(path: Path) -> list[tuple[float, str]]:
             raise DataError(f"{path}: row {number}: {text}") from None
         found.append((time, words))
     return found
+
+
+def commands_of(
+    excitation: str | None, file: Path | None, amplitude: float, seed: int, duration: float | None
+) -> list[float]:
+    """The manual command of each slot of a millisecond: of an excitation, or of a file; empty without either.
+
+    Raises:
+        UsageError: both are given, or the length of an excitation is missing or does not fit into memory.
+    """
+    if excitation is None and file is None:
+        return []
+    import numpy as np
+
+    from cosim.rig.excitation import command, read_command
+
+    if excitation is not None and file is not None:
+        raise UsageError("--excitation and --input are two commands: give one")
+    length = duration
+    if file is not None:
+        length = float(read_command(file)[0][-1])
+    elif length is None:
+        raise UsageError("an excitation has a length: give --duration")
+    elif length > 36000.0:
+        raise UsageError("an excitation of more than ten hours does not fit into memory: use --input")
+    time = np.arange(round((length or 0.0) * 1000) + 1, dtype=np.float64) * 1e-3
+    name = "file" if file is not None else excitation or ""
+    found: list[float] = command(name, time, amplitude, seed, file).tolist()
+    return found

@@ -15,12 +15,13 @@ from functools import cache, cached_property, partial
 from pathlib import Path
 
 from cosim.errors import UsageError
-from cosim.report.names import DRIVEN, OTHER_AXIS, replaced
+from cosim.report.names import DRIVEN, OTHER_AXIS, TURNING, replaced
 from cosim.report.picture import Picture
 
 ENGLISH = "en"
 LANGUAGES = (ENGLISH, "de")
 DEPTH = 6  # of messages within messages
+LONG = 3  # items from which on a list is translated item by item, whatever its depth
 HALF = 0.5  # of a text that may stay English before it stays so as a whole
 SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z“\d])")
 PLACE = re.compile(r"\{([a-zA-Z_][\w.]*)(?::[^}]*)?\}")
@@ -29,8 +30,9 @@ UNIT = r"[^\W\d_]{1,4}[²³]?"
 NUMBERS = re.compile(rf"{NUMBER}(?: to {NUMBER})?(?: ?[%°]| {UNIT}(?:[ /·]{UNIT}){{0,3}})?")
 
 
-# names of files (with their folders), connectors, effects and parameters
+# names of files (with their folders), connectors, effects, parameters and logs
 IDENTIFIER = re.compile(
+    r"[\w-]*[A-Za-z][\w-]*[_\d][\w-]*|"
     r"[A-Za-z_]\w*(?:[.\[]\w+\]?)+(?: \[[^\]]*\])?|(?:(?:[A-Za-z]:)?[/\\][^\n:]*|[^\s:]+[/\\]\S*)\.[A-Za-z]{2,8}"
 )
 
@@ -99,6 +101,9 @@ class Catalogue:
         sentences = SENTENCE.split(bare)
         if len(sentences) > 1:
             yield lambda lost: " ".join(self._said(sentence, lost, depth + 1) for sentence in sentences)
+        parts = bare.split(", ")
+        if len(parts) > LONG:
+            yield lambda lost: ", ".join(self._said(part, lost, depth + 1) for part in parts)
         for pattern, translated in self.patterns:
             match = pattern.fullmatch(bare)
             if match is not None:
@@ -155,6 +160,12 @@ def catalogue(language: str) -> Catalogue | None:
     return Catalogue(
         of_other_axes(messages, content["other_axis"])
         | of_other_axes(messages, content["other_axis"] | content["driven"], (*OTHER_AXIS, *DRIVEN))
+        | of_other_axes(messages, content["other_axis"] | content["turning"], (*OTHER_AXIS, *TURNING))
+        | of_other_axes(
+            messages,
+            content["other_axis"] | content["driven"] | content["turning"],
+            (*OTHER_AXIS, *DRIVEN, *TURNING),
+        )
         | messages,
         content["to"],
         content["comma"],

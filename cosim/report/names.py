@@ -1,5 +1,6 @@
 """What people call the signals, blocks and quantities of the crane, and the words of a machine that moves along a line."""
 
+import re
 from collections.abc import Iterable
 
 SIGNAL_NAMES = {
@@ -102,7 +103,8 @@ def known_as(signal: str) -> str:
 
 
 def replaced(text: str, pairs: Iterable[tuple[str, str]]) -> str:
-    """A text in which the first of each pair of words stands no more, but the second."""
+    """A text in which the first of each pair of words stands no more, but the second; a triangle is not an angle."""
     for one, other in pairs:
-        text = text.replace(one, other)
+        alone = r"(?<![a-zäöüß])" if one[0].isalpha() else ""
+        text = re.sub(alone + re.escape(one), other.replace("\\", r"\\"), text)
     return text

@@ -5,6 +5,8 @@ import inspect
 import json
 import platform
 import re
+from collections.abc import Iterable
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -153,7 +155,6 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
         finalize=finalized,
     )
     environment.filters["asis"] = lambda value: Markup(escape(value))
-    environment.filters["listed_title"] = listed_title
     environment.filters["first_large"] = lambda text: text[:1].upper() + text[1:]
     environment.filters["unit"] = unit_text
     environment.filters["signal"] = signal_name
@@ -177,10 +178,9 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     )
 
 
-def listed_title(title: str) -> str:
-    """A picture's title within a list: without what all have in common, and small where the language has it so."""
-    short = title.replace(", driven by the command alone", "")
-    return short[:1].lower() + short[1:]
+def names_of(signals: Iterable[str], kept: set[str]) -> str:
+    """The names that people know of those signals that are kept."""
+    return ", ".join(said(signal_name(signal)) for signal in dict.fromkeys(signals) if signal in kept)
 
 
 def contents(material: Material, shown: Any) -> dict[str, Any]:
@@ -222,12 +222,16 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         "rate": f"{1.0 / material.h:.4g}",
         "signals": shown([p for p in drawn if p.key not in quiet] + ([seen] if seen else [])),
         "quiet_signals": shown([p for p in drawn if p.key in quiet]),
+        "quiet_signal_names": names_of(answer.signals, quiet_signals(answer)),
         "nominal": [(name, *interval(p)) for name, p in answer.nominal.items()],
         "drive": shown([curve] if curve else []),
         "drive_rows": drive.rows(material),
         "shares": shown([overview.shares(material)] if answer.localisation else []),
         "residuals": shown([p for p in left if p.key not in quiet]),
         "quiet_residuals": shown([p for p in left if p.key in quiet]),
+        "quiet_residual_names": names_of(
+            [r.signal for r in answer.localisation], {signal for _, signal in quiet_blocks(answer)}
+        ),
         "causes": [cause_section(material, c, shown) for c in answer.causes],
         "rests": rests,
         "command": shown([command] if command else []),
@@ -276,7 +280,7 @@ def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str
         "looks": effect.residual if effect else "",
         "source": _NOTES.sub("", effect.source) if effect else "",
         "parameters": rows,
-        "pictures": shown(pictures(material, cause)),
+        "pictures": shown([replace(p, evidence=True) for p in pictures(material, cause)]),
     }
 
 

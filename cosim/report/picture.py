@@ -1,5 +1,6 @@
 """A picture as plain data, and how plotly draws it."""
 
+import re
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -20,6 +21,12 @@ COLOURS: dict[Role, str] = {
     "falling": "#8d5a97",
     "plain": "#374151",
 }
+
+
+TOP, MARGINS = 30, 74  # px above, and above and below the axes
+LETTER = 8.0  # px of a letter of an axis' title
+# what is drawn beside the models differs in its dashes too, for readers who see these colours alike
+DASHES: dict[Role, str] = {"rising": "dash", "falling": "dot"}
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,7 @@ class Picture:
         shaded: spans of x that were held out.
         log: logarithmic abscissa.
         labels: x -> text, for bars.
+        evidence: it stands beside a cause, and is higher for its width.
     """
 
     key: str
@@ -76,6 +84,12 @@ class Picture:
     shaded: list[tuple[float, float]] = field(default_factory=list)
     log: bool = False
     labels: tuple[str, ...] = ()
+    evidence: bool = False
+
+    @property
+    def height(self) -> int:
+        """Pixels on the screen."""
+        return (290 if self.evidence else 240) + 105 * (len(self.panels) - 1)
 
     def layer(self, role: Role, panel: int = 0, kind: Kind | None = None) -> Layer:
         """The first layer of a role (and kind) in a panel; LookupError if there is none."""
@@ -116,7 +130,8 @@ def _traces(layer: Layer, picture: Picture) -> list[dict[str, Any]]:
     base: dict[str, Any] = {"type": "scatter", "y": y, "name": layer.name} | _abscissa(layer.x)
     if layer.kind == "line":
         width = 1.0 if layer.role in ("measured", "plain") else 1.6
-        return [base | {"mode": "lines", "line": {"color": colour, "width": width}}]
+        line = {"color": colour, "width": width, "dash": DASHES.get(layer.role, "solid")}
+        return [base | {"mode": "lines", "line": line}]
     if layer.kind == "points":
         return [base | {"mode": "markers", "marker": {"color": colour, "size": 3.5, "opacity": 0.35}}]
     if layer.kind == "means":
@@ -162,8 +177,8 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
     }
     layout: dict[str, Any] = {
         "template": None,
-        "height": 330 if rows == 1 else 330 + 130 * (rows - 1),
-        "margin": {"l": 70, "r": 15, "t": 36, "b": 48},
+        "height": picture.height,
+        "margin": {"l": 70, "r": 15, "t": TOP, "b": MARGINS - TOP},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
         "font": {
@@ -171,7 +186,14 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
             "size": 12.5,
             "color": "#1f2937",
         },
-        "legend": {"orientation": "h", "x": 0.0, "y": 1.01, "yanchor": "bottom", "xanchor": "left"},
+        "legend": {
+            "orientation": "h",
+            "x": 0.0,
+            "y": 1.01,
+            "yanchor": "bottom",
+            "xanchor": "left",
+            "font": {"size": 11.5},
+        },
         "hovermode": "closest",
         "bargap": 0.35,
         "barmode": "group",
@@ -199,6 +221,18 @@ def _layout(picture: Picture, rows: int) -> dict[str, Any]:
     return layout
 
 
+def wrapped(label: str, most: int) -> list[str]:
+    """A label in lines of at most so many letters where its words allow it; a unit stays in one piece."""
+    words = re.findall(r"\S*\[[^\]]*\]\S*|\S+", label)
+    lines = words[:1]
+    for word in words[1:]:
+        if len(lines[-1]) + 1 + len(word) <= most:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines
+
+
 def _ordinates(picture: Picture, grid: dict[str, Any]) -> dict[str, Any]:
     """One vertical axis a panel, from top to bottom."""
     found: dict[str, Any] = {}
@@ -208,7 +242,12 @@ def _ordinates(picture: Picture, grid: dict[str, Any]) -> dict[str, Any]:
     top = 1.0
     for row, (panel, weight) in enumerate(zip(picture.panels, weights, strict=True), 1):
         low = max(0.0, top - unit * weight)
-        axis = grid | {"title": {"text": panel.y}, "domain": [low, min(1.0, top)], "anchor": "x"}
+        room = int(unit * weight * (picture.height - MARGINS) / LETTER)
+        axis = grid | {
+            "title": {"text": "<br>".join(wrapped(panel.y, room))},
+            "domain": [low, min(1.0, top)],
+            "anchor": "x",
+        }
         if panel.log:
             axis |= {"type": "log", "exponentformat": "power", "dtick": 1}
         found["yaxis" if row == 1 else f"yaxis{row}"] = axis

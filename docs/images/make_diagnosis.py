@@ -15,7 +15,7 @@ SHOWN = ("signal-slew", "evidence-mechanical-coulomb_friction")
 KEEP = """keys => {
   const main = document.querySelector('main');
   const figures = keys.map(key => document.getElementById(key).closest('figure'));
-  const head = [...main.children].slice(0, [...main.children].findIndex(e => e.tagName === 'NAV'));
+  const head = [...main.children].slice(0, [...main.children].findIndex(e => e.tagName === 'H2'));
   main.replaceChildren(...head, ...figures);
   main.style.paddingBottom = '0';
 }"""

@@ -240,3 +240,18 @@ def test_a_command_computes_nothing_itself(command):
     }  # fmt: skip
     assert "cosim" in used, "from cosim import api"
     assert used <= SAYING | READING, f"{used - SAYING - READING}: let cosim.api do it"
+
+
+def test_no_command_has_numbers_of_its_own():
+    """Arrays and tables are made where Python can ask for them as well."""
+    for file in sorted((TOP / "cosim" / "commands").rglob("*.py")):
+        tree = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        used = {
+            name.split(".")[0]
+            for node in tree
+            for name in (
+                [a.name for a in node.names] if isinstance(node, ast.Import)
+                else [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            )
+        }  # fmt: skip
+        assert not used & {"numpy", "scipy", "pandas", "pyarrow", "numba", "control", "pint"}, file.name

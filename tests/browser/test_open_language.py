@@ -4,6 +4,8 @@ import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from cosim.browser.language import page_words, said, words
@@ -65,13 +67,37 @@ def test_the_answer_is_said_in_german():
     assert cause == "trockene Reibung (mechanical.coulomb_friction): 99,8 N m, 98,9 bis 100,7 (95 %)"
 
 
+def test_the_form_of_another_machine_is_german(tmp_path):
+    """Excavator's boom: two columns of a command, two chambers; a servo drive: its torque alone."""
+    t = np.arange(0.0, 4.0, 0.01)
+    up = np.where(np.sin(2.0 * t) > 0.0, 0.5, 0.0)
+    angle, speed = np.cumsum(up - (up == 0.0) * 0.3), np.sin(2.0 * t)
+    logs = {
+        "boom.csv": {"time [s]": t, "boom up duty": up, "boom down duty": 0.3 * (up == 0.0), "boom angle [deg]": angle,
+                     "boom head pressure [bar]": 90.0 + up, "boom rod pressure [bar]": 60.0 - up},
+        "joint.csv": {"time [s]": t, "tau [N.m]": np.cos(2.0 * t), "speed [rad/s]": speed},
+    }  # fmt: skip
+    names = {name for columns in logs.values() for name in columns}
+    for name, columns in logs.items():
+        pd.DataFrame(columns).to_csv(tmp_path / name, index=False)
+        session = Session(tmp_path, tmp_path / "out", "de")
+        session.choose("machine")
+        session.take_own(tmp_path / name)
+        words("de").missing.clear()
+        rows = {row["signal"]: row for row in session.state()["form"]["rows"]}
+        assert {t for t in words("de").missing if not any(t.strip("'") in name for name in names)} == set()
+        assert rows["speed"]["text"] == "Geschwindigkeit der Achse"
+
+
 def test_what_the_page_shows_of_a_log_and_a_diagnosis_is_german(tmp_path, german):
     session = Session(tmp_path, tmp_path / "out", "de")
     session.take_own(german)
     words("de").missing.clear()
     state = session.state()
     assert state["words"] == page_words("de")
-    assert [m["label"] for m in state["models"]] == [f"{said(WORDS[n], 'de')} ({n})" for n in WORDS]
+    *ours, other = [m["label"] for m in state["models"]]
+    assert ours == [f"{said(WORDS[n], 'de')} ({n})" for n in WORDS]
+    assert other.startswith("andere Maschine")
     assert state["log"]["warnings"] == ["Zahlen wurden mit Dezimalkomma gelesen"]
     rows = {row["signal"]: row for row in state["form"]["rows"]}
     assert rows["p_a"]["text"] == "Druck an A"

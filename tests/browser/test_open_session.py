@@ -330,16 +330,65 @@ def test_a_machine_file_keeps_what_it_says_and_its_columns_may_be_changed(sessio
     assert [m["label"] for m in state["models"]][-1] == file.name
     rows = {row["signal"]: row for row in state["form"]["rows"]}
     assert set(rows) == {"u", "slew"}
-    assert all(row["needed"] and row["column"] is None for row in rows.values())
+    assert all(row["needed"] for row in rows.values())
+    assert [rows[name]["column"] for name in ("u", "slew")] == [1, None], "guessed as `cosim init` does"
     assert "'Swing Cmd', which this log does not have" in rows["u"]["check"]
     with pytest.raises(FormError, match=r"slew .* has no column"):
-        session.ask("diagnose", filled(state, u=1))
-    made = tomllib.loads(mapping_made(session, filled(state, u=1, slew=LAGE)))
+        session.ask("diagnose", filled(state))
+    made = tomllib.loads(mapping_made(session, filled(state, slew=LAGE)))
     before = tomllib.loads(file.read_text(encoding="utf-8"))
     assert made["machine"] == before["machine"]
     assert made["diagnose"] == before["diagnose"]
     assert made["signals"]["u"]["column"] == "Ventilbefehl (%)"
-    assert made["signals"]["u"]["zero"] == before["signals"]["u"]["zero"]
+    assert made["signals"]["u"]["unit"] == "%", "of the column that was guessed"
+    assert "zero" not in made["signals"]["u"]
+
+
+def motor(file, dead=0.0):
+    """10 s of a motor whose speed, in revolutions a minute, follows its voltage beyond a dead zone."""
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 10.0, 0.01)
+    volts = np.repeat(rng.uniform(-12.0, 12.0, 20), 50)
+    speed = np.zeros(t.size)
+    for k in range(1, t.size):
+        drive = np.sign(volts[k - 1]) * max(abs(volts[k - 1]) - dead, 0.0)
+        speed[k] = speed[k - 1] + 0.1 * (20.0 * drive - speed[k - 1])
+    speed += rng.normal(0.0, 0.3, t.size)
+    lines = ["t [s],motor voltage [V],speed [rpm]", *map("{:.2f},{:.3f},{:.3f}".format, t, volts, speed)]
+    file.write_text("\n".join(lines), encoding="utf-8")
+    return file
+
+
+def test_a_log_of_a_motor_begins_with_a_machine_of_its_own(session, german, filled, tmp_path):
+    drop(session, motor(tmp_path / "motor.csv"))
+    state = session.state()
+    assert state["model"] == "machine"
+    found = column_of(session)
+    assert (found["u"], found["speed"]) == (1, 2)
+    with pytest.raises(UsageError, match="nothing drives the machine"):
+        session.ask("diagnose", filled(state, u=None))
+    # a log of the crane is the crane's again, but what a person has chosen stays
+    drop(session, german)
+    assert session.state()["model"] == "full_order"
+    session.ask("model", {"model": "machine"})
+    drop(session, german)
+    state = session.state()
+    assert state["model"] == "machine"
+    assert column_of(session)["travel"] == LAGE
+    made = tomllib.loads(mapping_made(session, filled(state)))
+    assert (made["machine"]["motion"], made["machine"]["output"]) == ("travel", "travel")
+    assert "model" not in made
+
+
+def test_a_motor_is_diagnosed_without_a_file_of_its_own(session, filled, tmp_path):
+    drop(session, motor(tmp_path / "motor.csv", dead=3.0))
+    session.ask("diagnose", filled(session.state()))
+    work = finished(session)
+    assert work["state"] == "done", work["error"]
+    made = tomllib.loads((Path(work["folder"]) / "mapping.toml").read_text(encoding="utf-8"))
+    assert (made["machine"]["output"], made["machine"]["drive"]) == ("speed", "electric")
+    said = " ".join(text for _, text in work["lines"])
+    assert "dead_zone" in said, said
 
 
 def test_a_mapping_that_names_a_model_asks_for_it(session, german, filled, tmp_path):

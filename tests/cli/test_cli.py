@@ -5,6 +5,7 @@ The frame is tested with commands of its own, registered through the same door a
 
 import json
 import os
+import re
 import subprocess
 import sys
 import textwrap
@@ -222,3 +223,14 @@ def test_a_missing_argument_shows_a_line_to_type_and_a_word_that_people_try_its_
     code, _, error = command("calibrate", "log.csv")
     assert code == 2
     assert "No such command 'calibrate': cosim compare LOG --calibrate" in error
+
+
+def test_help_shows_defaults_in_brackets() -> None:
+    """Markup would leave them out."""
+    done = subprocess.run(
+        [sys.executable, "-m", "cosim", "identify", "transfer-function", "--help"],
+        capture_output=True, text=True, encoding="utf-8", check=True,
+    )  # fmt: skip
+    shown = " ".join(re.sub("[^ -~]", " ", done.stdout).split())
+    assert "mechanical or simplified [default: simplified]" in shown
+    assert "repeatable [default: those of the block's table]" in shown

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 import typer
-from rich.text import Text
 from typer.core import TyperGroup
 
 from cosim.cli import EXAMPLES, MEANT, main, make_app
@@ -136,23 +135,3 @@ def test_what_is_missing_is_shown_in_an_example(words, capsys):
         main(words)
     assert stop.value.code == 2
     assert f"For example: {EXAMPLES[words[0]]} (see" in capsys.readouterr().err
-
-
-def commands(command, path=()):
-    """Each command with the words that call it."""
-    yield path, command
-    for name, inner in getattr(command, "commands", {}).items():
-        yield from commands(inner, (*path, name))
-
-
-def test_no_word_of_a_help_text_is_taken_for_markup():
-    """``--help`` is written with rich, which swallows what stands in brackets: ``[default: 4]`` was never seen."""
-    lost, seen = [], 0
-    for path, command in commands(command_line()):
-        texts = {"": command.help, **{p.name: getattr(p, "help", None) for p in command.params}}
-        for name, text in texts.items():
-            if text:
-                seen += 1
-                lost += [f"{' '.join(path)} {name}"] if Text.from_markup(text).plain != text else []
-    assert seen > 200
-    assert lost == []

@@ -119,6 +119,41 @@ def test_the_first_screen_shows_the_verdict_and_where_it_comes_from(opened):
         assert box["y"] + box["height"] < 900
 
 
+def test_a_report_of_one_cause_is_half_as_high_as_it_once_was(browser, diagnosed):
+    """4375 px for one named cause in November 2026; what is not needed at first sight is folded, and opens."""
+    page = visit(browser, diagnosed / "report.html").page
+    assert page.evaluate("document.documentElement.scrollHeight") <= 4375 / 2
+    table = page.get_by_role("columnheader", name="RMSE before")
+    assert not table.is_visible()
+    page.get_by_text("Errors in numbers").click()
+    assert table.is_visible()
+
+
+def test_paper_has_the_numbers_and_the_screen_folds_them_again(browser, diagnosed):
+    page = visit(browser, diagnosed / "report.html").page
+    table = page.get_by_role("columnheader", name="RMSE before")
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert table.is_visible()
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert not table.is_visible()
+
+
+def test_a_plot_is_zoomed_and_moved_by_keys(browser, diagnosed):
+    page = visit(browser, diagnosed / "report.html").page
+    reach = "document.getElementById('{}').layout.xaxis.range.map(Number)"
+    signal, residual = reach.format("signal-slew"), reach.format("residual-mechanical-slew")
+    low, high = page.evaluate(signal)
+    page.locator("#signal-slew").focus()
+    page.keyboard.press("+")
+    until(page, f"{signal}[1] - {signal}[0] < {0.51 * (high - low)}")
+    near = page.evaluate(signal)
+    until(page, f"Math.abs({residual}[0] - {near[0]}) < 1e-9")
+    page.keyboard.press("ArrowRight")
+    until(page, f"{signal}[0] > {near[0]}")
+    page.keyboard.press("0")
+    until(page, f"{signal}[1] - {signal}[0] > {0.99 * (high - low)}")
+
+
 def test_a_print_keeps_every_plot_within_the_paper(browser, diagnosed):
     found = visit(browser, diagnosed / "report.html")
     found.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")

@@ -31,7 +31,7 @@ Out = Annotated[
     Path | None, typer.Option("--out", "-o", help="Folder for .ssv, picture and JSON.", metavar="DIR")
 ]
 Block = Annotated[
-    str | None, typer.Option(help="dcv, continuity, mechanical or simplified (default: simplified).")
+    str | None, typer.Option(help="dcv, continuity, mechanical or simplified [default: simplified].")
 ]
 Input = Annotated[str | None, typer.Option("--input", help="Input signal, instead of a block.")]
 Output = Annotated[str | None, typer.Option("--output", help="Output signal, instead of a block.")]
@@ -66,7 +66,7 @@ def identify_all(
 def dead_zone(
     log: LogFile,
     response: Annotated[
-        str | None, typer.Option(help="spool, p_load or slew (default: the first of these in the log).")
+        str | None, typer.Option(help="spool, p_load or slew [default: the first of these in the log].")
     ] = None,
     mapping: MappingFile = None,
     settings: Settings = None,
@@ -106,11 +106,11 @@ def transfer_function(
     order: Annotated[
         list[str] | None,
         typer.Option(
-            help="Poles/zeros of a candidate, such as 3/1; repeatable (default: those of the block's table)."
+            help="Poles/zeros of a candidate, such as 3/1; repeatable [default: those of the block's table]."
         ),
     ] = None,
     integrators: Annotated[
-        int | None, typer.Option(help="Poles at 0 among them (default: 1 to the slew angle, else 0).")
+        int | None, typer.Option(help="Poles at 0 among them [default: 1 to the slew angle, else 0].")
     ] = None,
     delay: Annotated[bool, typer.Option("--delay", help="With a transport delay.")] = False,
     linear: Linear = False,
@@ -146,7 +146,7 @@ def frf(
     extremes: Annotated[
         bool, typer.Option("--extremes", help="Amplitude from the extremes, as (4.12) prints it.")
     ] = False,
-    order: Annotated[str | None, typer.Option(help="Poles/zeros of the fit (default: the block's).")] = None,
+    order: Annotated[str | None, typer.Option(help="Poles/zeros of the fit [default: the block's].")] = None,
     delay: Annotated[bool, typer.Option("--delay", help="Fit a transport delay too.")] = False,
     segment: Annotated[str | None, typer.Option(help="Segment of Welch's method, such as '8 s'.")] = None,
     low: Annotated[str | None, typer.Option(help="Lowest frequency, such as '0.5 rad/s' or '1 Hz'.")] = None,
@@ -199,7 +199,7 @@ def mechanics(
     highest: Annotated[
         str | None,
         typer.Option(
-            help="Compare up to this frequency, such as '10 Hz' (default: as far as torque and motion cohere)."
+            help="Compare up to this frequency, such as '10 Hz' [default: as far as torque and motion cohere]."
         ),
     ] = None,
     start: From = None,
@@ -232,12 +232,12 @@ def drive(
     logs: LogFiles,
     mapping: MappingFile = None,
     command: Annotated[
-        str | None, typer.Option(help="Signal that commands (default: the machine's input, or u).")
+        str | None, typer.Option(help="Signal that commands [default: the machine's input, or u].")
     ] = None,
     motion: Annotated[
         str | None,
         typer.Option(
-            help="Angle, position, speed or flow that answers (default: the machine's output, or slew)."
+            help="Angle, position, speed or flow that answers [default: the machine's output, or slew]."
         ),
     ] = None,
     start: From = None,
@@ -263,11 +263,11 @@ def drive(
 
 def observer(
     log: Annotated[
-        Path | None, typer.Argument(help="Log to take the drive from (default: (4.15)).", metavar="LOG")
+        Path | None, typer.Argument(help="Log to take the drive from [default: (4.15)].", metavar="LOG")
     ] = None,
     pole: Annotated[
         list[float] | None,
-        typer.Option(help="Pole of the observer in 1/s; twice (default: -3 and -1.5 times the drive's)."),
+        typer.Option(help="Pole of the observer in 1/s; twice [default: -3 and -1.5 times the drive's]."),
     ] = None,
     mapping: MappingFile = None,
     settings: Settings = None,

@@ -48,7 +48,7 @@ def linearisation(
         list[str] | None,
         typer.Option(
             help="Measured point, such as '6.0 V:3.0275 mm'; one or more a side "
-            "(default: Table 3.5, 6.0 V:3.0275 mm and -6.0 V:-2.6880 mm)."
+            "[default: Table 3.5, 6.0 V:3.0275 mm and -6.0 V:-2.6880 mm]."
         ),
     ] = None,
     full: Annotated[
@@ -119,7 +119,7 @@ def markers(
     ],
     residual: Annotated[str, typer.Option(help="Largest residual of a pose.")] = "1 mm",
     nearest: Annotated[str, typer.Option(help="Shortest distance from the tracker.")] = "0 m",
-    farthest: Annotated[str | None, typer.Option(help="Longest distance (default: any).")] = None,
+    farthest: Annotated[str | None, typer.Option(help="Longest distance [default: any].")] = None,
     camera: Annotated[
         str, typer.Option(help="The tracker's place in the frame of the positions, in m: 'x,y,z'.")
     ] = "0,0,0",
@@ -149,7 +149,7 @@ def experiment(
     ],
     amplitude: Annotated[
         list[float] | None,
-        typer.Option(help="Of full command; repeatable (default: the source's; sine: 0.75)."),
+        typer.Option(help="Of full command; repeatable [default: the source's; sine: 0.75]."),
     ] = None,
     low: Annotated[str | None, typer.Option(help="sine: lowest frequency, such as '0.5 rad/s'.")] = None,
     high: Annotated[str | None, typer.Option(help="sine: highest frequency.")] = None,
