@@ -152,6 +152,13 @@ RESTING, OFF_ZERO, STILL = (
 )  # a neutral command: share of samples, part of the range, of the motion
 OPPOSED, FOLLOWS, DRIVEN = 0.9, 0.8, 0.6  # correlations from which on columns are said to move together
 LED = 0.3  # correlation from which on an axis of several is taken for that of a command
+# what parts the names of two records in one file -> what the second has in its place
+SECOND = (
+    (r"\bid\b", "val"),
+    (r"_?[eE]st(?![a-z])", lambda m: m[0].replace("Est", "Val").replace("est", "val")),
+    (r"[tT]rain(?![a-z])", lambda m: "Test" if m[0][0] == "T" else "test"),
+    (r"[tT]rain(?![a-z])", lambda m: "Val" if m[0][0] == "T" else "val"),
+)
 BY_ITSELF = 0.5  # part of an integrator's misfit that a column which falls back by itself leaves
 WHOLE = 0.8  # of a column's range: jumps by so much begin it anew
 STRETCHES, LAGS = (
@@ -831,6 +838,9 @@ def time_lines(found: Overview, stamps: int | None) -> list[str]:
         stamps: as `stamped` gives it.
     """
     clock = found.clock
+    if clock is None and found.interval is not None:
+        name, step = found.interval
+        return ["[time]", f"step = {step:.9g}    # {name} in the file", 'unit = "s"']
     if clock is None:
         return [
             "[time]",
@@ -877,7 +887,9 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         lines += ["", *machine_lines(found, made)]
     elif "u" in made and "slew" in made:
         lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(found, made)))]
-    used = used_by(made) | found.times
+    second = second_record(found, made, stamps)
+    lines += second_lines(found, second)
+    used = used_by(made) | found.times | {column.index for column in second.values()}
     rest = [c for c in found.columns if c.index not in used]
     shown = any(signal in made for signal in MOTIONS)
     missing = [
@@ -903,6 +915,36 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
             f"# unit = {_quoted(column.unit or '1')}    # {_range(column)}",
         ]
     return "\n".join(lines) + "\n"
+
+
+def second_record(found: Overview, made: dict[str, Guess], stamps: int | None) -> dict[str, Column]:
+    """Signal or ``time`` -> its column in a second record of the file (``uVal`` beside ``uEst``, ``val.y1``, ``id.y1``).
+
+    Nothing where a signal has no such column, or where the second record holds the same values.
+    """
+    of = {name: guess.column for name, guess in made.items()}
+    if stamps is not None:
+        of["time"] = found.columns[stamps]
+    by_text = {column.label.text: column for column in found.columns if column.finite.size}
+    for first, second in SECOND:
+        twins: dict[str, Column] = {}
+        for name, column in of.items():
+            said = re.sub(first, second, column.label.text)
+            if said != column.label.text and said in by_text and column.label.text in by_text:
+                twins[name] = by_text[said]
+        if twins.keys() >= made.keys() and any(
+            not np.array_equal(twin.values, of[name].values) for name, twin in twins.items()
+        ):
+            return twins
+    return {}
+
+
+def second_lines(found: Overview, second: dict[str, Column]) -> list[str]:
+    """The table `[held_out]` of a mapping."""
+    if not second:
+        return []
+    head = ["", "[held_out]    # a second record in this file: it is not fitted, and judges what is named"]
+    return head + [f"{name} = {column_of(found, column)}" for name, column in second.items()]
 
 
 def electric(found: Overview, made: dict[str, Guess]) -> bool:

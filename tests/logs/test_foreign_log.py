@@ -9,7 +9,7 @@ from log_files import TOP
 from scipy.io import savemat
 
 from cosim.errors import ColumnsError
-from cosim.logs import load_log
+from cosim.logs import load_log, load_mapping
 from cosim.logs.clocks import plain
 from cosim.logs.guess import NAMES, guesses, mapping_text
 from cosim.logs.overview import overview, spelled
@@ -769,3 +769,35 @@ def test_coordinates_of_another_machine_are_no_markers(cosim, write):
         write("t,info_position_x,info_position_y,info_position_z\n" + rows(np.column_stack([time, u, w, w]))),
     )
     assert (done.returncode, "info_position_x" in done.stdout) == (0, True), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("names", "constants"),
+    [
+        (("uEst", "yEst", "uVal", "yVal"), {"Ts": 0.05}),
+        (("u_train", "y_train", "u_test", "y_test"), {"fs": 20.0}),
+        (("u_est", "y_est", "u_val", "y_val"), {"fs": 20.0}),
+    ],
+)
+def test_a_second_record_and_the_interval_of_a_benchmark_are_found(cosim, tmp_path, names, constants):
+    """Estimation and validation data in one file, with the interval as a number: nothing is left to be completed."""
+    _, u, w, _ = motor_table(1500).T
+    path = tmp_path / "benchmark.mat"
+    savemat(path, dict(zip(names, (u, w, u[::-1], w[::-1]), strict=True)) | constants)
+    done = cosim("init", path, "--machine")
+    assert done.returncode == 0, done.stderr
+    assert f"{names[3]} -> speed of a record held out" in done.stdout
+    assert "Missing" not in done.stdout
+    assert "left without" not in done.stdout
+    mapping = load_mapping(path.with_suffix(".toml"))
+    assert mapping.time.step == pytest.approx(0.05)
+    assert mapping.held_out == {"u": names[2], "speed": names[3]}
+    np.testing.assert_array_equal(load_log(path, mapping.of_held_out)["speed"], w[::-1])
+
+
+def test_the_same_values_under_another_name_are_no_second_record(tmp_path):
+    time, u, w, _ = motor_table(1500).T
+    path = tmp_path / "twice.mat"
+    savemat(path, {"t": time, "uEst": u, "yEst": w, "uVal": u, "yVal": w})
+    found = overview(path)
+    assert "[held_out]" not in mapping_text(found, guesses(found, machine=True), None)
