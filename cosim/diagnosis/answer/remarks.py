@@ -283,11 +283,28 @@ def no_sign(record: Record, machine: Machine) -> list[str]:
     ]
 
 
+def at_once(diagnosis: Diagnosis) -> list[str]:
+    """That a place follows the command itself and not its sum over time: a demanded place was taken for a command."""
+    found = []
+    for finding in diagnosis.findings.values():
+        group, signal = finding.task.model.group, next(iter(finding.task.measured))
+        linear = finding.reference if finding.lacks_linear else None
+        if linear is None or not group.integrates or group.is_speed(signal) or linear.model.integrates:
+            continue
+        if group.drive == (drive := diagnosis.machine.drive):
+            found.append(
+                f"{signal} follows {drive} itself and stays with it, where the model goes on while {drive} lasts: "
+                f"if {drive} is a demanded place, log what the controller puts out; "
+                f"if {signal} is a speed, a flow or a level, map it as a speed or flow"
+            )
+    return found
+
+
 def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more."""
     record, machine = diagnosis.record, diagnosis.machine
     direction = one_way(record, machine) or one_sided(record, machine)
-    return direction + no_sign(record, machine) + one_level(diagnosis)
+    return direction + no_sign(record, machine) + at_once(diagnosis) + one_level(diagnosis)
 
 
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
