@@ -7,7 +7,7 @@ from cosim.anysystem.command import any_system, diagnose_any
 from cosim.console import warn
 from cosim.diagnosis.answer.schema import Answer
 from cosim.errors import UsageError
-from cosim.logs import Log, Tracker, load_log, load_tracker
+from cosim.logs import Log, Tracker, load_log, load_mapping, load_tracker
 from cosim.report.deliver import diagnose_into
 from cosim.report.folder import ANSWER, read_answer
 
@@ -49,14 +49,14 @@ def run(asked: Asked) -> Answer:
             asked.logs,
             foreign,
             asked.mapping,
-            asked.held_out,
+            asked.held_out or second_records(asked),
             asked.tolerance,
             asked.calibrate,
             asked.budget,
         )
     logs = [loaded(log, asked) for log in asked.logs]
     external = load_tracker(asked.external) if isinstance(asked.external, Path) else asked.external
-    others = [loaded(log, asked) for log in asked.held_out]
+    others = [loaded(log, asked) for log in asked.held_out] or second_records(asked)
     return diagnose_into(
         asked.folder,
         logs,
@@ -69,6 +69,18 @@ def run(asked: Asked) -> Answer:
         asked.budget,
         asked.verbose,
     )
+
+
+def second_records(asked: Asked) -> list[Log]:
+    """The record that a mapping holds out, of each file: benchmarks keep two in one file (``uEst``, ``uVal``)."""
+    mapping = load_mapping(asked.mapping) if asked.mapping is not None else None
+    if mapping is None or not mapping.held_out:
+        return []
+    found = [load_log(log, mapping.of_held_out) for log in asked.logs if isinstance(log, Path)]
+    for log in found:
+        for warning in log.warnings:
+            warn(f"held out: {warning}")
+    return found
 
 
 def loaded(log: Path | Log, asked: Asked) -> Log:

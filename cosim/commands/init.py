@@ -127,7 +127,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     Raises:
         DataError: as `cosim.logs.overview.measured`.
     """
-    from cosim.logs.guess import guesses, mapping_text, texts_of, used_by
+    from cosim.logs.guess import clock_column, guesses, mapping_text, second_record, texts_of, used_by
     from cosim.logs.overview import measured
 
     found = measured(log)
@@ -136,10 +136,12 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
         f"{g.column.label.shown}{f' minus {g.minus.label.shown}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
-    used = used_by(made) | found.times
+    second = second_record(found, made, clock_column(found, made))
+    told += [f"{column.label.text} -> {name} of a record held out" for name, column in second.items()]
+    used = used_by(made) | found.times | {column.index for column in second.values()}
     left = [f"column '{c.label.shown}'" for c in found.columns if c.index not in used]
     needed = _lacking(made, texts_of(model))
-    if found.clock is None:
+    if found.clock is None and found.interval is None:
         left.insert(0, "no column looks like a time")
         interval = "the interval between samples ('step', for which 0.001 s stands now)"
         needed = f"{needed}; {interval}" if needed else interval

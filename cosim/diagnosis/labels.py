@@ -45,6 +45,7 @@ from cosim.diagnosis.tracker.comparison import TrackerFinding, compare_tracker
 from cosim.diagnosis.verdict.verdict import Cause
 from cosim.errors import CosimError, DataError
 from cosim.logs import Log, Tracker
+from cosim.logs.repair import wide_intervals
 from cosim.signals import SIGNALS
 from cosim.units import factor
 
@@ -410,11 +411,14 @@ def saturated(log: Log) -> Iterator[Contradiction]:
 
 
 def wrapping(record: Record) -> Iterator[Contradiction]:
-    """Angles that jump by a whole turn."""
+    """Angles that jump by a whole turn; what moved while samples are missing is no jump."""
+    intervals = np.diff(record.time)
+    gaps, _ = wide_intervals(intervals)
+    together = ~np.isin(np.arange(intervals.size), gaps)
     for name, values in record.signals.items():
         if name not in SIGNALS or SIGNALS[name].si != "rad":
             continue
-        jumps = np.abs(np.diff(values))
+        jumps = np.abs(np.diff(values))[together]
         for turn, unit in ((2.0 * np.pi, "360 deg"), (360.0, "360 rad")):
             near = np.abs(jumps - turn) < NEAR_TURN * turn
             # what lies between is smooth

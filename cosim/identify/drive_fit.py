@@ -21,6 +21,7 @@ MOVING = 0.02  # of the largest speed, beyond which a stretch counts as one of m
 LEAST = 1e-3  # of the largest speed: no error is taken for smaller
 FAR = 2.0  # typical errors from which on an error counts linearly
 ROUNDS = 3  # of learning what the typical error is
+MOST_RUNS = 100  # of the simulation in a round, those for derivatives apart: a log that tells the numbers takes half as many
 KNOTS = 7  # of the free curve on either side
 FINEST_STEP = 5e-3  # s, of a step: no drive here tells two changes of command apart within it
 MOST_STEPS = 200_000  # of the simulation: longer logs are simulated more coarsely
@@ -196,6 +197,7 @@ def fitted(
             x_scale=scale,
             loss="soft_l1",
             diff_step=1e-3,
+            max_nfev=MOST_RUNS,
         )
         x = found.x
     return np.asarray(x), float(typical or 0.0), spread(found.jac * scale) * scale / FAR

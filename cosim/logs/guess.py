@@ -17,6 +17,7 @@ from cosim.signals import SIGNALS, conversion
 # parts of words without accents: German, English, French, Spanish, Portuguese, Italian, Dutch, Scandinavian, Finnish, Polish
 _PRESSURE = (
     r"pressure|druck|pression|presion|pressione|pressao|\bdruk|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
+    r"|gauge|manomet|\bp[gt]\b(?= \d|$)"
 )
 _FLOW = r"flow|durchfl|volumenstrom|debit|caudal|vazao|portata|debiet"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
@@ -30,13 +31,17 @@ _COMMAND = (
 )
 _DRIVES = rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape|\bklep"
 # what a command may be called where nothing is called a command
-_INPUT = r"(?<!analog )(?<!digital )\binput\b(?! ?\d)|\beingang\b|\bentrada\b|\bentree\b|\bingresso\b"
+_INPUT = (
+    r"(?<!analog )(?<!digital )\binput\b(?! ?\d)|\beingang\b|\bentrada\b|\bentree\b|\bingresso\b"
+    r"|\b(motor|anker|armature) ?(spannung|volt)"
+)
 # what was asked for, not what was measured
 _REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|demand|\bset\b|gewenst"
 _ANGLE = (
     r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
-    r"|\bpan\b|\byaw\b|azimut|\bheading\b"
+    r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
 )
+_ENCODER = re.compile(r"\bencoder|drehgeber")
 NAMES: dict[str, str] = {
     "slew_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
     "slew_rate_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_RATE}))",
@@ -147,6 +152,15 @@ RESTING, OFF_ZERO, STILL = (
 )  # a neutral command: share of samples, part of the range, of the motion
 OPPOSED, FOLLOWS, DRIVEN = 0.9, 0.8, 0.6  # correlations from which on columns are said to move together
 LED = 0.3  # correlation from which on an axis of several is taken for that of a command
+# what parts the names of two records in one file -> what the second has in its place
+SECOND = (
+    (r"\bid\b", "val"),
+    (r"_?[eE]st(?![a-z])", lambda m: m[0].replace("Est", "Val").replace("est", "val")),
+    (r"[tT]rain(?![a-z])", lambda m: "Test" if m[0][0] == "T" else "test"),
+    (r"[tT]rain(?![a-z])", lambda m: "Val" if m[0][0] == "T" else "val"),
+)
+BY_ITSELF = 0.5  # part of an integrator's misfit that a column which falls back by itself leaves
+WHOLE = 0.8  # of a column's range: jumps by so much begin it anew
 STRETCHES, LAGS = (
     2000,
     60,
@@ -214,9 +228,11 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
     commands = [c for c in free if _score(c, "u") > 0.0]
     driven = {word for c in commands if not c.constant for word in _words(c)}
     shown, axes = "slew", list[Column]()
-    for shown in ("slew", *MOTIONS) if machine else ("slew",):
+    shows = ("slew", *MOTIONS) if machine else ("slew",)
+    # a speed tells more than a place that begins anew with each turn
+    for shown, whole in [(shown, True) for shown in shows] + [(shown, False) for shown in shows]:
         axes = sorted(
-            (c for c in free if _score(c, shown) > 0.0),
+            (c for c in free if _score(c, shown) > 0.0 and not (whole and machine and _begins_anew(c))),
             key=lambda c: (not driven & set(_words(c)), -float(np.ptp(c.finite))),
         )
         if axes:
@@ -228,8 +244,10 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
 
     def fits(column: Column, signal: str) -> float:
         score = _score(column, signal)
-        if score <= 0.0:
+        if score <= 0.0 or (signal == shown and axes and column not in axes):
             return 0.0
+        if machine and signal == "slew" != shown and axes:
+            return 0.0  # an angle that begins anew, beside a motion that does not
         of_axis = signal == "u" and bool(axis & set(_words(column)))
         other_axis = signal == shown and column not in axes[:1]
         of_axis |= signal == "u" and column is leading
@@ -443,6 +461,13 @@ def _score(column: Column, signal: str) -> float:
         and _convertible(column.unit, "rad")
         and bool(re.search(MOTIONS["travel"][0], words))
     )
+    # a unit of rotation a time says what a motor shows, whatever it is called
+    turned |= (
+        signal == "speed"
+        and column.unit is not None
+        and _convertible(column.unit, "rad/s")
+        and not re.search(_NO_MOTION, words)
+    )
     if not turned and not re.search(NAMES[signal] if signal in NAMES else MOTIONS[signal][0], words):
         return 0.0
     weak = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # any valve signal
@@ -492,7 +517,11 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
     told: list[tuple[str, Column, str]] = []
     moving = [c for c in free if not c.constant]
     for signal, unit, what in (("slew", "rad", "an angle"), ("spool", "m", "a length")):
-        alone = [c for c in moving if c.unit is not None and _convertible(c.unit, unit)]
+        alone = [
+            c
+            for c in moving
+            if c.unit is not None and _convertible(c.unit, unit) and not (signal == "slew" and _asked(c))
+        ]
         if signal not in made and len(alone) == 1:
             told.append(
                 (signal, alone[0], f"it is the only column that is {what} and is not named otherwise")
@@ -500,7 +529,9 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
     commands = [
         c
         for c in moving
-        if c.held and c.unit in (None, "1", "%", *RAW) and not (_shows_motion(c) or _measured(c) or _state(c))
+        if c.held
+        and c.unit in (None, "1", "%", *RAW)
+        and not (_shows_motion(c) or _measured(c) or _names_other(c))
     ]
     if "u" not in made and len(commands) == 1:
         told.append(("u", commands[0], "it is the only column that moves in steps, as a command does"))
@@ -563,9 +594,14 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
     motion = next((made[signal] for signal in ("slew", *MOTIONS) if signal in made), None)
     command = made["u"].column if "u" in made else None
     if command is None and motion is not None and not (motion.column.missing or set(DRIVERS) & set(made)):
-        able = [c for c in left if c.unit in (None, "1", "%", *RAW) and not _names_other(c)]
         shown = motion.column
         rate = motion.signal not in AT_ONCE
+        able = [
+            c
+            for c in left
+            if not _names_other(c)
+            and (c.unit in (None, "1", "%", *RAW) or (c.unit == shown.unit and not rate and _asked(c)))
+        ]
         fitting = [
             (following(c, shown, rate), -c.index, c) for c in able if c.values.size == shown.values.size
         ]
@@ -584,6 +620,7 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
             c
             for c in left
             if c.values.size == command.values.size
+            and not np.array_equal(c.values, command.values)  # the same once more
             and not _names_other(c)
             and (c.unit is None or any(_convertible(c.unit, x) for x in ("rad", "m", "rad/s", "m/s")))
         ]
@@ -596,6 +633,7 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
         moving = [item for item in found if item[0] > (DRIVEN if item[3] else FOLLOWS)]
         if moving:
             _, _, column, rate = max(moving, key=lambda item: item[:2])
+            rate = rate and not (column.unit is None and _returns(command, column))
             also = sorted({item[2].index for item in moving if item[2] is not column})
             signal = "slew" if rate else "speed"
             if column.unit is not None and rate and _convertible(column.unit, "m"):
@@ -644,6 +682,11 @@ def _names_other(column: Column) -> bool:
     return bool(re.search(said, plain(column.label.short)))
 
 
+def _asked(column: Column) -> bool:
+    """Whether a name says that a column was asked for, or is what is amiss, and not what the machine did."""
+    return bool(re.search(rf"{_COMMAND}|{_REFERENCE}|\berr(or)?\b|fehler", plain(column.label.short)))
+
+
 def _pressures(alone: list[Column], command: Column | None) -> list[tuple[str, Column, str]]:
     """Two columns that move against each other and add up to a third, as pressures at the ports do to the supply's."""
     for k, one in enumerate(alone):
@@ -689,6 +732,31 @@ def following(command: Column, column: Column, rate: bool) -> float:
     )
 
 
+def _returns(command: Column, column: Column) -> bool:
+    """Whether a column falls back by itself, as a speed does, and no place: that explains most of its rate of change."""
+    size = max(1, command.values.size // STRETCHES)
+    count = command.values.size // size
+    u, x = (c.values[: count * size].reshape(count, size).mean(axis=1) for c in (command, column))
+    rate, level = np.diff(x), x[:-1]
+    sums = np.column_stack([u[1:], u[:-1], np.ones(rate.size)])
+    alone, with_level = (
+        np.linalg.lstsq(terms, rate, rcond=None) for terms in (sums, np.column_stack([sums, level]))
+    )
+    left = [
+        float(np.sum((rate - terms @ fit[0]) ** 2))
+        for terms, fit in ((sums, alone), (np.column_stack([sums, level]), with_level))
+    ]
+    return bool(with_level[0][3] < 0.0 and left[1] < BY_ITSELF * left[0])
+
+
+def _begins_anew(column: Column) -> bool:
+    """Whether an angle or a place jumps back by its whole range again and again, and moves little in between."""
+    span = float(np.ptp(column.finite))
+    step = np.abs(np.diff(column.finite))
+    back = step > WHOLE * span
+    return bool(back.sum() > 1 and not np.any(step[~back] > (1.0 - WHOLE) * span))
+
+
 def _nameless(column: Column) -> bool:
     """Whether a heading says nothing, as ``Var3``, ``Data_2``, ``ch 1`` or ``5``."""
     return not {word for word in _words(column) if not word.isdigit()} - GENERIC
@@ -709,7 +777,8 @@ def _correlation(a: Array, b: Array) -> float:
 def _guess(signal: str, column: Column, why: str) -> Guess:
     """A guess with unit and scale."""
     largest = float(np.max(np.abs(column.finite)))
-    if signal == "u" and (column.unit in RAW or (column.unit is None and largest > 105.0)):
+    raw = column.unit not in ("1", "%") if column.unit is not None else largest > 105.0
+    if signal == "u" and raw:
         gain = float(f"{1.0 / largest:.4g}") if largest else 1.0
         return Guess(signal, column, "1", gain, why, check=True)
     if column.unit is not None and not (signal in DRIVERS and column.unit in ("1", "%")):
@@ -728,6 +797,14 @@ def _guess(signal: str, column: Column, why: str) -> Guess:
         "slew_rate_estimate": ((0.5, "rad/s"), (1e9, "deg/s")),
     }.get(signal, ((HIGHEST, "bar"), (100.0 * HIGHEST, "kPa"), (1e12, "Pa")))
     unit = next((unit for most, unit in ranges if largest <= most), ranges[-1][1])
+    if (
+        signal == "slew"
+        and _ENCODER.search(plain(column.label.short))
+        and bool(np.all(column.finite % 1.0 == 0.0))
+    ):
+        return Guess(
+            signal, column, "deg", 1.0, f"{why}; counts: `gain` is 360 over those of a turn", check=True
+        )
     how = "by its range" if len(ranges) > 1 else "assumed"
     return Guess(signal, column, unit, 1.0, f"{why}; unit {how}", check=True)
 
@@ -761,6 +838,9 @@ def time_lines(found: Overview, stamps: int | None) -> list[str]:
         stamps: as `stamped` gives it.
     """
     clock = found.clock
+    if clock is None and found.interval is not None:
+        name, step = found.interval
+        return ["[time]", f"step = {step:.9g}    # {name} in the file", 'unit = "s"']
     if clock is None:
         return [
             "[time]",
@@ -807,7 +887,9 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
         lines += ["", *machine_lines(found, made)]
     elif "u" in made and "slew" in made:
         lines += ["", *(f"# {line}" for line in (OTHER, *machine_lines(found, made)))]
-    used = used_by(made) | found.times
+    second = second_record(found, made, stamps)
+    lines += second_lines(found, second)
+    used = used_by(made) | found.times | {column.index for column in second.values()}
     rest = [c for c in found.columns if c.index not in used]
     shown = any(signal in made for signal in MOTIONS)
     missing = [
@@ -833,6 +915,36 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
             f"# unit = {_quoted(column.unit or '1')}    # {_range(column)}",
         ]
     return "\n".join(lines) + "\n"
+
+
+def second_record(found: Overview, made: dict[str, Guess], stamps: int | None) -> dict[str, Column]:
+    """Signal or ``time`` -> its column in a second record of the file (``uVal`` beside ``uEst``, ``val.y1``, ``id.y1``).
+
+    Nothing where a signal has no such column, or where the second record holds the same values.
+    """
+    of = {name: guess.column for name, guess in made.items()}
+    if stamps is not None:
+        of["time"] = found.columns[stamps]
+    by_text = {column.label.text: column for column in found.columns if column.finite.size}
+    for first, second in SECOND:
+        twins: dict[str, Column] = {}
+        for name, column in of.items():
+            said = re.sub(first, second, column.label.text)
+            if said != column.label.text and said in by_text and column.label.text in by_text:
+                twins[name] = by_text[said]
+        if twins.keys() >= made.keys() and any(
+            not np.array_equal(twin.values, of[name].values) for name, twin in twins.items()
+        ):
+            return twins
+    return {}
+
+
+def second_lines(found: Overview, second: dict[str, Column]) -> list[str]:
+    """The table `[held_out]` of a mapping."""
+    if not second:
+        return []
+    head = ["", "[held_out]    # a second record in this file: it is not fitted, and judges what is named"]
+    return head + [f"{name} = {column_of(found, column)}" for name, column in second.items()]
 
 
 def electric(found: Overview, made: dict[str, Guess]) -> bool:

@@ -61,7 +61,7 @@ def jumps(time: Array, values: Array, held: bool) -> tuple[Index, float]:
             starts = _blips(values, step)
         else:
             span = _span(values)
-            found = [_spikes(time, values), _stretches(step, span), _zeros(values, step, span)]
+            found = [_spikes(time, values, held), _stretches(step, span), _zeros(values, step, span)]
             starts = np.unique(np.concatenate(found))
             starts = starts[np.diff(starts, prepend=-9) > 2]  # a stretch may begin and end with half a number
     if not starts.size:
@@ -119,8 +119,12 @@ def _around(sizes: Array, k: int, near: int, far: int) -> float:
     return float(max(before.max(initial=0.0), after.max(initial=0.0)))
 
 
-def _spikes(time: Array, values: Array) -> Index:
-    """Single samples, by how far each is off the line between its neighbours."""
+def _spikes(time: Array, values: Array, held: bool) -> Index:
+    """Single samples, by how far each is off the line between its neighbours.
+
+    A command that stands elsewhere after its spike than before it is none: a controller's output kicks where its reference
+    steps.
+    """
     off = time[1:-1] - time[:-2]  # in place: logs are long
     off /= time[2:] - time[:-2]
     off *= values[:-2] - values[2:]
@@ -129,6 +133,9 @@ def _spikes(time: Array, values: Array) -> Index:
     size = np.abs(off)
     inner = np.flatnonzero(size > np.maximum(TIMES * _usual(size), PART * _span(values)))
     inner = inner[[size[k] > CALM * _around(size, k, 2, AROUND) for k in inner.tolist()]]
+    if held:
+        size_of_step, across = np.abs(np.diff(values)), np.abs(values[2:] - values[:-2])
+        inner = inner[[across[k] <= CALM * _around(size_of_step, k, 2, AROUND) for k in inner.tolist()]]
     # the neighbours of a spike miss by half as much to the other side; those of an edge do not
     last = len(off) - 1
     before = np.where(inner > 0, off[np.maximum(inner - 1, 0)], 0.0)
@@ -182,7 +189,7 @@ def _zeros(values: Array, step: Array, span: float) -> Index:
 
 
 def _blips(values: Array, step: Array) -> Index:
-    """In a command made of long constant stretches, single samples that differ, and short pauses at a zero not used else."""
+    """In a command made of long constant stretches, samples at a level of their own, and short pauses at such a zero."""
     edges = np.flatnonzero(step)
     if len(edges) < 2:
         return np.empty(0, dtype=np.int64)
@@ -190,7 +197,9 @@ def _blips(values: Array, step: Array) -> Index:
     lengths, level = np.diff(bounds), values[bounds[:-1]]
     odd = np.zeros(len(lengths), dtype=bool)
     calm = np.minimum(lengths[:-2], lengths[2:]) >= 4
-    odd[1:-1] = (level[:-2] == level[2:]) & (lengths[1:-1] == 1) & calm
+    # damage does not hit upon a level of its own: a controller that switches does
+    strange = ~np.isin(level, level[lengths > 1])
+    odd[1:-1] = (level[:-2] == level[2:]) & (lengths[1:-1] == 1) & calm & strange[1:-1]
     zero = (level == 0.0) & (lengths > 1)
     usual = np.median(lengths[lengths > 2]) if (lengths > 2).any() else 0.0
     if zero.any() and not zero[0] and not zero[-1] and lengths[zero].max() <= min(LONGEST, 0.5 * usual):

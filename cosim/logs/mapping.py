@@ -168,6 +168,7 @@ class Mapping(_Strict):
         compare: how signals map to the variables of a model; `cosim.compare.mapping` reads and checks it.
         diagnose: what the diagnosis must know of the machine; `cosim.diagnosis.model.options` reads and checks it.
         machine: the model as a chain of blocks, in place of `model`; `cosim.machines.table` reads and checks it.
+        held_out: signal, or ``time``, -> its column in a second record of the same file, which is held out of the fits.
         sha256: file name -> SHA-256 of the files that the mapping was made for; another content is refused.
         path: the mapping file, None for a mapping made in memory.
     """
@@ -181,6 +182,7 @@ class Mapping(_Strict):
     compare: dict[str, Any] = Field(default_factory=dict)
     diagnose: dict[str, Any] = Field(default_factory=dict)
     machine: dict[str, Any] = Field(default_factory=dict)
+    held_out: dict[str, Column] = Field(default_factory=dict)
     sha256: dict[str, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]] = Field(default_factory=dict)
     path: Path | None = Field(default=None, exclude=True)
 
@@ -202,6 +204,27 @@ class Mapping(_Strict):
             if name in SIGNALS and column.unit is not None and not self.of_others:
                 _convertible(column.unit, SIGNALS[name].si, f"signal '{name}': ")
         return self
+
+    @model_validator(mode="after")
+    def _held_out(self) -> "Mapping":
+        known = [*self.signals, *(["time"] if self.time.column is not None else [])]
+        for name in self.held_out:
+            if name not in known:
+                raise ValueError(f"held_out: '{name}' is not a signal of the mapping{closest(name, known)}")
+        return self
+
+    @property
+    def of_held_out(self) -> "Mapping":
+        """The mapping of the second record."""
+        columns = dict(self.held_out)
+        time = self.time
+        if "time" in columns:
+            time = time.model_copy(update={"column": columns.pop("time")})
+        signals = {
+            name: column.model_copy(update={"column": columns.get(name, column.column)})
+            for name, column in self.signals.items()
+        }
+        return self.model_copy(update={"time": time, "signals": signals, "held_out": {}})
 
     @property
     def of_others(self) -> bool:

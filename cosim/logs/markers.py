@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
+from cosim.logs.clocks import TIME_WORDS, plain
 from cosim.logs.log import Tracker
 from cosim.logs.source import Source, digest
 from cosim.markers import MarkerModel, stitch
@@ -18,6 +19,7 @@ from cosim.signals import SYNTHETIC_COLUMN, conversion
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 ANGLE = "slew_external"
+LEAST = 3  # markers that make a pose
 
 
 def marker_names(columns: Collection[str]) -> tuple[str, ...]:
@@ -30,9 +32,15 @@ def marker_names(columns: Collection[str]) -> tuple[str, ...]:
 
 
 def holds_markers(source: Source) -> bool:
-    """Whether a file holds marker positions, and no slew angle made of them."""
+    """Whether a file holds marker positions, and no slew angle made of them.
+
+    A pose takes three markers. A table with fewer, or in which other quantities stand beside them, is a log like others.
+    """
     names = {name for label in source.labels for name in (label.name, label.alias) if name}
-    return bool(marker_names(names)) and not {ANGLE, "u"} & names
+    markers = marker_names(names)
+    others = names - {f"{marker}_{axis}" for marker in markers for axis in AXES}
+    beside = [name for name in others if not TIME_WORDS.search(plain(name)) and name != SYNTHETIC_COLUMN]
+    return len(markers) >= LEAST and not beside
 
 
 def models_beside(path: Path) -> Path:

@@ -5,6 +5,7 @@ Without mat-io, which has no wheel for Python 3.14 yet, scipy reads what it can:
 A file is flattened into columns named by their path: ``slew``, ``log.slew``, ``data(:,2)``. A matrix takes the names
 of its columns from a list of texts beside it (``names``), units come from a list or struct beside them (``units``).
 A signal of Simulink's structure with time is called by its label, else by the block that gave it, else by its variable.
+The inputs and outputs of an ``iddata`` of the System Identification Toolbox go by their names (``id.u1``).
 A trace that dSPACE's ControlDesk recorded (``X``, ``Y(3).Data``) goes by ``Path`` and ``Name``, as in its CSV export.
 """
 
@@ -28,6 +29,7 @@ _NAMES = ("names", "columns", "headers", "labels", "signals")
 _UNITS = ("units", "unit")
 _DEPTH = 6
 _DATA_SET = "Simulink.SimulationData."
+_IDDATA = "iddata"
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,9 @@ def _flatten(
     for key, value in content.items():
         if key.startswith("__") or depth > _DEPTH:
             continue
-        if hasattr(value, "properties") and hasattr(value, "classname"):
+        if getattr(value, "classname", "") == _IDDATA and getattr(value, "size", 0) == 1:
+            yield from _iddata(_fields(value)[0], f"{path}{key}")
+        elif hasattr(value, "properties") and hasattr(value, "classname"):
             yield from _object(value, f"{path}{key}", constants, depth)
         elif hasattr(value, "columns") and hasattr(value, "attrs"):  # table, as a pandas.DataFrame
             frame = {str(name): value[name].to_numpy() for name in value.columns}
@@ -295,6 +299,37 @@ def _object(value: Any, path: str, constants: dict[str, float], depth: int) -> I
             seen[name] = number = seen.get(name, 0) + 1
             own = f"{name}{number if number > 1 else ''}" if name else f"signal{number}"
             yield from _timeseries(series, f"{path}.{own}")
+
+
+def _iddata(fields: Mapping[str, Any], path: str) -> Iterator[_Entry]:
+    """Inputs and outputs of measured data of the System Identification Toolbox, each experiment with its own clock."""
+    unit = "".join(_texts(fields.get("TimeUnit"))[:1]) or "seconds"
+    steps, starts, instants = (_cells(fields.get(key)) for key in ("Ts", "Tstart", "SamplingInstants"))
+    for side in ("Input", "Output"):
+        names, units = (_texts(fields.get(f"{side}{key}")) for key in ("Name", "Unit"))
+        experiments = _cells(fields.get(f"{side}Data"))
+        for k, values in enumerate(experiments):
+            stamps, step, start = (_vector(dict(enumerate(of)).get(k)) for of in (instants, steps, starts))
+            if values.ndim != 2 or values.dtype.kind not in "fiub":
+                continue
+            if not stamps.size and step.size:
+                stamps = (start[0] if start.size else step[0]) + step[0] * np.arange(len(values))
+            if stamps.size != len(values) or unit not in CLOCKS:
+                raise DataError(
+                    f"iddata '{path}' has no sampling interval in seconds (Ts): give it one and save it again"
+                )
+            folder = f"{path}{{{k + 1}}}." if len(experiments) > 1 else f"{path}."
+            for column, data in enumerate(values.T):
+                name = names[column] if len(names) == values.shape[1] else f"{side[0].lower()}{column + 1}"
+                measured = units[column] if len(units) == values.shape[1] else None
+                yield _Entry(parse_label(name, measured, folder), data, stamps * CLOCKS[unit])
+
+
+def _cells(value: Any) -> list[np.ndarray[Any, Any]]:
+    """The matrices of a cell, or the one that stands in place of a cell."""
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [item for item in value.flat if isinstance(item, np.ndarray)]
+    return [value] if isinstance(value, np.ndarray) else []
 
 
 def _members(value: Any, name: str, depth: int) -> Iterator[tuple[str, Any]]:

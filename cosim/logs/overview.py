@@ -177,6 +177,7 @@ class Overview:
         clock: how time is told, None where no column looks like a time.
         warnings: what the reader had to do to the file.
         header: the columns have headings; without, they are called by their place from 1.
+        interval: name of a number stored beside the columns that says how often was sampled, and the interval [s]; or None.
     """
 
     path: Path
@@ -184,6 +185,7 @@ class Overview:
     clock: Clock | None
     warnings: tuple[str, ...]
     header: bool = True
+    interval: tuple[str, float] | None = None
 
     @cached_property
     def times(self) -> frozenset[int]:
@@ -224,7 +226,27 @@ def overview(path: Path, mapping: Mapping | None = None) -> Overview:
     except HeadlessError:
         source, header = TextSource(path, header=False), False
     columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
-    return Overview(path, columns, _clock(source, columns), tuple(source.warnings), header)
+    clock, interval = _clock(source, columns), _interval(source.constants)
+    return Overview(path, columns, clock, tuple(source.warnings), header, interval)
+
+
+def _interval(constants: dict[str, float]) -> tuple[str, float] | None:
+    """The interval between samples [s] that a file states as a number: ``Ts``, ``dt`` or, as a rate, ``fs``."""
+    for name, value in constants.items():
+        word = plain(name.rpartition(".")[2]).replace(" ", "")
+        if value > 0.0 and word in (
+            "ts",
+            "dt",
+            "h",
+            "tsample",
+            "sampletime",
+            "samplingtime",
+            "samplinginterval",
+        ):
+            return name, value
+        if value > 0.0 and word in ("fs", "fsample", "samplerate", "samplingrate", "samplingfrequency"):
+            return name, 1.0 / value
+    return None
 
 
 def measured(path: Path) -> Overview:

@@ -17,6 +17,7 @@ Amplifiers and recorders write several rows of names; then a column is called by
 """
 
 import csv
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -46,6 +47,7 @@ class Preamble:
         labels: one for each column.
         has_units: whether a row of units stands below the names.
         several: whether all rows from that of the names on name the columns together.
+        named: cells in the row of the names, which may have more than rows of numbers: a last column for remarks.
     """
 
     before: int
@@ -54,6 +56,7 @@ class Preamble:
     separator: str
     labels: tuple[Label, ...]
     has_units: bool
+    named: int
     several: bool = False
 
 
@@ -78,9 +81,12 @@ def read_preamble(head: str, separator: str | None, number: Callable[[str], bool
 
 
 def _table(rows: Sequence[Sequence[str]], number: Callable[[str], bool]) -> int | None:
-    """Index of the first of two rows of numbers, at least two of one width."""
+    """Index of the first of two rows of numbers, at least two of one width; a row of numbers above may end in a remark."""
     for k, (row, below) in enumerate(pairwise(rows)):
         if len(row) == len(below) > 1 and all(_numbers(cells, number) for cells in (row, below)):
+            width = len(row)
+            while k > 0 and len(rows[k - 1]) > width and _numbers(rows[k - 1][:width], number):
+                k -= 1
             return k
     return None
 
@@ -91,10 +97,15 @@ def _numbers(row: Sequence[str], number: Callable[[str], bool]) -> bool:
 
 
 def _preamble(rows: Sequence[Sequence[str]], first: int, separator: str) -> Preamble | None:
-    width = len(rows[first])
+    width = _usual(rows[first:])
     # a separator at the end of every line makes an empty column, which has no name
     above = [[cell.strip() for cell in row] for row in rows[:first]]
     names = first - 1
+    named = width
+    if names >= 0 and len(above[names]) > width and _are_names(above[names], len(above[names])):
+        # the last columns are for remarks, and most rows end before them
+        named = len(above[names])
+        above[names] = above[names][:width]
     units: Sequence[str] = [""] * width
     if (
         names >= 1
@@ -103,7 +114,7 @@ def _preamble(rows: Sequence[Sequence[str]], first: int, separator: str) -> Prea
         and _are_names(above[names - 1], width)
     ):
         units, names = above[names], names - 1
-    if names < 0 or (names == 0 and first == 1):
+    if names < 0 or (names == 0 and first == 1 and named == width):
         return None
     rivals = [row for row in above[:names] if _are_names(row, width)]
     several = any(_with_units(row) >= _with_units(above[names]) for row in rivals)
@@ -113,7 +124,14 @@ def _preamble(rows: Sequence[Sequence[str]], first: int, separator: str) -> Prea
         parse_label(name, None if unit in _NO_UNIT else unit.strip("[]()"))
         for name, unit in zip(above[names], units, strict=True)
     )
-    return Preamble(names, not any(map(any, above[:names])), first, separator, labels, first - names == 2)
+    return Preamble(
+        names, not any(map(any, above[:names])), first, separator, labels, first - names == 2, named
+    )
+
+
+def _usual(rows: Sequence[Sequence[str]]) -> int:
+    """The width that most rows have."""
+    return Counter(len(row) for row in rows if any(row)).most_common(1)[0][0]
 
 
 def _joined(above: Sequence[Sequence[str]], first: int, width: int, separator: str) -> Preamble | None:
@@ -148,7 +166,7 @@ def _joined(above: Sequence[Sequence[str]], first: int, width: int, separator: s
         parse_label(" ".join(parts) or above[top][k], unit or None)
         for k, (parts, unit) in enumerate(zip(names, units, strict=True))
     )
-    return Preamble(top, not any(map(any, above[:top])), first, separator, labels, False, several=True)
+    return Preamble(top, not any(map(any, above[:top])), first, separator, labels, False, width, several=True)
 
 
 def _is_number(cell: str) -> bool:

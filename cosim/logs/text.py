@@ -19,7 +19,7 @@ from pyarrow import csv as arrow_csv
 
 from cosim.console import typed
 from cosim.errors import DataError, HeadlessError
-from cosim.logs import blanks, controldesk
+from cosim.logs import blanks, controldesk, dates
 from cosim.logs.preamble import read_preamble
 from cosim.logs.source import Array, Label, Source, parse_label
 from cosim.logs.window import Window, head_text, survey
@@ -91,13 +91,14 @@ class TextSource(Source):
         if separator is None and blanks.parted(head, _may_be_number):
             separator = blanks.BLANK
         if header and not first.startswith(controldesk.FIRST):
-            above = read_preamble(head, separator, _may_be_number)
+            above = read_preamble(head, separator, _may_be_value)
         found = separator or next((sign for sign in (";", "\t") if sign in first), ",")
         self._separator = found if above is None else above.separator
         self._decimal = decimal
         self._squeezed: bytes | None = None
         self._passed = False
         self._prefixed = False
+        self._surplus = False
         if header and above is None and remarks and self._unnamed(head, remarks, data):
             raise HeadlessError(
                 f"{path}: row {remarks + 1} holds numbers, and above it stand remarks, no names: put a header such as "
@@ -133,6 +134,7 @@ class TextSource(Source):
             labels = list(above.labels)
         super().__init__(path, labels if export is None else export.labels)
         self._above = 0 if header else remarks
+        self._named = self._width if above is None else above.named
         if self._above:
             self.warnings.append(f"left out above the numbers: {_rows(self._above)}")
         if above is not None:
@@ -150,6 +152,11 @@ class TextSource(Source):
             self._width, self._announced = len(export.labels), export.size
         self._end = self._survey.end
         self._rows: int | None = None
+        self._stamped = self._of_stamps(head) if export is None else frozenset()
+        self.labels = tuple(
+            dataclasses.replace(label, unit=label.unit or "s") if k in self._stamped else label
+            for k, label in enumerate(self.labels)
+        )
         self._check_end()
         if self._survey.header_lines >= self._survey.lines and header:
             raise DataError(f"{path}: there is a header but no data row")
@@ -163,6 +170,16 @@ class TextSource(Source):
             return False
         numbers = len(cells) > 1 and all(_may_be_number(cell.strip()) for cell in cells)
         return numbers and all(len(row) != len(cells) for row in names)
+
+    def _of_stamps(self, head: str) -> frozenset[int]:
+        """The columns whose first value is a time of day: they are read as seconds since then."""
+        before = self._survey.header_lines if self._header else self._above
+        lines = (line for line in head.splitlines()[before:] if line.strip() and not blanks.remark(line))
+        try:
+            row = blanks.cells(next(lines, ""), self._separator)
+        except csv.Error:
+            return frozenset()
+        return frozenset(k for k, cell in enumerate(row[: self._width]) if dates.is_stamp(cell))
 
     def read(self, indices: Sequence[int]) -> list[Array]:
         """See `Source.read`."""
@@ -197,7 +214,9 @@ class TextSource(Source):
     def _read_fast(self, indices: Sequence[int], decimal: str) -> list[Array]:
         names = [f"c{k}" for k in range(self._width)]
         wanted = [names[k] for k in dict.fromkeys(indices)]
-        columns = {name: np.empty(self._survey.lines + 1) for name in wanted}
+        stamped = {names[k] for k in self._stamped}
+        columns = {name: np.empty(self._survey.lines + 1) for name in wanted if name not in stamped}
+        stamps: dict[str, list[str]] = {name: [] for name in wanted if name in stamped}
         filled = 0
         # arrow reads ahead in threads of its own that outlive the reader: a file of Python's would have them call Python
         # while it ends, which aborts the process
@@ -211,7 +230,7 @@ class TextSource(Source):
                 ),
                 parse_options=arrow_csv.ParseOptions(delimiter=self._delimiter),
                 convert_options=arrow_csv.ConvertOptions(
-                    column_types=dict.fromkeys(wanted, pa.float64()),
+                    column_types={name: pa.string() if name in stamped else pa.float64() for name in wanted},
                     include_columns=wanted,
                     null_values=_MISSING,
                     decimal_point=decimal,
@@ -220,6 +239,9 @@ class TextSource(Source):
             )
             for batch in reader:
                 for name, values in zip(wanted, batch.columns, strict=True):
+                    if name in stamped:
+                        stamps[name] += ["" if text is None else text for text in values.to_pylist()]
+                        continue
                     # by DLPack where nothing is missing: to_numpy imports pandas, a quarter of a short command's time
                     part = (
                         values.to_numpy(zero_copy_only=False) if values.null_count else np.from_dlpack(values)
@@ -228,6 +250,8 @@ class TextSource(Source):
                 filled += len(batch)
         self._rows = filled
         self._check_rows(filled)
+        for name, texts in stamps.items():
+            columns[name] = self._seconds(texts, names.index(name))
         # only pages that were written are in memory, so the unused end costs nothing
         return [columns[names[k]][:filled] for k in indices]
 
@@ -267,9 +291,11 @@ class TextSource(Source):
 
     def _read_carefully(self, indices: Sequence[int], decimal: str) -> list[Array]:
         """Cell by cell: either names the bad one, or reads what pyarrow is too strict for (``+1.5``)."""
-        columns = {k: array("d") for k in indices}
+        columns = {k: array("d") for k in indices if k not in self._stamped}
+        stamps: dict[int, list[str]] = {k: [] for k in indices if k in self._stamped}
         self._rows = 0
         passed: list[int] = []
+        beyond: list[int] = []
         with self._window() as file:
             reader = csv.reader(_text(file), delimiter=self._delimiter)
             begin = 1
@@ -279,16 +305,38 @@ class TextSource(Source):
                 if blanks.remark(cells[0]) and cells[0].strip():
                     passed.append(line)
                     continue
-                if len(cells) != self._width:
+                surplus = [cell for cell in map(str.strip, cells[self._width :]) if cell]
+                remarks = self._named > self._width and not any(map(_may_be_number, surplus))
+                if len(cells) != self._width and not (remarks and len(cells) > self._width):
                     raise DataError(self._width_message(line, cells))
+                if surplus:
+                    beyond.append(line)
                 for k, values in columns.items():
                     values.append(self._number(cells[k], decimal, line, k))
+                for k, texts in stamps.items():
+                    texts.append("" if cells[k].strip() in _MISSING else cells[k])
                 self._rows += 1
         if passed and not self._passed:
             more = f"; in all {len(passed)}" if len(passed) > 1 else ""
             self.warnings.append(f"remarks among the numbers were left out (first: row {passed[0]}{more})")
-        self._passed = bool(passed)
-        return [np.frombuffer(columns[k], dtype=float) if columns[k] else np.empty(0) for k in indices]
+        if beyond and not self._surplus:
+            self.warnings.append(
+                f"what stands beyond the last column of numbers was left out (first: row {beyond[0]})"
+            )
+        self._passed, self._surplus = bool(passed), bool(beyond)
+        found = {k: self._seconds(texts, k) for k, texts in stamps.items()}
+        found |= {k: np.frombuffer(v, dtype=float) if v else np.empty(0) for k, v in columns.items()}
+        return [found[k] for k in indices]
+
+    def _seconds(self, texts: list[str], k: int) -> Array:
+        try:
+            return dates.seconds(texts)
+        except ValueError as error:
+            row = int(error.args[0])
+            raise DataError(
+                f"{self.path}: {self.at(row)}, column '{self.labels[k].text}': '{texts[row][:30]}' is not a date and time"
+                " as those before it"
+            ) from None
 
     def _rows_of(self, reader: Iterator[list[str]]) -> Iterator[tuple[int, list[str]]]:
         line = 0
@@ -399,6 +447,11 @@ def _breaks(cell: str) -> int:
 def _may_be_number(text: str) -> bool:
     """Whether a cell holds a number with either decimal sign, or says that one is missing."""
     return text in _MISSING or _is_number(text, ".") or _is_number(text, ",")
+
+
+def _may_be_value(text: str) -> bool:
+    """As `_may_be_number`, or a time of day."""
+    return _may_be_number(text) or dates.is_stamp(text)
 
 
 def _is_number(text: str, decimal: str) -> bool:

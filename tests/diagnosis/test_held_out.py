@@ -314,6 +314,20 @@ def test_a_limit_that_held_out_readings_pass_is_not_sure(monkeypatch) -> None:
     assert told.why.endswith("pass the limit: slew reaches 22.92 deg, and it would end at 17.19")
 
 
+@pytest.mark.parametrize(
+    ("with_it", "told"),
+    [
+        (0.27324, "rises from 15.6551 to 15.6555"),
+        (0.2732324561, "stays at 15.66"),
+        (0.25, "falls only from 15.66 to 14.32"),
+    ],
+)
+def test_how_an_error_changes_shows(with_it, told) -> None:
+    """ "rises from 15.6610503 to 15.6610503" says nothing: what six digits do not tell apart stays as it is."""
+    error = turned_down(Refused(COULOMB, "mechanical", "slew", 5.0, 0.2732324560, with_it))
+    assert told in error.why
+
+
 def test_a_set_that_the_search_has_fitted_is_judged_from_there(monkeypatch) -> None:
     """From the values of another set, in which something else did its part, it may not be found."""
     begun = []

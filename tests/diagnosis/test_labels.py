@@ -10,7 +10,7 @@ import pytest
 from benchmarks.labels import MISTAKES, changed, said
 from benchmarks.real_logs import DATA, MAPPINGS
 from cosim.diagnosis.answer.answer import answer
-from cosim.diagnosis.labels import against_tracker, contradictions, other_machine, saturated, units
+from cosim.diagnosis.labels import against_tracker, contradictions, other_machine, saturated, units, wrapping
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, labelled, prepare
@@ -217,3 +217,21 @@ def test_a_log_all_of_whose_blocks_are_off_is_of_another_machine_and_one_of_them
     assert other_machine([(5.0, 0.9), (1.1, 0.99), (12.0, 0.95)]) == []
     assert other_machine([(5.0, 0.9)]) == []
     assert other_machine([(0.255, 0.9), (-1.05, 0.99), (-0.93, 0.99)]) == []
+
+
+def test_an_angle_that_wraps_is_told_though_samples_are_missing(log: Log) -> None:
+    """What a drive turned while nothing was logged is no jump, and hides none."""
+    turning = (3.0 * log.time) % (2.0 * np.pi)
+    kept = np.ones(len(log), dtype=bool)
+    for first in range(1500, 20000, 900):
+        kept[first : first + 500] = False
+    assert kept.mean() < 0.8
+    holed = replace(
+        log,
+        time=log.time[kept],
+        signals={name: values[kept] for name, values in (log.signals | {"slew": turning}).items()},
+        valid={},
+    )
+    record = prepare(holed, our_machine("full_order"))
+    (told,) = wrapping(record)
+    assert (told.signal, "wraps" in told.finding) == ("slew", True)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
 from cosim.diagnosis.answer.answer import answer
+from cosim.diagnosis.answer.remarks import advice
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.logs import Log
@@ -53,6 +54,16 @@ def test_missing_linear_dynamics_are_told_and_nothing_else_is_named_on_top(
     assert found.verdict == "unexplained"
     (rest,) = [r for r in found.rests if r.what.startswith("linear dynamics are missing")]
     assert "a mode at 6 rad/s" in rest.what
+
+
+def test_a_demanded_place_in_the_stead_of_a_command_is_told(arm: tuple[Log, Diagnosis]) -> None:
+    """A closed loop of which the setpoint was logged: the place follows it itself. An arm that swings goes on."""
+    assert not any("follows u itself" in text for text in advice(arm[1]))
+    u = command()
+    closed = diagnose(log_of(u, 0.1 * through([1.0], [0.1, 1.0], u)), model="simplified", calibrate=True)
+    assert closed.causes == []
+    (text,) = [text for text in advice(closed) if "follows u itself" in text]
+    assert "log what the controller puts out" in text
 
 
 def test_the_linear_reference_stands_beside_the_answer(arm: tuple[Log, Diagnosis]) -> None:

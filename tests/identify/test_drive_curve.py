@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from cosim.errors import DataError
+from cosim.identify import drive_fit
 from cosim.identify.answer import finish
 from cosim.identify.drive_curve import NAMES, Estimate, drive_curve, next_log
 from cosim.identify.drive_fit import Run, static
@@ -296,3 +298,24 @@ def test_a_speed_that_was_measured_gives_the_same_curve(tmp_path: Path):
     assert found["dead_zone"]["high"]["value"] == pytest.approx(0.25, abs=0.02)
     assert found["top_speed"]["high"]["value"] == pytest.approx(0.8 * 60.0 / (2.0 * np.pi), rel=0.03)
     assert found["top_speed"]["low"]["value"] == pytest.approx(-0.75 * 60.0 / (2.0 * np.pi), rel=0.03)
+
+
+def test_a_log_that_does_not_tell_the_numbers_takes_no_longer(monkeypatch):
+    """One step of a slow tank: dead zone and slope trade against each other for ever; a fit ends there."""
+    taken = []
+
+    def counted(*args, **options):
+        found = least_squares(*args, **options)
+        taken.append(found.nfev)
+        return found
+
+    monkeypatch.setattr(drive_fit, "least_squares", counted)
+    time = 0.05 * np.arange(6000)
+    command = np.where(time < 3.0, 0.7, 0.8)
+    level = 12.0 + np.where(time < 3.0, 0.0, 6.0 * (1.0 - np.exp(-(time - 3.0) / 60.0)))
+    drive_curve([Run("tank", time, command, np.concatenate([[0.0], np.cumsum(level[1:] * 0.05)]))])
+    assert max(taken) <= drive_fit.MOST_RUNS
+    # and one that tells them is not cut short
+    taken.clear()
+    drive_curve([made(1)])
+    assert max(taken) < drive_fit.MOST_RUNS

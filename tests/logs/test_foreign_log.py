@@ -9,7 +9,7 @@ from log_files import TOP
 from scipy.io import savemat
 
 from cosim.errors import ColumnsError
-from cosim.logs import load_log
+from cosim.logs import load_log, load_mapping
 from cosim.logs.clocks import plain
 from cosim.logs.guess import NAMES, guesses, mapping_text
 from cosim.logs.overview import overview, spelled
@@ -685,3 +685,119 @@ def test_what_is_no_crane_is_shown_as_a_drive_of_its_own(cosim, write, german):
     crane = cosim("info", german).stdout
     assert "6 of 8 columns look like signals of the crane" in crane
     assert json.loads(cosim("info", german, "--json").stdout)["machine"] is False
+
+
+def motor_table(n=3000):
+    """(n, 4) time, steps of a voltage, motor speed (rad/s) and its angle within a turn (deg), at 100 samples a second."""
+    time = np.arange(n) / 100.0
+    u = np.repeat(np.random.default_rng(8).uniform(2.0, 12.0, n // 150), 150)
+    w = np.zeros(n)
+    for k in range(1, n):
+        w[k] = w[k - 1] + (2.0 * u[k - 1] - w[k - 1]) / 30.0
+    return np.column_stack([time, u, w, np.degrees(np.cumsum(w) / 100.0) % 360.0])
+
+
+def test_a_setpoint_is_no_command_and_the_voltage_of_a_motor_is_one(write):
+    """A closed loop in German: the demanded speed moves in steps, the voltage drives; the position begins anew each turn."""
+    time, u, w, angle = motor_table().T
+    rpm = w * 30.0 / np.pi
+    asked = np.where(time < 15.0, 100.0, 150.0)
+    path = write(
+        "Zeit,Geschwindigkeit,Sollgeschwindigkeit,Position,Motorspannung\n"
+        + rows(np.column_stack([time, rpm + 700.0, asked, angle, u + 1e-3 * np.sin(90.0 * time)]))
+    )
+    made = guesses(overview(path), machine=True)
+    assert {name: g.column.label.text for name, g in made.items()} == {
+        "u": "Motorspannung",
+        "speed": "Geschwindigkeit",
+    }
+
+
+def test_a_demanded_speed_drives_where_nothing_else_was_logged(write):
+    """A drive with a loop of its own: its speed by the unit alone, beside an angle that begins anew with each turn."""
+    time, u, w, angle = motor_table().T
+    head = "time_s,commanded_deg_s,angle_deg,feedback_deg_s\n"
+    path = write(head + rows(np.column_stack([time, np.degrees(2.0 * u), angle, np.degrees(w)])))
+    made = guesses(overview(path), machine=True)
+    assert {name: (g.column.label.text, g.unit) for name, g in made.items()} == {
+        "u": ("commanded_deg_s", "1"),
+        "speed": ("feedback_deg_s", "deg/s"),
+    }
+    assert made["u"].gain == pytest.approx(1.0 / np.degrees(2.0 * u.max()), rel=1e-3)
+
+
+def test_what_falls_back_by_itself_is_a_speed(write):
+    """A slow motor: its rate of change follows the command as well, and only a place stays where it is."""
+    time, u, w, _ = motor_table().T
+    path = write("t,u1,y1\n" + rows(np.column_stack([time, u - 7.0, w - 14.0])))
+    assert {"u", "speed"} == guesses(overview(path), machine=True).keys()
+    path = write("t,u1,y1\n" + rows(np.column_stack([time, u - 7.0, np.cumsum(u - 7.0)])))
+    assert {"u", "slew"} == guesses(overview(path), machine=True).keys()
+
+
+def test_the_same_column_once_more_is_not_what_moves(tmp_path):
+    time, u, w, _ = motor_table().T
+    savemat(tmp_path / "log.mat", {"a": {"t": time, "u": u, "y": w}, "b": {"u": u, "y": w}})
+    made = guesses(overview(tmp_path / "log.mat"), machine=True)
+    assert {name: g.column.label.short for name, g in made.items()} == {"u": "u", "speed": "y"}
+
+
+def test_counts_of_an_encoder_are_an_angle_with_a_gain_to_give(write):
+    time, u, w, _ = motor_table().T
+    path = write(
+        "Timestamp,MotorPWM,Encoder\n" + rows(np.column_stack([1000 * time, u, np.cumsum(w).round()]))
+    )
+    made = guesses(overview(path), machine=True)
+    assert (made["slew"].column.label.text, made["slew"].unit, made["slew"].check) == ("Encoder", "deg", True)
+    assert "`gain` is 360 over those of a turn" in made["slew"].why
+
+
+def test_a_pressure_gauge_is_no_command(write):
+    time, u, w, _ = motor_table().T
+    path = write("t,PG_2,Drive,speed_rpm\n" + rows(np.column_stack([time, np.floor(w / 8.0), u, w])))
+    assert guesses(overview(path), machine=True)["u"].column.label.text == "Drive"
+
+
+def test_coordinates_of_another_machine_are_no_markers(cosim, write):
+    """A pose takes three markers with nothing beside them; before, `cosim info` asked for two marker models."""
+    time, u, w, _ = motor_table(300).T
+    head = "t,u,pos_x,pos_y,pos_z,vel_x,vel_y,vel_z,acc_x,acc_y,acc_z,mode\n"
+    done = cosim("info", write(head + rows(np.column_stack([time, u, *[w] * 9, 0 * u]))))
+    assert (done.returncode, "pos_x" in done.stdout) == (0, True), done.stderr
+    done = cosim(
+        "info",
+        write("t,info_position_x,info_position_y,info_position_z\n" + rows(np.column_stack([time, u, w, w]))),
+    )
+    assert (done.returncode, "info_position_x" in done.stdout) == (0, True), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("names", "constants"),
+    [
+        (("uEst", "yEst", "uVal", "yVal"), {"Ts": 0.05}),
+        (("u_train", "y_train", "u_test", "y_test"), {"fs": 20.0}),
+        (("u_est", "y_est", "u_val", "y_val"), {"fs": 20.0}),
+    ],
+)
+def test_a_second_record_and_the_interval_of_a_benchmark_are_found(cosim, tmp_path, names, constants):
+    """Estimation and validation data in one file, with the interval as a number: nothing is left to be completed."""
+    _, u, w, _ = motor_table(1500).T
+    path = tmp_path / "benchmark.mat"
+    savemat(path, dict(zip(names, (u, w, u[::-1], w[::-1]), strict=True)) | constants)
+    done = cosim("init", path, "--machine")
+    assert done.returncode == 0, done.stderr
+    assert f"{names[3]} -> speed of a record held out" in done.stdout
+    assert "Missing" not in done.stdout
+    assert "left without" not in done.stdout
+    mapping = load_mapping(path.with_suffix(".toml"))
+    assert mapping.time.step == pytest.approx(0.05)
+    assert mapping.held_out == {"u": names[2], "speed": names[3]}
+    np.testing.assert_array_equal(load_log(path, mapping.of_held_out)["speed"], w[::-1])
+
+
+def test_the_same_values_under_another_name_are_no_second_record(tmp_path):
+    time, u, w, _ = motor_table(1500).T
+    path = tmp_path / "twice.mat"
+    savemat(path, {"t": time, "uEst": u, "yEst": w, "uVal": u, "yVal": w})
+    found = overview(path)
+    assert "[held_out]" not in mapping_text(found, guesses(found, machine=True), None)

@@ -11,9 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 from log_files import csv_text, full_log_columns
 from scipy.io import savemat
+from scipy.io.matlab import MatlabObject
 
 from cosim.errors import DataError, MissingExtraError
 from cosim.logs import load_log, write_log
+from cosim.logs.mat import MatSource
 from cosim.logs.overview import overview
 from cosim.signals import LOG_SIGNALS
 
@@ -172,6 +174,76 @@ def test_timeseries_of_different_rates_share_the_finest_clock(save_objects):
     np.testing.assert_array_equal(log["u"][5], log["u"][0])  # held
     assert log.warnings[0] == "'u': on a clock of their own, brought to that of 'slew'"
     assert not log.valid_mask("u")[191:].any()
+
+
+def iddata(inputs, outputs, step=0.01, instants=None, unit="seconds"):
+    """Measured data of the System Identification Toolbox, one experiment for each of the pairs, as MATLAB saves it."""
+
+    def cell(values):
+        found = np.empty((1, len(values)), dtype=object)
+        for k, value in enumerate(values):
+            found[0, k] = value
+        return found
+
+    count = len(inputs)
+    fields = {
+        "Domain": "Time",
+        "OutputData": cell([np.asarray(y, float).reshape(-1, 1) for y in outputs]),
+        "OutputName": cell(["Boom angle"]),
+        "OutputUnit": cell(["deg"]),
+        "InputData": cell([np.asarray(u, float).reshape(-1, 1) for u in inputs]),
+        "InputName": cell(["u1"]),
+        "InputUnit": cell([""]),
+        "Ts": cell([np.array([[step]])] * count if instants is None else [np.empty((0, 0))] * count),
+        "Tstart": cell([np.empty((0, 0))] * count),
+        "SamplingInstants": cell([np.empty((len(u), 0)) for u in inputs] if instants is None else instants),
+        "TimeUnit": unit,
+        "Utility": np.array([[(np.array([[2018.0, 11, 27]]),)]], dtype=[("last", "O")]),
+    }
+    value = np.empty((1, 1), dtype=[(name, "O") for name in fields])
+    value[0, 0] = tuple(fields.values())
+    return MatlabObject(value, "iddata")
+
+
+@pytest.mark.parametrize("with_matio", [True, False])
+def test_iddata_of_the_system_identification_toolbox(tmp_path, monkeypatch, with_matio):
+    """Its inputs and outputs go by their names, with a clock for each experiment; before, the date of saving was read."""
+    if not with_matio:
+        monkeypatch.setitem(sys.modules, "matio", None)
+    path, u, y = tmp_path / "log.mat", np.sin(np.arange(40)), np.cumsum(np.sin(np.arange(40)))
+    savemat(path, {"id": iddata([u], [y]), "val": iddata([u[:9]], [y[:9]], step=20.0, unit="milliseconds")})
+    found = overview(path)
+    assert [(c.label.text, c.unit) for c in found.columns] == [
+        ("id.u1", None), ("id.Boom angle", "deg"), ("val.u1", None), ("val.Boom angle", "deg"),
+    ]  # fmt: skip
+    mapping = tmp_path / "log.toml"
+    head = 'time = { column = "val.u1", unit = "s" }\n[signals]\n'
+    mapping.write_text(
+        head + 'u = { column = "val.u1", unit = "1" }\nslew = { column = "val.Boom angle", unit = "deg" }\n',
+        encoding="utf-8",
+    )
+    log = load_log(path, mapping)
+    np.testing.assert_allclose(log.time, 0.02 * np.arange(1, 10))
+    np.testing.assert_array_equal(log["u"], u[:9])
+    np.testing.assert_allclose(log["slew"], np.radians(y[:9]))
+
+
+def test_iddata_of_several_experiments_and_of_stamps_of_its_own(tmp_path):
+    path, u = tmp_path / "log.mat", np.arange(5.0)
+    stamps = [np.array([[0.0], [0.1], [0.3], [0.4], [0.5]])] * 2
+    savemat(path, {"z": iddata([u, 2 * u], [u, u], instants=stamps)})
+    source = MatSource(path)
+    assert [label.text for label in source.labels] == [
+        "z{1}.u1",
+        "z{2}.u1",
+        "z{1}.Boom angle",
+        "z{2}.Boom angle",
+    ]
+    np.testing.assert_array_equal(source.clock(1), stamps[0].ravel())
+    np.testing.assert_array_equal(source.read([1])[0], 2 * u)
+    savemat(path, {"z": iddata([u], [u], unit="years")})
+    with pytest.raises(DataError, match=r"iddata 'z' has no sampling interval in seconds"):
+        MatSource(path)
 
 
 def test_a_matrix_is_read_along_its_longer_side(tmp_path):

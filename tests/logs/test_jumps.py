@@ -119,3 +119,21 @@ def test_sound_measured_logs_are_left_alone(file):
 
 def test_the_synthetic_demonstration_is_left_alone():
     assert not any("jumps" in text for text in load_log(TOP / "examples" / "synthetic_demo.csv").warnings)
+
+
+def test_a_controller_kicks_where_its_reference_steps():
+    """The output of a PID controller jumps for one sample and stays elsewhere afterwards; a lost sample comes back."""
+    time = np.arange(2000) / 1000
+    command = np.where(time < 0.8, 0.2, 0.35) + 1e-4 * np.sin(900 * time)
+    kick = changed(command, 800, 0.9)
+    assert jumps(time, kick, held=True)[0].size == 0
+    assert jumps(time, changed(command, 500, 0.9), held=True)[0].tolist() == [500]
+    assert jumps(time, kick, held=False)[0].size <= 1
+
+
+def test_a_pulse_of_a_level_that_a_controller_has_is_its_own():
+    """A drive that knows 0, 30 and 70 % gives 30 % for one sample; a damaged sample is at a level of its own."""
+    time = np.arange(2000) / 50
+    levels = np.repeat([0.0, 30.0, 0.0, 70.0, 30.0, 0.0], [300, 200, 500, 300, 300, 400]) / 71.0
+    assert jumps(time, changed(levels, 700, 30.0 / 71.0), held=True)[0].size == 0
+    assert jumps(time, changed(levels, 700, 0.2), held=True)[0].tolist() == [700]

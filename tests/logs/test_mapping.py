@@ -1,5 +1,6 @@
 """Mapping files: scaling, units, time without a column, and what is wrong in one."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -8,6 +9,7 @@ from log_files import TOP
 from pydantic import ValidationError
 from scipy.io import savemat
 
+from cosim.api import diagnosing
 from cosim.errors import DataError, UsageError
 from cosim.logs import Mapping, load_log, load_mapping
 
@@ -222,3 +224,57 @@ def test_the_example_mappings_are_valid(path):
     assert mapping.name
     assert mapping.description
     assert math.prod(len(column.unit) for column in mapping.signals.values()) > 0
+
+
+TWO_RECORDS = """
+time = {{ step = 0.1, unit = "s" }}
+[signals]
+u = {{ column = "uEst", unit = "1", gain = 0.5 }}
+slew = {{ column = "yEst", unit = "deg" }}
+[held_out]
+u = "uVal"
+{line}
+"""
+
+
+def test_a_second_record_in_the_same_file_is_held_out(tmp_path, monkeypatch):
+    """Benchmarks keep both in one file; before, one had to be cut out of it."""
+    path, mapping = tmp_path / "log.mat", tmp_path / "log.toml"
+    savemat(
+        path, {"uEst": np.ones(9), "yEst": np.arange(9.0), "uVal": np.zeros(5), "yVal": np.arange(5.0) ** 2}
+    )
+    mapping.write_text(TWO_RECORDS.format(line='slew = "yVal"'), encoding="utf-8")
+    seen = []
+    monkeypatch.setattr(diagnosing, "diagnose_into", lambda folder, logs, *rest: seen.extend((logs, rest[5])))
+    asked = diagnosing.Asked([path], None, mapping, None, [], 0.01, False, math.inf, tmp_path)
+    diagnosing.run(asked)
+    (log,), (held,) = seen
+    np.testing.assert_array_equal(log["u"], np.full(9, 0.5))
+    np.testing.assert_array_equal(held["u"], np.zeros(5))
+    np.testing.assert_allclose(np.degrees(held["slew"]), np.arange(5.0) ** 2)
+    np.testing.assert_allclose(held.time, 0.1 * np.arange(5))
+    # another log that is asked for takes precedence
+    diagnosing.run(dataclasses.replace(asked, held_out=[log]))
+    assert seen[3] == [log]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [('slow = "yVal"', "'slow' is not a signal.*did you mean 'slew'"), ('time = "t"', "'time' is not a")],
+)
+def test_a_second_record_has_the_signals_of_the_first(tmp_path, line, said):
+    mapping = tmp_path / "log.toml"
+    mapping.write_text(TWO_RECORDS.format(line=line), encoding="utf-8")
+    with pytest.raises(DataError, match=said):
+        load_mapping(mapping)
+
+
+def test_the_second_record_may_have_a_time_of_its_own():
+    mapping = Mapping.model_validate(
+        {
+            "time": {"column": "t1", "unit": "s"},
+            "signals": {"u": {"column": "u1", "unit": "1"}},
+            "held_out": {"time": "t2", "u": "u2"},
+        }
+    ).of_held_out
+    assert (mapping.time.column, mapping.signals["u"].column, mapping.held_out) == ("t2", "u2", {})

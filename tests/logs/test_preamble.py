@@ -212,3 +212,41 @@ def test_without_names_and_mapping_the_remedy_is_told(write):
         HeadlessError, match=r"row 4 holds numbers, and above it stand remarks, no names.*cosim init"
     ):
         load_log(write(serial()))
+
+
+ACQUIRED = """Header Size:  7
+Version:  2
+Sampling Interval:  0.005
+Sampling Rate:  200
+Sample Count:  4
+Device Serial Number:  0
+Sample Number, Date/Time, CHANNEL0, CHANNEL1, Events
+         1,   04/29/2022 11:56:20.695 AM, 0.0320, -2.9931, DAQ Start
+         2,   04/29/2022 11:56:20.700 AM, 0.0320, -2.9934
+         3,   04/29/2022 11:56:20.705 AM, 0.0290, -2.9934
+         4,   04/29/2022 11:56:20.710 AM, 0.0260, -2.9931
+         5,   04/29/2022 11:56:20.715 AM, 0.0240, -2.9931
+         6,   04/29/2022 11:56:20.720 AM, 0.0230, -2.9931, DAQ Pause, DAQ Stop
+"""
+
+
+def test_the_last_column_of_a_recorder_is_for_remarks(tmp_path):
+    """Most rows end before it: what stands there is left out and said, and a row with too few numbers stays an error."""
+    path = tmp_path / "acquired.txt"
+    path.write_text(ACQUIRED, encoding="utf-8")
+    source = TextSource(path)
+    assert [label.text for label in source.labels] == ["Sample Number", "Date/Time", "CHANNEL0", "CHANNEL1"]
+    number, time, one, _ = source.read(range(4))
+    assert number.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    np.testing.assert_allclose(time, 0.005 * np.arange(6), atol=1e-9)
+    assert one.tolist() == [0.032, 0.032, 0.029, 0.026, 0.024, 0.023]
+    assert source.warnings == [
+        "left out above the names: rows 1 to 6",
+        "what stands beyond the last column of numbers was left out (first: row 8)",
+    ]
+    path.write_text(ACQUIRED.replace("0.0260, -2.9931", "0.0260"), encoding="utf-8")
+    with pytest.raises(DataError, match="row 11 has 3 cells"):
+        TextSource(path).read([2])
+    path.write_text(ACQUIRED.replace("0.0260, -2.9931", "0.0260, -2.9931, 7.5"), encoding="utf-8")
+    with pytest.raises(DataError, match="row 11 has 5 cells"):
+        TextSource(path).read([2])

@@ -124,13 +124,14 @@ def files(logs: Sequence[Log]) -> dict[str, str]:
     return found
 
 
-def apart(one: float, other: float) -> tuple[str, str]:
-    """Two numbers with four digits, or so many more that they differ."""
-    for digits in range(4, 10):
+def changed(one: float, other: float, unit: str) -> str:
+    """How an error changes, with as many digits as show it, up to six: beyond these it stays."""
+    for digits in range(4, 7):
         texts = f"{one:.{digits}g}", f"{other:.{digits}g}"
         if texts[0] != texts[1]:
-            break
-    return texts
+            way = "falls only" if other < one else "rises"
+            return f"{way} from {texts[0]} to {texts[1]} {unit}"
+    return f"stays at {one:.4g} {unit}"
 
 
 def turned_down(item: Refused) -> RefusedCause:
@@ -138,10 +139,9 @@ def turned_down(item: Refused) -> RefusedCause:
     unit, scale = shown(item.signal)
     without, with_it = item.without * scale, item.with_it * scale
     where = "in a free run over them" if item.in_fitted else "on held-out data"
-    way = "falls only" if with_it < without else "rises"
-    chance = ", no more than chance may do" if with_it < without and item.sure else ""
-    one, other = apart(without, with_it)
-    error = f"{where} the error of {item.signal} {way} from {one} to {other} {unit} with it{chance}"
+    way = changed(without, with_it, unit)
+    chance = ", no more than chance may do" if way.startswith("falls") and item.sure else ""
+    error = f"{where} the error of {item.signal} {way} with it{chance}"
     why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
     if item.instead:
         why = (
@@ -283,11 +283,28 @@ def no_sign(record: Record, machine: Machine) -> list[str]:
     ]
 
 
+def at_once(diagnosis: Diagnosis) -> list[str]:
+    """That a place follows the command itself and not its sum over time: a demanded place was taken for a command."""
+    found = []
+    for finding in diagnosis.findings.values():
+        group, signal = finding.task.model.group, next(iter(finding.task.measured))
+        linear = finding.reference if finding.lacks_linear else None
+        if linear is None or not group.integrates or group.is_speed(signal) or linear.model.integrates:
+            continue
+        if group.drive == (drive := diagnosis.machine.drive):
+            found.append(
+                f"{signal} follows {drive} itself and stays with it, where the model goes on while {drive} lasts: "
+                f"if {drive} is a demanded place, log what the controller puts out; "
+                f"if {signal} is a speed, a flow or a level, map it as a speed or flow"
+            )
+    return found
+
+
 def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more."""
     record, machine = diagnosis.record, diagnosis.machine
     direction = one_way(record, machine) or one_sided(record, machine)
-    return direction + no_sign(record, machine) + one_level(diagnosis)
+    return direction + no_sign(record, machine) + at_once(diagnosis) + one_level(diagnosis)
 
 
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
