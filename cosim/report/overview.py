@@ -50,8 +50,12 @@ def nothing_to_extend(answer: Answer) -> bool:
 
 def signals(material: Material) -> list[Picture]:
     """Measured against simulated, from the command alone, one picture a signal, the one most in error first."""
-    seen = [signal for signal in material.series[NOMINAL] if signal in material.measured]
-    return [_signal(material, signal) for signal in by_error(material.answer, seen)]
+    return [_signal(material, signal, held_out(material)) for signal in seen(material)]
+
+
+def seen(material: Material) -> list[str]:
+    """Signals that were measured and simulated, the one most in error first."""
+    return by_error(material.answer, [s for s in material.series[NOMINAL] if s in material.measured])
 
 
 def held_signals(material: Material) -> list[Picture]:
@@ -59,13 +63,14 @@ def held_signals(material: Material) -> list[Picture]:
     if material.other is None:
         return []
     found = []
-    for picture in signals(material.other):
+    for signal in seen(material.other):
+        picture = _signal(material.other, signal, [])  # all of it was held out
         key, title = f"held-out-{picture.key}", f"{picture.title}: held-out data"
         found.append(replace(picture, key=key, title=title))
     return found
 
 
-def _signal(material: Material, signal: str) -> Picture:
+def _signal(material: Material, signal: str, held: list[tuple[float, float]]) -> Picture:
     unit, scale = shown(signal)
     size = bucket(material.time.size, material.h)
     measured = material.measured[signal] * scale
@@ -88,13 +93,15 @@ def _signal(material: Material, signal: str) -> Picture:
         low, high = np.sort(peaks[: 2 * middle.size].reshape(-1, 2), axis=1).T if size > 1 else (error, error)
         spans.append(Layer("band", "", role, material.at(middle), low, high))  # type: ignore[arg-type]
         errors.append(Layer("line", name, role, material.at(middle), averaged(error, size)[1]))  # type: ignore[arg-type]
+    caption = CAPTIONS["signal"].format(bucket=1e3 * size * material.h)
+    caption += f" {CAPTIONS['shaded']}" if held else ""
     return Picture(
         f"signal-{signal}",
         f"{signal_name(signal).capitalize()}, driven by the command alone",
         axis("time", "s"),
         [Panel(axis(signal_name(signal), unit), top), Panel(axis("error", unit), spans + errors)],
-        CAPTIONS["signal"].format(bucket=1e3 * size * material.h),
-        held_out(material),
+        caption,
+        held,
     )
 
 

@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,8 +12,8 @@ from report_helpers import empty_answer, hidden_material, material_of, named
 from cosim.diagnosis.answer.schema import Words
 from cosim.lexicon import Lexicon, Shown, speaking
 from cosim.report.evidence import MAKERS, free_form, pictures
-from cosim.report.material import Curve, Material, Noise, Part
-from cosim.report.overview import held_out, window
+from cosim.report.material import EXTENDED, NOMINAL, Curve, Material, Noise, Part
+from cosim.report.overview import held_out, held_signals, signals, window
 from cosim.report.picture import Panel
 from cosim.report.torque import Motion
 from cosim.report.words import PHRASES
@@ -276,3 +277,18 @@ def test_windows_held_out_of_a_short_log_are_those_of_the_fits():
     material, _ = servo()
     assert window(material) == 300
     assert held_out(material) == [pytest.approx((0.4, 0.6))]
+
+
+def test_pictures_of_a_held_out_log_shade_nothing():
+    """All of it was held out; the spans of the fitted log are not its own, and it may be longer."""
+    material, _ = servo()
+    time = material.time
+    series = {"measured": {"slew": np.sin(time)}, NOMINAL: {"slew": 0.0 * time}, EXTENDED: {}}
+    fitted = replace(material, series=series)
+    end = fitted.answer.model_copy(update={"held_out_from": 0.5 * float(time[-1])})
+    both = replace(fitted, answer=end, other=replace(fitted, answer=end))
+    (own,), (other,) = signals(both), held_signals(both)
+    assert own.shaded == [pytest.approx((0.5 * time[-1], time[-1]))]
+    assert own.caption.endswith("Shaded: not used for fitting.")
+    assert other.shaded == []
+    assert "Shaded" not in other.caption
