@@ -151,7 +151,7 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
     # a level may be in one log only: without this log nothing is known of its speed, but between two levels there is
     curves = [free_curve(logs, goal, x, knots, typical, tenth != k) for k in range(PARTS)]
     others = [fitted(logs, goal, x, part != k, typical)[0] for k in range(int(part[-1]) + 1)]
-    deviations = np.maximum(_jackknife(np.array(others)), typical * curved)
+    deviations = np.maximum(_jackknife(np.array(others)), curved)
     reach = student.ppf(0.975, len(others) - 1)
     command = commands(logs)
     low, high = (float(np.quantile(command, q)) for q in (0.002, 0.998))
