@@ -8,11 +8,28 @@ import contextlib
 import os
 import secrets
 import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from cosim.interrupts import uninterrupted
+
 MARK = ".part"
 _STEM = 100  # of 255 characters that a name may have
+
+
+class Scratch(tempfile.TemporaryDirectory[str]):
+    """A temporary folder that no signal leaves half made or half removed, for nobody to remove."""
+
+    def __init__(self, prefix: str, parent: Path | str | None = None) -> None:
+        """Make it, in `parent` or where temporary files go."""
+        with uninterrupted():
+            super().__init__(prefix=prefix, dir=parent, ignore_cleanup_errors=True)
+
+    def cleanup(self) -> None:
+        """Remove it."""
+        with uninterrupted():
+            super().cleanup()
 
 
 @contextlib.contextmanager

@@ -3,7 +3,6 @@
 import hashlib
 import subprocess
 import sys
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +11,7 @@ from lxml import etree
 
 from cosim import trust
 from cosim.errors import ModelError, UsageError
-from cosim.files import whole
+from cosim.files import Scratch, whole
 from fmus import registry
 from fmus.compose import Composed, compose
 from fmus.contract import Buffer
@@ -124,7 +123,7 @@ def build_fmu(
     content = text.encode() + b"".join(name.encode() + data for name, data in sorted(files.items()))
     # modules are shared by name within a process: a name made of the content cannot meet another's code
     stem = f"{composed.block.name}_{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-    with tempfile.TemporaryDirectory(prefix="fmu_") as scratch:
+    with Scratch("fmu_") as scratch:
         source = Path(scratch, "source")
         documents = Path(scratch, "documentation")
         source.mkdir()

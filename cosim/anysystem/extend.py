@@ -5,7 +5,6 @@ output of the system of its own and changes nothing else. Written twice: with Py
 there is a C compiler.
 """
 
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from lxml import etree
 from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.diagnosis.answer.schema import Packages
-from cosim.files import write_bytes
+from cosim.files import Scratch, write_bytes
 from cosim.native.build import MissingCompilerError, build_native
 from cosim.ssp.flatten import flatten
 from cosim.ssp.system import System
@@ -108,7 +107,7 @@ def write_package(
     """
     entries, root = opened(system)
     node = root.find("ssd:System", NAMESPACES)
-    with tempfile.TemporaryDirectory(prefix="extended_") as scratch:
+    with Scratch("extended_") as scratch:
         for action, starts in effects:
             if not starts:
                 continue

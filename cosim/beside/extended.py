@@ -8,7 +8,6 @@ Estimation with Applications to Tracking and Navigation, 2001, section 5.4).
 
 import dataclasses
 import math
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from cosim.closed_loop import values
 from cosim.compare.comparator import Comparator
 from cosim.compare.observer import SETTLING
 from cosim.errors import DataError, UsageError
+from cosim.files import Scratch
 from cosim.identify.kalman import BAR, DEG, ExtendedObserver, Mechanics, Noises, design
 from cosim.master import Runner
 from cosim.master.inputs import Series
@@ -213,7 +213,7 @@ def filtered(
     """
     time = np.arange(slew.size) * h
     angle, age = placed(readings, h, slew.size)
-    with tempfile.TemporaryDirectory(prefix="observer_") as folder:
+    with Scratch("observer_") as folder:
         file = Path(folder, f"{BLOCK}.fmu")
         file.write_bytes(fmu_bytes(BLOCK, (), None))
         system = read_system(file)

@@ -16,7 +16,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections import deque
@@ -33,6 +32,7 @@ from numpy.typing import NDArray
 
 from cosim import errors
 from cosim.errors import CosimError, SimulationError
+from cosim.files import Scratch
 from cosim.master import marks
 from cosim.master.child import MARKS, ROWS, send
 from cosim.master.engine import pieces
@@ -101,9 +101,7 @@ class Apart:
         self._order: tuple[str, ...] = ()
         self._first = 0
         self._base = 0
-        self._folder = tempfile.TemporaryDirectory(
-            prefix="cosim_run_", dir=_shared_memory(), ignore_cleanup_errors=True
-        )
+        self._folder = Scratch("cosim_run_", _shared_memory())
         try:
             self._start()
         except BaseException:

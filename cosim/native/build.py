@@ -6,7 +6,6 @@ import os
 import shlex
 import shutil
 import subprocess
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from lxml.builder import E
 
 from cosim import trust
 from cosim.errors import CosimError, ModelError, UsageError
-from cosim.files import whole, write_bytes
+from cosim.files import Scratch, whole, write_bytes
 from cosim.native import fmi3
 from cosim.native.exchange import extended
 from cosim.native.header import header, read_as
@@ -184,7 +183,7 @@ def compiled(content: Mapping[str, bytes], optimise: str | None = None, platform
     kept = cache_folder() / "native" / f"{known.hexdigest()[:32]}{suffix}"
     if kept.exists():
         return kept.read_bytes()
-    with tempfile.TemporaryDirectory(prefix="native_") as scratch:
+    with Scratch("native_") as scratch:
         for name, data in content.items():
             Path(scratch, name).write_bytes(data)
         library = Path(scratch, "library" + suffix)

@@ -1,7 +1,6 @@
 """Packages (.ssp) and FMUs of native FMUs: made from the wiring, or from a package of Python FMUs by swapping its FMUs."""
 
 import io
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
@@ -9,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
-from cosim.files import write_bytes
+from cosim.files import Scratch, write_bytes
 from cosim.native.build import TOOL, build_native
 from cosim.ssp.archive import open_archive, read_entry
 from cosim.ssp.write import (
@@ -51,7 +50,7 @@ def native_bytes(
     """
     resources = {"stimulus.csv": stimulus} if stimulus is not None else None
     composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
-    with tempfile.TemporaryDirectory(prefix="native_") as scratch:
+    with Scratch("native_") as scratch:
         file = Path(scratch, f"{stem}.fmu")
         return build_native(
             composed, file, dict(starts), resources, fmi=fmi, platforms=platforms

@@ -9,7 +9,7 @@ import zipfile
 from pathlib import Path
 
 from cosim.errors import ModelError
-from cosim.interrupts import uninterrupted
+from cosim.files import Scratch
 from cosim.paths import unsafe_characters
 
 LARGEST = 4 << 30  # bytes, unpacked: far above any FMU met in practice
@@ -156,19 +156,6 @@ def unpack(archive: zipfile.ZipFile, folder: Path, what: str) -> None:
             target.chmod(0o755)
 
 
-class _Scratch(tempfile.TemporaryDirectory[str]):
-    """A temporary folder that no signal leaves half made or half removed, for nobody to remove."""
-
-    def __init__(self, parent: Path) -> None:
-        with uninterrupted():
-            super().__init__(prefix="cosim_", dir=parent, ignore_cleanup_errors=True)
-
-    def cleanup(self) -> None:
-        """Remove it."""
-        with uninterrupted():
-            super().cleanup()
-
-
 def scratch_folder() -> "tuple[tempfile.TemporaryDirectory[str], str]":
     """A temporary folder under whose path an FMU can run, and a note (empty if the usual place will do).
 
@@ -186,7 +173,7 @@ def scratch_folder() -> "tuple[tempfile.TemporaryDirectory[str], str]":
     for parent in (usual, *(Path(other) for other in others if other)):
         if unsafe_characters(parent) or not os.access(parent, os.W_OK):
             continue
-        folder = _Scratch(parent)
+        folder = Scratch("cosim_", parent)
         if parent == usual:
             return folder, ""
         return folder, (

@@ -5,7 +5,6 @@ component whose values differ from its block's declarations has an FMU file of i
 """
 
 import io
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
 from functools import lru_cache, update_wrapper
@@ -14,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
-from cosim.files import write_bytes
+from cosim.files import Scratch, write_bytes
 from cosim.ssp.read import FMU_TYPES
 from cosim.ssp.stimulus import stop_time
 from cosim.ssp.xml import safe_parser
@@ -197,7 +196,7 @@ def fmu_bytes(stem: str, starts: tuple[tuple[str, float], ...], stimulus: bytes 
     """
     resources = {"stimulus.csv": stimulus} if stimulus is not None else None
     composed = composed_block(registry.FMU_OF_COMPONENT.get(stem, stem), stem)
-    with tempfile.TemporaryDirectory(prefix="fmu_") as scratch:
+    with Scratch("fmu_") as scratch:
         return build_fmu(composed, Path(scratch, f"{stem}.fmu"), dict(starts), resources).read_bytes()
 
 

@@ -51,11 +51,20 @@ def fmu(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def clang(monkeypatch: pytest.MonkeyPatch) -> None:
+def clang(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The compiler that has libFuzzer."""
     found = shutil.which("clang") or shutil.which("clang-14")
     if found is None:
         pytest.skip("libFuzzer is part of clang, which is not installed")
+    empty = tmp_path / "empty.c"
+    empty.write_text(
+        "int LLVMFuzzerTestOneInput(const void *data, unsigned long size) { return data == (void *)size; }\n"
+    )
+    made = subprocess.run(
+        [found, *FUZZER, str(empty), "-o", str(tmp_path / "empty")], capture_output=True, check=False
+    )
+    if made.returncode:
+        pytest.skip("this clang has no libFuzzer (Debian: libclang-rt-14-dev)")
     monkeypatch.setenv("CC", found)
 
 
