@@ -47,6 +47,11 @@ class Earlier:
         }
         if self._stamps:
             warn(f"{folder} holds an earlier {what} ({len(self._stamps)} files): its files are replaced")
+        elif files is FILES and (beside := sum((folder / name).is_file() for name in COMPARED)):
+            warn(
+                f"{folder} holds a comparison ({beside} files): those of the same name are replaced, the others stay; "
+                "another --out keeps the two apart"
+            )
 
     def clear(self) -> None:
         """Delete those that the new run has not written again: a package or a proposal that it does not have."""

@@ -275,6 +275,16 @@ def test_an_empty_folder_is_no_word_worth(tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_a_comparison_in_the_folder_of_a_diagnosis_is_said(tmp_path, capsys):
+    """`cosim compare --out X`, then `cosim diagnose --out X`: both write signals.png."""
+    for name in ("signals.png", "calibrated.ssv"):
+        (tmp_path / name).write_text("of a comparison", encoding="utf-8")
+    Earlier(tmp_path).clear()
+    said = capsys.readouterr().err
+    assert "holds a comparison (2 files): those of the same name are replaced, the others stay" in said
+    assert (tmp_path / "calibrated.ssv").is_file()
+
+
 def test_the_report_folder_of_a_real_diagnosis_holds_known_files_only(diagnosed):
     written = {p.name for p in diagnosed.iterdir() if p.is_file()}
     assert written <= set(FILES), "name it in cosim/report/earlier.py"
