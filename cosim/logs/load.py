@@ -194,6 +194,11 @@ def _load(path: Path, mapping: Mapping | None, known: Sequence[str], select: Seq
     if repair.keep is not None:
         columns = {name: values[repair.keep] for name, values in columns.items()}
 
+    for pick in picks:
+        if pick.period is not None and pick.name in columns:
+            there = np.isfinite(columns[pick.name])
+            columns[pick.name][there] = np.unwrap(columns[pick.name][there], period=pick.period)
+
     def place(k: int) -> str:
         return source.at(int(k if repair.keep is None else repair.keep[k]))
 
