@@ -161,9 +161,8 @@ CHANGING = ", changing with "  # of a law that is not the same everywhere
 
 _MISSING = re.compile(r"(?<=a missing )torque(?= that depends on)")
 
-_DEPENDS = re.compile(
-    rf"(?:(?<=that depends on )|(?<={CHANGING}))({'|'.join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))})(?= explains|,)"
-)
+_NAMED = "|".join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))
+_DEPENDS = re.compile(rf"(?:(?<=that depends on )|(?<={CHANGING}))({_NAMED})(?= explains|,)")
 
 
 def without_tracker(text: str) -> str:
