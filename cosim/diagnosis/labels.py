@@ -424,7 +424,9 @@ def wrapping(record: Record) -> Iterator[Contradiction]:
             # what lies between is smooth
             if near.sum() >= WRAPS and np.quantile(jumps[~near], 0.999) < NEAR_TURN * turn:
                 finding = f"{name} wraps: it jumps by {unit} {int(near.sum())} times"
-                yield Contradiction(name, finding, "unwrap the angle before the diagnosis (numpy.unwrap)")
+                yield Contradiction(
+                    name, finding, "say so in the mapping: period = 360 of an angle in degrees"
+                )
 
 
 def rescaled(log: Log, scale: float) -> Log:

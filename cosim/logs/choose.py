@@ -30,6 +30,7 @@ class Pick:
         held: constant between samples.
         minus: index of the column that is taken off, None for none.
         plausible: lowest and highest plausible value [si] of a signal that is not ours, or differs in this file.
+        period: range [si] after which the value begins anew, None where it does not.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Pick:
     held: bool = False
     minus: int | None = None
     plausible: tuple[float, float] | None = None
+    period: float | None = None
 
 
 def remedy(source: Source) -> str:
@@ -175,9 +177,9 @@ def _pick_mapped(source: Source, name: str, column: SignalColumn, mapping: Mappi
     )
     if plausible is None and (mapping.of_others or (mapping.machine and name in OF_THE_CRANE)):
         plausible = (-math.inf, math.inf)
-    return Pick(
-        name, index, si, signal.unit if signal else unit, gain * factor, shift, held, minus, plausible
-    )
+    period = None if column.period is None else column.period * factor
+    shown = signal.unit if signal else unit
+    return Pick(name, index, si, shown, gain * factor, shift, held, minus, plausible, period)
 
 
 def _of_dimension(unit: str, si: str) -> bool:

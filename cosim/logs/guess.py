@@ -41,6 +41,7 @@ _ANGLE = (
     r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
     r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
 )
+_TURNS = {"deg": 360, "rad": 6.283185307, "turn": 1}  # unit of an angle -> how much of it is a turn
 _ENCODER = re.compile(r"\bencoder|drehgeber")
 NAMES: dict[str, str] = {
     "slew_estimate": rf"^(?=.*({_ESTIMATE}))(?=.*({_ANGLE}))(?!.*({_RATE}))",
@@ -1008,6 +1009,10 @@ def _entry(found: Overview, guess: Guess, texts: dict[str, str]) -> list[str]:
         lines.append("# zero = ?    # CHECK: the reading without a command, at which the machine stands")
     if guess.gain != 1.0:
         lines.append(f"gain = {guess.gain!r}    # CHECK: full command for the largest reading")
+    if guess.signal == "slew" and guess.unit in _TURNS and _begins_anew(column):
+        lines.append(
+            f"period = {_TURNS[guess.unit]!r}    # CHECK: it begins anew after a turn, and is made to go on"
+        )
     return lines
 
 

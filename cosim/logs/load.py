@@ -194,11 +194,25 @@ def _load(path: Path, mapping: Mapping | None, known: Sequence[str], select: Seq
     if repair.keep is not None:
         columns = {name: values[repair.keep] for name, values in columns.items()}
 
+    for pick in picks:
+        if pick.period is not None and pick.name in columns:
+            there = np.isfinite(columns[pick.name])
+            columns[pick.name][there] = np.unwrap(columns[pick.name][there], period=pick.period)
+
     def place(k: int) -> str:
         return source.at(int(k if repair.keep is None else repair.keep[k]))
 
     gaps, timing = sampling(time, place, unit)
-    valid, mended = _mend(path, time, columns, {pick.name: pick for pick in picks}, place)
+    taken = {index for pick in picks for index in (pick.index, pick.minus)}
+
+    def beside() -> dict[str, Array]:
+        """The columns that are no signal, such as the reference of a controller; read only where a signal jumps."""
+        if any(source.clock(p.index) is not None for p in picks):
+            return {}
+        found = _readable(source, [k for k in range(len(source.labels)) if k not in taken])
+        return {n: v if repair.keep is None else v[repair.keep] for n, v in found.items()}
+
+    valid, mended = _mend(path, time, columns, {pick.name: pick for pick in picks}, place, beside)
     if not columns:
         raise DataError(f"{path}: no signal has any value")
     warnings = [*source.warnings, *notes, *aligned, *repair.warnings, *timing, *mended]
@@ -281,8 +295,27 @@ def _same_length(source: Source, time: Array, columns: dict[str, Array]) -> None
             raise DataError(f"{source.path}: '{name}' has {len(values)} values, time has {len(time)}")
 
 
+def _readable(source: Source, indices: Sequence[int]) -> dict[str, Array]:
+    """Those columns that hold nothing but numbers, by their headings."""
+    found, told = {}, list(source.warnings)
+    for k in indices:
+        try:
+            (values,) = source.read([k])
+        except DataError:  # a column of text is not asked for
+            continue
+        if np.isfinite(values).all():
+            found[source.labels[k].shown] = values
+    source.warnings[:] = told  # what these columns need is nothing to be told
+    return found
+
+
 def _mend(
-    path: Path, time: Array, columns: dict[str, Array], picks: dict[str, Pick], place: Callable[[int], str]
+    path: Path,
+    time: Array,
+    columns: dict[str, Array],
+    picks: dict[str, Pick],
+    place: Callable[[int], str],
+    beside: Callable[[], dict[str, Array]],
 ) -> tuple[dict[str, NDArray[np.bool_]], list[str]]:
     """Fills missing values, drops empty signals and checks ranges; changes `columns` in place."""
     valid: dict[str, NDArray[np.bool_]] = {}
@@ -299,7 +332,7 @@ def _mend(
             notes.append(note)
         notes += _range_note(name, values, place, picks[name])
     for name in columns:
-        notes += _jump_note(time, columns, place, picks[name])
+        notes += _jump_note(time, columns, place, picks[name], beside)
     return valid, notes
 
 
@@ -321,9 +354,17 @@ def _range_note(name: str, values: Array, place: Callable[[int], str], pick: Pic
     ]
 
 
-def _jump_note(time: Array, columns: dict[str, Array], place: Callable[[int], str], pick: Pick) -> list[str]:
+def _jump_note(
+    time: Array,
+    columns: dict[str, Array],
+    place: Callable[[int], str],
+    pick: Pick,
+    beside: Callable[[], dict[str, Array]],
+) -> list[str]:
     starts, size = jumps(time, columns[pick.name], pick.held)
     if not starts.size:
         return []
-    others = stepping(starts, {n: v for n, v in columns.items() if n != pick.name})
+    others = stepping(starts, {n: v for n, v in columns.items() if n != pick.name}) or stepping(
+        starts, {f"'{n}'": v for n, v in beside().items() if v.size == time.size}
+    )
     return [describe(pick.name, pick.unit, starts, size / conversion(pick.unit, pick.si), place, others[:2])]

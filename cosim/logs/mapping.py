@@ -119,6 +119,7 @@ class SignalColumn(_Strict):
         sign: -1 where the file counts the other way.
         held: whether the value is constant between samples; by default as for the canonical signal, else False.
         plausible: lowest and highest plausible value in `unit`; by default those of the canonical signal.
+        period: range in `unit` after which the value begins anew, such as 360 of an angle in degrees; it is made to go on.
         text: what it is.
     """
 
@@ -131,6 +132,7 @@ class SignalColumn(_Strict):
     sign: Literal[1, -1] = 1
     held: bool | None = None
     plausible: tuple[Finite, Finite] | None = None
+    period: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     text: str = ""
 
     @field_validator("unit")

@@ -161,11 +161,12 @@ def with_signals(text: str) -> str:
     )
 
 
+CHANGING = ", changing with "  # of a law that is not the same everywhere
+
 _MISSING = re.compile(r"(?<=a missing )torque(?= that depends on)")
 
-_DEPENDS = re.compile(
-    rf"(?<=that depends on )({'|'.join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))})(?= explains|,)"
-)
+_NAMED = "|".join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))
+_DEPENDS = re.compile(rf"(?:(?<=that depends on )|(?<={CHANGING}))({_NAMED})(?= explains|,)")
 
 
 def without_tracker(text: str) -> str:
@@ -220,9 +221,6 @@ def block_name(block: str) -> str:
     """A block as people call it; of several that are judged as one, all of them."""
     own = current().blocks
     return own.get(block) or " + ".join(own.get(n) or BLOCK_NAMES.get(n, n) for n in block.split("+"))
-
-
-CHANGING = ", changing with "  # of a law that is not the same everywhere
 
 
 def quantity(of: str) -> tuple[str, str, float]:

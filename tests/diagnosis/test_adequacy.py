@@ -1,6 +1,7 @@
 """What free functions explain is a fault only if it shows again, as strongly, in windows that had no share in finding it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from cosim.diagnosis.fitting.noise import plain
+from cosim.diagnosis.pipeline import diagnose as pipeline
 from cosim.diagnosis.pipeline.diagnose import diagnose, outdone_by_linear
 from cosim.diagnosis.residuals.freeform import Leftover, changing, explain, families
 from cosim.diagnosis.residuals.reference import Reference
@@ -48,6 +50,37 @@ def test_what_a_linear_model_predicts_better_is_not_explained(
     squares = np.linspace(0.5, 1.5, 24)  # of such windows the difference is not clear
     reference = Reference(None, linear**2 * squares, ours**2 * squares[::-1])  # type: ignore[arg-type]
     assert outdone_by_linear({"slew": reference}, {"slew": 0.05}) is outdone
+
+
+@pytest.mark.parametrize(
+    ("order", "is_speed", "lacks"), [(0, True, False), (1, True, True), (0, False, True)]
+)
+def test_a_constant_gain_shows_no_dynamics_that_a_speed_lacks(
+    monkeypatch: pytest.MonkeyPatch, order: int, is_speed: bool, lacks: bool
+) -> None:
+    """A damper's friction was dropped for "linear dynamics: a constant gain"; a place that follows so does lack them."""
+    reference = Reference(SimpleNamespace(order=order), np.full(24, 0.25), np.ones(24))  # type: ignore[arg-type]
+    group = SimpleNamespace(integrates=True, is_speed=lambda signal: is_speed)
+    task = SimpleNamespace(model=SimpleNamespace(group=group), measured={"speed": np.ones(9)})
+    monkeypatch.setattr(pipeline, "of_group", lambda *_: reference)
+    monkeypatch.setattr(pipeline, "adequate", lambda finding: False)
+    monkeypatch.setattr(pipeline, "negligible", lambda *_: 0.0)
+
+    @dataclass(frozen=True)
+    class Stub:
+        task: SimpleNamespace
+        reference: Reference | None = None
+        chosen: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(fit=None))
+        null: None = None
+        lacks_linear: bool = False
+        rivals: dict[str, None] | None = None
+
+        def accept(self, *_: object) -> "Stub":
+            return self
+
+    found = pipeline.beside_linear(Stub(task), SimpleNamespace(time=np.arange(9.0)), None)  # type: ignore[arg-type]
+    assert found.reference is reference
+    assert found.lacks_linear is lacks
 
 
 def slow_noise(seed: int) -> Array:

@@ -1,6 +1,7 @@
 """Machines that no model of ours describes well: what is named on them, and what is not (logs computed here, synthetic)."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.answer.remarks import advice
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.verdict import verdict
 from cosim.logs import Log
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -64,6 +66,25 @@ def test_a_demanded_place_in_the_stead_of_a_command_is_told(arm: tuple[Log, Diag
     assert closed.causes == []
     (text,) = [text for text in advice(closed) if "follows u itself" in text]
     assert "log what the controller puts out" in text
+
+
+def test_the_noise_of_a_machine_that_never_rests_is_not_its_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command that changes with each third sample: what the speed does then passed for noise, larger than any error."""
+    u = np.repeat(np.random.default_rng(3).choice([-1.0, 1.0], COUNT // 3), 3)
+    noise = 1e-3 * np.random.default_rng(4).standard_normal(COUNT)
+    speed = through([1.0], [0.1, 1.0], u)
+    left = 2e-2 * through([1.0], [0.05, 1.0], u) + noise
+    monkeypatch.setattr(verdict, "adequate", lambda finding: False)
+    task = SimpleNamespace(
+        rules={"speed": SimpleNamespace(skip=0, cuts=())},
+        measured={"speed": speed + noise},
+        model=SimpleNamespace(h=H),
+    )
+    finding = SimpleNamespace(
+        task=task, chosen=SimpleNamespace(fit=SimpleNamespace(residuals={"speed": left}))
+    )
+    assert verdict.noise_floor(speed + noise, H) > 0.1, "the signal has no quiet place"
+    assert 1e-3 < verdict.floor_of(finding, "speed") < np.std(left)
 
 
 def test_the_linear_reference_stands_beside_the_answer(arm: tuple[Log, Diagnosis]) -> None:

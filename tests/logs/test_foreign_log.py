@@ -801,3 +801,16 @@ def test_the_same_values_under_another_name_are_no_second_record(tmp_path):
     savemat(path, {"t": time, "uEst": u, "yEst": w, "uVal": u, "yVal": w})
     found = overview(path)
     assert "[held_out]" not in mapping_text(found, guesses(found, machine=True), None)
+
+
+def test_an_angle_within_a_turn_is_made_to_go_on(write):
+    time, u, _, angle = motor_table().T
+    path = write("t,u,angle (deg)\n" + rows(np.column_stack([time, u, angle])))
+    found = overview(path)
+    mapping = path.with_suffix(".toml")
+    mapping.write_text(mapping_text(found, guesses(found, machine=True), None), encoding="utf-8")
+    assert load_mapping(mapping).signals["slew"].period == 360
+    assert np.all(np.diff(load_log(path, mapping)["slew"]) >= 0.0)
+    path = write("t,u,angle (deg)\n" + rows(np.column_stack([time, u, np.unwrap(angle, period=360)])))
+    found = overview(path)
+    assert "period" not in mapping_text(found, guesses(found, machine=True), None)

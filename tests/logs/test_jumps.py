@@ -137,3 +137,21 @@ def test_a_pulse_of_a_level_that_a_controller_has_is_its_own():
     levels = np.repeat([0.0, 30.0, 0.0, 70.0, 30.0, 0.0], [300, 200, 500, 300, 300, 400]) / 71.0
     assert jumps(time, changed(levels, 700, 30.0 / 71.0), held=True)[0].size == 0
     assert jumps(time, changed(levels, 700, 0.2), held=True)[0].tolist() == [700]
+
+
+def test_a_column_that_is_no_signal_tells_why_a_command_kicks(tmp_path):
+    """The reference of a controller lies in the file and is not asked for: where it steps the command may kick."""
+    time = np.arange(2000) / 1000
+    random = np.random.default_rng(6)
+    command = changed(0.2 + 0.01 * np.sin(5 * time) + random.normal(0, 1e-3, 2000), 800, 0.9)
+    reference = np.where(time < 0.8, 10.0, 25.0)
+    mapping = tmp_path / "log.toml"
+    mapping.write_text(
+        'time = { column = "t", unit = "s" }\n[signals]\nu = { column = "out", unit = "1" }\n',
+        encoding="utf-8",
+    )
+    for head, step in (("t,out,ref,mode", reference), ("t,out,other,mode", 10.0 + 0.1 * time)):
+        lines = [f"{a},{b:.6f},{c},on" for a, b, c in zip(time, command, step, strict=True)]
+        (tmp_path / "log.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+        (told,) = [text for text in load_log(tmp_path / "log.csv", mapping).warnings if "jumps away" in text]
+        assert ("where 'ref' steps too: it may follow that" in told) == ("ref" in head)

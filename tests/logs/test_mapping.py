@@ -278,3 +278,20 @@ def test_the_second_record_may_have_a_time_of_its_own():
         }
     ).of_held_out
     assert (mapping.time.column, mapping.signals["u"].column, mapping.held_out) == ("t2", "u2", {})
+
+
+def test_an_angle_that_begins_anew_goes_on(tmp_path):
+    """Within one turn, with a sample missing where it begins anew; before, it had to be unwrapped by hand."""
+    path, mapping = tmp_path / "log.csv", tmp_path / "log.toml"
+    angle = 5.0 * np.arange(200.0) - 30.0
+    shown = [f"{a % 360.0:.1f}" for a in angle]
+    shown[79] = ""
+    path.write_text(
+        "t,u,a\n" + "".join(f"{0.01 * k:.2f},0,{a}\n" for k, a in enumerate(shown)), encoding="utf-8"
+    )
+    text = 'time = {{ column = "t", unit = "s" }}\n[signals]\nslew = {{ column = "a", unit = "deg"{} }}\n'
+    mapping.write_text(text.format(", period = 360"), encoding="utf-8")
+    log = load_log(path, mapping)
+    np.testing.assert_allclose(np.degrees(log["slew"]), angle + 360.0, atol=1e-9)
+    mapping.write_text(text.format(""), encoding="utf-8")
+    assert np.ptp(np.degrees(load_log(path, mapping)["slew"])) < 360.0

@@ -214,6 +214,13 @@ def test_what_a_missing_thing_depends_on_is_told_in_words():
         "deg/s",
         pytest.approx(57.29578),
     )
+    told = with_signals(
+        "a missing torque that depends on omega, changing with theta explains 83% of what is left"
+    )
+    assert (
+        told
+        == "a missing torque that depends on slew speed, changing with slew angle explains 83% of what is left"
+    )
 
 
 def test_without_a_tracker_its_faults_are_not_listed():

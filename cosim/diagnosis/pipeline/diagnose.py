@@ -297,6 +297,9 @@ def beside_linear(finding: Finding, record: Record, held: Held | None) -> Findin
     finding, signal = replace(finding, reference=linear), next(iter(task.measured))
     if linear is None or adequate(finding) or not linear.clearly_better:
         return finding
+    group = task.model.group
+    if not linear.model.order and (group.is_speed(signal) or not group.integrates):
+        return finding  # a constant gain has no dynamics that such a group could lack
     if linear.ours_error**2 - linear.error**2 <= negligible(finding, signal) ** 2:
         return finding
     return replace(finding.accept(finding.null, record), lacks_linear=True, rivals={})

@@ -345,13 +345,14 @@ def floor_of(finding: Finding, signal: str) -> float:
     """Standard deviation of a signal's noise per sample, white or not, rounding included, SI.
 
     Where nothing is left unexplained it is that of the noise learned: between the samples of a bin, and of the bins. Where
-    something is left, which might pass for correlated noise, it is what shows where the signal is quietest.
+    something is left, which might pass for correlated noise, it is what shows where the signal is quietest, or what it
+    leaves beside the model: a machine that never rests, sampled slowly, has no quiet place.
     """
     task = finding.task
     rule = task.rules[signal]
-    if not adequate(finding):
-        return noise_floor(task.measured[signal], task.model.h)
     parts = [own[rule.skip :] for own in np.split(finding.chosen.fit.residuals[signal], rule.cuts)]
+    if not adequate(finding):
+        return min(noise_floor(x, task.model.h) for x in (task.measured[signal], np.concatenate(parts)))
     rows = np.concatenate([own[: own.size // rule.bins * rule.bins].reshape(-1, rule.bins) for own in parts])
     between = np.mean((rows - rows.mean(axis=1, keepdims=True)) ** 2)
     step = max(rounding(finding, signal), task.steps.get(signal, 0.0))
