@@ -400,6 +400,8 @@ def identify(
     log: "File | Log",
     what: str = "all",
     *,
+    block: str | None = None,
+    between: tuple[str, str] | None = None,
     mapping: File | None = None,
     parameters: Mapping[str, Number] | Sequence[str] | None = None,
     progress: Heard | None = None,
@@ -408,7 +410,10 @@ def identify(
 
     Args:
         log: a file, or a log already read.
-        what: all (dead zone, valve, pressure, mechanics), dead_zone, mechanics, or drive (speed against command).
+        what: all (dead zone, valve, pressure, mechanics), dead_zone, mechanics, drive (speed against command), frf
+            (frequency response by Welch's method) or transfer_function.
+        block: of the last two, dcv, continuity, mechanical or simplified (the whole drive, the default).
+        between: instead of a block, the names of the signals from which and to which they go.
         mapping: mapping file of the log.
         parameters: numbers taken as known.
         progress: told what is going on, and the share that is done.
@@ -420,7 +425,9 @@ def identify(
 
     with heard_by(progress) as warnings:
         loaded = read_log(log, mapping) if isinstance(log, (str, Path)) else log
-        answer = run(what, loaded, None if mapping is None else Path(mapping), _settings(parameters))
+        answer = run(
+            what, loaded, None if mapping is None else Path(mapping), _settings(parameters), block, between
+        )
     return IdentificationResult(answer, (*loaded.warnings, *answer.notes, *warnings))
 
 

@@ -7,16 +7,30 @@ from cosim.identify.answer import Answer
 from cosim.logs import Log, load_mapping
 from cosim.ssp.hints import did_you_mean
 
-KINDS = ("all", "dead_zone", "mechanics", "drive")
+KINDS = ("all", "dead_zone", "mechanics", "drive", "frf", "transfer_function")
+DYNAMIC = ("frf", "transfer_function")  # which go from one signal to another
 
 
-def run(what: str, log: Log, mapping: Path | None, settings: list[str]) -> Answer:
+def run(
+    what: str,
+    log: Log,
+    mapping: Path | None,
+    settings: list[str],
+    block: str | None = None,
+    between: tuple[str, str] | None = None,
+) -> Answer:
     """Take numbers from a log.
 
     Raises:
-        UsageError: there is no such kind.
+        UsageError: there is no such kind, or it does not go between two signals.
         DataError: the log lacks what it needs.
     """
+    if what in DYNAMIC:
+        return _dynamics(what, log, settings, block, between)
+    if block is not None or between is not None:
+        raise UsageError(
+            f"'{what}' is of the drive as it is: block and between go with {' and '.join(DYNAMIC)}"
+        )
     if what == "drive":
         from cosim.identify.run_drive import drive_answer
 
@@ -37,3 +51,17 @@ def run(what: str, log: Log, mapping: Path | None, settings: list[str]) -> Answe
 
         return dead_zone_answer(log, nominal(settings), None, None)
     raise UsageError(f"nothing called '{what}' is identified{did_you_mean(what, KINDS)}: {', '.join(KINDS)}")
+
+
+def _dynamics(
+    what: str, log: Log, settings: list[str], block: str | None, between: tuple[str, str] | None
+) -> Answer:
+    from cosim.identify.nominal import nominal
+    from cosim.identify.run import channel, transfer_function_answer
+    from cosim.identify.run_frf import FrfRequest, frf_answer
+
+    source, target = between or (None, None)
+    chosen, known = channel(block, source, target), nominal(settings)
+    if what == "frf":
+        return frf_answer([log], chosen, known, FrfRequest(method="welch"))
+    return transfer_function_answer([log], chosen, (), known)

@@ -255,3 +255,19 @@ def test_no_command_has_numbers_of_its_own():
             )
         }  # fmt: skip
         assert not used & {"numpy", "scipy", "pandas", "pyarrow", "numba", "control", "pint"}, file.name
+
+
+def test_dynamics_are_identified_of_a_block_or_between_two_signals():
+    log = cosim.read_log(TOP / "examples" / "synthetic_demo.csv")
+    fitted = cosim.identify(log, "transfer_function", block="dcv")
+    assert 25.0 < fitted.parameters["dcv.w0"].value < 25.5
+    other = cosim.identify(log, "transfer_function", between=("spool", "p_load"))
+    assert "from the spool position (spool) to the load pressure (p_load)" in str(other)
+    response = cosim.identify(log, "frf", block="dcv")
+    assert "Frequency response from the command (u) to the spool position (spool)" in str(response)
+    assert response.to_dict()["identify"] == "frf"
+    assert response.plot() is not None
+    with pytest.raises(UsageError, match="block and between go with frf and transfer_function"):
+        cosim.identify(log, "mechanics", block="dcv")
+    with pytest.raises(UsageError, match="nothing called 'frff' is identified"):
+        cosim.identify(log, "frff")
