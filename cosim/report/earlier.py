@@ -47,7 +47,7 @@ class Earlier:
         }
         if self._stamps:
             warn(f"{folder} holds an earlier {what} ({len(self._stamps)} files): its files are replaced")
-        elif files is FILES and (beside := sum((folder / name).is_file() for name in COMPARED)):
+        elif files is FILES and (beside := _before_this_process(folder)):
             warn(
                 f"{folder} holds a comparison ({beside} files): those of the same name are replaced, the others stay; "
                 "another --out keeps the two apart"
@@ -58,3 +58,12 @@ class Earlier:
         for path, stamp in self._stamps.items():
             if path.is_file() and path.stat().st_mtime_ns == stamp:
                 path.unlink()
+
+
+def _before_this_process(folder: Path) -> int:
+    """How many files of a comparison lie in a folder that this process did not write: the demo compares and diagnoses."""
+    import psutil
+
+    begun = psutil.Process().create_time()
+    found = [path.stat().st_mtime for path in (folder / name for name in COMPARED) if path.is_file()]
+    return sum(written < begun for written in found)
