@@ -137,3 +137,12 @@ def test_a_wrong_budget_is_refused_before_the_log_is_read(tmp_path: Path) -> Non
     result = CliRunner().invoke(make_app(), ["diagnose", str(tmp_path / "none.csv"), "--budget", "3 kg"])
     assert result.exit_code != 0
     assert isinstance(result.exception, UsageError) or "kg" in result.output
+
+
+def test_no_linear_model_is_fitted_for_each_log_when_the_time_is_gone() -> None:
+    """Of one log it is one fit, of several one for each."""
+    logs = [as_log(make_log("steps", 12.0, HIDDEN, seed=s)) for s in (1, 2)]
+    for given, fitted in ((logs[:1], True), (logs, False)):
+        found = diagnose(given, budget=Budget(1e-6))
+        assert bool(found.references) == fitted
+        assert any("the linear reference of the whole was left out" in note for note in found.notes) != fitted

@@ -650,8 +650,11 @@ def stages(
             gain_by_fmus(found, folder)
             if worse(found):
                 taken_back(found, folder, trust)
-    with part_of(found.notes, "the linear reference of the whole"):
-        found.references = beside_the_whole(found, constants, trust)
+    if found.held is None and found.record.cuts and found.budget.gone:  # a fit for each log
+        found.notes.append(found.budget.omitted("the linear reference of the whole"))
+    else:
+        with part_of(found.notes, "the linear reference of the whole"):
+            found.references = beside_the_whole(found, constants, trust)
     if found.verdict == "explained" and outdone_by_linear(found.references, found.noise):
         found.verdict = "partly_explained"
     found.stage = ""
