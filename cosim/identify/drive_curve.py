@@ -25,6 +25,7 @@ from scipy.stats import t as student
 from cosim.errors import DataError
 from cosim.identify.drive_fit import (
     KNOTS,
+    Fine,
     Run,
     begin,
     commands,
@@ -68,7 +69,7 @@ class DriveCurve:
         speeds: (m,) of the free curve.
         band: (2, m) its 95 % band.
         typical: error of the speed over a stretch.
-        each: of every log that tells one alone, in the order of the logs; where one does not, all were fitted together.
+        each: of every log alone, in the order of the logs; none where one tells nothing alone: then all are fitted together.
         names: of the logs.
     """
 
@@ -100,11 +101,11 @@ def drive_curve(runs: Sequence[Run]) -> DriveCurve:
     """
     if not runs:
         raise DataError("a static curve takes a log at least")
-    each = tuple(curve for curve in map(_alone, runs) if curve is not None) if len(runs) > 1 else ()
+    each = _each(runs) if len(runs) > 1 else ()
     if len(runs) == 1 or len(each) < len(runs):
         together = _of(runs)
         widened = {n: next_log([e], SCATTER[n.partition("_")[0]]) for n, e in together.values.items()}
-        return replace(together, values=widened, each=each if len(runs) > 1 else (together,))
+        return replace(together, values=widened, each=() if len(runs) > 1 else (together,))
     values = {}
     for name in NAMES:
         told = [c.values[name] for c in each if name in c.values]
@@ -126,12 +127,12 @@ def drive_curve(runs: Sequence[Run]) -> DriveCurve:
     )
 
 
-def _alone(run: Run) -> DriveCurve | None:
-    """The curve of one of several logs, if it tells one by itself: a log of one step does not."""
+def _each(runs: Sequence[Run]) -> tuple[DriveCurve, ...]:
+    """The curve of each of several logs by itself; none if one tells none, such as a log of one step."""
     try:
-        return _of([run])
+        return tuple(_of([run]) for run in runs)
     except DataError:
-        return None
+        return ()
 
 
 def _of(runs: Sequence[Run]) -> DriveCurve:
@@ -143,6 +144,10 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
         logs = fine(runs, float(x[6]))
         goal = mean_speeds(logs)
         x, typical, curved = fitted(logs, goal, x, np.ones(goal.size, dtype=bool))
+    command = commands(logs)
+    limits = np.where([n.startswith("dead") for n in NAMES], np.abs(command).max(), np.abs(x[: len(NAMES)]))
+    if not np.any((curved[: len(NAMES)] < limits)[: NAMES.index("top_low")]):  # no need to leave parts out
+        raise _too_few(logs)
     tenth = np.concatenate([np.arange(log.begins.size) * PARTS // log.begins.size for log in logs])
     count = [log.begins.size for log in logs]
     part = tenth if len(logs) == 1 else np.repeat(np.arange(len(logs)), count)
@@ -153,7 +158,6 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
     others = [fitted(logs, goal, x, part != k, typical)[0] for k in range(int(part[-1]) + 1)]
     deviations = np.maximum(_jackknife(np.array(others)), curved)
     reach = student.ppf(0.975, len(others) - 1)
-    command = commands(logs)
     low, high = (float(np.quantile(command, q)) for q in (0.002, 0.998))
     values: dict[str, Estimate] = {}
     for i, name in enumerate(NAMES):
@@ -164,13 +168,10 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
             continue
         d = float(deviations[i])
         # what could as well be anything is not known: of one level, where the dead zone ends and how steep it goes on
-        if reach * d < (float(np.abs(command).max()) if kind == "dead" else abs(x[i])):
+        if reach * d < limits[i]:
             values[name] = Estimate(float(x[i]), d, float(x[i] - reach * d), float(x[i] + reach * d))
     if not values:
-        raise DataError(
-            f"{', '.join(log.run.name for log in logs)}: too few levels of the command to tell the dead zone from the "
-            "slope beyond it; give logs of at least two levels of each direction together"
-        )
+        raise _too_few(logs)
     off = student.ppf(0.975, PARTS - 1) * _jackknife(np.array(curves))
     size = STEADY * float(np.abs(command).max())
     steady = np.concatenate([log.steadiness() for log in logs]) <= size
@@ -178,6 +179,13 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
     band = np.array([speeds - off, speeds + off])
     names = tuple(log.run.name for log in logs)
     return DriveCurve(values, float(x[6]), float(x[7]), knots, speeds, band, typical, (), names, points)
+
+
+def _too_few(logs: Sequence[Fine]) -> DataError:
+    return DataError(
+        f"{', '.join(log.run.name for log in logs)}: too few levels of the command to tell the dead zone from the "
+        "slope beyond it; give logs of at least two levels of each direction together"
+    )
 
 
 def _topped(name: str, x: Array, low: float, high: float) -> bool:
