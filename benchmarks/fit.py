@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 HIDDEN = "mechanical.coulomb_friction:tau_c=150 N.m"
 FREE = ("mechanical.J=400:1500 kg.m2", "mechanical.b=10e3:50e3 N.m.s/rad", "mechanical.tau_c=0:500 N.m")
 CHAIN = ("compensator", "dead_zone", "dcv", "continuity", "mechanical", "sensor")
-AGREE = 1e-5  # relative: five decimals
+SAME_FIT = 1e-5  # relative: five decimals
 NOISES = {
     "white": Noise(),
     "ar1, 30 ms": Noise(kind="ar1", correlation_time=0.03),
@@ -200,7 +200,7 @@ def compare(duration: float, repeat: int) -> list[dict[str, Any]]:
         row["per_simulation"] = row["seconds"] / row["simulations"]
         row["ratio"] = row["seconds"] / rows[0]["seconds"]
         row["difference"] = max(abs(row["values"][n] / rows[0]["values"][n] - 1.0) for n in rows[0]["values"])
-        if not row["difference"] < AGREE:
+        if not row["difference"] < SAME_FIT:
             raise SystemExit(f"{row['way']} ends elsewhere: {row['values']} instead of {rows[0]['values']}")
     return rows
 

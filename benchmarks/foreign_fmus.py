@@ -28,9 +28,9 @@ from cosim.ssp import check_fmu
 from cosim.ssp.read import read_system
 
 PACKAGES = ("gemseo-fmu==3.1.1", "crane-fmu==0.2.0")
-LIMIT = 60.0  # s for a run of fmpy
+FMPY_LIMIT = 60.0  # s for a run of fmpy
 POINTS = 1000
-LONGEST = 20.0  # s
+LONGEST_RUN = 20.0  # s
 
 FMPY = """
 import sys, json, numpy as np
@@ -80,7 +80,7 @@ def known(path: Path) -> Known | None:
     if root.get("fmiVersion") != "2.0" or node is None or not libraries:
         return None
     default = root.find("DefaultExperiment")
-    stop = min(float((default is not None and default.get("stopTime")) or 1.0), LONGEST)
+    stop = min(float((default is not None and default.get("stopTime")) or 1.0), LONGEST_RUN)
     step = max(float((default is not None and default.get("stepSize")) or 0.01), stop / (2 * POINTS))
     outputs = [
         v.get("name")
@@ -105,10 +105,15 @@ def by_fmpy(item: Known, scratch: Path) -> dict[str, np.ndarray] | str:
     ]
     try:
         done = subprocess.run(
-            [*command, *item.outputs], capture_output=True, text=True, timeout=LIMIT, cwd=scratch, check=False
+            [*command, *item.outputs],
+            capture_output=True,
+            text=True,
+            timeout=FMPY_LIMIT,
+            cwd=scratch,
+            check=False,
         )
     except subprocess.TimeoutExpired:
-        return f"takes longer than {LIMIT:g} s"
+        return f"takes longer than {FMPY_LIMIT:g} s"
     if not target.is_file():
         return (done.stderr.strip().splitlines() or [f"ends with code {done.returncode}"])[-1]
     with np.load(target) as found:

@@ -20,7 +20,7 @@ from cosim.ssp.read import read_system
 from fmus.build import build_fmu, composed_block
 
 FIRST = 100  # instances that do not count
-LIMIT = 100.0  # MiB for 10 000 instances
+MOST_MEMORY = 100.0  # MiB for 10 000 instances
 
 
 def growth(fmu: Path, count: int) -> dict[str, float]:
@@ -61,7 +61,7 @@ def main() -> None:
         return
     print(
         f"{found['instances']} instances: {found['grown_MiB']:.1f} MiB kept, {found['kB_each']:.2f} kB each; "
-        f"{found['ms_each']:.1f} ms each (limit: {LIMIT:g} MiB for 10 000)"
+        f"{found['ms_each']:.1f} ms each (limit: {MOST_MEMORY:g} MiB for 10 000)"
     )
 
 

@@ -34,7 +34,7 @@ from cosim.errors import CosimError
 from cosim.logs import Log, load_log, load_mapping
 
 OUTCOMES = ("equal", "warned", "refused", "small", "shorter", "silent", "crash")
-LONGEST = 20  # s
+LONGEST_READ = 20  # s
 Array = NDArray[np.float64]
 
 
@@ -160,7 +160,7 @@ class _TooLongError(BaseException):
 
 @contextmanager
 def _watched() -> Iterator[list[str]]:
-    """What is raised where nobody can catch it, and an end after LONGEST seconds."""
+    """What is raised where nobody can catch it, and an end after LONGEST_READ seconds."""
     stray: list[str] = []
     before = sys.unraisablehook
 
@@ -169,7 +169,7 @@ def _watched() -> Iterator[list[str]]:
 
     sys.unraisablehook = lambda event: stray.append(f"Exception ignored: {event.exc_value!r}")
     handler = signal.signal(signal.SIGALRM, late)
-    signal.alarm(LONGEST)
+    signal.alarm(LONGEST_READ)
     try:
         yield stray
     finally:

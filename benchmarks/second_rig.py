@@ -23,7 +23,7 @@ from benchmarks.second.cases import Case, draw
 from benchmarks.second.out_of_library import draw_out_of_library
 from benchmarks.second.trial import run_case
 
-LIMIT = 3.0  # half-widths from which an interval is shown as wrong
+FAR_OFF = 3.0  # half-widths from which an interval is shown as wrong
 
 
 def form(settings: dict[str, float]) -> str:
@@ -41,7 +41,7 @@ def line(row: dict[str, Any]) -> str:
     said = "; ".join(
         f"{c['effect']}{' or ' + ', '.join(c['alike']) if c['alike'] else ''}" for c in row.get("causes", ())
     )
-    wrong = {n: round(v[2], 1) for n, v in row.get("off", {}).items() if abs(v[2]) > LIMIT}
+    wrong = {n: round(v[2], 1) for n, v in row.get("off", {}).items() if abs(v[2]) > FAR_OFF}
     signals = "+".join(sensing["columns"]) + (" tracker" if sensing.get("frames") else "")
     return (
         f"{case['seed']} {row.get('judged', 'ERROR')}: {told or 'clean'} -> {said or row.get('verdict', row.get('error'))}"

@@ -26,7 +26,7 @@ from cosim.rig.write import as_log, as_tracker
 from fmus import registry
 
 Array = NDArray[np.float64]
-TOLERANCE = 0.01
+TRUST = 0.01
 SAMPLED = ("sensor.quantisation", "sensor.dropout")  # seen in the raw samples, not in a likelihood
 
 
@@ -174,7 +174,7 @@ def true_fit(case: Case, finding: Finding, names: list[str]) -> float:
     """Log-likelihood of the true effects, fitted from their true sizes."""
     effects = tuple(registry.effects()[n] for n in names)
     true = {f"{e.component}.{p}": v for e in effects for p, v in case.hidden[e.name].items()}
-    wanted, _ = unknowns(finding.task.model, effects, TOLERANCE)
+    wanted, _ = unknowns(finding.task.model, effects, TRUST)
     placed = [
         u.__class__(
             u.name, float(np.clip(true.get(u.name, u.start), u.low, u.high)), u.scale, u.low, u.high, u.prior

@@ -24,7 +24,7 @@ from benchmarks.systems.truth import Hidden, Wire, read
 
 Array = NDArray[np.float64]
 NOISE = 0.01  # of a reading's spread
-LIMIT = 300.0  # s for one run of fmpy
+RUN_LIMIT = 300.0  # s for one run of fmpy
 START_ROUNDS = 20  # of outputs handed on before a run begins; no system has so many components in a row
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -223,7 +223,7 @@ def truth(case: Case, fmus: Mapping[str, Path], seed: int, scratch: Path) -> dic
     (scratch / "out.npz").unlink(missing_ok=True)
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.systems.foreign", str(scratch / "spec.json"), str(scratch / "out.npz")],
-        cwd=ROOT, capture_output=True, text=True, timeout=LIMIT, check=False,
+        cwd=ROOT, capture_output=True, text=True, timeout=RUN_LIMIT, check=False,
     )  # fmt: skip
     if not (scratch / "out.npz").is_file():
         raise RuntimeError(done.stderr[-2000:])

@@ -208,10 +208,8 @@ if sys.platform == "linux":
             for _ in range(TRIES):
                 try:
                     super().__init__(process)
-                except (
-                    ConnectionError,
-                    EOFError,
-                ):  # its server has just died, and may not be known to be dead yet
+                except (ConnectionError, EOFError):
+                    # its server has just died, and may not be known to be dead yet
                     clock.sleep(GONE / TRIES)
                 else:
                     return

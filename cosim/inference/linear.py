@@ -120,9 +120,9 @@ class LinearModel:
         """True if a pole is too slow for the data to tell it from an integrator."""
         return any(abs(p) * self.length < 1.0 for p in self.sections.poles)
 
-    def predicted(self, u: Array, h: float, cuts: Cuts = ()) -> Array:
-        """(n,) output on the input (n,) that it was fitted to, from the initial states found there, every `h` s."""
-        driven, free = columns(self.sections, u, h, self.length, cuts)
+    def predicted(self, u: Array, h: float) -> Array:
+        """(n,) output on the input (n,) that it was fitted to, from the initial state found there, every `h` s."""
+        driven, free = columns(self.sections, u, h, self.length)
         return np.asarray(self.gains @ np.concatenate([driven, free, np.ones((1, u.size))]))
 
     def simulate(self, u: Array, y: Array, h: float) -> Array:

@@ -189,10 +189,8 @@ class Instance:
                     modelIdentifier=fmu.identifier,
                     instanceName=self.name,
                 )
-        except (
-            FileNotFoundError
-        ):  # not the library's: the current folder is gone, to which fmpy would go back
-            raise
+        except FileNotFoundError:
+            raise  # not the library's: the current folder is gone, to which fmpy would go back
         except Exception as error:  # fmpy raises bare exceptions
             raise ModelError(f"{fmu.source}: the library cannot be loaded: {error}") from None
         self._bind()

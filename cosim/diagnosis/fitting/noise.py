@@ -280,9 +280,8 @@ def learned_at(
         there = periodogram(rule.propagated, rule.demean)[None]
     kept = np.ones(shapes.shape[1], dtype=bool)
     each = [(centred(rule, column) / over).ravel() for column in absorbed]
-    listed = [
-        column for column in each if column.any()
-    ]  # of a command that is zero throughout nothing is left
+    # of a command that is zero throughout nothing is left
+    listed = [column for column in each if column.any()]
     if listed:
         columns = np.stack(listed, axis=1)
         left, values, _ = np.linalg.svd(

@@ -135,11 +135,11 @@ def measure(
             continue
         y = record.signals[signal]
         start = first or 0
+        edges = [start, *(cut for cut in record.cuts if cut > start), y.size]  # of the logs
         own = window
         if first is not None:
             # parts enough for an interval, none longer than the shortest log that is held out
-            ends = np.diff([start, *(cut for cut in record.cuts if cut > start), y.size])
-            own = max(1, min(window, (y.size - start) // FEWEST_PARTS, int(ends.min())))
+            own = max(1, min(window, (y.size - start) // FEWEST_PARTS, int(np.diff(edges).min())))
         # whole windows of each log, as those of the fits
         rule = Windows(own, start, record.cuts)
         inside = rule.inside(y.size)
@@ -162,7 +162,6 @@ def measure(
         ratios = np.sqrt(squares[1][rows].sum(axis=1) / np.maximum(squares[0][rows].sum(axis=1), 1e-300))
         low, high = np.quantile(ratios, [0.025, 0.975])
         fits = [fit_or_nan(y[pick], simulated[signal][pick]) for simulated in (before, after)]
-        edges = [start, *(cut for cut in record.cuts if cut > start), y.size]
         logs = [slice(a, b) for a, b in pairwise(edges)] if first is not None and len(edges) > 2 else []
         each = tuple((rms((y - before[signal])[log]), rms((y - after[signal])[log])) for log in logs)
         found[signal] = Gain(whole[0], whole[1], (float(low), float(high)), fits[0], fits[1], each=each)

@@ -374,22 +374,19 @@ def of_whole(
         window: samples in a window.
     """
     found = {}
-    numbers = Windows(window, 0, record.cuts).numbers(record.time.size)
+    numbers = Windows(window, 0).numbers(record.time.size)
     held = held_windows(int(numbers.max()) + 1)
     if not held.any():
         return {}
     for signal in signals:
-        y = record.signals[signal]
-        pair = evened(record.signals[drive], y, record.time, record.h, numbers, cuts=record.cuts)
+        u, y = record.signals[drive], record.signals[signal]
+        pair = evened(u, y, record.time, record.h, numbers)
         inside = pair.window >= 0
         judged = inside & held[np.maximum(pair.window, 0)]
         model = reference(data_of(pair, False, inside & ~judged))
-        fine = evened(record.signals[drive], y, record.time, record.h, numbers, record.h, record.cuts)
-        predicted = model.predicted(fine.u, record.h, fine.cuts)
-        own = evened(
-            record.signals[drive], y - after[signal], record.time, record.h, numbers, record.h, record.cuts
-        )
-        errors = (fine.y - predicted, own.y)
+        fine = evened(u, y, record.time, record.h, numbers, record.h)
+        own = evened(u, y - after[signal], record.time, record.h, numbers, record.h)
+        errors = (fine.y - model.predicted(fine.u, record.h), own.y)
         inside = fine.window >= 0
         parts = finer(np.where(inside & held[np.maximum(fine.window, 0)], fine.window, -1), errors)
         found[signal] = Reference(model, *(mean_squares(e, parts, False) for e in errors))
@@ -412,12 +409,10 @@ def in_turn(
         errors: signal -> (n,) of the extended model, each log without a share in its estimates, SI.
         window: samples in a window.
     """
-    found = {}
+    found, folds = {}, each_left_out(record)
     for signal in signals:
         models, left, ours = [], [], []
-        for (others, own), error in zip(
-            each_left_out(record), np.split(errors[signal], record.cuts), strict=True
-        ):
+        for (others, own), error in zip(folds, np.split(errors[signal], record.cuts), strict=True):
             parts = max(1, round(error.size / window))
             model, squares = free_run(others, own, 0, drive, signal, parts)
             models.append(model)
