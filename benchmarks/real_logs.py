@@ -208,16 +208,18 @@ def stratified(found: Sequence[Case], count: int) -> list[Case]:
     return dealt[:count]
 
 
-def command(case: Case, budget: str, out: str) -> list[str]:
+def command(case: Case, budget: str, out: str, mappings: Path = MAPPINGS) -> list[str]:
     """What a user would type behind ``cosim``."""
     words = ["diagnose", *(str(DATA / f) for f in case.fit)]
-    words += ["--mapping", str(MAPPINGS / case.mapping), "--calibrate", "--json", "--out", out]
+    words += ["--mapping", str(mappings / case.mapping), "--calibrate", "--json", "--out", out]
     for held in case.held:
         words += ["--held-out", str(DATA / held)]
     return words + (["--budget", budget] if budget else [])
 
 
-def run(case: Case, budget: str, limit: float, program: Sequence[str] = PROGRAM) -> Row:
+def run(
+    case: Case, budget: str, limit: float, program: Sequence[str] = PROGRAM, mappings: Path = MAPPINGS
+) -> Row:
     """Diagnose a case in a process of its own.
 
     Args:
@@ -225,12 +227,13 @@ def run(case: Case, budget: str, limit: float, program: Sequence[str] = PROGRAM)
         budget: as ``--budget`` takes it, or empty.
         limit: s after which the process is asked to end, and later killed.
         program: what stands for ``cosim``.
+        mappings: folder of the mappings.
     """
     row = Row(case.machine, case.axis, list(case.fit), list(case.held), budget=budget, version=version())
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder:
         child = subprocess.Popen(
-            [*program, *command(case, budget, folder)],
+            [*program, *command(case, budget, folder, mappings)],
             cwd=TOP,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -438,6 +441,7 @@ def main() -> None:
     parser.add_argument(
         "--rows", type=Path, default=Path("build/real_logs.jsonl"), help="JSON lines, one a case"
     )
+    parser.add_argument("--mappings", type=Path, default=MAPPINGS, help="folder with mappings of these names")
     parser.add_argument("--from-rows", action="store_true", help="run nothing")
     parser.add_argument("--page", type=Path, help="write the table as Markdown")
     parser.add_argument("--json", action="store_true", help="print one object")
@@ -452,7 +456,7 @@ def main() -> None:
     for case in chosen:
         if case.name in done:
             continue
-        row = run(case, asked.budget, asked.limit)
+        row = run(case, asked.budget, asked.limit, mappings=asked.mappings.resolve())
         rows.append(row)
         with asked.rows.open("a", encoding="utf-8") as file:
             file.write("\n" + json.dumps(asdict(row)))  # first the line's end: the last one may be cut short

@@ -499,7 +499,7 @@ NESTED: Annotated[
 AS_WELL: Annotated[
     float,
     "times the error",
-    "error on held-out data within which a rival predicts as well",
+    "error on held-out data within which a rival predicts as well, and a linear model no better",
     "parts of one log have more in common than an interval over them knows",
     "real logs as a whole, not by itself",
 ] = 1.1

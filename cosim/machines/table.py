@@ -24,7 +24,12 @@ UNKNOWN = "?"
 MOVING = ("mechanical", "simplified")  # blocks that integrate to an angle or a position
 # a block 'mechanical' with r = 1 m moves along a line: its SI units and those people read, the numbers being the same
 # where nothing is measured between command and motion a torque is known as a part of that at full command only
-SCALE_FREE = {"N.m": "full command", "kg.m2": "full command.s2/{0}", "N.m.s/rad": "full command.s/{0}"}
+FULL_COMMAND = "full command"
+SCALE_FREE = {
+    "N.m": FULL_COMMAND,
+    "kg.m2": f"{FULL_COMMAND}.s2/{{0}}",
+    "N.m.s/rad": f"{FULL_COMMAND}.s/{{0}}",
+}
 TRAVEL = {
     "kg.m2": "kg",
     "N.m.s/rad": "N.s/m",

@@ -7,7 +7,8 @@ from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.words import axis, number, shows_speed, signal_name, unit_text
 
-NUMBER_NAMES = (("dead_zone", "dead zone"), ("slope", "slope"), ("top_speed", "top speed"))
+SLOPE = "slope"
+NUMBER_NAMES = (("dead_zone", "dead zone"), ("slope", SLOPE), ("top_speed", "top speed"))
 SIDES = (("low", "lower side"), ("high", "upper side"))
 FINEST = 1e-3
 CAPTION = (

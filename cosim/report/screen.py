@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 
 from cosim.console import stdout_console, table, typed
 from cosim.diagnosis.answer.schema import Answer, NamedCause
 from cosim.lexicon import speaking
+from cosim.report.drive import SLOPE, rows
 from cosim.report.folder import lexicon_of
 from cosim.report.material import Material
 from cosim.report.words import (
@@ -16,12 +18,12 @@ from cosim.report.words import (
     block_name,
     called,
     few,
+    in_own_words,
     kind_of_motion,
     limits_met,
     listed,
     nominal_of,
     odd_sentence,
-    phrase,
     span_of,
     telling,
     the,
@@ -72,7 +74,7 @@ def lines(result: Answer, out: Path) -> list[str]:
 def _lines(result: Answer, out: Path) -> list[str]:
     kind = "synthetic log" if result.synthetic else "measured log"
     head = f"verdict: {result.verdict.replace('_', ' ')} ({kind}, model {result.model})"
-    told = [head, *wrong(result), *sure(result), *better(result), *not_judged(result)]
+    told = [head, *wrong(result), *drive(result), *sure(result), *better(result), *not_judged(result)]
     told += [f"Note: {with_signals(text)}" for text in result.advice]
     told = [head, *(kind_of_motion(line) for line in told[1:])]
     if (out / REPORT).is_file():
@@ -121,10 +123,8 @@ def place(cause: NamedCause) -> str:
 def sizes(cause: NamedCause, result: Answer) -> str:
     """The numbers of a cause with their intervals, and the nominal value where one differs from nothing."""
     material = Material(result, 0.0, {}, {})
-    if len(cause.parameters) > 1 and not cause.component:
-        noun, how = phrase(cause, material)
-        if noun == kind_of_motion(words_of(cause)[0]):  # words of its own, not a list of names
-            return f"{how}; intervals of 95 %"
+    if len(cause.parameters) > 1 and not cause.component and (own := in_own_words(cause, material)):
+        return f"{own[1]}; intervals of 95 %"
     found = []
     for name in limits_met(cause, material):
         nominal = nominal_of(cause, name, material)
@@ -135,6 +135,20 @@ def sizes(cause: NamedCause, result: Answer) -> str:
         instead = f" instead of {size.nominal}" if told else ""
         found.append(f"{label}{size}, {size.interval}{instead}")
     return "; ".join(found) + " (95 %)"
+
+
+def drive(result: Answer) -> Iterator[str]:
+    """What a person would read off the drive's static curve, which needs no model."""
+    told = []
+    for words, sides in groupby(
+        rows(Material(result, 0.0, {}, {})), key=lambda row: row[0].partition(",")[0]
+    ):
+        numbers = [(value, ends, unit) for _, value, ends, unit, _ in sides]
+        if words != SLOPE:
+            sizes = " and ".join(f"{value} ({ends})" for value, ends, _ in numbers)
+            told.append(f"{words} {sizes} {numbers[0][2]}".rstrip())
+    if told and result.causes:
+        yield f"Drive by itself, without a model: {'; '.join(told)} (95 %)"
 
 
 def sure(result: Answer) -> Iterator[str]:

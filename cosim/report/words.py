@@ -8,9 +8,10 @@ from string import Formatter
 
 import numpy as np
 
-from cosim.diagnosis.answer.schema import Answer, LogGain, NamedCause, Parameter, SignalGain
+from cosim.diagnosis.answer.schema import Answer, DriveNumber, LogGain, NamedCause, Parameter, SignalGain
 from cosim.errors import UsageError
 from cosim.lexicon import current
+from cosim.machines.table import FULL_COMMAND
 from cosim.report.material import Material, component_of
 from cosim.report.names import (
     BLOCK_NAMES,
@@ -34,6 +35,9 @@ PHRASES: dict[str, list[str]] = _PHRASES["effects"]  # effect -> what the simula
 PHYSICAL: dict[str, list[str]] = _PHRASES[
     "physical"
 ]  # the same, of parameters that only the physical hydraulics have
+SPEEDS: dict[str, list[str]] = _PHRASES[
+    "speeds"
+]  # the same by the drive's top speeds, where the spool is not known
 NAMES: dict[str, str] = _PHRASES["names"]  # effect -> what people call it
 FORMS: dict[str, str] = _PHRASES["forms"]  # parameter of another form of a law -> what it adds to that
 CAPTIONS: dict[str, str] = _PHRASES["captions"]
@@ -75,7 +79,9 @@ SMALL = 0.1  # m or m/s, below which a length or a speed is shown in mm
 
 
 def readable(parameter: Parameter) -> tuple[str, float]:
-    """The unit in which people read a parameter, and the factor to it: small lengths are shown in mm."""
+    """The unit in which people read a parameter, and the factor to it: small lengths in mm, parts in per cent."""
+    if parameter.unit == FULL_COMMAND:
+        return f"% of {FULL_COMMAND}", 100.0
     if parameter.unit in ("m", "m/s") and abs(parameter.value) < SMALL:
         return f"m{parameter.unit}", 1000.0
     return parameter.unit, 1.0
@@ -266,14 +272,27 @@ def listed(items: list[str]) -> str:
 
 def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
     """(what is wrong, how) of a cause; for an effect without words of its own, its parameters."""
+    if own := in_own_words(cause, material):
+        return own
     met = limits_met(cause, material)
     quantities = {n: Quantity(cause.parameters[n], nominal_of(cause, n, material)) for n in met}
-    noun, how = words_of(cause)
-    if noun and len(met) == len(cause.parameters) and named_in(how) <= quantities.keys():
-        how += "".join(text for name, text in FORMS.items() if name in quantities)
-        return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
     sizes = listed([f"{n} = {q} ({q.interval})" for n, q in quantities.items()])
     return f"the {effect_name(cause.effect)}", f"{effect_in_block(cause.effect)} with {sizes} is missing"
+
+
+def in_own_words(cause: NamedCause, material: Material) -> tuple[str, str] | None:
+    """(what is wrong, how) in an effect's own words; None where it has none for what the log tells."""
+    met = limits_met(cause, material)
+    if tops := top_speeds(cause, met, material.answer):
+        noun, how = SPEEDS[cause.effect]
+        quantities = {n: Quantity(top, None) for n, top in tops.items()}
+    else:
+        noun, how = words_of(cause)
+        quantities = {n: Quantity(cause.parameters[n], nominal_of(cause, n, material)) for n in met}
+    if not noun or len(met) < len(cause.parameters) or not named_in(how) <= quantities.keys():
+        return None
+    how += "".join(text for name, text in FORMS.items() if name in quantities)
+    return kind_of_motion(noun), kind_of_motion(how.format(**quantities))
 
 
 def words_of(cause: NamedCause) -> tuple[str, str]:
@@ -282,6 +301,19 @@ def words_of(cause: NamedCause) -> tuple[str, str]:
     if not named_in(how) <= set(cause.parameters) and cause.effect in PHYSICAL:
         noun, how = PHYSICAL[cause.effect]
     return noun, how
+
+
+def top_speeds(cause: NamedCause, met: list[str], answer: Answer) -> dict[str, DriveNumber]:
+    """Limit -> the top speed that stands for it; empty where the spool is known, or the static curve lacks one.
+
+    Of a drive between whose command and speed nothing was measured the limit and the gain behind it are one number.
+    """
+    curve = answer.drive_curve
+    if curve is None or cause.effect not in SPEEDS or set(met) != {"x_min", "x_max"}:
+        return {}
+    if any(cause.parameters[n].unit != FULL_COMMAND for n in met) or len(curve.top_speed) < len(met):
+        return {}
+    return {"x_min": curve.top_speed["low"], "x_max": curve.top_speed["high"]}
 
 
 def named_in(text: str) -> set[str]:

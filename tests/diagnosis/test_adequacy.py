@@ -52,6 +52,13 @@ def test_what_a_linear_model_predicts_better_is_not_explained(
     assert outdone_by_linear({"slew": reference}, {"slew": 0.05}) is outdone
 
 
+@pytest.mark.parametrize(("linear", "better"), [(0.95, False), (0.85, True)])
+def test_a_linear_model_is_no_better_where_nobody_would_mind(linear: float, better: bool) -> None:
+    """A delay that halved the error of a speed was dropped for a linear model with 96 % of what it left."""
+    squares = np.linspace(0.9, 1.1, 24)  # of so many alike the difference is certain
+    assert Reference(None, linear**2 * squares, squares).clearly_better is better  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("order", "is_speed", "lacks"), [(0, True, False), (1, True, True), (0, False, True)]
 )

@@ -9,6 +9,8 @@ from report_helpers import empty_answer, named
 
 from cosim.diagnosis.answer.schema import (
     DataFinding,
+    DriveCurve,
+    DriveNumber,
     LinearReference,
     Location,
     LogGain,
@@ -329,3 +331,66 @@ def test_a_limit_of_which_only_one_side_is_known_has_words():
     assert "x_max" in how
     assert "0.94" in how
     assert "stroke" in noun
+
+
+def curve(**changes) -> DriveCurve:
+    """Dead zone and top speeds of a cylinder, as read off its logs."""
+
+    def number(value: float, reach: float, unit: str) -> DriveNumber:
+        return DriveNumber(value=value, unit=unit, ci95=(value - reach, value + reach))
+
+    return DriveCurve(
+        command={"signal": "u", "unit": "%"},
+        motion={"signal": "travel", "unit": "cm/s"},
+        dead_zone={"low": number(-47.0, 15.0, "%"), "high": number(59.0, 39.0, "%")},
+        slope={},
+        top_speed={"low": number(-2.05, 0.14, "cm/s"), "high": number(1.81, 0.2, "cm/s")},
+        lag={"value": 0.1, "unit": "s"},
+        points=[(-100.0, -2.0, -2.2, -1.8), (0.0, 0.0, 0.0, 0.0), (100.0, 1.8, 1.6, 2.0)],
+        error={"value": 0.1, "unit": "cm/s"},
+        logs=["log.csv"],
+        holds="for the next log",
+    ).model_copy(update=changes)
+
+
+SCALE = Words(units={"m": "421.05 full command"})  # of a machine whose spool nobody has measured
+STOP = {
+    "x_max": Parameter(value=0.00131, unit="full command", ci95=(0.001, 0.002)),
+    "x_min": Parameter(value=-0.00144, unit="full command", ci95=(-0.002, -0.001)),
+}
+
+
+def test_a_stop_of_a_valve_that_nobody_measured_is_told_by_the_top_speed():
+    """ "0.0013 full command" beside a gain of hundreds says nothing; "1.81 cm/s" can be read off the machine."""
+    answer = empty_answer(
+        causes=[friction(effect="dcv.stroke_limit", parameters=STOP)], drive_curve=curve(), words=SCALE
+    )
+    told = lines(answer, OUT)
+    assert (
+        "it is -2.05 cm/s (-2.19 to -1.91) one way and 1.81 cm/s (1.61 to 2.01) the other; intervals of 95 %"
+        in told[1]
+    )
+    drive = next(line for line in told if line.startswith("Drive by itself"))
+    assert "dead zone -47 (-62 to -32) and 59 (20 to 98) %" in drive
+    assert "top speed -2.05 (-2.19 to -1.91) and 1.81 (1.61 to 2.01) cm/s" in drive
+
+
+@pytest.mark.parametrize("side", ["none", "low"])
+def test_without_both_top_speeds_the_stop_is_told_in_parts_of_full_command(side):
+    tops = {k: v for k, v in curve().top_speed.items() if k == side}
+    known = curve(top_speed=tops) if tops else None
+    answer = empty_answer(
+        causes=[friction(effect="dcv.stroke_limit", parameters=STOP)], drive_curve=known, words=SCALE
+    )
+    assert "% of full command" in lines(answer, OUT)[1]
+
+
+def test_a_spool_that_was_measured_stays_one():
+    measured = {
+        n: Parameter(value=v, unit="mm", ci95=(v - 0.1, v + 0.1))
+        for n, v in (("x_max", 1.7), ("x_min", -1.7))
+    }
+    answer = empty_answer(
+        causes=[friction(effect="dcv.stroke_limit", parameters=measured)], drive_curve=curve()
+    )
+    assert "it ends at -1.70 mm" in lines(answer, OUT)[1]

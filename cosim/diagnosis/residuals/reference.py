@@ -15,7 +15,7 @@ from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.noise import Whitener, Windows
 from cosim.diagnosis.record.record import Record, each_left_out
 from cosim.diagnosis.residuals.cross_validation import held_windows, left_out_steps
-from cosim.diagnosis.thresholds import PART_CROSSINGS, REFERENCE_PARTS, REFERENCE_WINDOWS
+from cosim.diagnosis.thresholds import AS_WELL, PART_CROSSINGS, REFERENCE_PARTS, REFERENCE_WINDOWS
 from cosim.inference.held_out import mean_squares as begun_anew
 from cosim.inference.held_out import ratio_ci95
 from cosim.inference.linear import Data, LinearModel, reference
@@ -59,8 +59,10 @@ class Reference:
 
     @property
     def clearly_better(self) -> bool:
-        """True if the reference's error is smaller by more than the choice of these windows may have made."""
-        return self.squares.size >= REFERENCE_WINDOWS and ratio_ci95(self.squares, self.ours)[1] < 1.0
+        """True if the reference's error is smaller by more than chance and by so much that anybody would mind."""
+        if self.squares.size < REFERENCE_WINDOWS or self.ours_error < AS_WELL * self.error:
+            return False
+        return ratio_ci95(self.squares, self.ours)[1] < 1.0
 
     @property
     def words(self) -> str:
