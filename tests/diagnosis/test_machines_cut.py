@@ -45,7 +45,7 @@ def test_a_package_and_its_wiring_file_are_cut_alike(tmp_path: Path) -> None:
     assert cut(wiring, signals, start_values(wiring, None, signals)) == MODELS["full_order"]
 
 
-def machine(mapping: str, signals: dict[str, str]):
+def machine(mapping: str, signals: dict[str, str], more: dict[str, list[str]] | None = None):
     path = EXAMPLES / "mappings" / f"{mapping}.toml"
     plain, table = load_mapping(path)
     log = Log(
@@ -59,7 +59,9 @@ def machine(mapping: str, signals: dict[str, str]):
         display=signals,
     )
     assert plain.model_reference is not None
-    return machine_for(plain.model_reference, log, plain, table, options_of(plain.diagnose, path))
+    return machine_for(
+        plain.model_reference, log, plain, table, options_of({**plain.diagnose, **(more or {})}, path)
+    )
 
 
 def test_a_linear_axis_is_one_group_from_force_to_position() -> None:
@@ -176,3 +178,22 @@ def test_a_wrong_table_names_the_key(table: dict[str, object], message: str) -> 
 def test_a_signal_that_fits_no_variable_is_named() -> None:
     with pytest.raises(UsageError, match="has the wrong dimension"):
         machine("emps", {"force": "N", "position": "Pa", "reference": "m"})
+
+
+@pytest.mark.parametrize(
+    ("measured", "integrates", "level_counts"),
+    [(("slew",), True, False), (("slew", "gyro"), True, False), (("gyro",), False, True)],
+)
+def test_only_a_place_drifts(measured: tuple[str, ...], integrates: bool, level_counts: bool) -> None:
+    """What a speed errs by does not pile up: its level tells of gain, dead zone and limits."""
+    mechanics = MODELS["full_order"][-1]
+    group = replace(mechanics, observed=measured, parts=(("gyro", (("mechanical.omega", 1.0),)),))
+    assert group.moves
+    assert (group.integrates, group.drifts, group.level_counts) == (integrates, integrates, level_counts)
+    assert not replace(group, drifting=True).level_counts, "the zero of a gyroscope wanders"
+
+
+@pytest.mark.parametrize("key", ["absolute", "drifting"])
+def test_a_signal_that_the_mapping_does_not_have_is_refused_with_its_key(key: str) -> None:
+    with pytest.raises(UsageError, match=rf"\[diagnose\] {key}: no signal 'slev'; did you mean slew"):
+        machine("mini_excavator_swing", {"u": "1", "slew": "rad"}, {key: ["slev"]})

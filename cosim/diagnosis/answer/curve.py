@@ -19,7 +19,7 @@ from cosim.logs import Log, listed
 def integrating(found: Diagnosis) -> Group | None:
     """The group that goes from the command to an angle or a position in one, if there is one."""
     for group in found.groups:
-        if group.integrates and group.drive == found.machine.drive and group.stages[0][1] in HELD:
+        if group.moves and group.drive == found.machine.drive and group.stages[0][1] in HELD:
             return group
     return None
 

@@ -213,7 +213,7 @@ def one_level(diagnosis: Diagnosis) -> list[str]:
 
 def moved(record: Record, machine: Machine) -> tuple[str, bool]:
     """The signal that shows the motion, and whether it is a speed; no name where none was measured."""
-    for group in reversed([g for g in machine.groups if g.integrates]):
+    for group in reversed([g for g in machine.groups if g.moves]):
         for name in group.observed:
             if name in record.signals:
                 return name, group.is_speed(name)

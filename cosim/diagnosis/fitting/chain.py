@@ -142,7 +142,7 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     # only a shift of the valve's neutral shows as a constant; elsewhere one is no news and may be slow noise
     # and the supply of orifices, whose pressure without flow sets what they pass
     absolute = {
-        s: group.absolute or (group.loop is not None and group.output_of(s) == SUPPLY) for s in observed
+        s: group.level_counts or (group.loop is not None and group.output_of(s) == SUPPLY) for s in observed
     }
     rules = {s: plain(bins, window, not absolute[s], skip, record.cuts) for s in observed}
     measured, lost = observed_of(group, record)

@@ -253,7 +253,7 @@ def group_of(
     own = tuple(n for n in trusted if has_parameter(dict(stages), n))
     named = [c for c, b in stages if b in DYNAMIC]
     loop = next(((c, p.forth.component) for c, p in wiring.loops().items() if c in inside), None)
-    integrates = any(block in ("mechanical", "simplified") for _, block in stages)
+    moves = any(block in ("mechanical", "simplified") for _, block in stages)
     if loop is not None and loop[1] != named[-1]:
         raise ModelError(
             f"{wiring.name}: behind the loop of {' and '.join(loop)} '{named[-1]}' follows with nothing measured between"
@@ -283,13 +283,13 @@ def group_of(
         drive,
         tuple(observed),
         held=stages[0][1] in HELD,
-        integrates=integrates,
+        moves=moves,
         upstream_slot=slot,
         trusted=own,
         parts=tuple(parts.items()),
         starts=tuple((n, s) for n, s in starts.items() if n.partition(".")[0] in inside and s in observed),
         # only a shift of the valve's neutral shows as a constant, but not where what follows integrates it
-        absolute="dcv" in named and not integrates,
+        absolute="dcv" in named and not moves,
         loop=loop,
     )
 

@@ -48,14 +48,15 @@ class Group:
         stages: (component, block) in the order of the signal flow.
         drive: the signal that drives the first; `held` if it is held over a step.
         observed: the signals that the group predicts.
-        integrates: the prediction drifts with any constant error of the drive, so only its shape within a window counts.
+        moves: it holds the mechanics, so what drives it is integrated, to a speed at least.
         upstream_slot: (component, block, equation) through which the drive passes first, where an effect of the
             block before acts on what this group feels but not on what is measured.
         excluded: effects that are no candidates: something else has settled them, or this machine cannot have them.
         trusted: ``component.parameter`` that is trusted to the tolerance only; all else is taken as exact.
         parts: observed signal -> what it is made of, where that is not the output of its name.
         starts: ``component.parameter`` -> the signal whose first value it takes.
-        absolute: a constant error counts; elsewhere each window has an offset of its own.
+        absolute: a constant error counts whatever is measured (see `level_counts`).
+        drifting: of a speed it does not count: its zero wanders.
         asked: effects that are candidates on request only and were requested.
         scale: SI unit, or ``component.parameter`` -> how much smaller or larger than on the crane a typical change is, for
             the searches.
@@ -67,13 +68,14 @@ class Group:
     drive: str
     observed: tuple[str, ...]
     held: bool = False
-    integrates: bool = False
+    moves: bool = False
     upstream_slot: tuple[str, str, str] | None = None
     excluded: tuple[str, ...] = ()
     trusted: tuple[str, ...] = ()
     parts: tuple[tuple[str, Parts], ...] = ()
     starts: tuple[tuple[str, str], ...] = ()
     absolute: bool = False
+    drifting: bool = False
     asked: tuple[str, ...] = ()
     scale: tuple[tuple[str, float], ...] = ()
     loop: tuple[str, str] | None = None
@@ -96,6 +98,16 @@ class Group:
             return tuple(f"{c}.{p}" for c, own in zip(self.loop, LOOP, strict=True) for p in own)
         component = next(c for c, b in reversed(self.stages) if b == self.kind)
         return tuple(f"{component}.{parameter}" for parameter in DYNAMIC.get(self.kind, ()))
+
+    @property
+    def integrates(self) -> bool:
+        """True if a place is measured: what the prediction errs by piles up, as it does not where only speeds are."""
+        return self.moves and not all(self.is_speed(s) for s in self.observed)
+
+    @property
+    def level_counts(self) -> bool:
+        """True if a constant error counts; elsewhere each window has an offset of its own."""
+        return self.absolute or (self.moves and not self.integrates and not self.drifting)
 
     @property
     def drifts(self) -> bool:
@@ -266,7 +278,7 @@ def merged(groups: tuple[Group, ...], signals: Collection[str]) -> tuple[Group, 
                 upstream_slot=before.upstream_slot,
                 trusted=before.trusted + group.trusted,
                 starts=before.starts + group.starts,
-                absolute=group.absolute or (before.absolute and not group.integrates),
+                absolute=group.absolute or (before.absolute and not group.moves),
                 loop=group.loop or before.loop,
             )
             found[-1] = joined

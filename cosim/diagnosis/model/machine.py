@@ -117,10 +117,16 @@ def machine_for(
         values |= read_values(file)
     own = [n for n in options.scale if n.partition(".")[0] in wiring.blocks]  # the others are units
     check_names(wiring, [*values, *own, *(options.named or ())], path)
+    for key in ("absolute", "drifting"):
+        for name in getattr(options, key):
+            if name not in signals:
+                nearest = registry.suggestion(name, list(signals))
+                raise UsageError(f"{mapping.path or path}: [diagnose] {key}: no signal '{name}'; {nearest}")
     groups = [
         replace(
             group,
             absolute=group.absolute or bool(set(group.observed) & set(options.absolute)),
+            drifting=bool(set(group.observed) & set(options.drifting)),
             asked=options.consider,
             excluded=options.exclude,
             scale=tuple(sorted(options.scale.items())),

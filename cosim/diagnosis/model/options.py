@@ -32,7 +32,8 @@ class Options(BaseModel):
             top of a guess would only make up for it. With these there are no trusted ones.
         consider: effects that are candidates on request only, and are requested.
         exclude: effects that this machine cannot have.
-        absolute: signals of which a constant error counts; elsewhere each window has an offset of its own.
+        absolute: places of which a constant error counts; elsewhere each window has an offset of its own.
+        drifting: speeds whose zero wanders, as that of a gyroscope does: each window has an offset of its own.
         scale: SI unit, or ``component.parameter`` for one of this unit -> how much smaller or larger than on the crane a
             typical change is, where searches begin.
         step: longest step of the simulation, s.
@@ -51,6 +52,7 @@ class Options(BaseModel):
     consider: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
     absolute: tuple[str, ...] = ()
+    drifting: tuple[str, ...] = ()
     scale: dict[str, Positive] = {}
     step: float | None = None
     sample: float | None = None

@@ -161,7 +161,7 @@ def too_sparse(found: Diagnosis, group: Group) -> bool:
     """
     if not found.record.sparse or found.at_rest:
         return False
-    return not group.integrates or group.drive == found.machine.drive or found.record.h > SPARSE_OF_INTEGRAL
+    return not group.moves or group.drive == found.machine.drive or found.record.h > SPARSE_OF_INTEGRAL
 
 
 def why_sparse(record: Record, drive: str) -> str:
@@ -211,7 +211,7 @@ def named_in(
     record, held, most = found.record, found.held, found.machine.options.causes
     # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
     # what is delivered upstream on a command that is not known between its samples is no better than what was measured
-    driving = known if group.integrates and not record.sparse else []
+    driving = known if group.moves and not record.sparse else []
     # where nominal parameters are not trusted several logs judge one another; else windows do, with what is trusted
     others = held or (each_in_turn(record) if trust >= CALIBRATED_TRUST else None)
     done: Steps = {}
@@ -319,7 +319,7 @@ def searched(
     task = task_for(group, found.record, known)
     settle(task.model, constants or {})
     heard = [f.task.rules[group.drive] for f in found.findings.values() if group.drive in f.task.rules]
-    if group.integrates and not known and heard:
+    if group.moves and not known and heard:
         left = propagated(task, heard[0])
         task.set_rules({s: replace(rule, propagated=left[s]) for s, rule in task.rules.items()})
     return find(task, found.record, trust, most, better)
