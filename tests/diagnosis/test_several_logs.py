@@ -21,7 +21,7 @@ from cosim.diagnosis.held_out.gain import measure
 from cosim.diagnosis.hypotheses.naming import find, nominal
 from cosim.diagnosis.model.groups import MODELS, Group
 from cosim.diagnosis.model.machine import our_machine
-from cosim.diagnosis.pipeline.diagnose import diagnose, none_between_logs, prepare
+from cosim.diagnosis.pipeline.diagnose import diagnose, least_sure, none_between_logs, prepare
 from cosim.diagnosis.record.grid import Grid, Pieces, grid_of
 from cosim.diagnosis.record.record import Record, each_left_out, fixed_values, joined
 from cosim.diagnosis.residuals.cross_validation import repetitions, window_numbers
@@ -35,6 +35,7 @@ from cosim.logs import Log, Tracker
 from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
 from fmus import registry
+from fmus.contract import Effect
 
 VALVE, _, MECHANICS = MODELS["full_order"]
 FRICTION = "mechanical.coulomb_friction"
@@ -317,6 +318,39 @@ def test_a_size_that_the_next_log_may_not_have_is_no_cause() -> None:
         found = SimpleNamespace(between={"mechanical.tau_c": told})
         assert none_between_logs(found, cause, model) == wanted  # type: ignore[arg-type]
     assert not none_between_logs(SimpleNamespace(between={}), cause, model)  # type: ignore[arg-type]
+
+
+STRIBECK, DELAY = (registry.effects()[n] for n in ("mechanical.stribeck_friction", "dcv.delay"))
+
+
+@pytest.mark.parametrize(
+    ("deviations", "correlation", "named"),
+    [
+        # of a motor whose friction was "0 to 17" of its full torque
+        ({"mechanical.tau_c": 60.0, "mechanical.tau_s": 50.0, "dcv.tau_d": 1e-3}, 0.0, [STRIBECK]),
+        # level and peak make up for one another, and are sure together
+        ({"mechanical.tau_c": 60.0, "mechanical.tau_s": 50.0, "dcv.tau_d": 1e-3}, -0.99, []),
+        # of two the one that the log says least of goes first
+        ({"mechanical.tau_c": 60.0, "mechanical.tau_s": 50.0, "dcv.tau_d": 0.5}, 0.0, [DELAY]),
+        # what was not estimated says nothing against a name
+        ({}, 0.0, []),
+    ],
+)
+def test_a_cause_whose_size_may_be_none_goes(
+    deviations: dict[str, float], correlation: float, named: list[Effect]
+) -> None:
+    found = SimpleNamespace(
+        values={
+            "mechanical.tau_c": 100.0,
+            "mechanical.tau_s": 80.0,
+            "mechanical.omega_s": 0.01,
+            "dcv.tau_d": 0.02,
+        },
+        deviations=deviations,
+        correlations={("mechanical.tau_c", "mechanical.tau_s"): correlation},
+    )
+    model = SimpleNamespace(nominal=lambda name: 0.0)
+    assert least_sure(found, [STRIBECK, DELAY], model) == named  # type: ignore[arg-type]
 
 
 def test_two_logs_that_differ_by_a_sixth_still_tell_a_size() -> None:

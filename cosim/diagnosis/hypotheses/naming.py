@@ -1,6 +1,6 @@
 """Which effects of the library explain a group's residual."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -74,18 +74,18 @@ def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: flo
             if change > SURE_SIZE * spread:
                 return True
             large = True
-    sizes = sizes_of(effect, model, trial.fit) if large else {}
+    sizes = sizes_of(effect, model, trial.fit.values) if large else {}
     return len(sizes) > 1 and joint(trial.fit, sizes) > float(chi2.isf(2.0 * norm.sf(SURE_SIZE), len(sizes)))
 
 
-def sizes_of(effect: Effect, model: GroupModel, found: Fit) -> dict[str, float]:
+def sizes_of(effect: Effect, model: GroupModel, values: Mapping[str, float]) -> dict[str, float]:
     """``component.parameter`` -> estimate less its off value, of those that are what its size is: in its unit, no phase."""
     if effect.key not in effect.free:
         return {}
     unit = declared(effect, effect.key).unit
     same_unit = [p for p, free in effect.free.items() if not free.phase and declared(effect, p).unit == unit]
     names = [f"{effect.component}.{p}" for p in same_unit]
-    return {n: found.values[n] - model.nominal(n) for n in names}
+    return {n: values[n] - model.nominal(n) for n in names}
 
 
 def joint(found: Fit, sizes: dict[str, float]) -> float:

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2, norm
 from threadpoolctl import threadpool_limits
 
+from cosim.compare.metrics import rms
 from cosim.diagnosis.at_rest import nothing_moves, off_at_rest
 from cosim.diagnosis.budget import Budget, current
 from cosim.diagnosis.budget import within as within_budget
@@ -33,7 +35,7 @@ from cosim.diagnosis.held_out.causes import (
 )
 from cosim.diagnosis.held_out.free_run import onward, refitted
 from cosim.diagnosis.hypotheses.exercised import never_exercised
-from cosim.diagnosis.hypotheses.naming import Judge, find, rivals, to_the_end
+from cosim.diagnosis.hypotheses.naming import Judge, find, rivals, sizes_of, to_the_end
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.model.groups import Group, left_out, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
@@ -57,6 +59,7 @@ from cosim.diagnosis.thresholds import (
     SEARCH_BUDGET,
     SPARSE_OF_INTEGRAL,
     SPARSE_SAMPLING,
+    SURE_SIZE,
 )
 from cosim.diagnosis.tracker.comparison import compare_tracker
 from cosim.diagnosis.verdict.discrepancy import understood
@@ -367,9 +370,10 @@ def concluded(found: Diagnosis) -> None:
 
 
 def impossible_taken_back(found: Diagnosis, trust: float) -> bool:
-    """Take causes back whose size cannot be, or may be none in the next log, and what was named beside; True if any was.
+    """Take causes back whose size cannot be, or may be none, and what was named beside; True if any was.
 
-    What held-out data bear out by itself stays, fitted anew without them.
+    What held-out data bear out by itself stays, fitted anew without them. Of causes that make up for each other each may be
+    none while another is there: they go one by one.
     """
     taken = False
     for name, finding in list(found.findings.items()):
@@ -383,15 +387,16 @@ def impossible_taken_back(found: Diagnosis, trust: float) -> bool:
 
         own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
         gone = [c.effect for c in own if impossible(c) or none_between_logs(found, c, model)]
-        if not gone:
+        unsure = [] if gone else least_sure(found, [c.effect for c in own], model)
+        if not gone and not unsure:
             continue
-        taken = True
-        kept = tuple(e for e in finding.chosen.effects if e not in gone and borne_by_itself(finding, e))
-        if kept:
-            rest = tried(finding.task, kept, trust, finding.chosen.fit)
-            finding = replace(finding.accept(rest, found.record), rivals={})
-        else:
-            finding = replace(finding.accept(finding.null, found.record), rivals={}, confirmed=False)
+        taken, others = True, [e for e in finding.chosen.effects if e not in gone and e not in unsure]
+        kept = tuple(e for e in others if unsure or borne_by_itself(finding, e))
+        rest = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
+        found.refused += [refused_unsure(finding, c, rest) for c in own if c.effect in unsure]
+        finding = replace(
+            finding.accept(rest, found.record), rivals={}, confirmed=finding.confirmed and kept != ()
+        )
         found.findings[name] = finding
         found.causes = [c for c in found.causes if c not in own or c.effect in kept]
         found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
@@ -404,6 +409,37 @@ def none_between_logs(found: Diagnosis, cause: Cause, model: GroupModel) -> bool
     names = {n: model.nominal(n) for n in names_of(cause.effect).values() if n in found.between}
     ends = {n: found.between[n].ci95 for n in names}
     return bool(names) and all(ends[n][0] <= off <= ends[n][1] for n, off in names.items())
+
+
+def least_sure(found: Diagnosis, effects: Sequence[Effect], model: GroupModel) -> list[Effect]:
+    """The effect of whose size the last estimate says least, if that may be none: a name without a size helps nobody."""
+    shares = {e: share_of_sure(found, e, model) for e in effects}
+    return sorted((e for e, share in shares.items() if share < 1.0), key=lambda e: shares[e])[:1]
+
+
+def refused_unsure(finding: Finding, cause: Cause, without: Trial) -> Refused:
+    """A cause of whose size the estimate of the whole says nothing, and what the fitted log loses with it."""
+    signal = next(iter(finding.task.measured))
+    fewer, more = (rms(trial.fit.residuals[signal]) for trial in (without, finding.chosen))
+    return Refused(cause.effect, cause.group, signal, cause.gain, fewer, more, sure=False, in_fitted=True)
+
+
+def share_of_sure(found: Diagnosis, effect: Effect, model: GroupModel) -> float:
+    """Wald's statistic of an effect's sizes against none, over what it must reach; infinite where none was estimated."""
+    sizes = sizes_of(effect, model, found.values) if known_in(found, effect) else {}
+    names = [n for n in sizes if found.deviations.get(n, 0.0) > 0.0]
+    if not names:
+        return np.inf
+    pairs = found.correlations
+    together = [[pairs.get((a, b), pairs.get((b, a), float(a == b))) for b in names] for a in names]
+    away = np.array([sizes[n] / found.deviations[n] for n in names])
+    needed = float(chi2.isf(2.0 * norm.sf(SURE_SIZE), len(names)))
+    return float(away @ np.linalg.pinv(np.array(together), hermitian=True) @ away) / needed
+
+
+def known_in(found: Diagnosis, effect: Effect) -> bool:
+    """True if the last estimate has all sizes of an effect."""
+    return set(names_of(effect).values()) <= found.values.keys()
 
 
 def borne_by_itself(finding: Finding, effect: Effect) -> bool:
