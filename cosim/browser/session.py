@@ -38,7 +38,7 @@ from cosim.errors import CosimError, DataError, HeadlessError, UsageError
 from cosim.files import write_text
 from cosim.logs import load_tracker
 from cosim.logs.guess import DRIVERS
-from cosim.logs.load import SUFFIXES, open_source
+from cosim.logs.load import ENDINGS, open_source
 from cosim.logs.mapping import load_mapping
 from cosim.logs.markers import holds_markers
 from cosim.logs.overview import Overview, overview
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 SYSTEMS, TABLE = (".ssp", ".fmu"), ".toml"
 LARGEST = {
-    **dict.fromkeys(SUFFIXES, 2 << 30),
+    **dict.fromkeys(ENDINGS, 2 << 30),
     **dict.fromkeys(SYSTEMS, 512 << 20),
     TABLE: 1 << 20,
 }  # bytes that are taken

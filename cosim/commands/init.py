@@ -42,9 +42,10 @@ def init(
     With a package or FMU the signals are its connectors, else those of the crane.
     """
     from cosim.files import write_text
+    from cosim.logs.load import stem
 
     log, asked = _log_and_model(first, second, model)
-    target = out or log.with_suffix(".toml")
+    target = out or log.with_name(f"{stem(log)}.toml")
     if target.exists() and not force:
         raise UsageError(f"{target} exists: name another file (--out), or write over it (--force)")
     if machine and (model is not None or second is not None):

@@ -8,7 +8,9 @@ import typer
 from cosim.commands.identify.prepare import AsJson
 from cosim.options import Verbose
 
-LogFile = Annotated[Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4 or .tdms.", metavar="LOG")]
+LogFile = Annotated[
+    Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4, .tdms or .xlsx.", metavar="LOG")
+]
 LogFiles = Annotated[
     list[Path], typer.Argument(help="One log or several, fitted together.", metavar="LOG...")
 ]
