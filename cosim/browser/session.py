@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim import api
 from cosim.anysystem.command import any_system
+from cosim.api.diagnosing import second_record
 from cosim.api.results import DiagnosisResult
 from cosim.browser.form import (
     Form,
@@ -625,6 +626,9 @@ class Session:
 
         with heard_by(hear):
             logs, held_out = [read(file) for file in asked.logs], [read(file) for file in asked.held_out]
+            if not held_out:
+                second = [(second_record(file.path, mapping), file.name) for file in asked.logs]
+                held_out = [dataclasses.replace(r, source=Path(name)) for r, name in second if r is not None]
             tracker = None
             if asked.external is not None:
                 found, name = load_tracker(asked.external.path), asked.external.name
