@@ -22,7 +22,6 @@ from cosim.errors import DataError, MissingExtraError, ModelError
 from cosim.files import Scratch
 from cosim.logs.source import translated
 from cosim.logs.text import TextSource
-from cosim.ssp.archive import LARGEST, LARGEST_RATIO, SUSPICIOUS_SIZE, open_archive
 
 _BLOCK = 1 << 22
 TABS = "\t"
@@ -97,6 +96,8 @@ def _only_entry(path: Path, texts: tuple[str, ...]) -> Iterator[IO[bytes]]:
     Raises:
         DataError: the archive is bad, or holds none or several.
     """
+    from cosim.ssp.archive import open_archive  # here, since a plain log needs none of it
+
     with _readable(path):
         try:
             archive = open_archive(path, str(path))
@@ -121,6 +122,8 @@ def _unpack(path: Path, stream: IO[bytes], text: Path) -> None:
     Raises:
         DataError: it is more than a log can be.
     """
+    from cosim.ssp.archive import LARGEST, LARGEST_RATIO, SUSPICIOUS_SIZE
+
     packed, full = path.stat().st_size, 0
     with text.open("wb") as file:
         while block := stream.read(_BLOCK):
@@ -151,6 +154,8 @@ class Workbook(TextSource):
             from openpyxl import load_workbook
         except ImportError:
             raise MissingExtraError(f"reading {path.name}", "xlsx") from None
+        from cosim.ssp.archive import open_archive
+
         try:
             open_archive(path, str(path)).close()
         except ModelError as error:
