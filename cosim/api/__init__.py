@@ -60,7 +60,7 @@ def read_log(path: File, mapping: File | None = None, *, signals: Sequence[str] 
         signals: read only these.
 
     Returns:
-        Signals in SI by name (``log["slew"]``) over ``log.time``; what was mended is in ``log.warnings``.
+        Signals in SI by name (``log["slew"]``) over ``log.time``; what was repaired is in ``log.warnings``.
 
     Raises:
         DataError: the file or mapping is bad; the message names file, row and column.

@@ -80,7 +80,7 @@ def load_log(
         select: load only these signals.
 
     Returns:
-        The signals in SI on a strictly increasing time; what was mended is in `Log.warnings`.
+        The signals in SI on a strictly increasing time; what was repaired is in `Log.warnings`.
 
     Raises:
         DataError: the file or mapping is bad beyond mending; the message names file, row and column.
