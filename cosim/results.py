@@ -137,11 +137,6 @@ class Result:
         Args:
             si: ranges in SI instead of the units people read.
         """
-        follows = None
-        if "reference.reference" in self.signals:
-            from cosim.closed_loop import tracking  # brings control, which takes half a second
-
-            follows = tracking(self)
         return {
             "model": self.model,
             "label": self.label,
@@ -154,7 +149,6 @@ class Result:
             "signals": {name: self._range(name, si) for name in self.signals},
             "notes": self.notes,
             "messages": self.messages,
-            **({} if follows is None else {"tracking": follows}),
         }
 
     def _range(self, name: str, si: bool) -> dict[str, Any]:

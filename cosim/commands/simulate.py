@@ -184,10 +184,13 @@ def _leaving(out: Path | None, si: bool, as_json: bool) -> "Iterator[None]":
 
 
 def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
+    from cosim.api.simulating import tracking
+
     about = result.about(si)
-    follows = about.get("tracking")
+    follows = tracking(result)
     if as_json:
-        console.emit_json({**about, "path": out})
+        told = {} if follows is None else {"tracking": follows}
+        console.emit_json({**about, **told, "path": out})
         return
     output = console.stdout_console()
     rows = [{"signal": name, **_without_rests(row)} for name, row in about["signals"].items()]

@@ -234,8 +234,6 @@ READING = {
 # ... and the function that does it, where it is none of cosim.api
 ENTRIES = {
     "doctor": ("cosim.doctor", "examine"),
-    "identify.of_logs": ("cosim.identify", "asked"),
-    "identify.prepare": ("cosim.identify", "asked"),
     "live": ("cosim.live.run", "run"),
     "open": ("cosim.browser.run", "run"),
     "report": ("cosim.report.page", "write_report"),

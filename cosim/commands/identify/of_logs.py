@@ -55,10 +55,10 @@ def identify_all(
     as_json: AsJson = False,
 ) -> None:
     """Dead zone, valve, pressure and mechanics from one log, and one .ssv for the model."""
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
-    finish(asked.everything(log, mapping, settings, cutoff, start, stop), out, as_json, verbose)
+    finish(numbers.everything(log, mapping, settings, cutoff, start, stop), out, as_json, verbose)
 
 
 def dead_zone(
@@ -80,10 +80,10 @@ def dead_zone(
     Where the compensator was off, as in the source's own experiment, say so: --set compensator.d_plus=0 --set
     compensator.d_minus=0.
     """
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
-    finish(asked.dead_zone(log, response, mapping, settings, cutoff, start, stop), out, as_json, verbose)
+    finish(numbers.dead_zone(log, response, mapping, settings, cutoff, start, stop), out, as_json, verbose)
 
 
 def transfer_function(
@@ -112,11 +112,11 @@ def transfer_function(
     as_json: AsJson = False,
 ) -> None:
     """Transfer functions fitted to logs: a table of candidates, and the one to use, by BIC and held-out fit."""
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
     finish(
-        asked.transfer_function(
+        numbers.transfer_function(
             logs,
             block,
             source,
@@ -168,11 +168,11 @@ def frf(
     as_json: AsJson = False,
 ) -> None:
     """Frequency response with its uncertainty, from stepped sines or by Welch's method, and a fit to it."""
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
     finish(
-        asked.frf(
+        numbers.frf(
             logs,
             block,
             source,
@@ -224,10 +224,10 @@ def mechanics(
     By inverse dynamics: nothing is simulated to fit, so an answer takes a second. Works on any machine whose mapping
     says which signals are the mechanics' load pressure and angle.
     """
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
-    finish(asked.mechanics(log, mapping, settings, highest, start, stop), out, as_json, verbose)
+    finish(numbers.mechanics(log, mapping, settings, highest, start, stop), out, as_json, verbose)
 
 
 def drive(
@@ -253,10 +253,10 @@ def drive(
     From any log that moves; no experiment and no model is needed. With several logs of the machine the intervals come
     from how much they differ, and hold for the next one.
     """
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
-    finish(asked.drive(logs, mapping, command, motion, start, stop), out, as_json, verbose)
+    finish(numbers.drive(logs, mapping, command, motion, start, stop), out, as_json, verbose)
 
 
 def observer(
@@ -277,7 +277,7 @@ def observer(
     as_json: AsJson = False,
 ) -> None:
     """State space, controllability, observability, root locus, and the observer's gain from its poles."""
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
-    finish(asked.observer(log, pole, mapping, settings, cutoff, start, stop), out, as_json, verbose)
+    finish(numbers.observer(log, pole, mapping, settings, cutoff, start, stop), out, as_json, verbose)

@@ -33,10 +33,10 @@ def scaling(
     as_json: AsJson = False,
 ) -> None:
     """Volts to millimetres, bar and degrees (Tables 3.5 and 3.6, (3.2)): a mapping file for a log recorded in volts."""
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
-    finish(asked.scaling(log, point, column, disc_radius, time), out, as_json, verbose)
+    finish(numbers.scaling(log, point, column, disc_radius, time), out, as_json, verbose)
 
 
 def linearisation(
@@ -57,10 +57,10 @@ def linearisation(
     as_json: AsJson = False,
 ) -> None:
     """The valve's voltage for a command so that the spool's travel is linear and the same on both sides (3.5.5)."""
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
-    finish(asked.linearisation(start_a, start_b, point, full), out, as_json, verbose)
+    finish(numbers.linearisation(start_a, start_b, point, full), out, as_json, verbose)
 
 
 def kalman(
@@ -87,11 +87,11 @@ def kalman(
     as_json: AsJson = False,
 ) -> None:
     """Gains of the extended observer: the stationary Kalman filter of slew, velocity, disturbance and sensor error."""
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
     finish(
-        asked.kalman(
+        numbers.kalman(
             disturbance,
             disturbance_time,
             sensor_error,
@@ -127,10 +127,10 @@ def markers(
     as_json: AsJson = False,
 ) -> None:
     """The slew angle from the tracker's marker positions (3.5.4), as a tracker's record, and the seam of the two models."""
-    from cosim.identify import asked
+    from cosim.api import numbers
     from cosim.identify.answer import finish
 
-    finish(asked.markers(record, models, residual, nearest, farthest, camera), out, as_json)
+    finish(numbers.markers(record, models, residual, nearest, farthest, camera), out, as_json)
 
 
 def experiment(
@@ -151,9 +151,9 @@ def experiment(
 ) -> None:
     """Write the command of an experiment, for the crane or for `cosim rig --excitation file`."""
     from cosim import console
-    from cosim.identify import asked
+    from cosim.api import numbers
 
-    found = asked.experiment(name, out, amplitude, low, high, count, periods, square)
+    found = numbers.experiment(name, out, amplitude, low, high, count, periods, square)
     if as_json:
         console.emit_json(found)
         return
