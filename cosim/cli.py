@@ -35,7 +35,7 @@ EXAMPLES = {
     "diagnose": "cosim diagnose examples/synthetic_demo.csv --out found",
     "info": "cosim info LOG.csv",
     "init": "cosim init LOG.csv",
-    "machine": "cosim machine examples/machines/mini_excavator_swing.toml --out swing",
+    "machine": "cosim machine examples/machines/emps.toml --out axis",
     "report": "cosim report FOLDER, with the folder of a diagnosis",
     "simulate": "cosim simulate full_order --input LOG.csv",
     "validate": "cosim validate MODEL.fmu",

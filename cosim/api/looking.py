@@ -42,7 +42,7 @@ def _existing(file: Path) -> Path:
 
     Raises:
         DataError: there is no such file; of a system of ours the message names the command that makes it.
-        ModelError: the system is not built.
+        ModelError: a system of ours is not built, and cannot be.
     """
     if file.is_file():
         return file
@@ -358,13 +358,10 @@ def _system_facts(path: Path) -> dict[str, Any]:
 
 def ours(path: Path) -> bool:
     """Whether it is the package that a system of ours goes by its name for."""
-    from cosim.request import model_path
+    from cosim.request import package_of
     from cosim.ssp.build import SYSTEMS
 
-    try:
-        return path.stem in SYSTEMS and model_path(path.stem).resolve() == path.resolve()
-    except ModelError:
-        return False
+    return path.stem in SYSTEMS and package_of(path.stem).resolve() == path.resolve()
 
 
 def joined(source: "tuple[Port, float, float] | None", causality: str) -> str:
