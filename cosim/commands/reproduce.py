@@ -53,6 +53,7 @@ def reproduce(
     output.print(
         "from synthetic logs: “measured” is the virtual rig, the source's logs are not published",
         markup=False,
+        soft_wrap=True,
     )
     for item in found.items:
         output.print(f"{item.source}, {item.title}: {item.verdict}", markup=False, soft_wrap=True)

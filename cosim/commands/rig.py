@@ -125,16 +125,18 @@ def _report(run: "RigRun", out: Path, truth: Path, others: list[Path | None], js
         found |= {name: str(path) for name, path in zip(keys, others, strict=True) if path is not None}
         emit_json(found)
     for note in run.notes:
-        stderr_console().print(f"note: {note}", markup=False)
+        stderr_console().print(f"note: {note}", markup=False, soft_wrap=True)
     if json:
         return
     console = stdout_console()
     names = ", ".join(known_as(effect["effect"]) for effect in run.truth["hidden"]) or "nothing"
-    console.print(f"synthetic log, {run.time[-1]:g} s, hidden in it: {names}", markup=False)
+    console.print(f"synthetic log, {run.time[-1]:g} s, hidden in it: {names}", markup=False, soft_wrap=True)
     if run.markers is not None:
         step = run.truth["markers"]["seam"]["value"] * 180.0 / math.pi
         console.print(
-            f"marker models: a seam of {step:.4f} deg; {run.markers.stitched.summary()}", markup=False
+            f"marker models: a seam of {step:.4f} deg; {run.markers.stitched.summary()}",
+            markup=False,
+            soft_wrap=True,
         )
     for path in filter(None, (out, *others, truth)):
         console.print(f"  {path}", markup=False, soft_wrap=True)
@@ -157,7 +159,9 @@ def _list_effects(json: bool) -> None:
         return
     console, last = stdout_console(), ""
     console.print(
-        "Effects: parameter, off -> moderate size, allowed range, meaning. All in SI units.", markup=False
+        "Effects: parameter, off -> moderate size, allowed range, meaning. All in SI units.",
+        markup=False,
+        soft_wrap=True,
     )
     for row in rows:
         if row["effect"] != last:
