@@ -52,7 +52,7 @@ Number = float | str
 
 
 def read_log(path: File, mapping: File | None = None, *, signals: Sequence[str] | None = None) -> "Log":
-    """Read measured data: CSV, .mat, Parquet, MDF4 or TDMS.
+    """Read measured data: CSV (also compressed), .mat, Parquet, MDF4, TDMS or Excel.
 
     Args:
         path: the file.

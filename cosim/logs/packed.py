@@ -25,6 +25,9 @@ from cosim.logs.text import TextSource
 
 _BLOCK = 1 << 22
 TABS = "\t"
+_DAMAGES = (
+    OSError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError, ValueError, pa.ArrowException,
+)  # fmt: skip
 
 
 def _zstd(path: Path) -> IO[bytes]:
@@ -83,7 +86,7 @@ def _readable(path: Path) -> Iterator[None]:
         yield
     except EOFError:
         raise DataError(f"{path}: the compressed file is cut short: copy it again") from None
-    except (OSError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, pa.ArrowException) as error:
+    except _DAMAGES as error:
         raise DataError(
             f"{path}: cannot be unpacked ({' '.join(str(error).split())}): copy it again"
         ) from None

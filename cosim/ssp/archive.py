@@ -66,7 +66,7 @@ def open_archive(source: Path | bytes, what: str, budget: Budget | None = None) 
         archive = zipfile.ZipFile(io.BytesIO(source) if isinstance(source, bytes) else source)
     except FileNotFoundError:
         raise ModelError(f"{what} does not exist") from None
-    except (zipfile.BadZipFile, OSError, EOFError) as error:
+    except (zipfile.BadZipFile, OSError, EOFError, NotImplementedError, ValueError) as error:
         raise ModelError(f"{what} is not a readable zip archive ({error}): build or copy it again") from None
     try:
         _check_entries(archive, what)
