@@ -57,9 +57,9 @@ COMMANDS: list[tuple[str, int]] = [
     ("identify experiment slew --out slew.csv", 0),
     ("export-modelica full_order --out modelica", 0),
     ("export-simulink full_order --out simulink", 0),
-    ("live --help", 0),
+    ("live --listen 0 --duration '1 s' --out live.csv", 0),
     ("machine --help", 0),
-    ("reproduce --help", 0),
+    ("reproduce --only 'fig. 4.16'", 5),
     ("open --help", 0),
     ("demo", 0),
 ]  # fmt: skip
