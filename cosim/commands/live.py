@@ -120,7 +120,8 @@ def _show(facts: dict[str, Any], as_json: bool) -> None:
     title = f"{facts['role']}: {facts['slots']} slots of 1 ms"
     always = ("received", "lost", "late")
     rows = [[name.replace("_", " "), n] for name, n in counts.items() if n or name in always]
-    output.print(console.table(title, ["datagrams", "number"], [*rows, ["sent", facts["sent"]]]))
+    output.print(title, markup=False, soft_wrap=True)  # a title would be as narrow as the table
+    output.print(console.table("", ["datagrams", "number"], [*rows, ["sent", facts["sent"]]]))
     figures = ", ".join(f"{name} {1e3 * late[name]:.3f} ms" for name in ("p50", "p99", "p99.9", "worst"))
     output.print(f"ended: {facts['ended']}", markup=False)
     output.print(f"lateness: {figures}; {facts['overrun']} slots overrun", markup=False, soft_wrap=True)
