@@ -38,7 +38,8 @@ CHROMIUM = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-backgr
 
 
 # files of a few long tests: begun last, one of them would keep one process busy while the other waits; the first compiles
-# on a new host what the diagnosis runs, and the second needs nothing of it, so that it is compiled once only
+# on a new host what the diagnosis runs, and the second needs nothing of it, so that it is compiled once only; so does the
+# last what the tests of the live link run in two processes at once
 LONG = (
     "diagnosis/test_blind.py",
     "test_closed_loop.py",
@@ -48,6 +49,7 @@ LONG = (
     "test_tutorials.py",
     "test_notebooks.py",
     "test_compiled.py",
+    "live/test_live_closed_loop.py",
 )
 SLOWEST = 1800.0  # s that one process waits for what another makes
 BROWSER = 120_000.0  # ms within which a browser has done what it was asked for, on a machine with other work
