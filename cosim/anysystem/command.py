@@ -16,11 +16,11 @@ from cosim.anysystem.read import read
 from cosim.anysystem.start import settable
 from cosim.console import stderr_console, told, warn
 from cosim.diagnosis.answer.credibility import credited
-from cosim.diagnosis.answer.schema import Answer
+from cosim.diagnosis.answer.schema import Answer, Packages
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, UsageError
-from cosim.files import write_text
+from cosim.files import Scratch, write_text
 from cosim.interrupts import stoppable
 from cosim.logs import Log
 from cosim.logs.load import open_source
@@ -161,12 +161,17 @@ def diagnose_any(
             for text in untold:
                 warn(text)
             found.notes = [*notes, *found.notes, *untold, *allowed.warnings]
-            package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
-            file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
-            result = answer(found, package, file)
+            with Scratch("extended_") as made:
+                drafts = write_extended(
+                    found, Path(made), lambda group, action: shown_action(found, group, action)
+                )
+                package = None
+                if drafts:
+                    package = Packages(ssp=str(folder / drafts[0].name), ssv=str(folder / drafts[1].name))
+                file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
+                result = answer(found, package, file)
+                credited({draft: folder / draft.name for draft in drafts}, result)
             write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
-            if package is not None:
-                credited([Path(package.ssp), folder / "extended_native.ssp"], result)
             if not allowed.ended:
                 write_page(found, result, folder)
             earlier.clear()  # only now: a write that fails must leave the old or the new
