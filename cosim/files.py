@@ -15,7 +15,7 @@ from pathlib import Path
 from cosim.interrupts import uninterrupted
 
 MARK = ".part"
-_STEM = 100  # of 255 characters that a name may have
+_LONGEST, _LONGEST_SUFFIX = 150, 50  # bytes of the old name in the hidden one, of 255 that a name may have
 
 
 class Scratch(tempfile.TemporaryDirectory[str]):
@@ -47,9 +47,9 @@ def whole(path: Path) -> Iterator[Path]:
         return
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(13, "it is write-protected", str(path))
-    part = target.with_name(
-        f".{target.stem[:_STEM]}.{os.getpid()}.{secrets.token_hex(4)}{MARK}{target.suffix}"
-    )
+    stem = os.fsencode(target.stem)[:_LONGEST].decode(errors="ignore")
+    suffix = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_SUFFIX else ""
+    part = target.with_name(f".{stem}.{os.getpid()}.{secrets.token_hex(4)}{MARK}{suffix}")
     try:
         yield part
         if target.exists():

@@ -181,3 +181,11 @@ def test_what_is_left_over_is_known(tmp_path):
         assert is_left_over(part)
         part.write_text("x")
     assert not is_left_over(tmp_path / "file.txt")
+
+
+@pytest.mark.parametrize("name", ["🚜" * 62 + ".csv", "a" * 251 + ".csv", "b." + "c" * 253])
+def test_the_longest_names_are_written(tmp_path, name):
+    assert len(os.fsencode(name)) > 250
+    path = write_text(tmp_path / name, "x")
+    assert path.read_text() == "x"
+    assert names(tmp_path) == [name]

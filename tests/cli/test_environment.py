@@ -1,5 +1,6 @@
 """Commands on a machine that fails: full disk, write-protected or deleted folders, no home, a spoilt cache."""
 
+import json
 import os
 import subprocess
 import sys
@@ -10,7 +11,11 @@ import pytest
 from fault_injection import failing_call, full_after
 
 from cosim.compiled import CompiledBlock, cache_folder, load_compiled
+from cosim.errors import ModelError
+from cosim.logs import write_log
+from cosim.rig import as_log, make_log
 from fmus import registry
+from fmus.build import build_fmu
 from fmus.compose import compose
 
 TOP = Path(__file__).resolve().parents[2]
@@ -125,6 +130,7 @@ USE = """
 import numpy as np
 from cosim.compiled import CompiledBlock
 from fmus import registry
+from fmus.build import build_fmu
 from fmus.compose import compose
 block = CompiledBlock(compose(registry.block("sensor")))
 print(repr(float(block.run(np.ones((len(block.composed.block.inputs), 5)), 1e-3, {})[0, -1])))
@@ -158,3 +164,56 @@ def test_a_spoilt_cache_is_made_anew(tmp_path, answer):
 def test_the_folder_of_compiled_code_is_the_caches():
     module = load_compiled(sensor())
     assert Path(module.__file__).parent == cache_folder()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
+def test_where_nothing_can_be_said_the_exit_code_says_it(tmp_path):
+    log = write_log(as_log(make_log("steps", 2.0)), tmp_path / "log.csv")
+
+    def ran(*words, **where):
+        line = [sys.executable, "-m", "cosim", *map(str, words)]
+        with Path("/dev/full").open("w") as full:
+            streams = {name: full if name in where else subprocess.PIPE for name in ("stdout", "stderr")}
+            done = subprocess.run(line, **streams, cwd=TOP, text=True, check=False, timeout=600)
+        assert "Traceback" not in (done.stderr or "")
+        assert "Exception ignored" not in (done.stderr or "")
+        return done
+
+    for words in (["info", log], ["info", log, "--json"]):
+        done = ran(*words, stdout="full")
+        assert done.returncode == 2
+        assert done.stderr == "error: the system refused a file: No space left on device\n"
+    assert ran("info", tmp_path / "absent", stderr="full").returncode == 3
+    done = ran("info", tmp_path / "absent", "--json", stderr="full")
+    assert json.loads(done.stdout)["exit_code"] == done.returncode == 3
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names of any bytes")
+def test_a_name_that_is_no_text_is_refused(command, tmp_path):
+    for option in ([], ["--json"]):
+        code, out, err = command("info", os.fsdecode(bytes(tmp_path) + b"/b\xff.csv"), *option)
+        assert code == 2
+        assert "b?.csv' is not in UTF-8: rename it" in err
+        assert not option or json.loads(out)["exit_code"] == 2
+
+
+@posix
+@pytest.mark.parametrize("words", [["validate"], ["simulate", "--stop-time", "0.1 s", "--out", "x.csv"]])
+def test_no_room_for_temporary_files_is_no_fault_of_the_model(
+    command, packages, words, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    with full_after(5000):
+        code, out, err = command(words[0], packages["simplified"], *words[1:])
+    assert code == 2
+    assert "no room to unpack" in err
+    assert "set TMPDIR to a folder on another disk" in err
+    assert "invalid" not in out
+
+
+@posix
+def test_an_fmu_that_finds_no_room_is_told_in_a_line(tmp_path):
+    with full_after(40_000), pytest.raises(ModelError, match="pythonfmu could not build") as failed:
+        build_fmu(compose(registry.block("sensor")), tmp_path / "sensor.fmu")
+    assert "File too large" in str(failed.value)
+    assert len(str(failed.value).splitlines()) == 1
