@@ -9,9 +9,10 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from cosim.errors import UsageError
 from cosim.interrupts import uninterrupted
 
 MARK = ".part"
@@ -83,6 +84,29 @@ def write_text(path: Path, text: str, newline: str | None = None) -> Path:
     with whole(path) as part:
         part.write_text(text, encoding="utf-8", newline=newline)
     return path
+
+
+def why_no_file(path: Path) -> str:
+    """What a path is that is no file."""
+    if path.is_dir():
+        return "this is a folder"
+    if path.exists():
+        return "this is a pipe or a device: write what it gives to a file first"
+    return "there is no such file"
+
+
+def keep_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Refuse to write over, or to clear away as an earlier result, what a command reads.
+
+    Raises:
+        UsageError: a target is one of the inputs.
+    """
+    read = {os.path.realpath(path) for path in inputs}
+    for target in targets:
+        if os.path.realpath(target) in read:
+            raise UsageError(
+                f"{target} is read, and a result of that name would take its place: name another --out"
+            )
 
 
 def is_left_over(path: Path) -> bool:

@@ -131,7 +131,8 @@ def diagnose_any(
         for text in notes:
             warn(text)
         make_folder(folder)
-        earlier = Earlier(folder)
+        read_from = [log.source if isinstance(log, Log) else log for log in (*logs, *held_out)]
+        earlier = Earlier(folder, inputs=[*read_from, model])
         with Runs(system) as runs:
             measured = set.intersection(*(set(recording.signals) for recording in recordings))
             judged = [group.name for group in cut(system, sorted(measured)) if group.judged]

@@ -103,6 +103,7 @@ def _existing(file: Path) -> Path:
         return file
     if file.is_dir():
         raise DataError(f"{file}: this is a folder")
+    from cosim.files import why_no_file
     from cosim.request import model_path
     from cosim.ssp.build import CLOSED, SYSTEMS
 
@@ -112,7 +113,7 @@ def _existing(file: Path) -> Path:
     remedy = ""
     if file.suffix.lower() == ".ssp" and file.stem.removesuffix("_open") in ours:
         remedy = f": cosim build makes it, and cosim info {file.stem.removesuffix('_open')} finds it wherever it is"
-    raise DataError(f"{file}: there is no such file{remedy}")
+    raise DataError(f"{file}: {why_no_file(file)}{remedy}")
 
 
 def headline(facts: dict[str, Any]) -> str:

@@ -123,6 +123,7 @@ def rig(
 def _write(recipe: "Recipe", out: Path, tracker: Path | None, markers: Path | None, json: bool) -> None:
     """Make the log and write its files, after a check that they can be written."""
     from cosim.errors import UsageError
+    from cosim.files import keep_inputs
     from cosim.rig import make
     from cosim.rig.write import check_suffix, write, write_markers, write_tracker, write_truth
 
@@ -132,6 +133,8 @@ def _write(recipe: "Recipe", out: Path, tracker: Path | None, markers: Path | No
         raise UsageError(f"log and tracker record would both be written to {out}: give two names")
     if markers is not None and markers.resolve() in [p.resolve() for p in (out, tracker) if p is not None]:
         raise UsageError(f"the marker positions would be written over {markers}: give another name")
+    targets = [path for path in (out, tracker, markers) if path is not None]
+    keep_inputs(targets, [recipe.command_file] if recipe.command_file is not None else [])
     run = make(recipe)
     write(run, out)
     if tracker is not None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ColumnsError, DataError
+from cosim.files import why_no_file
 from cosim.logs.channels import MdfSource, TdmsSource
 from cosim.logs.choose import Pick, choose, choose_mapped, remedy
 from cosim.logs.jumps import describe, jumps, stepping
@@ -156,7 +157,7 @@ def open_source(path: Path, mapping: Mapping | None = None) -> Source:
         MissingExtraError: its type needs an optional dependency.
     """
     if not path.is_file():
-        raise DataError(f"{path}: {'this is a folder' if path.is_dir() else 'there is no such file'}")
+        raise DataError(f"{path}: {why_no_file(path)}")
     suffix = path.suffix.lower()
     try:
         if suffix in _TEXT:

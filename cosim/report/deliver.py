@@ -84,7 +84,9 @@ def diagnose_into(
     if verbose:
         announce(logs, tracker, machine)
     make_folder(folder)
-    earlier = Earlier(folder)
+    read = [one.source for one in (*logs, *(listed(held_out) if held_out is not None else ()))]
+    read += [tracker.source] if tracker is not None else []
+    earlier = Earlier(folder, inputs=read)
     with (
         Scratch("extended_") as made,
         threadpool_limits(1),

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -217,3 +218,51 @@ def test_an_fmu_that_finds_no_room_is_told_in_a_line(tmp_path):
         build_fmu(compose(registry.block("sensor")), tmp_path / "sensor.fmu")
     assert "File too large" in str(failed.value)
     assert len(str(failed.value).splitlines()) == 1
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_what_a_command_reads_is_never_a_result(command, packages, tmp_path):
+    log = as_log(make_log("steps", 3.0))
+    for name in ("series.parquet", "next_experiment.csv", "played.csv"):
+        write_log(log, tmp_path / name)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    model = packages["simplified"]
+    for words in (
+        ["compare", "series.parquet", "--model", model, "--out", tmp_path],
+        ["compare", "played.csv", "--model", model, "--calibrate", "--held-out", "series.parquet", "--out", tmp_path],
+        ["diagnose", "next_experiment.csv", "--model", "simplified", "--out", tmp_path],
+        ["diagnose", "played.csv", "--held-out", "next_experiment.csv", "--model", "simplified", "--out", tmp_path],
+        ["simulate", model, "--input", "played.csv", "--out", tmp_path / "played.csv"],
+        ["rig", "--excitation", "file", "--input", "played.csv", "--out", tmp_path / "played.csv"],
+    ):  # fmt: skip
+        read = [str(tmp_path / w) if str(w) in {p.name for p in before} else w for w in words]
+        code, _, error = command(*read)
+        assert code == 2, (words, error)
+        assert "is read, and a result of that name would take its place" in error
+        assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_parameter_set_among_earlier_results_stays(command, packages, tmp_path):
+    log = write_log(as_log(make_log("steps", 3.0)), tmp_path / "log.csv")
+    fitted = tmp_path / "out" / "calibrated.ssv"
+    fitted.parent.mkdir()
+    with zipfile.ZipFile(packages["simplified"]) as archive:
+        text = archive.read("resources/simplified.ssv").decode()
+    fitted.write_text(
+        text.replace('name="', 'name="simplified.').replace('name="simplified.nominal"', 'name="x"')
+    )
+    stays = fitted.read_bytes()
+    words = [
+        "compare",
+        log,
+        "--model",
+        packages["simplified"],
+        "--parameter-set",
+        fitted,
+        "--out",
+        fitted.parent,
+    ]
+    code, _, error = command(*words)
+    assert code == 0, error
+    assert fitted.read_bytes() == stays
