@@ -57,9 +57,11 @@ def whole(path: Path) -> Iterator[Path]:
             shutil.copymode(target, part)
         _sync(part)
         part.replace(target)
-    except BaseException:  # Ctrl-C, too
+    except BaseException as error:  # Ctrl-C, too
         with contextlib.suppress(OSError):
             part.unlink()
+        if isinstance(error, OSError) and str(error.filename) == str(part):
+            error.filename = str(path)  # what the user named
         raise
     _sync_folder(target.parent)
 

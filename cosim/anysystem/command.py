@@ -162,6 +162,7 @@ def diagnose_any(
             for text in untold:
                 warn(text)
             found.notes = [*notes, *found.notes, *untold, *allowed.warnings]
+            make_folder(folder)  # which may have been deleted while all was computed
             with Scratch("extended_") as made:
                 drafts = write_extended(
                     found, Path(made), lambda group, action: shown_action(found, group, action)

@@ -1,5 +1,6 @@
 """A diagnosis as it is asked for, of our crane or of any system of FMUs."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,6 +39,10 @@ def run(asked: Asked) -> Answer:
     Raises:
         CosimError: as `cosim.report.deliver.diagnose_into` and `cosim.anysystem.command.diagnose_any`.
     """
+    if not 0.0 < asked.tolerance < math.inf:
+        raise UsageError(
+            f"a tolerance of {asked.tolerance:g} makes no sense: give a positive share such as 0.01"
+        )
     foreign = any_system(asked.model, asked.mapping, file_of(asked.logs[0]))
     if foreign is not None:
         if asked.external is not None:

@@ -184,6 +184,7 @@ def full_command(found: Diagnosis) -> float:
 
 def handed_over(found: Diagnosis, log: Log | Sequence[Log], folder: Path) -> None:
     """Put the extended packages into a folder, once and complete: nothing that has its name is written again."""
+    make_folder(folder)  # which may have been deleted while all was computed
     drafts, found.drafts = found.drafts, {}
     if not drafts:
         return

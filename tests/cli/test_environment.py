@@ -266,3 +266,13 @@ def test_a_parameter_set_among_earlier_results_stays(command, packages, tmp_path
     code, _, error = command(*words)
     assert code == 0, error
     assert fitted.read_bytes() == stays
+
+
+@pytest.mark.parametrize("tolerance", ["nan", "inf", "0", "-1"])
+def test_a_tolerance_that_makes_no_sense_is_refused(command, tmp_path, tolerance):
+    log = write_log(as_log(make_log("steps", 2.0)), tmp_path / "log.csv")
+    for words in (["diagnose", log], ["batch", "--diagnose", log]):
+        code, _, error = command(*words, "--tolerance", tolerance, "--out", tmp_path / "out")
+        assert code == 2, error
+        assert "tolerance" in error
+        assert not (tmp_path / "out" / "diagnosis.json").exists()

@@ -75,6 +75,17 @@ def test_the_report_gives_the_checksums_of_the_files_beside_it(
 
 
 @pytest.mark.usefixtures("unproposed")
+def test_a_folder_that_was_deleted_meanwhile_is_made_again(
+    found: tuple[Diagnosis, Log], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(deliver, "save_and_report", lambda *given: None)
+    given, log = found
+    deliver.delivered(copy.copy(given), log, tmp_path / "gone")
+    assert (tmp_path / "gone" / "extended.ssp").is_file()
+    assert (tmp_path / "gone" / "diagnosis.json").is_file()
+
+
+@pytest.mark.usefixtures("unproposed")
 def test_whatever_call_fails_packages_are_old_or_new(
     found: tuple[Diagnosis, Log], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
