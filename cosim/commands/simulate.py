@@ -104,13 +104,11 @@ def simulate(
 ) -> None:
     """Simulate a system of FMUs: components in wiring order, each step with the values its sources just computed."""
     from cosim import api
-    from cosim.files import keep_inputs
     from cosim.request import seconds
     from cosim.results import check_suffix
 
     if out is not None:
-        check_suffix(out)
-        keep_inputs([out], [Path(model), *([played] if played is not None else [])])
+        check_suffix(out, [Path(model), *([played] if played is not None else [])])
     with _leaving(out, si, as_json):
         result = api.simulate(
             model,
