@@ -7,7 +7,8 @@ duration has one.
 
 Most moments lie before the first file is written, and such a kill shows little. So a share `--late` of the kills goes to
 forks of a command that stands at its first write (`first_write.py`), over the rest of its duration. `--late 0` makes all
-of them processes of their own, as `build` and `batch` always are: they work in threads and in further processes.
+of them processes of their own, as `build`, `batch` and `calibrate` always are: they work in threads and in further
+processes, or hold FMUs open whose threads no fork has.
 
 Every file must be the old or the new one, byte for byte where two
 runs of the command agree byte for byte, else whole (JSON that can be parsed, pages and pictures with their end, tables and
@@ -58,7 +59,7 @@ class Command:
         old: words that make what lies there before.
         new: words that are ended.
         inherits: the new words read what the old ones left.
-        forks: it can go on in a fork, since neither threads nor further processes write.
+        forks: it can go on in a fork: no threads, no further processes, no open FMUs.
     """
 
     old: list[str]
@@ -97,7 +98,7 @@ def commands(log: Path, systems: Path) -> dict[str, Command]:
         "build": Command(build, build, forks=False),
         "batch": Command(batch, batch, forks=False),
         "diagnose": Command([*diagnose, "--tolerance", "0.02"], diagnose),
-        "calibrate": Command(compare, [*compare, "--set", "simplified.theta_max=1.2 rad"]),
+        "calibrate": Command(compare, [*compare, "--set", "simplified.theta_max=1.2 rad"], forks=False),
         "report": Command(diagnose, ["report", "{out}", "--language", "de"], inherits=True),
         "rig": Command(rig, [*rig, "--seed", "2"]),
     }
