@@ -1,5 +1,6 @@
 """A short synthetic log as a file in each format that can be loaded, made at run time for the trials of damage."""
 
+import gzip
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -55,6 +56,23 @@ def _text(path: Path, separator: str = ",", decimal: str = ".") -> Path:
         cells = [f"{values[k]:.9g}".replace(".", decimal) for values in found.values()]
         lines.append(separator.join([*cells, '"by hand"' if k % 90 == 7 else ""]))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def _packed(path: Path) -> Path:
+    text = _text(path.with_name("packed.csv")).read_bytes()
+    path.write_bytes(gzip.compress(text, mtime=0))
+    return path
+
+
+def _book(path: Path) -> Path:
+    from openpyxl import Workbook
+
+    book, found = Workbook(), _headed()
+    book.active.append(list(found))
+    for row in zip(*(values.tolist() for values in found.values()), strict=True):
+        book.active.append(row)
+    book.save(path)
     return path
 
 
@@ -153,4 +171,6 @@ READERS: dict[str, tuple[str, Writer]] = {
     "mf4": (".mf4", _mdf),
     "mf4_zip": (".mf4", lambda path: _mdf(path, 2)),
     "tdms": (".tdms", _tdms),
+    "xlsx": (".xlsx", _book),
+    "zipped_csv": (".csv.gz", _packed),
 }

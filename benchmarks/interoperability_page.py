@@ -74,7 +74,8 @@ stead.
 - Simulink: `cosim export-simulink` writes a script; it was run in Octave against a stand-in for Simulink.
 - OpenModelica and Dymola: `cosim export-modelica` writes a package; its C functions were run event by event,
   and the Modelica compiler Rumoca checks its types, sizes and balance in the tests.
-- OMSimulator (built from source once) and PyFMI (its source was read): what they met is mended ([native FMUs](native.md)),
+- OMSimulator (built from source once) and PyFMI (its source was read): what they met is right now
+  ([native FMUs](native.md)),
   and was not run again.
 - fmusim (Reference-FMUs) and VDMCheck3 are in no package of PyPI or Debian, so none of our FMUs of FMI 3.0 has met them.
   What read and ran these are fmpy (`simulate_fmu`, in the tests; `simulate_ssp` takes every FMU for one of FMI 2.0), ecos

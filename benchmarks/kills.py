@@ -1,8 +1,16 @@
-"""Commands ended at random moments: ``python benchmarks/kills.py [--kills 200] [--seed 1] [--only NAMES] [--json]``.
+"""Commands ended at random moments: ``python benchmarks/kills.py [--kills 200] [--late 0.75] [--only NAMES] [--json]``.
 
 Each command first runs to its end twice, into two folders and with another number (the old and the new result). Then it is
 begun again over a copy of the old result, and ended by SIGKILL and SIGTERM in turn: every other time at any moment of its
-duration, else a moment after its folder has changed. Every file must be the old or the new one, byte for byte where two
+duration, else a moment after its folder has changed for the n-th time. The moments are stratified: each n-th part of the
+duration has one.
+
+Most moments lie before the first file is written, and such a kill shows little. So a share `--late` of the kills goes to
+forks of a command that stands at its first write (`first_write.py`), over the rest of its duration. `--late 0` makes all
+of them processes of their own, as `build`, `batch` and `calibrate` always are: they work in threads and in further
+processes, or hold FMUs open whose threads no fork has.
+
+Every file must be the old or the new one, byte for byte where two
 runs of the command agree byte for byte, else whole (JSON that can be parsed, pages and pictures with their end, tables and
 archives that can be read). No traceback, no internal error, and after SIGTERM no temporary files.
 
@@ -11,11 +19,14 @@ a batch that nobody ended, byte for byte but for times, workers and memory.
 """
 
 import argparse
+import contextlib
 import hashlib
 import json
+import math
 import os
 import random
 import resource
+import select
 import shutil
 import signal
 import subprocess
@@ -29,6 +40,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from benchmarks.first_write import READY
 from cosim.files import is_left_over
 
 TOP = Path(__file__).resolve().parent.parent
@@ -47,11 +59,13 @@ class Command:
         old: words that make what lies there before.
         new: words that are ended.
         inherits: the new words read what the old ones left.
+        forks: it can go on in a fork: no threads, no further processes, no open FMUs.
     """
 
     old: list[str]
     new: list[str]
     inherits: bool = False
+    forks: bool = True
 
 
 @dataclass
@@ -59,6 +73,7 @@ class Row:
     """What came of one command."""
 
     kills: int = 0
+    late: int = 0  # of them in forks, from the first write on
     early: int = 0  # it had ended before
     old: int = 0  # files
     new: int = 0
@@ -71,19 +86,19 @@ class Row:
 def commands(log: Path, systems: Path) -> dict[str, Command]:
     """The commands of CONTRACT section 3 that write, and `rig`."""
     model = str(systems / "simplified.ssp")
-    simulate = ["simulate", model, "--stop-time", "5 s", "--out", "{out}/result.csv"]
-    batch = ["batch", "--model", model, "--sweep", "simplified.a=2:4:40 1/s", "--stop-time", "2 s"]
+    simulate = ["simulate", model, "--stop-time", "2 s", "--out", "{out}/result.csv"]
+    batch = ["batch", "--model", model, "--sweep", "simplified.a=2:4:12 1/s", "--stop-time", "0.5 s"]
     batch += ["--workers", "2", "--out", "{out}"]
     compare = ["compare", str(log), "--model", "simplified", "--calibrate", "--out", "{out}"]
-    rig = ["rig", "--excitation", "steps", "--duration", "20 s", "--out", "{out}/log.csv"]
-    diagnose = ["diagnose", str(log), "--out", "{out}"]
+    rig = ["rig", "--excitation", "steps", "--duration", "5 s", "--out", "{out}/log.csv"]
+    diagnose = ["diagnose", str(log), "--model", "simplified", "--out", "{out}"]
     build = ["build", "--out", "{out}"]
     return {
         "simulate": Command(simulate, [*simulate, "--set", "simplified.a=2.5 1/s"]),
-        "build": Command(build, [*build, "--native"] if shutil.which("gcc") else build),
-        "batch": Command(batch, batch),
+        "build": Command(build, build, forks=False),
+        "batch": Command(batch, batch, forks=False),
         "diagnose": Command([*diagnose, "--tolerance", "0.02"], diagnose),
-        "calibrate": Command(compare, [*compare, "--set", "simplified.theta_max=1.2 rad"]),
+        "calibrate": Command(compare, [*compare, "--set", "simplified.theta_max=1.2 rad"], forks=False),
         "report": Command(diagnose, ["report", "{out}", "--language", "de"], inherits=True),
         "rig": Command(rig, [*rig, "--seed", "2"]),
     }
@@ -137,20 +152,126 @@ def is_whole(path: Path) -> bool:
     return content.rstrip(b"\n" if path.suffix != ".csv" else b"").endswith(ENDS.get(path.suffix, b""))
 
 
-def ended(
-    process: "subprocess.Popen[bytes]", out: Path, lasts: float, how: int, chance: random.Random
-) -> bytes:
-    """Ends the process at a moment; returns what it said."""
-    if chance.random() < 0.5:
-        time.sleep(chance.uniform(0.05, 1.0) * lasts)
-    else:
-        before, until = _stamps(out), time.monotonic() + lasts
-        while _stamps(out) == before and process.poll() is None and time.monotonic() < until:
-            time.sleep(0.001)
-        time.sleep(10.0 ** chance.uniform(*AFTER_CHANGE))
-    process.send_signal(how)
+class Fork:
+    """A command's fork, with what of a process is asked for here."""
+
+    def __init__(self, template: "Template", said: Path) -> None:
+        self.template, self.said = template, said
+        self.pid = int(template.asked(str(said)))
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """How it ended; None while it runs."""
+        if self.returncode is None and select.select([self.template.process.stdout], [], [], 0.0)[0]:
+            self.returncode = int(self.template.answer())
+        return self.returncode
+
+    def send_signal(self, how: int) -> None:
+        """A signal, if it still runs."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid, how)
+
+    def communicate(self, timeout: float) -> tuple[None, bytes]:
+        """Waits for its end; returns what it said."""
+        if self.poll() is None:
+            select.select([self.template.process.stdout], [], [], timeout)
+        if self.poll() is None:
+            self.send_signal(signal.SIGKILL)
+            raise TimeoutError("a fork that a signal did not end")
+        return None, self.said.read_bytes()
+
+
+class Template:
+    """A command that stands at its first write."""
+
+    def __init__(self, words: list[str], out: Path, scratch: Path) -> None:
+        place = [word.replace("{out}", str(out)) for word in words]
+        script = str(Path(__file__).with_name("first_write.py"))
+        self.process = subprocess.Popen(
+            [sys.executable, script, str(out), *place],
+            cwd=scratch.parent,
+            env=os.environ | {"PYTHONPATH": str(TOP), "TMPDIR": str(scratch)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            bufsize=0,
+        )
+        assert self.answer() == READY
+
+    def answer(self) -> str:
+        """The next line."""
+        line = self.process.stdout.readline()  # type: ignore[union-attr]
+        assert line, "the command ended before it wrote anything"
+        return line.decode().strip()
+
+    def asked(self, line: str) -> str:
+        """The answer to a line."""
+        self.process.stdin.write(f"{line}\n".encode())  # type: ignore[union-attr]
+        return self.answer()
+
+    def close(self) -> None:
+        """Let it end."""
+        self.process.stdin.close()  # type: ignore[union-attr]
+        self.process.wait()
+        self.process.stdout.close()  # type: ignore[union-attr]
+
+
+Process = "subprocess.Popen[bytes] | Fork"
+
+
+@dataclass
+class Moments:
+    """When processes are ended, stratified.
+
+    Attributes:
+        lasts: how long they run [s].
+        changes: how often their folder changes.
+        count: how many are ended.
+        begin: the first moment, a part of the duration.
+        drawn: how many were drawn already.
+    """
+
+    lasts: float
+    changes: int
+    count: int
+    begin: float
+    drawn: int = 0
+
+    def end(self, process: Process, out: Path, how: int, chance: random.Random) -> bytes:
+        """Ends a process at the next moment; returns what it said."""
+        place = (self.drawn // 2 * 2 + chance.uniform(0.0, 2.0)) / self.count  # two of each kind and signal
+        by_time = self.drawn // 2 % 2 == 0
+        self.drawn += 1
+        if by_time:
+            time.sleep((self.begin + (1.0 - self.begin) * place) * self.lasts)
+        else:
+            watched(process, out, 1 + int(place * self.changes), 2.0 * self.lasts)
+            time.sleep(10.0 ** chance.uniform(*AFTER_CHANGE))
+        process.send_signal(how)
+        _, said = process.communicate(timeout=LONGEST)
+        return said
+
+
+def watched(process: Process, out: Path, most: float, longest: float) -> int:
+    """Waits until a folder has changed so often, or the process has ended; returns how often it has."""
+    seen, before, until = 0, _stamps(out), time.monotonic() + longest
+    while seen < most and time.monotonic() < until:
+        over = process.poll() is not None
+        now = _stamps(out)
+        seen, before = seen + (now != before), now
+        if over:
+            break
+        time.sleep(0.001)
+    return seen
+
+
+def measured(process: Process, out: Path) -> tuple[float, int]:
+    """Duration [s] of a process, and how often its folder changes."""
+    begun = time.monotonic()
+    changes = watched(process, out, math.inf, LONGEST)
     _, said = process.communicate(timeout=LONGEST)
-    return said
+    if process.returncode:
+        raise RuntimeError(f"{process.returncode}\n{said.decode()}")
+    return time.monotonic() - begun, changes
 
 
 def _stamps(folder: Path) -> set[tuple[str, int]]:
@@ -165,7 +286,7 @@ def _stamps(folder: Path) -> set[tuple[str, int]]:
     return found
 
 
-def manners(process: "subprocess.Popen[bytes]", said: bytes, how: int, scratch: Path) -> list[str]:
+def manners(process: Process, said: bytes, how: int, scratch: Path) -> list[str]:
     """What is wrong with how a process ended."""
     text = said.decode(errors="replace")
     found = [f"says {word}" for word in ("Traceback", "internal error", "Exception ignored") if word in text]
@@ -178,14 +299,14 @@ def manners(process: "subprocess.Popen[bytes]", said: bytes, how: int, scratch: 
     return found
 
 
-def files(name: str, command: Command, kills: int, folder: Path, chance: random.Random) -> Row:
+def files(name: str, command: Command, kills: int, late: float, folder: Path, chance: random.Random) -> Row:
     """Ends a command that writes files."""
     old, new, again, out, scratch = (folder / n for n in ("old", "new", "again", "out", "scratch"))
     run(command.old, old, scratch)
     for target in (new, again):
         if command.inherits:
             shutil.copytree(old, target)
-        lasts = run(command.new, target, scratch)
+        run(command.new, target, scratch)
     before, after, second = digests(old), digests(new), digests(again)
     if "report" not in name:
         shutil.rmtree(again)
@@ -194,14 +315,11 @@ def files(name: str, command: Command, kills: int, folder: Path, chance: random.
     else:
         first = before
     timed = {n for n in after if second.get(n) != after[n]} | {n for n in before if first.get(n) != before[n]}
-    row = Row()
-    for k in range(kills):
-        how = signal.SIGTERM if k % 2 else signal.SIGKILL
-        for each in (out, scratch):
-            shutil.rmtree(each, ignore_errors=True)
-        shutil.copytree(old, out)
-        process = started(command.new, out, scratch)
-        said = ended(process, out, lasts, how, chance)
+    row = Row(late=round(late * kills) if command.forks else 0)
+
+    def judged(process: Process, moments: Moments) -> None:
+        how = signal.SIGTERM if row.kills % 2 else signal.SIGKILL
+        said = moments.end(process, out, how, chance)
         row.kills += 1
         row.early += process.returncode == 0
         row.wrong += manners(process, said, how, scratch)
@@ -218,6 +336,43 @@ def files(name: str, command: Command, kills: int, folder: Path, chance: random.
         gone = [item for item in before if item in after and item not in found]
         row.wrong += [f"{item} is gone" for item in gone if not stopped]
         row.left_over += sum(is_left_over(item) for item in out.rglob("*"))
+
+    def laid_out(temporary: Path | None = None) -> None:
+        for each in (out, scratch):
+            shutil.rmtree(each, ignore_errors=True)
+        shutil.copytree(old, out)
+        if temporary is not None:
+            shutil.copytree(temporary, scratch, symlinks=True)
+
+    def processes(count: int) -> None:
+        laid_out()
+        moments = Moments(*measured(started(command.new, out, scratch), out), count, 0.05)
+        for _ in range(count):
+            laid_out()
+            judged(started(command.new, out, scratch), moments)
+
+    def forks(count: int) -> None:
+        laid_out()
+        scratch.mkdir(exist_ok=True)
+        template, temporary, words = (
+            Template(command.new, out, scratch),
+            folder / "temporary",
+            folder / "words",
+        )
+        shutil.copytree(
+            scratch, temporary, symlinks=True
+        )  # a fork that ends in order takes away what it finds
+        laid_out(temporary)
+        moments = Moments(*measured(Fork(template, words), out), count, 0.0)
+        for _ in range(count):
+            laid_out(temporary)
+            judged(Fork(template, words), moments)
+        template.close()
+
+    if kills > row.late:
+        processes(kills - row.late)
+    if row.late:
+        forks(row.late)
     return row
 
 
@@ -246,7 +401,8 @@ def journal(folder: Path) -> list[str]:
 def batches(command: Command, kills: int, folder: Path, chance: random.Random) -> Row:
     """Ends batches, goes on with each, and holds the result against one that nobody ended."""
     whole, out, scratch = folder / "whole", folder / "out", folder / "scratch"
-    lasts = run(command.new, whole, scratch)
+    whole.mkdir()
+    moments = Moments(*measured(started(command.new, whole, scratch), whole), kills, 0.05)
     cube = digests(whole / "signals.zarr")
     row = Row()
     while row.kills < kills:
@@ -256,7 +412,7 @@ def batches(command: Command, kills: int, folder: Path, chance: random.Random) -
             shutil.rmtree(scratch, ignore_errors=True)
             how = signal.SIGTERM if row.kills % 2 else signal.SIGKILL
             process = started(command.new, out, scratch)
-            said = ended(process, out, lasts, how, chance)
+            said = moments.end(process, out, how, chance)
             row.kills += 1
             row.early += process.returncode == 0
             row.wrong += manners(process, said, how, scratch)
@@ -282,6 +438,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--late", type=float, default=0.75, help="share of the kills from the first write on")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", help="commands, with commas between them")
     parser.add_argument("--json", action="store_true")
@@ -290,9 +447,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         log, scratch = folder / "log.csv", folder / "scratch"
-        hidden = ["--hide", "mechanical.coulomb_friction:tau_c=100 N.m", "--seed", "3"]
+        hidden = ["--hide", "mechanical.coulomb_friction:tau_c=300 N.m", "--seed", "3"]
         run(
-            ["rig", "--excitation", "multisine", "--duration", "8 s", *hidden, "--out", str(log)],
+            ["rig", "--excitation", "steps", "--duration", "6 s", *hidden, "--out", str(log)],
             log,
             scratch,
         )
@@ -304,14 +461,18 @@ def main() -> int:
             place_of_it = folder / f"of_{name}"
             place_of_it.mkdir()
             chance = random.Random(f"{asked.seed} {name}")
-            made = batches if name == "batch" else lambda *words, name=name: files(name, *words)
-            rows[name] = row = made(every[name], count, place_of_it, chance)
+            if name == "batch":
+                row = batches(every[name], count, place_of_it, chance)
+            else:
+                row = files(name, every[name], count, asked.late, place_of_it, chance)
+            rows[name] = row
             if not asked.json:
                 kinds = {"old": row.old, "new": row.new, "new but for times": row.timed}
                 kinds |= {"of interrupted diagnoses": row.partial, "left over": row.left_over}
                 counted = ", ".join(f"{count} {kind}" for kind, count in kinds.items() if count)
+                when = f"{row.late} from the first write on, {row.early} too late"
                 print(
-                    f"{name}: {row.kills} kills ({row.early} too late), files: {counted}; {len(row.wrong)} wrong",
+                    f"{name}: {row.kills} kills ({when}), files: {counted}; {len(row.wrong)} wrong",
                     flush=True,
                 )
                 for text in dict.fromkeys(row.wrong):

@@ -109,7 +109,7 @@ def whole(reader: str, folder: Path) -> Whole:
 
 def judge(sound: Whole, content: bytes, folder: Path) -> Trial:
     """Loads damaged content and says what came of it."""
-    path = folder / f"damaged{sound.path.suffix}"
+    path = folder / f"damaged{''.join(sound.path.suffixes)}"
     path.write_bytes(content)
     try:
         with _watched() as stray:

@@ -35,7 +35,7 @@ EXAMPLES = {
     "diagnose": "cosim diagnose examples/synthetic_demo.csv --out found",
     "info": "cosim info LOG.csv",
     "init": "cosim init LOG.csv",
-    "machine": "cosim machine examples/machines/mini_excavator_swing.toml --out swing",
+    "machine": "cosim machine examples/machines/emps.toml --out axis",
     "report": "cosim report FOLDER, with the folder of a diagnosis",
     "simulate": "cosim simulate full_order --input LOG.csv",
     "validate": "cosim validate MODEL.fmu",
@@ -125,6 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     console.utf8_streams()
+    console.believable_width()
     if "--json" in words and not {"--help", "-h"} & set(words):
         with console.json_only_stdout():
             code = _run(words, as_json=True)
@@ -138,6 +139,7 @@ def _run(words: list[str], as_json: bool) -> int:
     struck: list[int] = []
     debug = "--debug" in words or os.environ.get("COSIM_DEBUG", "0") not in ("", "0")
     try:
+        unwritable(words)
         with console.on_screen(), ended_in_order(struck):
             app = plain_texts(typer.main.get_command(make_app()))
             result = app.main(words, prog_name="cosim", standalone_mode=False)
@@ -164,6 +166,18 @@ def _run(words: list[str], as_json: bool) -> int:
         if not debug:
             text += " (COSIM_DEBUG=1 shows where)"
         return _failed(text, INTERNAL_ERROR, as_json, trace)
+
+
+def unwritable(words: Sequence[str]) -> None:
+    """Refuse a name that no JSON, picture or report can hold.
+
+    Raises:
+        UsageError: a word is not in the locale's letters.
+    """
+    for word in words:
+        if any("\ud800" <= letter <= "\udfff" for letter in word):
+            shown = word.encode("utf-8", "replace").decode()
+            raise UsageError(f"the name '{shown}' is not in UTF-8: rename it, or use a UTF-8 locale")
 
 
 def _system_message(error: OSError) -> str:
@@ -205,8 +219,10 @@ def _meant(message: str, command: Any) -> str:
 def _failed(message: str, code: int, as_json: bool, trace: str | None = None) -> int:
     if trace:
         sys.stderr.write(trace)
-    with contextlib.suppress(BrokenPipeError):
+    # where nobody can be told any more the exit code still says it
+    with contextlib.suppress(OSError):
         console.fail(message)
+    with contextlib.suppress(OSError):
         if as_json and not console.json_emitted():
             console.emit_json({"error": message, "exit_code": code})
     return code

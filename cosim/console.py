@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+_NARROWEST, _WIDEST = 30, 1000  # characters
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 Advance = Callable[[float], None]
@@ -96,21 +97,46 @@ def told(description: str, share: float) -> bool:
 @cache
 def stderr_console() -> "Console":
     """The rich console on stderr: messages, tables and progress that must not mix with a JSON result."""
-    from rich.console import Console
-
-    return Console(stderr=True, highlight=False)
+    return _plain_console()(stderr=True, highlight=False)
 
 
 @cache
 def stdout_console() -> "Console":
     """The rich console on stdout: a command's result for a person."""
-    from rich.console import Console
 
-    class PipedConsole(Console):
+    class PipedConsole(_plain_console()):  # type: ignore[misc]
         def on_broken_pipe(self) -> None:
             raise OutputClosedError  # rich's own would exit with 1
 
     return PipedConsole(highlight=False)
+
+
+@cache
+def _plain_console() -> "type[Console]":
+    """A console on which no file's name and no file's content moves the cursor, and no number is cut off."""
+    from rich.console import Console
+    from rich.measure import Measurement
+    from rich.table import Table
+
+    class PlainConsole(Console):
+        def print(self, *objects: Any, **options: Any) -> None:
+            width = self.width
+            for item in objects:
+                if isinstance(
+                    item, Table
+                ):  # a narrow terminal breaks its lines; rich would leave columns out
+                    own = self.options.update(width=_WIDEST)
+                    self.width = max(self.width, Measurement.get(self, own, item).minimum)
+            super().print(*(printable(o) if isinstance(o, str) else o for o in objects), **options)
+            self.width = width
+
+    return PlainConsole
+
+
+def believable_width() -> None:
+    """Forget a width of the terminal in which nothing fits: rich would print nothing but blanks."""
+    if os.environ.get("COLUMNS", "").isdigit() and int(os.environ["COLUMNS"]) < _NARROWEST:
+        del os.environ["COLUMNS"]
 
 
 def utf8_streams() -> None:
@@ -182,7 +208,8 @@ def json_only_stdout() -> Iterator[None]:
             original.flush()
             kept = os.dup(1)
             stack.callback(os.close, kept)
-            stream = stack.enter_context(open(kept, "w", encoding="utf-8", closefd=False))
+            stream = open(kept, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+            stack.callback(_closed, stream)
             os.dup2(2, 1)
             stack.callback(os.dup2, kept, 1)
             stack.callback(_flush_native)
@@ -193,6 +220,12 @@ def json_only_stdout() -> Iterator[None]:
             yield
         finally:
             _channel.stream = None
+
+
+def _closed(stream: TextIO) -> None:
+    """Close a stream of which `emit_json` has said already that it cannot be written."""
+    with contextlib.suppress(OSError):
+        stream.close()
 
 
 def _flush_native() -> None:
@@ -244,6 +277,7 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
             escape(name),
             justify="right" if numeric else "left",
             overflow="fold" if index == 0 else "ellipsis",
+            no_wrap=numeric,
         )
     for row in cells:
         shown = (f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row)
@@ -270,8 +304,20 @@ def typed(path: object) -> str:
     text = str(path)
     if os.name == "nt":
         return f'"{text}"' if re.search(r"[\s&()^;,]", text) else text
+    if text.startswith("-"):
+        text = f"./{text}"  # no option
+    if not text.isprintable():  # a line's end or an escape sequence, as the shell writes them
+        return f"$'{''.join(map(_escaped, text))}'"
     # letters of any language need no quotation marks, unlike in shlex.quote
     return text if re.fullmatch(r"[\w@%+=:,./~-]+", text) else shlex.quote(text)
+
+
+def _escaped(letter: str) -> str:
+    if letter in "\\'":
+        return f"\\{letter}"
+    if letter.isprintable():
+        return letter
+    return f"\\x{ord(letter):02x}" if ord(letter) < 0x80 else f"\\U{ord(letter):08x}"
 
 
 def printable(text: str) -> str:

@@ -34,6 +34,7 @@ PURPOSES = {
     "mat": "logs in .mat files of version 7.3, timeseries and tables",
     "mf4": "logs in .mf4 files",
     "tdms": "logs in .tdms files",
+    "xlsx": "logs in .xlsx files",
     "batch": "cosim batch",
     "report": "report.html of a diagnosis",
     "clients": "the tests that run the systems in ecos and libcosim",

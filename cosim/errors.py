@@ -55,7 +55,7 @@ class MissingExtraError(CosimError):
 
     exit_code = 5
 
-    def __init__(self, what: str, extra: str) -> None:
+    def __init__(self, what: str, extra: str, otherwise: str = "") -> None:
         super().__init__(
-            f"{what} needs the optional dependencies '{extra}': pip install 'slew-cosim[{extra}]'"
+            f"{what} needs the optional dependencies '{extra}': pip install 'slew-cosim[{extra}]'{otherwise}"
         )

@@ -9,13 +9,14 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from cosim.errors import UsageError
 from cosim.interrupts import uninterrupted
 
 MARK = ".part"
-_STEM = 100  # of 255 characters that a name may have
+_LONGEST, _LONGEST_SUFFIX = 150, 50  # bytes of the old name in the hidden one, of 255 that a name may have
 
 
 class Scratch(tempfile.TemporaryDirectory[str]):
@@ -47,18 +48,20 @@ def whole(path: Path) -> Iterator[Path]:
         return
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(13, "it is write-protected", str(path))
-    part = target.with_name(
-        f".{target.stem[:_STEM]}.{os.getpid()}.{secrets.token_hex(4)}{MARK}{target.suffix}"
-    )
+    stem = os.fsencode(target.stem)[:_LONGEST].decode(errors="ignore")
+    suffix = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_SUFFIX else ""
+    part = target.with_name(f".{stem}.{os.getpid()}.{secrets.token_hex(4)}{MARK}{suffix}")
     try:
         yield part
         if target.exists():
             shutil.copymode(target, part)
         _sync(part)
         part.replace(target)
-    except BaseException:  # Ctrl-C, too
+    except BaseException as error:  # Ctrl-C, too
         with contextlib.suppress(OSError):
             part.unlink()
+        if isinstance(error, OSError) and str(error.filename) == str(part):
+            error.filename = str(path)  # what the user named
         raise
     _sync_folder(target.parent)
 
@@ -83,6 +86,29 @@ def write_text(path: Path, text: str, newline: str | None = None) -> Path:
     with whole(path) as part:
         part.write_text(text, encoding="utf-8", newline=newline)
     return path
+
+
+def why_no_file(path: Path) -> str:
+    """What a path is that is no file."""
+    if path.is_dir():
+        return "this is a folder"
+    if path.exists():
+        return "this is a pipe or a device: write what it gives to a file first"
+    return "there is no such file"
+
+
+def keep_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Refuse to write over, or to clear away as an earlier result, what a command reads.
+
+    Raises:
+        UsageError: a target is one of the inputs.
+    """
+    read = {os.path.realpath(path) for path in inputs}
+    for target in targets:
+        if os.path.realpath(target) in read:
+            raise UsageError(
+                f"{target} is read, and a result of that name would take its place: name another --out"
+            )
 
 
 def is_left_over(path: Path) -> bool:

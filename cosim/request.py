@@ -15,6 +15,8 @@ from cosim.ssp.fmu import parse_value
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import fitted
 from cosim.ssp.read import resolve, settable_names
+from cosim.ssp.stimulus import default_command, stimulus_csv
+from cosim.ssp.write import write_ssp
 from cosim.units import factor, parse_quantity
 
 
@@ -28,7 +30,7 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
 
     Raises:
         UsageError: there is no such file or model.
-        ModelError: our systems are not built.
+        ModelError: a system of ours is not built, and cannot be.
     """
     path = Path(model)
     known = (*SYSTEMS, *CLOSED)
@@ -51,10 +53,16 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
         )
     if with_input and model in CLOSED:
         raise UsageError(f"'{model}' has no input: build it with --with-stimulus for another command")
-    built = build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
+    built = package_of(model, with_input)
     if not built.is_file():
-        raise ModelError(f"the model '{model}' is not built ('{built}' is missing): run `cosim build` first")
+        played = None if with_input else stimulus_csv(*default_command())
+        write_ssp(ssp_folder() / f"{model}.ssd", built, stimulus=played, open=with_input)
     return built
+
+
+def package_of(model: str, with_input: bool = False) -> Path:
+    """Where the package of a system of ours lies once it is built."""
+    return build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
 
 
 def source_sets() -> dict[str, Path]:

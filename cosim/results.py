@@ -1,6 +1,6 @@
 """The result of a simulation: signals in SI (or the FMU's own unit), notes, error estimates; and files of it."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.console import to_jsonable
 from cosim.errors import MissingExtraError, UsageError
-from cosim.files import whole
+from cosim.files import keep_inputs, whole
 from cosim.ssp.hints import did_you_mean
 
 if TYPE_CHECKING:
@@ -232,12 +232,17 @@ class Result:
         return path
 
 
-def check_suffix(path: Path) -> None:
-    """Refuse a file type that cannot be written, before any work is done.
+def check_suffix(path: Path, inputs: Iterable[Path] = ()) -> None:
+    """Refuse a file that cannot be written, before any work is done.
+
+    Args:
+        path: of the result.
+        inputs: what is read, which no result may replace.
 
     Raises:
-        UsageError: the suffix is not one of SUFFIXES.
+        UsageError: the suffix is not one of SUFFIXES, or the file is one of the inputs.
     """
+    keep_inputs([path], inputs)
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(
             f"{path}: results are written as {', '.join(SUFFIXES)}; '{path.suffix}' is none of them"

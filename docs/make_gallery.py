@@ -26,7 +26,7 @@ from cosim.diagnosis.fitting.trials import declared
 from cosim.lexicon import speaking
 from cosim.report.evidence import pictures
 from cosim.report.folder import ANSWER, lexicon_of, load, read_answer
-from cosim.report.picture import COLOURS, Layer, Picture
+from cosim.report.picture import COLOURS, DASHES, Layer, Picture
 from cosim.report.plain import three_sentences
 from cosim.report.words import NAMES, number, unit_text
 from cosim.rig import EFFECTS, Hidden, as_log, as_tracker, make_log
@@ -41,6 +41,7 @@ EXCITATION, DURATION, SEED = "mixed", 30.0, 3
 TRACKED = ("tracker.", "sensor.bias", "sensor.gain", "sensor.drift")  # nothing else shows these
 WIDE, HIGH, DPI = 6.4, 2.6, 100  # inches, dots an inch
 POINTS = 400  # of a layer that is scattered: more cannot be told apart at this size
+LINES = {"solid": "-", "dash": "--", "dot": ":"}  # of the report -> of matplotlib
 HEAD = """# Gallery: one diagnosis for each effect
 
 <!-- made by: python docs/make_gallery.py -->
@@ -94,7 +95,8 @@ def _draw(axes: Any, layer: Layer, picture: Picture) -> None:
     colour, name = COLOURS[layer.role], layer.name or None
     few = slice(None, None, max(1, layer.x.size // POINTS))
     if layer.kind == "line":
-        axes.plot(layer.x, layer.y, color=colour, linewidth=1.0, label=name)
+        style = LINES[DASHES.get(layer.role, "solid")]
+        axes.plot(layer.x, layer.y, style, color=colour, linewidth=1.0, label=name)
     elif layer.kind == "points":
         axes.plot(layer.x[few], layer.y[few], ".", color=colour, markersize=2, alpha=0.35, label=name)
     elif layer.kind == "means":

@@ -24,6 +24,26 @@ The functions of `import cosim`, then what they return. [python.md](../python.md
 ::: cosim.api.results
     options:
       show_root_heading: false
+
+# What the other commands call
+
+::: cosim.api.looking
+    options:
+      members: [facts_of]
+
+::: cosim.api.matching
+    options:
+      members: [write_mapping, Matched]
+
+::: cosim.api.building
+    options:
+      members: [build, validate, export, machine_model]
+
+::: cosim.api.rigging
+    options:
+      members: [Asked, make_files]
+
+::: cosim.api.numbers
 """
 
 

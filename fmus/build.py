@@ -161,7 +161,8 @@ def run_pythonfmu(file: Path, destination: Path, documents: Path, resources: lis
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     built = list(destination.glob("*.fmu"))
     if done.returncode != 0 or len(built) != 1:
-        raise ModelError(f"pythonfmu could not build {file.stem}: {done.stderr or done.stdout}")
+        *_, why = (done.stderr or done.stdout).strip().splitlines() or ["no FMU came of it"]
+        raise ModelError(f"pythonfmu could not build {file.stem}: {why}")
     return built[0]
 
 

@@ -38,7 +38,8 @@ CHROMIUM = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-backgr
 
 
 # files of a few long tests: begun last, one of them would keep one process busy while the other waits; the first compiles
-# on a new host what the diagnosis runs, and the second needs nothing of it, so that it is compiled once only
+# on a new host what the diagnosis runs, and the second needs nothing of it, so that it is compiled once only; so does the
+# last what the tests of the live link run in two processes at once
 LONG = (
     "diagnosis/test_blind.py",
     "test_closed_loop.py",
@@ -48,6 +49,7 @@ LONG = (
     "test_tutorials.py",
     "test_notebooks.py",
     "test_compiled.py",
+    "live/test_live_closed_loop.py",
 )
 SLOWEST = 1800.0  # s that one process waits for what another makes
 BROWSER = 120_000.0  # ms within which a browser has done what it was asked for, on a machine with other work
@@ -137,13 +139,16 @@ def rubbing(made_once) -> Path:
     """Folder of one real diagnosis, 150 N m of dry friction in 25 s of the rig, with its report where it can be made."""
     from cosim.diagnosis.answer.answer import answer
     from cosim.diagnosis.pipeline.diagnose import diagnose
+    from cosim.report.deliver import handed_over
     from cosim.report.page import save_and_report
     from cosim.rig import as_log, make_log
 
     def make(folder: Path) -> None:
         run = make_log("mixed", 25.0, ["mechanical.coulomb_friction:tau_c=150 N.m"], seed=4)
         log = dataclasses.replace(as_log(run), source=Path("<b>rig & co.csv"), sha256="ab" * 32)
-        found = diagnose(log, folder=folder)
+        found = diagnose(log, folder=folder / "made")
+        handed_over(found, log, folder)
+        shutil.rmtree(folder / "made")
         result = answer(found, log, None)
         (folder / "diagnosis.json").write_text(result.model_dump_json(indent=2), encoding="utf-8")
         if importlib.util.find_spec("plotly") and importlib.util.find_spec("jinja2"):

@@ -110,6 +110,14 @@ def test_a_full_disk_leaves_the_old_file(writer, share):
     assert names(path.parent) == [path.name]
 
 
+def test_a_write_that_fails_names_the_file_that_was_meant(tmp_path):
+    path = tmp_path / "absent" / "file.txt"
+    with pytest.raises(OSError, match="No such file") as failed:
+        write_text(path, "x")
+    assert failed.value.filename == str(path)
+    assert str(failed.value).endswith(f"'{path}'")
+
+
 def test_two_writers_leave_one_file_whole(tmp_path):
     path = tmp_path / "file.txt"
     with whole(path) as one, whole(path) as other:
@@ -181,3 +189,11 @@ def test_what_is_left_over_is_known(tmp_path):
         assert is_left_over(part)
         part.write_text("x")
     assert not is_left_over(tmp_path / "file.txt")
+
+
+@pytest.mark.parametrize("name", ["🚜" * 62 + ".csv", "a" * 251 + ".csv", "b." + "c" * 253])
+def test_the_longest_names_are_written(tmp_path, name):
+    assert len(os.fsencode(name)) > 250
+    path = write_text(tmp_path / name, "x")
+    assert path.read_text() == "x"
+    assert names(tmp_path) == [name]

@@ -16,11 +16,11 @@ from cosim.anysystem.read import read
 from cosim.anysystem.start import settable
 from cosim.console import stderr_console, told, warn
 from cosim.diagnosis.answer.credibility import credited
-from cosim.diagnosis.answer.schema import Answer
+from cosim.diagnosis.answer.schema import Answer, Packages
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.model.groups import MODELS
 from cosim.errors import CosimError, UsageError
-from cosim.files import write_text
+from cosim.files import Scratch, write_text
 from cosim.interrupts import stoppable
 from cosim.logs import Log
 from cosim.logs.load import open_source
@@ -131,7 +131,8 @@ def diagnose_any(
         for text in notes:
             warn(text)
         make_folder(folder)
-        earlier = Earlier(folder)
+        read_from = [log.source if isinstance(log, Log) else log for log in (*logs, *held_out)]
+        earlier = Earlier(folder, inputs=[*read_from, model])
         with Runs(system) as runs:
             measured = set.intersection(*(set(recording.signals) for recording in recordings))
             judged = [group.name for group in cut(system, sorted(measured)) if group.judged]
@@ -161,12 +162,18 @@ def diagnose_any(
             for text in untold:
                 warn(text)
             found.notes = [*notes, *found.notes, *untold, *allowed.warnings]
-            package = write_extended(found, folder, lambda group, action: shown_action(found, group, action))
-            file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
-            result = answer(found, package, file)
+            make_folder(folder)  # which may have been deleted while all was computed
+            with Scratch("extended_") as made:
+                drafts = write_extended(
+                    found, Path(made), lambda group, action: shown_action(found, group, action)
+                )
+                package = None
+                if drafts:
+                    package = Packages(ssp=str(folder / drafts[0].name), ssv=str(folder / drafts[1].name))
+                file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
+                result = answer(found, package, file)
+                credited({draft: folder / draft.name for draft in drafts}, result)
             write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
-            if package is not None:
-                credited([Path(package.ssp), folder / "extended_native.ssp"], result)
             if not allowed.ended:
                 write_page(found, result, folder)
             earlier.clear()  # only now: a write that fails must leave the old or the new

@@ -134,9 +134,7 @@ class Rehearsal:
         for finding in self.found.findings.values():
             for signal, _ in finding.model.group.judged:
                 noise = finding.problem.noise[place(signal, 0)]
-                rows.append(
-                    noise.whiten(np.atleast_2d(one[signal] - other[signal]), np.arange(self.count))[0]
-                )
+                rows.append(noise.whiten(np.atleast_2d(one[signal] - other[signal]))[0])
         return np.concatenate(rows)
 
     def menu(self) -> Iterator[tuple[Description, Series]]:

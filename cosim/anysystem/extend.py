@@ -13,7 +13,6 @@ from lxml import etree
 
 from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.pipeline import AnyDiagnosis
-from cosim.diagnosis.answer.schema import Packages
 from cosim.files import Scratch, write_bytes
 from cosim.native.build import MissingCompilerError, build_native
 from cosim.ssp.flatten import flatten
@@ -52,14 +51,12 @@ def starts_of(found: AnyDiagnosis, group: str, action: Action) -> dict[str, floa
     }
 
 
-def write_extended(
-    found: AnyDiagnosis, folder: Path, where: Callable[[str, Action], Action]
-) -> Packages | None:
-    """Write ``extended.ssp``, ``extended_native.ssp`` and ``extended.ssv``; None if nothing was named.
+def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Action], Action]) -> list[Path]:
+    """Make ``extended.ssp``, ``extended.ssv`` and, with a C compiler, ``extended_native.ssp``; none if nothing was named.
 
     Args:
         found: the diagnosis.
-        folder: where they go.
+        folder: where they are made; they do not say yet what they rest on.
         where: group and cause -> the cause as its neighbours have it.
     """
     placed = [(g, a, where(g, a)) for g, a in found.causes()]
@@ -70,17 +67,19 @@ def write_extended(
         if a.effect == PARAMETER
     }
     if not placed:
-        return None
-    package = write_package(found.system, effects, numbers, folder / "extended.ssp", build_fmu)
-    try:
-        write_package(found.system, effects, numbers, folder / "extended_native.ssp", build_native)
-    except MissingCompilerError as error:
-        found.notes.append(f"no native extended package: {error}")
+        return []
+    files = [write_package(found.system, effects, numbers, folder / "extended.ssp", build_fmu)]
     everything = numbers | {
         f"{element_name(a)}.{n}": v for a, starts in effects if starts for n, v in starts.items()
     }
-    ssv = write_bytes(folder / "extended.ssv", parameter_set(everything))
-    return Packages(ssp=str(package), ssv=str(ssv))
+    files.append(write_bytes(folder / "extended.ssv", parameter_set(everything)))
+    try:
+        files.append(
+            write_package(found.system, effects, numbers, folder / "extended_native.ssp", build_native)
+        )
+    except MissingCompilerError as error:
+        found.notes.append(f"no native extended package: {error}")
+    return files
 
 
 def element_name(action: Action) -> str:

@@ -52,7 +52,7 @@ Number = float | str
 
 
 def read_log(path: File, mapping: File | None = None, *, signals: Sequence[str] | None = None) -> "Log":
-    """Read measured data: CSV, .mat, Parquet, MDF4 or TDMS.
+    """Read measured data: CSV (also compressed), .mat, Parquet, MDF4, TDMS or Excel.
 
     Args:
         path: the file.
@@ -60,7 +60,7 @@ def read_log(path: File, mapping: File | None = None, *, signals: Sequence[str] 
         signals: read only these.
 
     Returns:
-        Signals in SI by name (``log["slew"]``) over ``log.time``; what was mended is in ``log.warnings``.
+        Signals in SI by name (``log["slew"]``) over ``log.time``; what was repaired is in ``log.warnings``.
 
     Raises:
         DataError: the file or mapping is bad; the message names file, row and column.

@@ -1,5 +1,6 @@
 """A diagnosis as it is asked for, of our crane or of any system of FMUs."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,6 +39,10 @@ def run(asked: Asked) -> Answer:
     Raises:
         CosimError: as `cosim.report.deliver.diagnose_into` and `cosim.anysystem.command.diagnose_any`.
     """
+    if not 0.0 < asked.tolerance < math.inf:
+        raise UsageError(
+            f"a tolerance of {asked.tolerance:g} makes no sense: give a positive share such as 0.01"
+        )
     foreign = any_system(asked.model, asked.mapping, file_of(asked.logs[0]))
     if foreign is not None:
         if asked.external is not None:
@@ -73,13 +78,20 @@ def run(asked: Asked) -> Answer:
 
 def second_records(asked: Asked) -> list[Log]:
     """The record that a mapping holds out, of each file: benchmarks keep two in one file (``uEst``, ``uVal``)."""
-    mapping = load_mapping(asked.mapping) if asked.mapping is not None else None
-    if mapping is None or not mapping.held_out:
+    if asked.mapping is None:
         return []
-    found = [load_log(log, mapping.of_held_out) for log in asked.logs if isinstance(log, Path)]
-    for log in found:
-        for warning in log.warnings:
-            warn(f"held out: {warning}")
+    found = [second_record(log, asked.mapping) for log in asked.logs if isinstance(log, Path)]
+    return [log for log in found if log is not None]
+
+
+def second_record(log: Path, mapping: Path) -> Log | None:
+    """The second record of a file, by the table ``[held_out]`` of a mapping; None without one."""
+    plain = load_mapping(mapping)
+    if not plain.held_out:
+        return None
+    found = load_log(log, plain.of_held_out)
+    for warning in found.warnings:
+        warn(f"held out: {warning}")
     return found
 
 

@@ -98,6 +98,15 @@ def run(asked: Asked) -> Result:
         return result
 
 
+def tracking(result: Result) -> dict[str, float] | None:
+    """How a position loop follows its reference, as `cosim.closed_loop.tracking`; None for any other model."""
+    if "reference.reference" not in result.signals:
+        return None
+    from cosim.closed_loop import tracking as of_loop  # brings control, which takes half a second
+
+    return of_loop(result)
+
+
 def _usual_step(system: System, start: float, stop: float) -> float:
     """Step [s] where neither request nor model says: 1 ms, or a thousandth of an FMU's own span that this does not suit."""
     steps = (stop - start) / DEFAULT_STEP

@@ -7,10 +7,10 @@ from pathlib import Path
 from cosim.batch.job import File
 from cosim.batch.plan import Plan
 from cosim.errors import DataError, UsageError
-from cosim.logs.load import SUFFIXES
+from cosim.logs.load import ENDINGS, SUFFIXES, ending, stem
 
 # in a folder of logs a .log is as a rule what a program says of itself; named, it is read
-IN_FOLDERS = tuple(suffix for suffix in SUFFIXES if suffix != ".log")
+IN_FOLDERS = tuple(known for known in ENDINGS if not known.startswith(".log"))
 
 
 def find_logs(plan: Plan) -> list[Path]:
@@ -23,13 +23,13 @@ def find_logs(plan: Plan) -> list[Path]:
     for name in plan.logs:
         path = Path(name)
         if path.is_dir():
-            inside = sorted(p for p in path.iterdir() if p.is_file() and p.suffix.lower() in IN_FOLDERS)
+            inside = sorted(p for p in path.iterdir() if p.is_file() and ending(p.name) in IN_FOLDERS)
         elif path.is_file():
             inside = [path]
         else:
             top = Path(path.anchor)
             inside = sorted(p for p in top.glob(str(path.relative_to(top))) if p.is_file())
-        inside = [p for p in inside if not (plan.external and p.stem.endswith(plan.external))]
+        inside = [p for p in inside if not (plan.external and stem(p).endswith(plan.external))]
         if not inside:
             raise UsageError(
                 f"'{name}' leads to no log: give files, folders or patterns ({', '.join(SUFFIXES)})"
@@ -43,9 +43,9 @@ def find_trackers(plan: Plan, files: Sequence[File]) -> dict[str, File]:
     found = {}
     for file in files if plan.external else ():
         path = Path(file.path)
-        beside = [p for s in SUFFIXES if (p := path.with_name(f"{path.stem}{plan.external}{s}")).is_file()]
+        beside = [p for s in ENDINGS if (p := path.with_name(f"{stem(path)}{plan.external}{s}")).is_file()]
         if beside:
-            found[file.label] = named_file(beside[0].stem, beside[0])
+            found[file.label] = named_file(stem(beside[0]), beside[0])
     return found
 
 
@@ -65,11 +65,11 @@ def labelled(paths: Sequence[Path]) -> dict[str, Path]:
     """Paths by name without suffix; where two have the same, by as much of the path as tells them apart."""
     found: dict[str, Path] = {}
     for path in dict.fromkeys(paths):
-        parts = [*path.absolute().parts[1:-1], path.stem]
-        same = [p for p in paths if p != path and p.stem == path.stem]
+        parts = [*path.absolute().parts[1:-1], stem(path)]
+        same = [p for p in paths if p != path and stem(p) == stem(path)]
         size = 1
         while same and size < len(parts):
             size += 1
-            same = [p for p in same if [*p.absolute().parts[1:-1], p.stem][-size:] == parts[-size:]]
+            same = [p for p in same if [*p.absolute().parts[1:-1], stem(p)][-size:] == parts[-size:]]
         found["_".join(parts[-size:]) if not same else path.name] = path
     return found

@@ -88,7 +88,7 @@ class Plan(BaseModel):
     output_step: Word | None = None
     record: Words = ()
     engine: EngineName = "fmu"
-    tolerance: PositiveFloat = 0.01
+    tolerance: Annotated[PositiveFloat, Field(allow_inf_nan=False)] = 0.01
     calibrate: bool = False
     threshold: dict[Word, str] = {}
     most_failed: Annotated[int, Field(ge=0)] | None = None

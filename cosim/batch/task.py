@@ -171,6 +171,7 @@ def _load_comparator(job: Job, run: Run, kept: Loaded) -> None:
 def _diagnose(job: Job, run: Run, outcome: Outcome) -> None:
     from cosim.diagnosis.model.choice import chosen
     from cosim.diagnosis.pipeline.diagnose import diagnose
+    from cosim.files import Scratch
     from cosim.logs import load_log, load_tracker
     from cosim.report.deliver import delivered
 
@@ -184,16 +185,17 @@ def _diagnose(job: Job, run: Run, outcome: Outcome) -> None:
     name, base = chosen(model.path or None, log.model)
     folder = Path(job.folder, f"{file.label}_{model.label}" if len(job.models) > 1 else file.label)
     folder.mkdir(parents=True, exist_ok=True)
-    found = diagnose(
-        log,
-        tracker=tracker,
-        model=name,
-        base=base,
-        tolerance=job.tolerance,
-        calibrate=job.calibrate,
-        folder=folder,
-    )
-    answer = delivered(found, log, folder)
+    with Scratch("extended_") as made:
+        found = diagnose(
+            log,
+            tracker=tracker,
+            model=name,
+            base=base,
+            tolerance=job.tolerance,
+            calibrate=job.calibrate,
+            folder=Path(made),
+        )
+        answer = delivered(found, log, folder)
     outcome.notes = tuple(answer.warnings)
     outcome.scores |= {
         "verdict": answer.verdict,

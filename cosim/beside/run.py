@@ -15,6 +15,7 @@ from cosim.compare.model import build_wiring
 from cosim.compare.picture import write_pictures
 from cosim.compare.present import answer, as_data, write_series
 from cosim.errors import ModelError, UsageError
+from cosim.files import keep_inputs
 from cosim.logs import Log, load_log
 from cosim.logs.mapping import Mapping
 from cosim.report.earlier import COMPARED, Earlier
@@ -120,6 +121,10 @@ def beside(
     """
     names, table = load_mapping(mapping) if mapping is not None else (None, CompareTable())
     loaded = log if isinstance(log, Log) else load_log(log, names)
+    inputs = [loaded.source, *([external] if external is not None else []), *parameter_sets]
+    inputs += [*table.parameter_files, *_held_out_file(calibration)]
+    if out is not None:
+        keep_inputs((out / name for name in COMPARED), (path for path in inputs if path.suffix != ".ssv"))
     source, table = _source(model, mapping, names, table, loaded)
     step = parse_quantity(step_size, "s") if step_size else None
     with (
@@ -142,11 +147,17 @@ def beside(
         results = check_limits(comparison, limits)
         written: dict[str, Path] = {}
         if out is not None:
-            earlier = Earlier(out, COMPARED, "comparison")
+            earlier = Earlier(out, COMPARED, "comparison", inputs)
             written |= write_files(comparison, out, csv)
             written |= extras.write(comparison, out)
             earlier.clear()
     return Beside(comparison, source, extras, results, written)
+
+
+def _held_out_file(calibration: dict[str, Any] | None) -> list[Path]:
+    """The log that a calibration holds out, if it is a file and not a part of the one that is fitted."""
+    text = (calibration or {}).get("held_out")
+    return [Path(text)] if text and Path(text).is_file() else []
 
 
 @contextmanager

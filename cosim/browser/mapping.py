@@ -70,7 +70,11 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
     if form.least and not entries.keys() & set(form.least):
         raise FormError(f"there is nothing to compare the model with: choose a column for {form.named}")
     clock = _time(_table(given.get("time", {}), "time"), found, list(chosen))
-    return {**base, "time": clock, "signals": entries}
+    made = {**base, "time": clock, "signals": entries}
+    if "held_out" in base:  # of what has a column now
+        known = entries.keys() | ({"time"} if "column" in clock else set())
+        made["held_out"] = {name: column for name, column in base["held_out"].items() if name in known}
+    return made
 
 
 def remember(form: Form, content: Content, found: Overview) -> None:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim import api
 from cosim.anysystem.command import any_system
+from cosim.api.diagnosing import second_record
 from cosim.api.results import DiagnosisResult
 from cosim.browser.form import (
     Form,
@@ -38,7 +39,7 @@ from cosim.errors import CosimError, DataError, HeadlessError, UsageError
 from cosim.files import write_text
 from cosim.logs import load_tracker
 from cosim.logs.guess import DRIVERS
-from cosim.logs.load import SUFFIXES, open_source
+from cosim.logs.load import ENDINGS, open_source
 from cosim.logs.mapping import load_mapping
 from cosim.logs.markers import holds_markers
 from cosim.logs.overview import Overview, overview
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
 
 SYSTEMS, TABLE = (".ssp", ".fmu"), ".toml"
 LARGEST = {
-    **dict.fromkeys(SUFFIXES, 2 << 30),
+    **dict.fromkeys(ENDINGS, 2 << 30),
     **dict.fromkeys(SYSTEMS, 512 << 20),
     TABLE: 1 << 20,
 }  # bytes that are taken
@@ -625,6 +626,9 @@ class Session:
 
         with heard_by(hear):
             logs, held_out = [read(file) for file in asked.logs], [read(file) for file in asked.held_out]
+            if not held_out:
+                second = [(second_record(file.path, mapping), file.name) for file in asked.logs]
+                held_out = [dataclasses.replace(r, source=Path(name)) for r, name in second if r is not None]
             tracker = None
             if asked.external is not None:
                 found, name = load_tracker(asked.external.path), asked.external.name

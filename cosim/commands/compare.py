@@ -60,7 +60,9 @@ def register(app: typer.Typer) -> None:
 
 
 def compare(
-    log: Annotated[Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4 or .tdms.", metavar="LOG")],
+    log: Annotated[
+        Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4, .tdms or .xlsx.", metavar="LOG")
+    ],
     model: Annotated[
         str | None,
         typer.Option(

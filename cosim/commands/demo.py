@@ -31,6 +31,7 @@ def demo(
 ) -> None:
     """Build what is missing, compare the nominal model with a synthetic log in which something is hidden, and name it."""
     from cosim import api
+    from cosim.api.building import build_missing
     from cosim.commands.compare import show as show_comparison
     from cosim.paths import build_folder, examples_folder
     from cosim.report.screen import show
@@ -54,28 +55,3 @@ def demo(
         console.emit_json({**compared.to_dict(), "diagnosis": found.to_dict()})
     else:
         show(found.answer, results, verbose)
-
-
-def build_missing(folder: Path) -> None:
-    """Build all FMUs and packages unless all are there.
-
-    Raises:
-        UsageError: the folder cannot be made.
-    """
-    from cosim.ssp.build import SYSTEMS, build_everything
-    from cosim.ssp.stimulus import default_command, stimulus_csv
-    from fmus.registry import BLOCKS
-
-    wanted = [folder / "fmus" / f"{name}.fmu" for name in BLOCKS]
-    wanted += [folder / "ssp" / f"{name}{suffix}.ssp" for name in SYSTEMS for suffix in ("", "_open")]
-    missing = [file for file in wanted if not file.is_file()]
-    if missing:
-        with console.progress("building FMUs and packages", len(wanted)) as advance:
-            done: list[Path] = []
-
-            def report(file: Path) -> None:
-                done.append(file)
-                advance(len(done))
-
-            build_everything(folder, stimulus_csv(*default_command()), report)
-        console.stderr_console().print(f"built {len(wanted)} files in {folder}", markup=False, soft_wrap=True)

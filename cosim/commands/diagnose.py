@@ -17,7 +17,7 @@ def diagnose(
     log: Annotated[
         list[Path],
         typer.Argument(
-            help="Measured data: CSV, .mat or Parquet; several logs of one machine are diagnosed together."
+            help="Measured data: CSV, .mat, Parquet and others; several logs of one machine are diagnosed together."
         ),
     ],
     external: Annotated[

@@ -1,16 +1,11 @@
 """``cosim export-simulink`` and ``cosim export-modelica``: a system for tools that cannot read an SSP."""
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from cosim import console
-
-if TYPE_CHECKING:
-    from cosim.export import ExportedModel
 
 Model = Annotated[
     str, typer.Argument(help="simplified, full_order, physical, or an .ssp or .fmu file.", metavar="MODEL")
@@ -56,10 +51,18 @@ def export_simulink(
 
     Run in MATLAB, build_<model> makes <model>.slx with a block for each FMU, its parameters, wires and logged outputs.
     """
-    from cosim.export import write_simulink
+    from cosim.api import building
 
-    files = _export(
-        write_simulink, model, out, open_package, parameter_set, settings, step_size, stop_time, overwrite
+    files = building.export(
+        "simulink",
+        model,
+        out,
+        open_package=open_package,
+        parameter_sets=parameter_set or (),
+        settings=settings or (),
+        step_size=step_size,
+        stop_time=stop_time,
+        overwrite=overwrite,
     )
     _tell(files, f"in MATLAB: cd('{out.absolute()}'); {files[0].stem}", as_json)
 
@@ -86,36 +89,21 @@ def export_modelica(
     The package has a model for each FMU and the system with its connections and parameters; a tool needs a C compiler. With
     --source the blocks are plain Modelica, from the equations that the FMUs run, effects included.
     """
-    from cosim.export import write_modelica
+    from cosim.api import building
 
-    write = partial(write_modelica, equations=source)
-    files = _export(write, model, out, open_package, parameter_set, settings, step_size, stop_time, overwrite)
+    files = building.export(
+        "modelica",
+        model,
+        out,
+        open_package=open_package,
+        parameter_sets=parameter_set or (),
+        settings=settings or (),
+        step_size=step_size,
+        stop_time=stop_time,
+        overwrite=overwrite,
+        equations=source,
+    )
     _tell(files, f"in OpenModelica: cd {out.absolute()} && omc simulate.mos", as_json)
-
-
-def _export(
-    write: "Callable[[ExportedModel, Path, bool], list[Path]]",
-    model: str,
-    out: Path,
-    open_package: bool,
-    parameter_set: list[Path] | None,
-    settings: list[str] | None,
-    step_size: str | None,
-    stop_time: str | None,
-    overwrite: bool,
-) -> list[Path]:
-    from cosim.export import prepare
-    from cosim.request import model_path, parameters, seconds
-    from cosim.ssp.read import read_system
-
-    step = seconds(step_size, "--step-size") if step_size else None
-    stop = seconds(stop_time, "--stop-time") if stop_time else None
-    with read_system(model_path(model, with_input=open_package)) as system:
-        values = parameters(system, parameter_set or [], settings or [])
-        prepared = prepare(system, values, step, stop)
-        for note in system.notes:
-            console.warn(note)
-        return write(prepared, out, overwrite)
 
 
 def _tell(files: list[Path], how: str, as_json: bool) -> None:

@@ -1,24 +1,13 @@
 """``cosim info``: what a file holds: a log, a tracker's record, an FMU or a system."""
 
-import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from cosim import console
-from cosim.errors import ColumnsError, DataError, ModelError
 from cosim.options import Verbose
 
-if TYPE_CHECKING:
-    from fmpy.model_description import ModelDescription
-
-    from cosim.logs import Log, Tracker
-    from cosim.logs.guess import Guess
-    from cosim.ssp.system import Port
-
-OTHER = "log with other columns"
-OWN_STAMPS = "each column has stamps of its own"
 MOST_ROWS = 2000  # of a table for a person; laying out more takes seconds
 CAUSALITIES = ("input", "output", "parameter")
 WHOLE = {  # what is told of a system as a whole
@@ -54,19 +43,12 @@ def info(
 
     Exit code 3: the file is bad; 5: its type needs an optional dependency.
     """
-    file = _existing(file)
-    kind = file.suffix.lower()
-    if kind in (".fmu", ".ssp"):
-        facts = _fmu_facts(file) if kind == ".fmu" else _ssp_facts(file)
-        rows = (
-            [shortened(row) for row in facts.get("variables", ())]
-            or facts.get("connectors")
-            or facts.get("files")
-            or []
-        )
-    else:
-        facts = log_or_columns(file, mapping, plot)
-        rows = facts.get("signals") or facts["columns"]
+    from cosim.api.looking import facts_of
+
+    facts = facts_of(file, mapping, plot)
+    variables = [shortened(row) for row in facts.get("variables", ())]
+    kinds = ("signals", "columns", "connectors", "files")
+    rows = variables or next((facts[kind] for kind in kinds if facts.get(kind)), [])
     if as_json:
         console.emit_json(facts)
         return
@@ -92,29 +74,6 @@ def info(
             output.print(line, markup=False, soft_wrap=True)
 
 
-def _existing(file: Path) -> Path:
-    """The file itself, or the package of a system of ours by its name, such as ``full_order``.
-
-    Raises:
-        DataError: there is no such file; of a system of ours the message names the command that makes it.
-        ModelError: the system is not built.
-    """
-    if file.is_file():
-        return file
-    if file.is_dir():
-        raise DataError(f"{file}: this is a folder")
-    from cosim.request import model_path
-    from cosim.ssp.build import CLOSED, SYSTEMS
-
-    ours = (*SYSTEMS, *CLOSED)
-    if str(file) in ours:
-        return model_path(str(file))
-    remedy = ""
-    if file.suffix.lower() == ".ssp" and file.stem.removesuffix("_open") in ours:
-        remedy = f": cosim build makes it, and cosim info {file.stem.removesuffix('_open')} finds it wherever it is"
-    raise DataError(f"{file}: there is no such file{remedy}")
-
-
 def headline(facts: dict[str, Any]) -> str:
     """What a log is, in a line: how long, how fast, how whole, and what of it is known; empty for a model."""
     samples = f"{facts['samples']} samples" if "samples" in facts else ""
@@ -135,6 +94,8 @@ def headline(facts: dict[str, Any]) -> str:
         return _ssp_line(facts)
     time = facts.get("time", "")
     if not time:
+        from cosim.api.looking import OWN_STAMPS
+
         holes = f", {facts['gaps']} gaps" if facts["gaps"] else ", no gap"
         even = "" if facts["uniform"] else ", unevenly spaced"
         back = f", time stands or goes back {facts['not_rising']} times" if facts["not_rising"] else ""
@@ -161,6 +122,7 @@ def _fmu_line(facts: dict[str, Any]) -> str:
 
 def _ssp_line(facts: dict[str, Any]) -> str:
     """What a package is, and with names and units what is known of the system as a whole."""
+    from cosim.api.looking import ours
     from cosim.report.names import BLOCK_NAMES
 
     if "connectors" not in facts:
@@ -168,7 +130,7 @@ def _ssp_line(facts: dict[str, Any]) -> str:
     inputs = [] if facts["inputs"] == "none" else facts["inputs"].split(", ")
     outside = f"driven from outside by {', '.join(inputs)}" if inputs else "with its own stimulus"
     told = [f"{facts['file']}: system of {len(facts['parts'])} components (SSP), {outside}"]
-    names = BLOCK_NAMES if _ours(facts["file"]) else {}
+    names = BLOCK_NAMES if ours(facts["file"]) else {}
     for part in facts["parts"]:
         own = part["component"]
         name = names.get(own, own.replace("_", " "))
@@ -184,356 +146,9 @@ def _guessed(guesses: dict[str, dict[str, Any]]) -> list[str]:
     ]
 
 
-def log_or_columns(path: Path, mapping: Path | None, plot: bool) -> dict[str, Any]:
-    """What a log holds; of one whose columns are not our signals what stands in the file, and guesses.
-
-    Raises:
-        DataError: the file or the mapping is bad.
-        MissingExtraError: its type needs an optional dependency.
-    """
-    from cosim.logs.overview import overview
-
-    try:
-        facts = log_facts(path, mapping)
-    except ColumnsError as error:
-        if mapping is not None:
-            raise
-        facts = column_facts(path, str(error))
-    else:
-        if mapping is None and facts["kind"] == "log":
-            facts |= _overlooked(path, facts)
-    if plot:
-        columns = overview(path).columns
-        names = [c.label.shown for c in columns]
-        wide = max(map(len, names))
-        facts["plot"] = [f"{name:<{wide}}  {c.spark()}" for name, c in zip(names, columns, strict=True)]
-    return facts
-
-
-def _overlooked(path: Path, facts: dict[str, Any]) -> dict[str, Any]:
-    """Columns that are ignored for their names and look like signals of which the log has none; empty if none do."""
-    if not any(text.startswith("ignored columns") for text in facts["warnings"]):
-        return {}
-    from cosim.logs.guess import guesses
-    from cosim.logs.overview import overview
-
-    known = {row["signal"] for row in facts["signals"]}
-    found = {name: g for name, g in guesses(overview(path)).items() if name not in known}
-    if not found:
-        return {}
-    typed = console.typed(path)
-    return {
-        "guesses": {name: _guess_facts(guess) for name, guess in found.items()},
-        "next": f"Next: cosim init {typed} writes these guesses into a mapping to correct, for --mapping; without it "
-        "these columns are ignored",
-    }
-
-
-def _guess_facts(guess: "Guess") -> dict[str, Any]:
-    label = guess.column.label
-    return {
-        "column": label.shown,
-        "unit": guess.unit,
-        "gain": guess.gain,
-        "zero": guess.zero,
-        **({} if guess.minus is None else {"minus": guess.minus.label.shown}),
-        "why": guess.why,
-    }
-
-
-def column_facts(path: Path, why: str) -> dict[str, Any]:
-    """A log whose columns are not our signals, as it stands in the file: columns, time, guesses, and what to do next.
-
-    Args:
-        path: the log.
-        why: it cannot be read as it is.
-
-    Raises:
-        DataError: the file is bad.
-    """
-    from cosim.logs.guess import likely
-    from cosim.logs.overview import measured
-
-    found = measured(path)
-    clock = found.clock
-    facts: dict[str, Any] = {"file": path, "kind": OTHER, "samples": found.samples}
-    if clock is None:
-        facts["time"] = "no column looks like a time"
-    else:
-        named = "" if clock.column is None else found.columns[clock.column].label.text
-        facts |= {
-            "time_column": named or OWN_STAMPS,
-            "time_unit": clock.unit + (f" (guessed: {clock.guessed})" if clock.guessed else ""),
-            "duration": f"{clock.duration:.6g} s",
-            "rate": f"{clock.rate:.6g} samples a second",
-            "uniform": clock.even,
-            "gaps": clock.gaps,
-            "not_rising": clock.backwards,
-        }
-    (made, machine), typed = likely(found), console.typed(path)
-    way = f"{typed} --machine" if machine else typed
-    other = "" if machine else " (--machine: of another machine than the crane)"
-    return facts | {
-        "columns": [
-            {
-                "column": c.label.shown,
-                "unit": c.unit or "?",
-                "min": float(c.finite.min()) if c.finite.size else "",
-                "mean": float(c.finite.mean()) if c.finite.size else "",
-                "max": float(c.finite.max()) if c.finite.size else "",
-                "missing": c.missing,
-                "shape": c.kind,
-            }
-            for c in found.columns
-        ],
-        "machine": machine,
-        "guesses": {name: _guess_facts(guess) for name, guess in made.items()},
-        "warnings": [*found.warnings, *(f"'{c.label.text}': {c.why}" for c in found.columns if c.why)],
-        "why": why,
-        "next": f"Next: cosim init {way} writes {'these guesses' if made else 'the columns'} into a mapping to "
-        f"correct{other}; cosim open {typed} does the same on a page",
-    }
-
-
-def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:
-    """What a log or a tracker's record holds, as plain data; ranges are in the units in which people read them.
-
-    Raises:
-        DataError: the file or the mapping is bad.
-        MissingExtraError: its type needs an optional dependency.
-    """
-    from cosim.logs import load_log, load_mapping, load_tracker
-    from cosim.logs.load import open_source
-    from cosim.logs.markers import holds_markers
-
-    chosen = load_mapping(mapping) if mapping else None
-    if chosen is not None:
-        tracker = "slew_external" in chosen.signals
-    else:
-        source = open_source(path)
-        tracker = holds_markers(source) or any(
-            "slew_external" in (label.name, label.alias) for label in source.labels
-        )
-    record: Log | Tracker = load_tracker(path, chosen) if tracker else load_log(path, chosen)
-    unit = getattr(record, "time_unit", "s")
-    facts = {
-        "file": path,
-        "kind": "tracker" if tracker else "log",
-        "origin": "synthetic" if record.synthetic else "measured",
-        "sha256": record.sha256,
-        "samples": len(record),
-        "time_unit": unit,
-        "start": float(record.time[0]),
-        "duration": record.duration,
-        "step": record.step,
-        "uniform": record.uniform,
-        "gaps": len(record.gaps),
-        "next": f"Next: cosim diagnose {'LOG --external ' if tracker else ''}{console.typed(path)}"
-        + (f" --mapping {console.typed(mapping)}" if mapping and not tracker else ""),
-    }
-    if getattr(record, "model", None):
-        facts["model"] = record.model  # type: ignore[union-attr]
-    return facts | {"signals": _signal_rows(record), "warnings": list(record.warnings)}
-
-
-def _signal_rows(record: "Log | Tracker") -> list[dict[str, Any]]:
-    from cosim.logs import Log
-    from cosim.signals import SIGNALS
-
-    if not isinstance(record, Log):
-        signal = SIGNALS["slew_external"]
-        columns = [
-            ("slew_external", signal.unit, record.slew_external / signal.to_si, int((~record.valid).sum()))
-        ]
-    else:
-        columns = [
-            (name, record.display[name], record.in_display_units(name), int((~record.valid_mask(name)).sum()))
-            for name in record.signals
-        ]
-    return [
-        {
-            "signal": name,
-            "unit": unit,
-            "min": float(values.min()),
-            "mean": float(values.mean()),
-            "max": float(values.max()),
-            "filled": filled,
-        }
-        for name, unit, values, filled in columns
-    ]
-
-
-def _fmu_facts(path: Path) -> dict[str, Any]:
-    """The main facts of an FMU's model description.
-
-    Raises:
-        ModelError: it is no FMU.
-    """
-    import fmpy
-
-    from cosim.ssp.archive import open_archive, read_entry
-    from cosim.ssp.fmu import described, description_of
-
-    with open_archive(path, str(path)) as archive, tempfile.TemporaryDirectory() as folder:
-        description_of(archive, str(path))  # refuses what harms
-        text = read_entry(archive, "modelDescription.xml", str(path))
-        Path(folder, "modelDescription.xml").write_bytes(text)
-        model = described(Path(folder), str(path))
-    typed, platforms = console.typed(path), fmpy.supported_platforms(str(path))
-    types = [name for name, found in _interfaces(model).items() if found]
-    return {
-        "file": path,
-        "kind": "fmu",
-        "name": model.modelName,
-        "description": model.description or "",
-        "fmi_version": model.fmiVersion,
-        "type": ", ".join(types),
-        "guid": model.guid,
-        "generation_tool": model.generationTool,
-        "generation_date": model.generationDateAndTime,
-        "platforms": ", ".join(platforms),
-        "here": fmpy.platform in platforms,
-        "variables": [
-            {
-                "variable": variable.name,
-                "causality": variable.causality,
-                "variability": variable.variability,
-                "unit": variable.unit
-                or (variable.declaredType.unit if variable.declaredType else None)
-                or "",
-                "start": variable.start if variable.start is not None else "",
-                "description": variable.description or "",
-            }
-            for variable in model.modelVariables
-        ],
-        "next": f"Next: cosim init {typed} LOG writes a mapping for a log of it, cosim simulate {typed} runs it"
-        if "co-simulation" in types
-        else f"It cannot be run here, since it is for {' and '.join(types)} only: export it for co-simulation",
-    }
-
-
-def _interfaces(model: "ModelDescription") -> dict[str, bool]:
-    """Which interface types of FMI an FMU offers; cosim runs co-simulation."""
-    return {
-        "co-simulation": model.coSimulation is not None,
-        "model exchange": model.modelExchange is not None,
-        "scheduled execution": model.scheduledExecution is not None,
-    }
-
-
-def _ssp_facts(path: Path) -> dict[str, Any]:
-    """The files in a system package.
-
-    Raises:
-        ModelError: it is no package.
-    """
-    from cosim.ssp.archive import open_archive
-
-    with open_archive(path, str(path)) as package:
-        files = [{"file": item.filename, "bytes": item.file_size} for item in package.infolist()]
-    if not any(item["file"] == "SystemStructure.ssd" for item in files):
-        raise ModelError(f"{path}: holds no SystemStructure.ssd, so it is no SSP package")
-    return {"file": path, "kind": "ssp", **_loop_facts(path), **_system_facts(path), "files": files}
-
-
-def _system_facts(path: Path) -> dict[str, Any]:
-    """Components and their connectors, as the columns of a log would be called; why they cannot be told of a bad package."""
-    from cosim.ssp.read import read_system
-    from cosim.ssp.system import Port
-    from cosim.system.graph import feeders
-
-    try:
-        with read_system(path) as system:
-            fed = feeders(system)
-            heard: dict[str, list[str]] = {}
-            for target, (source, _, _) in fed.items():
-                heard.setdefault(str(source) if source.component else source.variable, []).append(str(target))
-            connectors = [
-                {
-                    "connector": name,
-                    "kind": variable.causality,
-                    "unit": variable.unit,
-                    "joined with": ", ".join(heard.get(name, ()))
-                    or joined(fed.get(port), variable.causality),
-                }
-                for c in system.components.values()
-                for variable in c.fmu.variables.values()
-                if variable.causality in ("input", "output")
-                for port, name in [(Port(c.name, variable.name), f"{c.name}.{variable.name}")]
-            ]
-            components = [{"component": c.name, "fmu": c.fmu.source} for c in system.components.values()]
-            typed = str(path.stem if _ours(path) else console.typed(path))
-            runs = f"cosim simulate {typed}" + (" --input LOG" if system.inputs else "")
-            names = ", ".join(f"{c['component']} ({c['fmu']})" for c in components)
-            return {
-                "components": names,
-                "parts": components,
-                "inputs": ", ".join(system.inputs) or "none",
-                "connectors": connectors,
-                "warnings": list(system.notes),
-                "next": f"Next: {runs} runs it; cosim diagnose LOG --model {typed} says what it gets wrong"
-                if _ours(path)
-                else f"Next: {runs} runs it; cosim init {typed} LOG writes a mapping for a log of it (columns called "
-                "like the connectors need none)",
-            }
-    except ModelError as error:
-        return {"warnings": [f"it cannot be run here: {error}"]}
-
-
-def _ours(path: Path) -> bool:
-    """Whether it is the package that a system of ours goes by its name for."""
-    from cosim.request import model_path
-    from cosim.ssp.build import SYSTEMS
-
-    try:
-        return path.stem in SYSTEMS and model_path(path.stem).resolve() == path.resolve()
-    except ModelError:
-        return False
-
-
-def joined(source: "tuple[Port, float, float] | None", causality: str) -> str:
-    """What enters a connector, for a table."""
-    if source is None:
-        return "nothing" if causality == "input" else ""
-    port = source[0]
-    return str(port) if port.component else f"{port.variable} (from outside)"
-
-
 def shortened(row: dict[str, Any]) -> dict[str, Any]:
     """A variable for a table: its start value by what counts of it."""
     try:
         return row | {"start": f"{float(row['start']):.8g}"}
     except ValueError:
         return row
-
-
-def _loop_facts(path: Path) -> dict[str, Any]:
-    """Margins of a position loop, or the linearised physical hydraulics, in lines and as numbers; else nothing."""
-    from cosim.closed_loop import is_loop, limit_cycle, margins
-    from cosim.hydraulics import facts, is_physical
-    from cosim.ssp.read import read_system
-
-    try:
-        system = read_system(path)
-    except ModelError:
-        return {}  # a package that no master would run can still be looked at
-    try:
-        if is_physical(system):
-            return facts(system)
-        if not is_loop(system):
-            return {}
-        loop, cycle = margins(system), limit_cycle(system)
-    finally:
-        system.close()
-    text = (
-        f"gain {loop['gain']:.4g} 1/deg, swings by itself from {loop['gain_limit']:.4g} 1/deg on;"
-        f" gain margin {loop['gain_margin_db']:.4g} dB at {loop['limit_frequency']:.4g} rad/s,"
-        f" phase margin {loop['phase_margin']:.4g} deg at {loop['crossover']:.4g} rad/s"
-    )
-    swing = "none"
-    if cycle is not None:
-        swing = (
-            f"{cycle['angle']:.3g} deg and {cycle['command']:.3g} of full command at {cycle['frequency']:.4g} rad/s:"
-            " the inverse gives more than the dead zone takes"
-        )
-    return {"position_loop": text, "limit_cycle": swing, "loop": loop | {"limit_cycle": cycle}}

@@ -1,6 +1,5 @@
 """``cosim init``: writes a first mapping for a log with other column names, for our crane or for anybody's model."""
 
-from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -41,27 +40,19 @@ def init(
 
     With a package or FMU the signals are its connectors, else those of the crane.
     """
-    from cosim.files import write_text
+    from cosim.api.matching import write_mapping
 
     log, asked = _log_and_model(first, second, model)
-    target = out or log.with_suffix(".toml")
-    if target.exists() and not force:
-        raise UsageError(f"{target} exists: name another file (--out), or write over it (--force)")
-    if machine and (model is not None or second is not None):
-        raise UsageError("--machine makes a model of its own: give no other beside it")
-    if asked.lower().endswith(MODELS):
-        (text, told, left), needed = _of_connectors(Path(asked), log, target), ""
-    else:
-        text, told, left, needed = _of_signals(None if machine else asked, log)
-    write_text(target, text)
+    matched = write_mapping(log, asked, machine, out, force)
+    target, left, needed = matched.file, matched.left, matched.needed
     if as_json:
-        console.emit_json({"mapping": str(target), "matched": told, "open": left})
+        console.emit_json({"mapping": str(target), "matched": matched.made, "open": left})
         return
 
     def say(line: str) -> None:
         console.stdout_console().print(line, markup=False, soft_wrap=True)
 
-    for line in told:
+    for line in matched.made:
         say(line)
     if left:
         more = f"; and {len(left) - MOST} more" if len(left) > MOST else ""
@@ -79,8 +70,8 @@ def init(
     say(f"Next: cosim info {words}, then cosim diagnose {words}")
 
 
-def _log_and_model(first: Path, second: Path | None, model: str | None) -> tuple[Path, str]:
-    """The log, and the model by name or file.
+def _log_and_model(first: Path, second: Path | None, model: str | None) -> tuple[Path, str | None]:
+    """The log, and the model by name or file if there is one.
 
     Raises:
         UsageError: there is no log, or two models.
@@ -88,61 +79,7 @@ def _log_and_model(first: Path, second: Path | None, model: str | None) -> tuple
     if second is None:
         if first.suffix.lower() in MODELS:
             raise UsageError(f"{first} is a model: name the log too, as in 'cosim init {first} LOG'")
-        return first, model or "full_order"
+        return first, model
     if model is not None:
         raise UsageError(f"two models, {first} and {model}: give one, as in 'cosim init LOG --model {model}'")
     return second, str(first)
-
-
-def _of_connectors(model: Path, log: Path, target: Path) -> tuple[str, list[str], list[str]]:
-    """A mapping for any system; raises as `cosim.anysystem.start.mapping_text`."""
-    from cosim.anysystem.start import mapping_text
-    from cosim.ssp.read import read_system
-
-    with read_system(model) as system:
-        return mapping_text(system, model, log, target.parent)
-
-
-def _lacking(made: Collection[str], texts: Mapping[str, str]) -> str:
-    """What of the signals a diagnosis cannot do without and no column was found for; empty if nothing is.
-
-    Args:
-        made: the signals that have a column.
-        texts: what each signal is.
-    """
-    drives = [name for name in ("u", "torque", "force") if name in texts]
-    others = ", or for the torque or force that drives the axis" if drives[1:] else ""
-    lacks = [] if set(drives) & set(made) else [f"a column for u ({texts['u']}){others}"]
-    if not set(made) - set(drives):
-        also = "travel, speed, " if "travel" in texts else ""
-        lacks.append(
-            f"{'one' if lacks else 'a column'} for what was measured, such as {also}slew, spool or the pressures"
-        )
-    return " and ".join(lacks)
-
-
-def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str], str]:
-    """A mapping for the signals of the crane or of a machine of its own (None), and what it lacks.
-
-    Raises:
-        DataError: as `cosim.logs.overview.measured`.
-    """
-    from cosim.logs.guess import clock_column, guesses, mapping_text, second_record, texts_of, used_by
-    from cosim.logs.overview import measured
-
-    found = measured(log)
-    made = guesses(found, machine=model is None)
-    told = [
-        f"{g.column.label.shown}{f' minus {g.minus.label.shown}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
-        for name, g in made.items()
-    ]
-    second = second_record(found, made, clock_column(found, made))
-    told += [f"{column.label.text} -> {name} of a record held out" for name, column in second.items()]
-    used = used_by(made) | found.times | {column.index for column in second.values()}
-    left = [f"column '{c.label.shown}'" for c in found.columns if c.index not in used]
-    needed = _lacking(made, texts_of(model))
-    if found.clock is None and found.interval is None:
-        left.insert(0, "no column looks like a time")
-        interval = "the interval between samples ('step', for which 0.001 s stands now)"
-        needed = f"{needed}; {interval}" if needed else interval
-    return mapping_text(found, made, model), told, left, needed

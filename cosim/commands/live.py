@@ -1,22 +1,11 @@
 """``cosim live``: the controller, or the crane, at one end of the UDP link of section 3.6."""
 
-import contextlib
-import signal
-import threading
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from cosim import console
-
-if TYPE_CHECKING:
-    from cosim.live.codec import Codec
-    from cosim.live.crane import Crane, Plant
-    from cosim.live.link import Link
-    from cosim.live.master import Master
-    from cosim.live.recorder import Recorder
 
 Text = str | None
 Texts = list[str] | None
@@ -107,304 +96,13 @@ def live(
 
     SIGUSR1 is an emergency stop. Ctrl-C and SIGTERM end the run in order; the log then is as whole as after its duration.
     """
-    from cosim.errors import UsageError
-    from cosim.live.codec import Codec
-    from cosim.live.layout import load_layout
-    from cosim.live.link import Link, parse_peer
-    from cosim.live.recorder import check_suffix
-    from cosim.request import seconds
+    from cosim.live.run import Asked, run
 
-    _check_side(
-        crane,
-        {"--excitation": excitation, "--input": played, "--commands": commands, "--target": target, "--gain": gain,
-         "--automatic": automatic, "--synthetic": synthetic},
-        {"--model": model, "--effect": effect, "--set": settings, "--start": start},
-    )  # fmt: skip
-    if crane and peer is None:
-        raise UsageError("--crane sends first, so it must know where to: --peer HOST:PORT")
-    codec, length = Codec(load_layout(layout)), None if duration is None else seconds(duration, "--duration")
-    if length is not None and not 0.0 < length < 1e8:
-        raise UsageError(f"--duration {duration} is no length of time for a run")
-    if out is not None:
-        check_suffix(out)
-    with contextlib.ExitStack() as stack:
-        size = codec.to_size if crane else codec.from_size
-        link = Link(listen, size, None if peer is None else parse_peer(peer), bind)
-        stack.callback(link.close)
-        if crane:
-            plant, truth = _plant(stack, model, effect, settings, noise, start, friction, seed, compensated)
-            side: Master | Crane = _crane_side(link, codec, plant, out, truth)
-        else:
-            from cosim.live.operator import commands_of
-
-            recorded = commands_of(excitation, played, amplitude, seed, length)
-            side = _master_side(stack, link, codec, out, recorded, commands, automatic, target, gain, compensated,
-                                synthetic)  # fmt: skip
-        lines = _lines(commands) if commands == "-" else lambda: None
-        facts = _run(side, link, length, lines, real_time, as_json)
-    _show(facts, as_json)
-
-
-def _check_side(crane: bool, of_master: dict[str, Any], of_crane: dict[str, Any]) -> None:
-    """Refuse options of the other side, which would be ignored."""
-    from cosim.errors import UsageError
-
-    for option, value in (of_master if crane else of_crane).items():
-        if value:
-            raise UsageError(f"{option} is for the {'controller' if crane else 'crane'}'s side of the link")
-
-
-def _plant(
-    stack: contextlib.ExitStack, model: str | None, effects: Texts, settings: Texts, noise: float, start: str | None,
-    friction: str, seed: int, compensated: bool,
-) -> "tuple[Plant, dict[str, Any]]":  # fmt: skip
-    """The crane and what is hidden in it."""
-    from cosim.errors import UsageError
-    from cosim.rig.hidden import Hidden, assemble, parse_setting
-    from cosim.units import parse_quantity
-
-    hidden = [Hidden.parse(text) for text in effects or []]
-    truth: dict[str, Any] = {"synthetic": True, "hidden": [item.truth() for item in hidden], "seed": seed}
-    bare = {"compensator.d_plus": 0.0, "compensator.d_minus": 0.0} if compensated else {}
-    if model is not None:
-        if start is not None:
-            raise UsageError("--start is for the rig; with --model use --set mechanical.theta_0")
-        texts = [f"{name}={value!r}" for item in hidden for name, value in item.numbers().items()]
-        texts += [f"{name}={value!r}" for name, value in bare.items()]
-        return _system(stack, model, [*texts, *(settings or [])]), truth | {"model": model}
-    from cosim.rig.noise import Noise
-    from cosim.rig.recipe import FRICTIONS
-    from cosim.rig.sensing import SEAM_ANGLE
-    from cosim.rig.stepping import SteppedCrane
-
-    if friction not in FRICTIONS:
-        raise UsageError(f"unknown friction '{friction}': known are {', '.join(FRICTIONS)}")
-    numbers = bare | dict(parse_setting(text) for text in settings or [])
-    if start is not None:
-        numbers["mechanical.theta_0"] = parse_quantity(start, "rad")
-    numbers.setdefault("mechanical.theta_0", SEAM_ANGLE)
-    sensors = Noise(noise)
-    plant = SteppedCrane(assemble(hidden, numbers), sensors, seed, friction)
-    return plant, truth | {"settings": numbers, "noise": sensors.truth(), "friction": friction}
-
-
-def _system(stack: contextlib.ExitStack, model: str, settings: list[str]) -> "Plant":
-    """A system of FMUs, native ones where there is a compiler."""
-    from cosim.api.simulating import native_or_not
-    from cosim.live.crane import SystemPlant
-    from cosim.native.build import MissingCompilerError, compiler
-    from cosim.request import model_path
-
-    path = model_path(model, with_input=True)
-    try:
-        compiler()
-        path = stack.enter_context(native_or_not(path, True))
-    except MissingCompilerError:
-        console.warn(
-            "there is no C compiler: the FMUs run in Python, which may take longer than a millisecond"
-        )
-    return stack.enter_context(SystemPlant(path, settings))
-
-
-def _crane_side(
-    link: "Link", codec: "Codec", plant: "Plant", out: Path | None, truth: dict[str, Any]
-) -> "Crane":
-    import json
-
-    from cosim.errors import DataError
-    from cosim.files import write_text
-    from cosim.live.crane import Crane, columns
-    from cosim.live.pace import PERIOD
-    from cosim.live.recorder import Recorder
-
-    recorder = None
-    if out is not None:
-        recorder = Recorder(out, columns(codec), PERIOD)
-        try:
-            write_text(
-                out.with_name(out.name + ".truth.json"), json.dumps(truth, indent=2, sort_keys=True) + "\n"
-            )
-        except OSError as error:
-            raise DataError(f"{out}.truth.json: cannot be written: {error.strerror or error}") from None
-    return Crane(link, codec, plant, recorder)
-
-
-def _master_side(
-    stack: contextlib.ExitStack, link: "Link", codec: "Codec", out: Path | None, played: list[float], commands: str | None,
-    automatic: bool, target: str | None, gains: Texts, compensated: bool, synthetic: bool,
-) -> "Master":  # fmt: skip
-    from cosim.live.master import Controller, Master, columns
-    from cosim.live.observer import make_observer
-    from cosim.live.operator import Operator, read_script
-    from cosim.live.pace import PERIOD
-    from cosim.live.recorder import Recorder
-
-    operator = Operator(automatic)
-    if target is not None:
-        operator.obey(f"target {target}")
-    script = [] if commands in (None, "-") else read_script(Path(commands or ""))
-    control = Controller(_gains(gains or []))
-    observer = make_observer()
-    stack.callback(observer.close)
-    return Master(
-        link,
-        codec,
-        observer,
-        operator,
-        None if out is None else Recorder(out, columns(codec), PERIOD),
-        control=control,
-        played=played,
-        script=script,
-        outgoing=_compensator() if compensated else float,
-        synthetic=synthetic,
-    )
-
-
-def _gains(texts: list[str]) -> dict[str, float]:
-    """Parameters of the controller from ``name=value unit``."""
-    from cosim.errors import UsageError
-    from cosim.units import parse_quantity
-    from fmus import registry
-    from fmus.controller import BLOCK
-
-    found, known = {}, BLOCK.parameters
-    for text in texts:
-        name, equals, quantity = (part.strip() for part in text.partition("="))
-        if not equals or name not in known:
-            hint = registry.suggestion(name, list(known))
-            raise UsageError(f"--gain '{text}' should read name=value; {hint}")
-        found[name] = parse_quantity(quantity, known[name].unit)
-        if not known[name].low <= found[name] <= known[name].high:
-            raise UsageError(
-                f"--gain '{text}': from {known[name].low:g} to {known[name].high:g} {known[name].unit}"
-            )
-    return found
-
-
-def _compensator() -> Callable[[float], float]:
-    """(4.9) with its nominal widths, limited to 1."""
-    from fmus import dead_zone
-
-    p = dead_zone.Parameters(*(v.start for v in dead_zone.BLOCK.parameters.values()))._replace(form=3.0)
-    return lambda u: dead_zone.limited(u, p)
-
-
-def _lines(commands: str | None) -> Callable[[], str | None]:
-    """Lines from stdin."""
-    from cosim.live.operator import Lines
-
-    return Lines().take
-
-
-def _run(
-    side: "Master | Crane", link: "Link", duration: float | None, lines: Callable[[], str | None], real_time: bool,
-    as_json: bool,
-) -> dict[str, Any]:  # fmt: skip
-    """Runs one side to its end and returns the account."""
-    import psutil
-
-    from cosim.interrupts import stoppable
-    from cosim.live.master import Master
-    from cosim.live.pace import Pace, priority, steady
-
-    host, port = link.address
-    away = "whoever sends" if link.peer is None else f"{link.peer[0]}:{link.peer[1]}"
-    what = "controller" if isinstance(side, Master) else "crane"
-    asked: list[str] = []
-
-    def ask() -> bool:
-        """The first signal ends the run in order, a second one at once."""
-        asked.append("interrupted")
-        return len(asked) == 1
-
-    memory = psutil.Process().memory_info
-    try:
-        with stoppable(ask), _emergency(side), steady(), priority(real_time), _screen(side, link):
-            console.stderr_console().print(
-                f"{what} at {host}:{port}, peer {away}", markup=False, soft_wrap=True
-            )
-            first = memory().rss
-            if isinstance(side, Master):
-                ended = side.run(Pace(), duration, lambda: asked[0] if asked else None, lines)
-            else:
-                ended = side.run(Pace(), duration, lambda: asked[0] if asked else None)
-            last = memory().rss
-    finally:
-        recorder: Recorder | None = side.recorder
-        if recorder is not None:
-            recorder.close()
-    log = None
-    if recorder is not None:
-        log = {
-            "path": recorder.path,
-            "rows": recorder.rows,
-            "rows_lost": recorder.rows_lost,
-            "error": recorder.error,
-        }
-    return {
-        "role": what,
-        "listen": f"{host}:{port}",
-        "peer": None if link.peer is None else f"{link.peer[0]}:{link.peer[1]}",
-        "ended": ended,
-        **side.facts(),
-        "log": log,
-        "memory": {"unit": "B", "first": first, "last": last},
-    }
-
-
-@contextlib.contextmanager
-def _emergency(side: "Master | Crane") -> Iterator[None]:
-    """SIGUSR1 is an emergency stop of the controller."""
-    from cosim.live.master import Master
-
-    number = getattr(signal, "SIGUSR1", None)
-    if (
-        number is None
-        or not isinstance(side, Master)
-        or threading.current_thread() is not threading.main_thread()
-    ):
-        yield
-        return
-    operator = side.operator
-
-    def struck(_number: int, _frame: object) -> None:
-        operator.stopped = True
-
-    before = signal.signal(number, struck)
-    try:
-        yield
-    finally:
-        signal.signal(number, before)
-
-
-@contextlib.contextmanager
-def _screen(side: "Master | Crane", link: "Link") -> Iterator[None]:
-    """A line a second on a terminal, from a thread: a terminal that is held (Ctrl-S) must not hold the loop."""
-    import os
-    import sys
-
-    if not sys.stderr.isatty():
-        yield
-        return
-    over = threading.Event()
-
-    def show() -> None:
-        while not over.wait(1.0):
-            c = link.counts
-            text = (
-                f"\r{max(side.slot, 0) / 1000:8.1f} s  in {c.received}  lost {c.lost}  late {c.late}  repeated {c.repeated}"
-                f"  bad {c.short + c.long + c.nan + c.beyond}  worst {1e3 * side.lateness.worst:.2f} ms \033[K"
-            )
-            os.write(2, text.encode())
-
-    thread = threading.Thread(target=show, name="screen", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join(0.1)
-        os.write(2, b"\n")
+    asked = Asked(listen=listen, peer=peer, bind=bind, layout=layout, duration=duration, out=out, excitation=excitation,
+                  played=played, amplitude=amplitude, seed=seed, commands=commands, automatic=automatic, target=target,
+                  gain=gain, compensated=compensated, synthetic=synthetic, real_time=real_time, crane=crane, model=model,
+                  effect=effect, settings=settings, noise=noise, start=start, friction=friction)  # fmt: skip
+    _show(run(asked), as_json)
 
 
 def _show(facts: dict[str, Any], as_json: bool) -> None:
@@ -422,7 +120,8 @@ def _show(facts: dict[str, Any], as_json: bool) -> None:
     title = f"{facts['role']}: {facts['slots']} slots of 1 ms"
     always = ("received", "lost", "late")
     rows = [[name.replace("_", " "), n] for name, n in counts.items() if n or name in always]
-    output.print(console.table(title, ["datagrams", "number"], [*rows, ["sent", facts["sent"]]]))
+    output.print(title, markup=False, soft_wrap=True)  # a title would be as narrow as the table
+    output.print(console.table("", ["datagrams", "number"], [*rows, ["sent", facts["sent"]]]))
     figures = ", ".join(f"{name} {1e3 * late[name]:.3f} ms" for name in ("p50", "p99", "p99.9", "worst"))
     output.print(f"ended: {facts['ended']}", markup=False)
     output.print(f"lateness: {figures}; {facts['overrun']} slots overrun", markup=False, soft_wrap=True)

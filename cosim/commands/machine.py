@@ -1,7 +1,7 @@
 """``cosim machine``: the wiring, the values and the package of a machine that one file describes."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -28,34 +28,17 @@ def machine(
 
     The commands that take a log make it by themselves (--mapping FILE).
     """
-    from cosim.logs import load_log
-    from cosim.machines import write_machine
+    from cosim.api import building
 
-    loaded = load_log(log, mapping) if log is not None else None
-    for warning in loaded.warnings if loaded is not None else ():
-        console.warn(warning)
-    made, files = write_machine(mapping, out, loaded)
-    rows: list[list[object]] = []
-    values: dict[str, Any] = {}
-    for name, value in made.numbers.values.items():
-        component, _, parameter = name.partition(".")
-        variable = made.machine.variable(name)
-        unit = made.machine.units.get(variable.unit, variable.unit)
-        stated = name in made.machine.parameters and name not in made.numbers.from_log
-        source = "stated" if stated else "from the log" if name in made.numbers.from_log else "by default"
-        rows.append([component, parameter, f"{value:.4g}", unit, source])
-        values[name] = {"value": value, "unit": unit, "source": source}
+    made = building.machine_model(mapping, out, log)
     if as_json:
-        console.emit_json({"machine": str(mapping), "chain": list(made.machine.chain), "parameters": values,
-                           "diagnose": made.diagnose, "files": [str(f) for f in files]})  # fmt: skip
+        console.emit_json(made)
         return
-    output = console.stdout_console()
-    output.print(
-        console.table(
-            f"{mapping.name}: {' -> '.join(made.machine.chain)}",
-            ["block", "parameter", "value", "unit", ""],
-            rows,
-        )
-    )
-    for file in files:
+    rows = [
+        [*name.split(".", 1), f"{found['value']:.4g}", found["unit"], found["source"]]
+        for name, found in made["parameters"].items()
+    ]
+    output, title = console.stdout_console(), f"{mapping.name}: {' -> '.join(made['chain'])}"
+    output.print(console.table(title, ["block", "parameter", "value", "unit", ""], rows))
+    for file in made["files"]:
         output.print(f"written: {file}", markup=False, soft_wrap=True)

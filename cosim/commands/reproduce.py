@@ -43,36 +43,19 @@ def reproduce(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Every figure and table of chapters 4 and 5 that needs no unpublished log, from synthetic logs, as one page."""
-    from cosim.commands.demo import build_missing
-    from cosim.errors import UsageError
-    from cosim.paths import build_folder
-    from cosim.reproduce.campaign import HIDDEN, Campaign
-    from cosim.reproduce.page import as_data, made, makers, need_extra, write
-    from cosim.rig import Hidden
+    from cosim.reproduce.run import reproduced
 
-    need_extra()
-    if hide and "none" in hide and len(hide) > 1:
-        raise UsageError("--hide none stands alone: with it the rig carries nothing")
-    hidden = HIDDEN if not hide else () if hide == ["none"] else tuple(hide)
-    for text in hidden:
-        Hidden.parse(text)  # a misspelt name is said before the work begins
-    campaign, wanted = Campaign(hidden, seed, full), only or []
-    count = len(makers(campaign, wanted))
-    build_missing(build_folder())
-    with console.progress("figures and tables", count) as advance:
-        items = list(made(campaign, wanted, lambda done, _: advance(done)))
-    files = write(campaign, items, out or build_folder() / "reproduce")
+    found = reproduced(out, hide, only or (), seed, full)
     if as_json:
-        console.emit_json(
-            as_data(campaign, items) | {"files": {name: str(path) for name, path in files.items()}}
-        )
+        console.emit_json(found.data | {"files": {name: str(path) for name, path in found.files.items()}})
         return
     output = console.stdout_console()
     output.print(
         "from synthetic logs: “measured” is the virtual rig, the source's logs are not published",
         markup=False,
+        soft_wrap=True,
     )
-    for item in items:
+    for item in found.items:
         output.print(f"{item.source}, {item.title}: {item.verdict}", markup=False, soft_wrap=True)
-    for path in files.values():
+    for path in found.files.values():
         output.print(f"written: {path}", markup=False, soft_wrap=True)

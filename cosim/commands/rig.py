@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from cosim.rig import Noise, Recipe, RigRun
+    from cosim.rig import RigRun
 
 
 Text = str | None
@@ -96,80 +96,14 @@ def rig(
     if effects:
         _list_effects(json)
         return
-    from cosim.rig import Recipe
-    from cosim.rig.hidden import parse_setting
-    from cosim.units import parse_quantity
+    from cosim.api.rigging import Asked, make_files
 
-    recipe = Recipe(
-        excitation,
-        _length(duration, excitation, played),
-        hide or [],
-        dict(parse_setting(text) for text in settings or []),
-        _noise(noise, noise_kind, noise_time, noise_size or []),
-        seed=seed,
-        amplitude=amplitude,
-        start=None if start is None else parse_quantity(start, "rad"),
-        friction=friction,
-        model=model,
-        observer=observer,
-        tracker=tracker is not None,
-        command_file=played,
-        markers=markers is not None,
-        card=card,
-    )
-    _write(recipe, out, tracker, markers, json)
-
-
-def _write(recipe: "Recipe", out: Path, tracker: Path | None, markers: Path | None, json: bool) -> None:
-    """Make the log and write its files, after a check that they can be written."""
-    from cosim.errors import UsageError
-    from cosim.rig import make
-    from cosim.rig.write import check_suffix, write, write_markers, write_tracker, write_truth
-
-    for path in filter(None, (out, tracker, markers)):
-        check_suffix(path)
-    if tracker is not None and tracker.resolve() == out.resolve():
-        raise UsageError(f"log and tracker record would both be written to {out}: give two names")
-    if markers is not None and markers.resolve() in [p.resolve() for p in (out, tracker) if p is not None]:
-        raise UsageError(f"the marker positions would be written over {markers}: give another name")
-    run = make(recipe)
-    write(run, out)
-    if tracker is not None:
-        write_tracker(run, tracker)
-    models = None if markers is None else write_markers(run, markers)
-    _report(run, out, write_truth(run, out), [tracker, markers, models], json)
-
-
-def _length(text: str | None, excitation: str, played: Path | None) -> float:
-    """Duration [s]: as told, else a played file's own length, else a minute."""
-    from cosim.units import parse_quantity
-
-    if text is not None:
-        return parse_quantity(text, "s")
-    if excitation != "file" or played is None:
-        return 60.0
-    from cosim.rig.excitation import read_command
-
-    stamps, _ = read_command(played)
-    return max(2, round(float(stamps[-1]) / 1e-3)) * 1e-3
-
-
-def _noise(scale: float, kind: str, time: str, sizes: list[str]) -> "Noise":
-    """The noise the options describe."""
-    from cosim.errors import UsageError
-    from cosim.rig import Noise
-    from cosim.rig.noise import SIZES, UNITS
-    from cosim.units import parse_quantity
-
-    chosen = {}
-    for text in sizes:
-        signal, equals, quantity = text.partition("=")
-        if not equals or signal.strip() not in SIZES:
-            raise UsageError(
-                f"--noise-size '{text}' should read signal=size, with a signal of {', '.join(SIZES)}"
-            )
-        chosen[signal.strip()] = parse_quantity(quantity, UNITS[signal.strip()])
-    return Noise(scale, kind, parse_quantity(time, "s"), chosen)
+    asked = Asked(excitation=excitation, played=played, duration=duration, amplitude=amplitude, seed=seed, start=start,
+                  hide=hide or [], settings=settings or [], model=model, friction=friction, noise=noise,
+                  noise_kind=noise_kind, noise_time=noise_time, noise_size=noise_size or [], observer=observer,
+                  card=card)  # fmt: skip
+    run, truth, models = make_files(asked, out, tracker, markers)
+    _report(run, out, truth, [tracker, markers, models], json)
 
 
 def _report(run: "RigRun", out: Path, truth: Path, others: list[Path | None], json: bool) -> None:
@@ -191,16 +125,18 @@ def _report(run: "RigRun", out: Path, truth: Path, others: list[Path | None], js
         found |= {name: str(path) for name, path in zip(keys, others, strict=True) if path is not None}
         emit_json(found)
     for note in run.notes:
-        stderr_console().print(f"note: {note}", markup=False)
+        stderr_console().print(f"note: {note}", markup=False, soft_wrap=True)
     if json:
         return
     console = stdout_console()
     names = ", ".join(known_as(effect["effect"]) for effect in run.truth["hidden"]) or "nothing"
-    console.print(f"synthetic log, {run.time[-1]:g} s, hidden in it: {names}", markup=False)
+    console.print(f"synthetic log, {run.time[-1]:g} s, hidden in it: {names}", markup=False, soft_wrap=True)
     if run.markers is not None:
         step = run.truth["markers"]["seam"]["value"] * 180.0 / math.pi
         console.print(
-            f"marker models: a seam of {step:.4f} deg; {run.markers.stitched.summary()}", markup=False
+            f"marker models: a seam of {step:.4f} deg; {run.markers.stitched.summary()}",
+            markup=False,
+            soft_wrap=True,
         )
     for path in filter(None, (out, *others, truth)):
         console.print(f"  {path}", markup=False, soft_wrap=True)
@@ -214,22 +150,18 @@ def _report(run: "RigRun", out: Path, truth: Path, others: list[Path | None], js
 
 def _list_effects(json: bool) -> None:
     """Print every effect with its parameters: off value, moderate size, range, meaning."""
+    from cosim.api.rigging import effects_listed
     from cosim.console import emit_json, stdout_console
-    from cosim.rig import EFFECTS, PARAMETERS
-    from cosim.rig.parameters import nominal_value
 
-    rows = []
-    for effect, item in EFFECTS.items():
-        for name, moderate in item.moderate.items():
-            unit, low, high = PARAMETERS[name].unit, PARAMETERS[name].low, PARAMETERS[name].high
-            rows.append({"effect": effect, "parameter": name.split(".")[1], "unit": unit, "off": nominal_value(name),
-                         "moderate": moderate, "low": low, "high": high, "meaning": PARAMETERS[name].text})  # fmt: skip
+    rows = effects_listed()
     if json:
         emit_json({"effects": rows})
         return
     console, last = stdout_console(), ""
     console.print(
-        "Effects: parameter, off -> moderate size, allowed range, meaning. All in SI units.", markup=False
+        "Effects: parameter, off -> moderate size, allowed range, meaning. All in SI units.",
+        markup=False,
+        soft_wrap=True,
     )
     for row in rows:
         if row["effect"] != last:

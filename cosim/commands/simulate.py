@@ -108,7 +108,7 @@ def simulate(
     from cosim.results import check_suffix
 
     if out is not None:
-        check_suffix(out)
+        check_suffix(out, [Path(model), *([played] if played is not None else [])])
     with _leaving(out, si, as_json):
         result = api.simulate(
             model,
@@ -184,11 +184,13 @@ def _leaving(out: Path | None, si: bool, as_json: bool) -> "Iterator[None]":
 
 
 def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
+    from cosim.api.simulating import tracking
+
     about = result.about(si)
-    follows = _tracking(result)
+    follows = tracking(result)
     if as_json:
-        tracking = {} if follows is None else {"tracking": follows}
-        console.emit_json({**about, **tracking, "path": out})
+        told = {} if follows is None else {"tracking": follows}
+        console.emit_json({**about, **told, "path": out})
         return
     output = console.stdout_console()
     rows = [{"signal": name, **_without_rests(row)} for name, row in about["signals"].items()]
@@ -218,12 +220,3 @@ def _without_rests(row: dict[str, Any]) -> dict[str, Any]:
     numbers = {key: value for key, value in row.items() if isinstance(value, float)}
     rest = ROUNDING * max(map(abs, numbers.values()), default=0.0)
     return row | {key: 0.0 for key, value in numbers.items() if abs(value) < rest}
-
-
-def _tracking(result: "Result") -> dict[str, float] | None:
-    """How a position loop follows its reference; None for any other model."""
-    if "reference.reference" not in result.signals:
-        return None
-    from cosim.closed_loop import tracking
-
-    return tracking(result)

@@ -1,14 +1,11 @@
 """``cosim validate``: check an FMU or a system package against its standard."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from cosim import console
-
-if TYPE_CHECKING:
-    from cosim.ssp import Problem
 
 _BAD_FILE = 3
 
@@ -26,7 +23,9 @@ def validate(
 
     Exit code 0: no errors (there may be warnings); 3: a file breaks its standard or cannot be run here.
     """
-    found = {str(file): _problems(file) for file in files}
+    from cosim.api import building
+
+    found = building.validate(files)
     bad = any(problem.severity == "error" for problems in found.values() for problem in problems)
     if as_json:
         console.emit_json({"valid": not bad, "files": found})
@@ -39,13 +38,3 @@ def validate(
                 output.print(f"  {problem}", markup=False, soft_wrap=True)
     if bad:
         raise typer.Exit(_BAD_FILE)
-
-
-def _problems(file: Path) -> "list[Problem]":
-    from cosim.errors import UsageError
-    from cosim.ssp import check_fmu, check_ssp, check_ssv
-
-    checks = {".ssp": check_ssp, ".fmu": check_fmu, ".ssv": check_ssv}
-    if file.suffix.lower() not in checks:
-        raise UsageError(f"{file}: only {', '.join(checks)} files can be checked")
-    return checks[file.suffix.lower()](file)

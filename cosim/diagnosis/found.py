@@ -65,7 +65,8 @@ class Diagnosis:
         start: the start angle.
         before, after: signals of the nominal and the extended model's FMUs on the log's command.
         gains: signal -> error on held-out windows.
-        packages: files of the extended model.
+        drafts: files of the extended model as they were made, which do not say yet what they rest on.
+        packages: the same where they lie, complete.
         tracker: what the external tracker says, if there was one.
         held: the part of the log, or the other log, on which gains are measured; None for every third window.
         held_before, held_after: as before, after, over the held-out log.
@@ -100,6 +101,7 @@ class Diagnosis:
     before: dict[str, Array] = field(default_factory=dict)
     after: dict[str, Array] = field(default_factory=dict)
     gains: dict[str, Gain] = field(default_factory=dict)
+    drafts: dict[str, Path] = field(default_factory=dict)
     packages: dict[str, Path] = field(default_factory=dict)
     tracker: TrackerFinding | None = None
     held: Held | None = None

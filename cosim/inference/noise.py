@@ -6,7 +6,7 @@ samples are missing (Foreman-Mackey, Agol, Ambikasaran, Angus: Fast and scalable
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numba
 import numpy as np
@@ -16,6 +16,8 @@ from cosim.inference.thresholds import COMPUTED, NEGLIGIBLE, OWN_NOISE, STILL
 
 Array = NDArray[np.float64]
 RATIO = 3.0  # between neighbouring correlation times
+FACTORS_KEPT = 4  # sets of places whose factor is kept
+LARGEST_KEPT = 1_000_000  # numbers in a factor that is kept: 8 MB
 LEAST_WHITE = 1e-9  # share of the variance that is white at least: keeps the covariance well conditioned
 
 
@@ -59,18 +61,37 @@ class Noise:
         kept = np.diag(parts) > NEGLIGIBLE * (self.white + parts.sum(axis=0))
         return rates[kept], np.array(self.sizes)[kept]
 
-    def whiten(self, rows: Array, places: NDArray[np.int64]) -> Array:
+    def whiten(self, rows: Array, places: NDArray[np.int64] | None = None) -> Array:
         """Rows (m, n) in the signal's unit as rows whose noise is independent and of unit size.
 
         Args:
             rows: values at `places`.
-            places: (n,) sample numbers, increasing; gaps are allowed.
+            places: (n,) sample numbers, increasing; gaps are allowed. None where there are none.
         """
+        places = every(rows.shape[1]) if places is None else places
+        own = np.ascontiguousarray(rows, dtype=np.float64)
+        known = self._factors.get(id(places))
+        if known is not None and known[0] is places:
+            return _whiten(own, *known[1], *self._correlated)
         total = self.white + sum(self.sizes)
-        rates, sizes = self._correlated
         gaps = np.diff(places, prepend=places[:1]).astype(np.float64)
-        white = max(self.white, LEAST_WHITE * total)
-        return _whiten(np.ascontiguousarray(rows, dtype=np.float64), gaps, white, rates, sizes)
+        factor = gaps, *_factored(gaps, max(self.white, LEAST_WHITE * total), *self._correlated)
+        if factor[1].size <= LARGEST_KEPT:
+            if len(self._factors) >= FACTORS_KEPT:
+                self._factors.clear()
+            self._factors[id(places)] = places, factor
+        return _whiten(own, *factor, *self._correlated)
+
+    @cached_property
+    def _factors(self) -> dict[int, tuple[NDArray[np.int64], tuple[Array, Array, Array]]]:
+        """Factors of the covariance at the places seen last: a fit whitens at the same ones again and again."""
+        return {}
+
+
+@lru_cache(maxsize=32)
+def every(count: int) -> NDArray[np.int64]:
+    """(count,) numbers of samples without gaps, the same array each time."""
+    return np.arange(count)
 
 
 def quietest(signal: Array) -> float:
@@ -99,14 +120,12 @@ def correlation_times(count: int) -> tuple[float, ...]:
 
 
 @numba.njit(cache=True)
-def _whiten(rows: Array, gaps: Array, white: float, rates: Array, sizes: Array) -> Array:
-    """Solve L z = rows with L L' the covariance, one sample after the other."""
-    m, n = rows.shape
-    j = rates.size
-    result = np.empty_like(rows)
+def _factored(gaps: Array, white: float, rates: Array, sizes: Array) -> tuple[Array, Array]:
+    """The factor L with L L' the covariance: weights (n, j) of its parts, and roots (n,) of its diagonal."""
+    n, j = gaps.size, rates.size
+    weights, roots = np.empty((n, j)), np.empty(n)
     s = np.zeros((j, j))
     w = np.zeros(j)
-    f = np.zeros((m, j))
     phi = np.exp(-rates)
     own = np.ones(j)
     variance = white + sizes.sum()
@@ -120,11 +139,6 @@ def _whiten(rows: Array, gaps: Array, white: float, rates: Array, sizes: Array) 
             for a in range(j):
                 for b in range(j):
                     s[a, b] = phi[a] * phi[b] * (s[a, b] + d * w[a] * w[b])
-            root = np.sqrt(d)
-            for i in range(m):
-                z = result[i, k - 1] * root
-                for a in range(j):
-                    f[i, a] = phi[a] * (f[i, a] + w[a] * z)
         d = variance
         for a in range(j):
             own[a] = 1.0
@@ -134,10 +148,30 @@ def _whiten(rows: Array, gaps: Array, white: float, rates: Array, sizes: Array) 
             d -= sizes[a] * (1.0 - own[a])
         for a in range(j):
             w[a] = own[a] / d
-        root = np.sqrt(d)
-        for i in range(m):
+        weights[k], roots[k] = w, np.sqrt(d)
+    return weights, roots
+
+
+@numba.njit(cache=True)
+def _whiten(rows: Array, gaps: Array, weights: Array, roots: Array, rates: Array, sizes: Array) -> Array:
+    """Solve L z = rows, one sample after the other."""
+    m, n = rows.shape
+    j = sizes.size
+    result = np.empty_like(rows)
+    for i in range(m):
+        f = np.zeros(j)
+        phi = np.exp(-rates)
+        last_gap = 1.0
+        for k in range(n):
+            if k > 0:
+                if gaps[k] != last_gap:
+                    phi = np.exp(-rates * gaps[k])
+                    last_gap = gaps[k]
+                z = result[i, k - 1] * roots[k - 1]
+                for a in range(j):
+                    f[a] = phi[a] * (f[a] + weights[k - 1, a] * z)
             z = rows[i, k]
             for a in range(j):
-                z -= sizes[a] * f[i, a]
-            result[i, k] = z / root
+                z -= sizes[a] * f[a]
+            result[i, k] = z / roots[k]
     return result

@@ -131,7 +131,7 @@ class Problem:
         parts = []
         for name in self.names:
             rows = np.atleast_2d(series[name])
-            parts.append(self.noise[name].whiten(rows, np.arange(rows.shape[1])))
+            parts.append(self.noise[name].whiten(rows))
         return np.concatenate(parts, axis=1)
 
     def _project(self) -> tuple[Array, Array, Array]:

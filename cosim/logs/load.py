@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ColumnsError, DataError
+from cosim.files import why_no_file
 from cosim.logs.channels import MdfSource, TdmsSource
 from cosim.logs.choose import Pick, choose, choose_mapped, remedy
 from cosim.logs.jumps import describe, jumps, stepping
@@ -15,6 +16,7 @@ from cosim.logs.log import Gap, Log, Tracker
 from cosim.logs.mapping import Mapping, load_mapping
 from cosim.logs.markers import holds_markers, tracker_of_markers
 from cosim.logs.mat import MatSource
+from cosim.logs.packed import PACKED, ZIP, PackedText, Workbook
 from cosim.logs.parquet import ParquetSource
 from cosim.logs.repair import TimeRepair, fill, sampling
 from cosim.logs.source import Array, Source, digest
@@ -30,9 +32,11 @@ _BINARY: dict[str, Callable[[Path], Source]] = {
     ".mdf": MdfSource,
     ".tdms": TdmsSource,
 }
+_BOOK = ".xlsx"
 OTHER_KINDS = {
-    (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z"): "unpack it first",
-    (".xlsx", ".xls", ".xlsm", ".ods"): "save its sheet as CSV",
+    (".7z", ".rar", ".tar", ".tgz"): "unpack it first",
+    (*PACKED,): "a compressed text file is called so, such as log.csv.gz; unpack any other first",
+    (".xls", ".xlsm", ".xlsb", ".ods"): "save it as .xlsx, or its sheet as CSV",
     (
         ".json",
         ".npz",
@@ -50,8 +54,20 @@ OTHER_KINDS = {
     ): "write the messages of its topics as CSV, a row for each sample and a column of time",
     (".blf", ".asc", ".trc"): "decode its CAN messages with their database (.dbc) into MDF4 or CSV",
 }  # what people have that is not read -> what makes a log of it
-SUFFIXES: tuple[str, ...] = (*_TEXT, *_BINARY)
-"""File types that can be loaded."""
+SUFFIXES: tuple[str, ...] = (*_TEXT, *_BINARY, _BOOK)
+"""File types that can be loaded, besides text files that are compressed."""
+ENDINGS = (*(text + packed for text in _TEXT for packed in PACKED), *SUFFIXES)
+"""What the name of a log ends in, the longer before the shorter."""
+
+
+def ending(name: str) -> str | None:
+    """What a file's name ends in if it is that of a log, such as ``.csv.gz``; None of any other."""
+    return next((known for known in ENDINGS if name.lower().endswith(known)), None)
+
+
+def stem(path: Path) -> str:
+    """A file's name without what a log's name ends in."""
+    return path.name[: len(path.name) - len(ending(path.name) or path.suffix)]
 
 
 def load_log(
@@ -60,12 +76,12 @@ def load_log(
     """Loads a log.
 
     Args:
-        path: CSV (.csv, .txt, .tsv, .dat), .mat, .parquet, .mf4 or .tdms file.
+        path: CSV (.csv, .txt, .tsv, .dat; also compressed, .csv.gz), .mat, .parquet, .mf4, .tdms or .xlsx file.
         mapping: mapping or its file, for a file whose columns have other names; only what it names is read.
         select: load only these signals.
 
     Returns:
-        The signals in SI on a strictly increasing time; what was mended is in `Log.warnings`.
+        The signals in SI on a strictly increasing time; what was repaired is in `Log.warnings`.
 
     Raises:
         DataError: the file or mapping is bad beyond mending; the message names file, row and column.
@@ -148,20 +164,31 @@ class _Raw:
     warnings: list[str]
 
 
-def open_source(path: Path, mapping: Mapping | None = None) -> Source:
+def open_source(path: Path, mapping: Mapping | None = None, header: bool = True) -> Source:
     """Opens a file of measured data by its suffix, without reading its columns.
+
+    Args:
+        path: the file.
+        mapping: says how a text file is written, where the file itself does not tell.
+        header: False for a table of text that starts with data.
 
     Raises:
         DataError: it is missing, of an unknown type, or damaged.
         MissingExtraError: its type needs an optional dependency.
     """
     if not path.is_file():
-        raise DataError(f"{path}: {'this is a folder' if path.is_dir() else 'there is no such file'}")
+        raise DataError(f"{path}: {why_no_file(path)}")
     suffix = path.suffix.lower()
     try:
+        options = mapping.file.model_dump() if mapping else {}
+        sheet = options.pop("sheet", None)
+        options |= {} if header else {"header": False}
+        if suffix == _BOOK:
+            return Workbook(path, sheet, **options)
         if suffix in _TEXT:
-            options = mapping.file.model_dump() if mapping else {}
             return TextSource(path, **options)
+        if suffix == ZIP or (suffix in PACKED and ending(path.name)):
+            return PackedText(path, _TEXT, **options)
         if suffix in _BINARY:
             return _BINARY[suffix](path)
     except OSError as error:

@@ -54,12 +54,14 @@ class FileFormat(_Strict):
         decimal: decimal sign; by default found in the cells.
         header: False where the file starts with data; its columns are then 1, 2, ...
         encoding: of the header, such as ``cp949``; by default UTF-8, or Windows-1252 where it is none.
+        sheet: of a workbook (.xlsx); by default the first that has a value.
     """
 
     separator: Literal[",", ";", "\t", "|", " "] | None = None
     decimal: Literal[".", ","] | None = None
     header: bool = True
     encoding: str | None = None
+    sheet: Heading | None = None
 
     @field_validator("encoding")
     @classmethod

@@ -30,6 +30,8 @@ _UNITS = ("units", "unit")
 _DEPTH = 6
 _DATA_SET = "Simulink.SimulationData."
 _IDDATA = "iddata"
+_AS_V7 = "; or save it in MATLAB by save(..., '-v7')"
+_AS_VECTORS = "; or save time and data as vectors in MATLAB"
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def _logged(path: Path) -> list[_Entry]:
         if not has_streams(path):
             return []
     except ImportError:
-        raise MissingExtraError(f"{path}: a MATLAB file of version 7.3", "mat") from None
+        raise MissingExtraError(f"{path}: a MATLAB file of version 7.3", "mat", _AS_V7) from None
     return [_Entry(parse_label(s.name, s.unit), s.values, s.stamps) for s in read_streams(path)]
 
 
@@ -106,9 +108,9 @@ def _variables(path: Path) -> Mapping[str, Any]:
     try:
         content = dict(loadmat(str(path)))
     except NotImplementedError:
-        raise MissingExtraError(f"{path}: a MATLAB file of version 7.3", "mat") from None
+        raise MissingExtraError(f"{path}: a MATLAB file of version 7.3", "mat", _AS_V7) from None
     if any(type(value).__name__ == "MatlabOpaque" for value in _values(content)):
-        raise MissingExtraError(f"{path}: a timeseries or table in it", "mat")
+        raise MissingExtraError(f"{path}: a timeseries or table in it", "mat", _AS_VECTORS)
     return content
 
 

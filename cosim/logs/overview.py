@@ -18,7 +18,6 @@ from cosim.logs.load import open_source
 from cosim.logs.mapping import Mapping
 from cosim.logs.repair import wide_intervals
 from cosim.logs.source import Label, Source
-from cosim.logs.text import TextSource
 from cosim.signals import check_spelling, conversion
 from cosim.units import parse_unit
 
@@ -224,7 +223,7 @@ def overview(path: Path, mapping: Mapping | None = None) -> Overview:
     try:
         source = open_source(path, mapping)
     except HeadlessError:
-        source, header = TextSource(path, header=False), False
+        source, header = open_source(path, header=False), False
     columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
     clock, interval = _clock(source, columns), _interval(source.constants)
     return Overview(path, columns, clock, tuple(source.warnings), header, interval)

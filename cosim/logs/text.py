@@ -66,6 +66,7 @@ class TextSource(Source):
         decimal: decimal sign; by default a point, or a comma where the cells show one.
         header: False for a file that starts with data; its columns are then named ``1``, ``2``, ...
         encoding: of the header; by default UTF-8, or Windows-1252 where it is none.
+        text: where the text lies, if it was unpacked; messages name `path`.
 
     Raises:
         DataError: the file is empty, is no text, or has no data rows.
@@ -80,11 +81,13 @@ class TextSource(Source):
         decimal: str | None = None,
         header: bool = True,
         encoding: str | None = None,
+        text: Path | None = None,
     ) -> None:
-        self._survey = survey(path, encoding)
+        self._text = path if text is None else text
+        self._survey = survey(self._text, encoding, path)
         first = self._survey.first_line
         above = None
-        head = head_text(path, self._survey, encoding)
+        head = head_text(self._text, self._survey, encoding)
         remarks, data = _remarks(head)
         if not header and remarks:
             first = data
@@ -406,7 +409,7 @@ class TextSource(Source):
     def _whole(self) -> bytes:
         """The table with one tab for each run of blanks."""
         if self._squeezed is None:
-            self._squeezed = blanks.squeezed(self.path, self._survey.start, self._end)
+            self._squeezed = blanks.squeezed(self._text, self._survey.start, self._end)
         return self._squeezed
 
     @contextlib.contextmanager
@@ -415,13 +418,13 @@ class TextSource(Source):
         if self._separator == blanks.BLANK:
             yield pa.BufferReader(self._whole())
             return
-        with pa.OSFile(str(self.path)) as file:
+        with pa.OSFile(str(self._text)) as file:
             yield file.get_stream(self._survey.start, self._end - self._survey.start)
 
     def _window(self) -> io.BytesIO | io.BufferedReader:
         if self._separator == blanks.BLANK:
             return io.BytesIO(self._whole())
-        return io.BufferedReader(Window(self.path, self._survey.start, self._end), _BLOCK)
+        return io.BufferedReader(Window(self._text, self._survey.start, self._end), _BLOCK)
 
 
 def _remarks(head: str) -> tuple[int, str]:

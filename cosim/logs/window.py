@@ -41,25 +41,27 @@ class Survey:
         return dataclasses.replace(self, end=self.last_start, lines=self.lines - 1, ends_cleanly=True)
 
 
-def survey(path: Path, encoding: str | None = None) -> Survey:
+def survey(path: Path, encoding: str | None = None, shown: Path | None = None) -> Survey:
     """Looks at a text file's size, first and last line, and counts its lines.
 
     Args:
         path: the file.
         encoding: of its text; by default UTF-8, or Windows-1252 where it is none.
+        shown: the file that messages name; by default `path`.
 
     Raises:
         DataError: the file is empty or is no text.
     """
+    shown = path if shown is None else shown
     with path.open("rb") as file:
         head = file.read(_LONGEST_LINE)
         if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            raise DataError(f"{path}: the text is in UTF-16: save it as UTF-8")
+            raise DataError(f"{shown}: the text is in UTF-16: save it as UTF-8")
         start = len(codecs.BOM_UTF8) if head.startswith(codecs.BOM_UTF8) else 0
         if not head[start:].strip():
-            raise DataError(f"{path}: the file is empty")
+            raise DataError(f"{shown}: the file is empty")
         if b"\0" in head:
-            raise DataError(f"{path}: this is no text file, but its name ends in '{path.suffix}'")
+            raise DataError(f"{shown}: this is no text file, but its name ends in '{shown.suffix}'")
         file.seek(0)
         feeds = returns = 0
         while block := file.read(_BLOCK):
@@ -70,7 +72,7 @@ def survey(path: Path, encoding: str | None = None) -> Survey:
         file.seek(tail_start)
         tail = file.read()
     line_end = b"\n" if feeds else b"\r"
-    blank, first = _first_line(head[start:], line_end, path, encoding)
+    blank, first = _first_line(head[start:], line_end, shown, encoding)
     clean = tail.endswith(line_end)
     body = tail.rstrip(b"\r\n") if not clean else tail[:-1]
     cut = body.rfind(line_end) + 1

@@ -90,32 +90,45 @@ def left(fmu: Fmu) -> None:
 
 
 def give_up() -> None:
-    """Give up the code of modules of ours that wait longest; one of which an instance is left waits anew.
+    """Where too many modules of ours wait, give up the code of those that wait longest, down to half as many.
 
-    Another client of this process may hold it, or nobody has collected it yet.
+    One of which an instance is left waits anew: another client of this process may hold it, or nobody has collected it yet.
+    To look for instances takes a look at all objects of the process: once for all these modules.
     """
-    for name in list(_idle)[: max(0, len(_idle) - MOST_IDLE)]:
+    if len(_idle) <= MOST_IDLE:
+        return
+    loaded = {name: sys.modules.get(name) for name in list(_idle)[: len(_idle) - MOST_IDLE // 2]}
+    made = {name: _classes(module) for name, module in loaded.items() if module is not None}
+    every = tuple(cls for classes in made.values() for cls in classes)
+    instances = [o for o in gc.get_referrers(*every) if isinstance(o, every)]
+    for name, module in loaded.items():
         del _idle[name]
-        module = sys.modules.get(name)
-        if module is None or _emptied(module):
-            sys.modules.pop(name, None)
-            _modules.pop(name, None)
-        else:
-            _idle[name] = None
+        if module is not None:
+            if any(isinstance(o, made[name]) for o in instances):
+                _idle[name] = None
+                continue
+            _empty(module, made[name])
+        sys.modules.pop(name, None)
+        _modules.pop(name, None)
 
 
-def _emptied(module: ModuleType) -> bool:
-    """Whether all that a module made could be given up; what it imports stays, for what it does at exit."""
-    own = {n: v for n, v in vars(module).items() if not (n.startswith("__") or isinstance(v, ModuleType))}
-    classes = tuple(v for v in own.values() if isinstance(v, type) and v.__module__ == module.__name__)
-    if any(isinstance(o, classes) for o in gc.get_referrers(*classes)):
-        return False
+def _own(module: ModuleType) -> dict[str, object]:
+    """What a module made or took by name; the modules that it imports stay, for what it does at exit."""
+    return {n: v for n, v in vars(module).items() if not (n.startswith("__") or isinstance(v, ModuleType))}
+
+
+def _classes(module: ModuleType) -> tuple[type, ...]:
+    """The classes that a module made."""
+    return tuple(v for v in _own(module).values() if isinstance(v, type) and v.__module__ == module.__name__)
+
+
+def _empty(module: ModuleType, classes: tuple[type, ...]) -> None:
+    """Give up all that a module made."""
     for made in classes:
         for name in vars(made).keys() - {"__dict__", "__weakref__", "__module__", "__doc__"}:
             delattr(made, name)
-    for name in own:
+    for name in _own(module):
         delattr(module, name)
-    return True
 
 
 def search_path() -> list[str]:

@@ -24,7 +24,7 @@ from cosim.diagnosis.pipeline.stretch import by_twin
 from cosim.diagnosis.progress import ShownProgress
 from cosim.diagnosis.watch import Watch
 from cosim.errors import UsageError
-from cosim.files import write_text
+from cosim.files import Scratch, write_text
 from cosim.interrupts import stoppable
 from cosim.lexicon import speaking
 from cosim.logs import Log, Tracker, listed
@@ -84,8 +84,11 @@ def diagnose_into(
     if verbose:
         announce(logs, tracker, machine)
     make_folder(folder)
-    earlier = Earlier(folder)
+    read = [one.source for one in (*logs, *(listed(held_out) if held_out is not None else ()))]
+    read += [tracker.source] if tracker is not None else []
+    earlier = Earlier(folder, inputs=read)
     with (
+        Scratch("extended_") as made,
         threadpool_limits(1),
         speaking(machine.lexicon),
         stoppable(allowed.end),
@@ -99,7 +102,7 @@ def diagnose_into(
                 held_out=held_out,
                 tolerance=tolerance,
                 calibrate=calibrate,
-                folder=folder,
+                folder=Path(made),
                 watch=watch,
                 budget=allowed,
             )
@@ -137,6 +140,7 @@ def delivered(found: Diagnosis, log: Log | Sequence[Log], folder: Path, watch: W
     """
     watch = watch or Watch()
     try:
+        handed_over(found, log, folder)  # before the answer, which names them
         found.stage = "next experiment"
         said(found, log, folder, None)  # the answer first: what follows may fail, or be ended from outside
         watch.stage("next", found.stage)
@@ -178,11 +182,31 @@ def full_command(found: Diagnosis) -> float:
     return 1.0 if drive == "u" else float(np.max(np.abs(found.record.signals[drive])))
 
 
-def said(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: Proposal | None) -> Answer:
-    """Write the answer."""
-    if not found.before:  # the FMUs were not run: errors of the nominal model by the twin
+def handed_over(found: Diagnosis, log: Log | Sequence[Log], folder: Path) -> None:
+    """Put the extended packages into a folder, once and complete: nothing that has its name is written again."""
+    make_folder(folder)  # which may have been deleted while all was computed
+    drafts, found.drafts = found.drafts, {}
+    if not drafts:
+        return
+    by_the_twin(found)
+    found.packages = {name: folder / made.name for name, made in drafts.items()}
+    with part(found.notes, "the extended package"):
+        targets = {made: found.packages[name] for name, made in drafts.items()}
+        credited(targets, answer(found, log, None))
+        return
+    found.packages = {}
+
+
+def by_the_twin(found: Diagnosis) -> None:
+    """Errors of the nominal model by the twin where the FMUs were not run."""
+    if not found.before:
         with part(found.notes, "the nominal model's run"):
             found.before = by_twin(found, found.record, found.machine.base)
+
+
+def said(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: Proposal | None) -> Answer:
+    """Write the answer."""
+    by_the_twin(found)
     result = answer(found, log, proposal)
     if not found.stage:
         with part(found.notes, "the static drive curve"):
@@ -205,8 +229,6 @@ def written(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: 
             warn(
                 "no report.html: install the extra 'report' (plotly, jinja2), then run 'cosim report' on the folder"
             )
-    with part(found.notes, "what the packages say of themselves"):
-        credited(found.packages.values(), result)
     for note in found.notes:
         warn(note)
     return said(found, log, folder, proposal) if len(found.notes) > known else result
@@ -215,6 +237,7 @@ def written(found: Diagnosis, log: Log | Sequence[Log], folder: Path, proposal: 
 def leave(found: Diagnosis, log: Log | Sequence[Log], folder: Path) -> None:
     """Write what an interrupted diagnosis has found; the comparison, if it was not reached, by the compiled twin."""
     warn(f"interrupted ({found.stage}): writing what was found until then; once more Ctrl-C leaves without")
+    handed_over(found, log, folder)
     written(found, log, folder, None)
     judged = ", ".join(found.findings) or "no block"
     warn(f"{folder} holds what was found: {judged} judged; run it again for the rest")

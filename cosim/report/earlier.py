@@ -1,9 +1,11 @@
 """Results of an earlier run in the folder of a new one: said, and never left among the new ones."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from cosim.console import warn
+from cosim.files import keep_inputs
 
 FILES = (
     "diagnosis.json",
@@ -39,11 +41,25 @@ class Earlier:
         folder: of the results.
         files: what such a run writes.
         what: such a run, in a word.
+        inputs: what this run reads. Logs are never written over; a parameter set may be, and is not deleted.
+
+    Raises:
+        UsageError: a log lies there under the name of a result.
     """
 
-    def __init__(self, folder: Path, files: Sequence[str] = FILES, what: str = "diagnosis") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        files: Sequence[str] = FILES,
+        what: str = "diagnosis",
+        inputs: Sequence[Path] = (),
+    ) -> None:
+        sets = {os.path.realpath(path) for path in inputs if path.suffix == ".ssv"}
+        keep_inputs((folder / name for name in files), (path for path in inputs if path.suffix != ".ssv"))
         self._stamps = {
-            path: path.stat().st_mtime_ns for path in (folder / name for name in files) if path.is_file()
+            path: path.stat().st_mtime_ns
+            for path in (folder / name for name in files)
+            if path.is_file() and os.path.realpath(path) not in sets
         }
         if self._stamps:
             warn(f"{folder} holds an earlier {what} ({len(self._stamps)} files): its files are replaced")

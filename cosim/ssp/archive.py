@@ -1,5 +1,6 @@
 """Archives from strangers: an .ssp or .fmu is unpacked only when no entry can leave its folder or fill the disk."""
 
+import errno
 import io
 import os
 import re
@@ -8,9 +9,11 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from cosim.errors import ModelError
+from cosim.errors import ModelError, UsageError
 from cosim.files import Scratch
 from cosim.paths import unsafe_characters
+
+FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 LARGEST = 4 << 30  # bytes, unpacked: far above any FMU met in practice
 SUSPICIOUS_SIZE = 64 << 20  # below this size any ratio is harmless
@@ -66,7 +69,7 @@ def open_archive(source: Path | bytes, what: str, budget: Budget | None = None) 
         archive = zipfile.ZipFile(io.BytesIO(source) if isinstance(source, bytes) else source)
     except FileNotFoundError:
         raise ModelError(f"{what} does not exist") from None
-    except (zipfile.BadZipFile, OSError, EOFError) as error:
+    except (zipfile.BadZipFile, OSError, EOFError, NotImplementedError, ValueError) as error:
         raise ModelError(f"{what} is not a readable zip archive ({error}): build or copy it again") from None
     try:
         _check_entries(archive, what)
@@ -139,6 +142,7 @@ def unpack(archive: zipfile.ZipFile, folder: Path, what: str) -> None:
 
     Raises:
         ModelError: an entry is damaged, or collides with another one on this file system.
+        UsageError: the disk is full.
     """
     for entry in archive.infolist():
         target = folder / entry.filename
@@ -150,6 +154,11 @@ def unpack(archive: zipfile.ZipFile, folder: Path, what: str) -> None:
             with target.open("xb") as stream:
                 stream.write(read_entry(archive, entry.filename, what))
         except OSError as error:
+            if error.errno in FULL:  # no fault of the archive's
+                raise UsageError(
+                    f"no room to unpack {what} in {folder} ({error.strerror}): "
+                    "free some, or set TMPDIR to a folder on another disk"
+                ) from None
             raise ModelError(f"{what}: '{entry.filename}' cannot be unpacked to {folder}: {error}") from None
         mode = entry.external_attr >> 16
         if os.name == "posix" and mode & 0o100:  # an executable that the FMU starts itself

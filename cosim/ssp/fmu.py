@@ -3,6 +3,7 @@
 import hashlib
 import math
 import re
+import struct
 import sys
 import zipfile
 from collections.abc import Collection, Mapping
@@ -35,6 +36,9 @@ KIND_OF = _KINDS | dict.fromkeys(_WHOLE, "Integer")
 RUNS = ("2.0", "3.0")
 
 MENDED = "modelDescription.mended.xml"  # in an unpacked FMU: what was read where the original breaks a rule
+
+# elements with numbers, and the format in which an FMU holds them
+_FLOATS = {"Real": "<d", "Float64": "<d", "Float32": "<f", "Float64Type": "<d", "Float32Type": "<f"}
 
 # FMI 2.0 table in section 2.2.7, FMI 3.0 in 2.4.7.5: the default of `initial` by causality, then variability
 _INITIAL = {
@@ -69,6 +73,7 @@ def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, ours: bool = F
         raise ModelError(f"{source} is for {other} only: export it for co-simulation")
     units = _units(root, source)
     experiment = _experiment(root, source)
+    _check_numbers(root, source)
     _check_binary(archive, source, co_simulation.get("modelIdentifier", ""), version)
     unpack(archive, folder, source)
     description = described(folder, source)
@@ -166,6 +171,31 @@ def _experiment(root: Any, source: str) -> dict[str, float]:
     if found.get("stopTime", math.inf) < found.get("startTime", 0.0):
         raise ModelError(f"{what}: stopTime='{node.get('stopTime')}' lies before the start")
     return found
+
+
+def _check_numbers(root: Any, source: str) -> None:
+    """Numbers of all variables and types, of those that are left out as well; a start value of FMI 3.0 may be a list."""
+    for where, node in (
+        (w, n) for w in ("ModelVariables", "TypeDefinitions") for n in root.iterfind(f"{w}//*")
+    ):
+        bits = _FLOATS.get(node.tag) if isinstance(node.tag, str) else None
+        if bits is None:
+            continue
+        owner = node.getparent() if node.tag == "Real" else node
+        what = "variable" if where == "ModelVariables" else "type"
+        place = f"{source}: the {what} '{owner.get('name', '')}' has a bad number"
+        for name in ("start", "min", "max", "nominal"):
+            for text in node.get(name, "").split():
+                try:
+                    struct.pack(bits, float(text))  # what a Float32 cannot hold is infinite there
+                    finite = math.isfinite(float(text))
+                except OverflowError:
+                    finite = False
+                except ValueError:
+                    raise ModelError(f"{place}: {name}='{text}' is no number: correct it") from None
+                if not finite:
+                    remedy = "leave it out" if name in ("min", "max") else "correct it"
+                    raise ModelError(f"{place}: {name}='{text}' is no finite number: {remedy}")
 
 
 def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, version: str) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from lxml import etree
 from lxml.builder import ElementMaker
 
-from cosim.ssp.write import write_archive
+from cosim.ssp.write import archive_bytes
 from cosim.ssp.xml import parse
 
 ENTRY = "extra/org.ssp-standard.ssp-traceability.srmd/resourceMetaData.srmd"
@@ -44,11 +44,11 @@ def meta_data(name: str, tool: str, sections: Sections) -> bytes:
     return data
 
 
-def embed(package: Path, data: bytes) -> Path:
-    """Put meta data into an .ssp file, in place of what of ours was there."""
+def embedding(package: Path, data: bytes) -> bytes:
+    """An .ssp file with meta data in it, in place of what of ours was there."""
     with zipfile.ZipFile(package) as archive:
         entries = {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
-    return write_archive({**entries, ENTRY: data}, package)
+    return archive_bytes({**entries, ENTRY: data})
 
 
 def embedded(package: Path) -> dict[str, dict[str, str]] | None:

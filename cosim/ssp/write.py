@@ -316,7 +316,13 @@ def xml_bytes(root: etree._Element) -> bytes:
 
 
 def write_archive(entries: Mapping[str, bytes], destination: Path) -> Path:
-    """Write a zip archive with fixed dates and rights, all at once; FMUs are compressed already."""
+    """Write a zip archive, all at once."""
+    destination.parent.mkdir(parents=True, exist_ok=True)
+    return write_bytes(destination, archive_bytes(entries))
+
+
+def archive_bytes(entries: Mapping[str, bytes]) -> bytes:
+    """A zip archive with fixed dates and rights; FMUs are compressed already."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name in sorted(entries):
@@ -325,5 +331,4 @@ def write_archive(entries: Mapping[str, bytes], destination: Path) -> Path:
             info.external_attr = 0o644 << 16
             info.create_system = 3  # the same on every platform
             archive.writestr(info, entries[name])
-    destination.parent.mkdir(parents=True, exist_ok=True)
-    return write_bytes(destination, buffer.getvalue())
+    return buffer.getvalue()

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,16 @@ def test_python_and_native_fmu_agree(tmp_path: Path) -> None:
     assert np.array_equal(*signals)
 
 
-def test_the_extended_package_is_nearer_to_the_log(native: Path, command, tmp_path: Path) -> None:
+def test_the_extended_package_is_nearer_to_the_log(
+    native: Path, command, tmp_path: Path, monkeypatch
+) -> None:
+    named, rename = [], os.replace
+
+    def noted(part, target, **options):
+        named.append(Path(target))
+        rename(part, target, **options)
+
+    monkeypatch.setattr(os, "replace", noted)
     hidden = Hidden("port.dead_zone", "plant.u", "input", {"low": -0.2, "high": 0.3})
     log = systems.log(tmp_path / "log.csv", [hidden], 2)
     code, out, err = command("diagnose", log, "--model", native, "--out", tmp_path / "o", "--json")
@@ -88,3 +98,6 @@ def test_the_extended_package_is_nearer_to_the_log(native: Path, command, tmp_pa
     assert told[0] == told[1]
     assert told[0]["data"]["log.csv"] == hashlib.sha256(log.read_bytes()).hexdigest()
     assert told[0]["diagnosis"]["cause.1"] == "port.dead_zone"
+    written = [path.name for path in named if path.parent == tmp_path / "o"]
+    assert sorted(written) == sorted({*written})  # none is written again once it has its name
+    assert {"diagnosis.json", "extended.ssp", "extended.ssv", "extended_native.ssp"} <= {*written}

@@ -70,6 +70,49 @@ def finished(session):
     return session.state()["work"]
 
 
+def test_the_second_record_that_a_mapping_holds_out_judges(session, tmp_path, monkeypatch):
+    log, table = tmp_path / "two.csv", tmp_path / "two.toml"
+    rows = [f"{k / 100},{k % 2},{k},{1 - k % 2},{-k}" for k in range(200)]
+    log.write_text("\n".join(["t [s],uEst,yEst,uVal,yVal", *rows]) + "\n")
+    table.write_text(
+        'time.column = "t [s]"\n[signals.u]\ncolumn = "uEst"\nunit = "1"\n[signals.slew]\ncolumn = "yEst"\nunit = "deg"\n'
+        '[held_out]\nu = "uVal"\nslew = "yVal"\n'
+    )
+    asked = {}
+
+    class TakenError(CosimError):
+        pass
+
+    def diagnose(logs, model, **options):
+        asked.update(logs=logs, **options)
+        raise TakenError("it is enough to know what is asked for")
+
+    monkeypatch.setattr("cosim.browser.session.api.diagnose", diagnose)
+    drop(session, log)
+    drop(session, table)
+    rows = {"u": {"column": 1, "unit": "1"}, "slew": {"column": 2, "unit": "deg"}}
+    session.ask("diagnose", {"time": {"column": 0, "unit": "s"}, "rows": rows})
+    assert "enough" in finished(session)["error"]
+    (second,) = asked["held_out"]
+    assert second.source == Path("two.csv")
+    np.testing.assert_allclose(np.degrees(second["slew"]), -np.arange(200.0))
+    np.testing.assert_allclose(np.degrees(asked["logs"][0]["slew"]), np.arange(200.0))
+
+
+def test_a_signal_that_has_no_column_is_not_held_out_either(session, tmp_path):
+    log, table = tmp_path / "two.csv", tmp_path / "two.toml"
+    log.write_text("t [s],u,a,b\n" + "".join(f"{k / 100},{k % 2},{k},{k}\n" for k in range(90)))
+    table.write_text(
+        'time.column = "t [s]"\n[signals.u]\ncolumn = "u"\nunit = "1"\n[signals.slew]\ncolumn = "a"\nunit = "deg"\n'
+        '[signals.p_a]\ncolumn = "b"\nunit = "bar"\n[held_out]\nslew = "b"\np_a = "a"\n'
+    )
+    drop(session, log)
+    drop(session, table)
+    rows = {"u": {"column": 1, "unit": "1"}, "slew": {"column": 2, "unit": "deg"}, "p_a": {"column": None}}
+    made = mapping_made(session, {"time": {"column": 0, "unit": "s"}, "rows": rows})
+    assert tomllib.loads(made)["held_out"] == {"slew": "b"}
+
+
 def test_what_cosim_init_guesses_is_filled_in(session, german):
     drop(session, german)
     state = session.state()

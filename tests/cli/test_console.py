@@ -3,8 +3,12 @@
 import dataclasses
 import datetime
 import enum
+import io
 import json
 import math
+import os
+import shutil
+import subprocess
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -104,3 +108,49 @@ def test_progress_is_silent_where_nobody_watches(capsys: pytest.CaptureFixture[s
     captured = capsys.readouterr()
     assert captured.out == ""
     assert "working" not in captured.err
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="a shell that reads what is shown")
+@pytest.mark.parametrize(
+    "name",
+    ["-log.csv", "new\nline.csv", "\x1b[2Jcleared.csv", "it's\t\\n.csv", "\x85.csv", "März 🚜.csv", "a b"],
+)
+def test_a_name_as_it_is_shown_can_be_typed(name: str) -> None:
+    shown = console.typed(name)
+    assert shown.isprintable()
+    given = subprocess.run(["bash", "-c", f"printf %s {shown}"], capture_output=True, check=True, text=False)
+    assert given.stdout.decode().removeprefix("./") == name
+    assert not given.stdout.startswith(b"-")
+
+
+@pytest.mark.parametrize("which", [console.stdout_console, console.stderr_console])
+def test_no_name_moves_the_cursor(which: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = which()
+    monkeypatch.setattr(own, "_file", io.StringIO())
+    own.print("a\x1b[2Jb\nc\x9b1mlog.csv", markup=False)
+    assert own.file.getvalue() == "a�[2Jb\nc�1mlog.csv\n"
+
+
+def test_a_narrow_terminal_gets_every_number_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = console.stdout_console()
+    monkeypatch.setattr(own, "_file", io.StringIO())
+    monkeypatch.setattr(own, "_width", 40)
+    numbers = [1.2345e-5, -67.89, 1234.0, 0.5432, 98.76]
+    own.print(console.table("", ["signal", *"abcde"], [["a signal of some length", *numbers]]))
+    text = own.file.getvalue()
+    assert all(f"{number:.4g}" in text for number in numbers)
+    assert own.width == 40
+
+
+def test_a_width_in_which_nothing_fits_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    for width, kept in (
+        ("0", False),
+        ("1", False),
+        ("20", False),
+        ("30", True),
+        ("200", True),
+        ("wide", True),
+    ):
+        monkeypatch.setenv("COLUMNS", width)
+        console.believable_width()
+        assert ("COLUMNS" in os.environ) == kept, width

@@ -135,3 +135,11 @@ def test_what_is_missing_is_shown_in_an_example(words, capsys):
         main(words)
     assert stop.value.code == 2
     assert f"For example: {EXAMPLES[words[0]]} (see" in capsys.readouterr().err
+
+
+def test_every_command_is_run_on_other_pythons():
+    from benchmarks.pythons import COMMANDS, WITH_EXTRAS
+
+    texts = [text for text, _ in [*COMMANDS, *WITH_EXTRAS] if not text.startswith("--")]
+    assert {text.split()[0] for text in texts} == set(command_line().commands)
+    assert not {text: wrong for text in texts if not text.endswith(" --help") and (wrong := fault(text))}

@@ -63,7 +63,8 @@ def test_friction_that_is_nearly_nothing_in_motion_is_another_law() -> None:
     found = diagnosed(
         "mechanical.stribeck_friction:tau_c=0 N.m,tau_s=150 N.m,omega_s=0.01",
         seed=12,
-        seconds=21.0,
+        seconds=12.0,
+        excitation="steps",
         blocks=("mechanical",),
     )
     assert "mechanical.stribeck_friction" not in [c.effect.name for c in found.causes]

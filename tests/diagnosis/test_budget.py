@@ -141,7 +141,7 @@ def test_a_wrong_budget_is_refused_before_the_log_is_read(tmp_path: Path) -> Non
 
 def test_no_linear_model_is_fitted_for_each_log_when_the_time_is_gone() -> None:
     """Of one log it is one fit, of several one for each."""
-    logs = [as_log(make_log("steps", 12.0, HIDDEN, seed=s)) for s in (1, 2)]
+    logs = [as_log(make_log("steps", 6.0, HIDDEN, seed=s)) for s in (1, 2)]
     for given, fitted in ((logs[:1], True), (logs, False)):
         found = diagnose(given, budget=Budget(1e-6))
         assert bool(found.references) == fitted

@@ -14,15 +14,14 @@ from cosim.rig import Noise, make_log
 from cosim.rig.write import as_log
 
 
-def told_without_noise(*hidden: str, model="full_order"):
+def told_without_noise(*hidden: str, model="full_order", excitation="mixed", seconds=21.0):
     """Diagnosis of a log without noise."""
-    return diagnose(
-        as_log(make_log("mixed", 21.0, list(hidden), seed=31, noise=Noise(scale=0.0))), model=model
-    )
+    run = make_log(excitation, seconds, list(hidden), seed=31, noise=Noise(scale=0.0))
+    return diagnose(as_log(run), model=model)
 
 
 def test_a_clean_log_without_noise_is_adequate() -> None:
-    found = told_without_noise()
+    found = told_without_noise(excitation="steps", seconds=12.0)
     assert found.verdict == "adequate"
     assert not found.causes
 

@@ -63,6 +63,17 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert 180 <= held <= 199  # 190 expected, four standard deviations of the count are 12
 
 
+def test_slopes_are_those_of_the_whitened_residual_and_of_the_priors() -> None:
+    doubt = {"y": np.stack([np.sin(3.0 * X), X**3])}
+    measured = task(2.0 * X - X**2, discrepancy=doubt)
+    measured.set_rules(measured.rules)
+    found = fit(measured, [unknown("m.a", (1.0, 0.5)), unknown("m.c")])
+    assert found.slopes is not None
+    for i, change in enumerate((-X, -(X**2))):
+        np.testing.assert_allclose(found.slopes[:-1, i], measured.white({"y": change}), atol=1e-9)
+    np.testing.assert_allclose(found.slopes[-1], [1.0 / 0.5, 0.0], atol=1e-12)
+
+
 def test_a_prior_pulls_by_its_weight() -> None:
     exact = 1.0 / np.sum(X**2)
     found = fit(task(2.0 * X), [unknown("m.a", (1.0, np.sqrt(exact)))])

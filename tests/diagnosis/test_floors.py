@@ -21,7 +21,8 @@ SENSORS = {"spool": 0.005e-3, "p_load": 0.1e5 * np.sqrt(2.0), "p_supply": 0.1e5,
 def test_the_floor_is_the_sensors_noise_sample_by_sample(
     kind: str, blocks: tuple[str, ...], signals: set[str]
 ) -> None:
-    found = diagnosed("dcv.hysteresis", seed=5, seconds=21.0 if blocks else 30.0, kind=kind, blocks=blocks)
+    how = {"excitation": "steps", "seconds": 12.0} if blocks else {"seconds": 30.0}
+    found = diagnosed("dcv.hysteresis", seed=5, kind=kind, blocks=blocks, **how)
     assert [c.effect.name for c in found.causes] == ["dcv.hysteresis"]
     assert {n: found.noise[n] for n in signals} == pytest.approx({n: SENSORS[n] for n in signals}, rel=0.1)
 

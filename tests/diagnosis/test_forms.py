@@ -17,25 +17,25 @@ SIZES = {COULOMB: {"tau_c": 120.0}, STRIBECK: {"tau_c": 80.0, "tau_s": 100.0, "o
 FORM = {"lugre": ("z_s", 2e-5), "smooth": ("omega_v", 5e-4), "sharp": ("", 0.0)}
 
 
-def diagnosed_of(effect: str, friction: str, seed: int, seconds: float = 30.0):
+def diagnosed_of(effect: str, friction: str, seed: int, seconds: float = 30.0, excitation: str = "mixed"):
     """Diagnosis of a log with friction of that form."""
     hidden = f"{effect}:" + ",".join(f"{n}={v}" for n, v in SIZES[effect].items())
-    run = make_log("mixed", seconds, [hidden], seed=seed, settings=off(seed), friction=friction)
+    run = make_log(excitation, seconds, [hidden], seed=seed, settings=off(seed), friction=friction)
     return diagnose(as_log(run), model=only("mechanical"))
 
 
 @pytest.mark.parametrize(
-    ("effect", "friction", "seconds"),
+    ("effect", "friction", "how"),
     [
-        (COULOMB, "lugre", 21.0),
+        (COULOMB, "lugre", (14.0, "steps")),
         *(
-            pytest.param(*case, 30.0, marks=pytest.mark.slow)
+            pytest.param(*case, (30.0,), marks=pytest.mark.slow)
             for case in [(STRIBECK, "lugre"), (COULOMB, "smooth"), (STRIBECK, "smooth")]
         ),
     ],
 )
-def test_the_form_is_found_and_nothing_beside_it(effect, friction, seconds) -> None:
-    found = diagnosed_of(effect, friction, 4711, seconds)
+def test_the_form_is_found_and_nothing_beside_it(effect, friction, how) -> None:
+    found = diagnosed_of(effect, friction, 4711, *how)
     assert [c.effect.name for c in found.causes] == [effect]
     assert not found.rests
     (cause,) = found.causes

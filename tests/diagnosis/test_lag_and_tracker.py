@@ -20,7 +20,7 @@ LAG = "sensor.lag:tau_l=120 ms"
             30.0,
             marks=pytest.mark.slow,
         ),
-        (["sensor.gain:gain=1.04"], {"sensor.gain": ("gain", 1.04)}, "mixed", 21.0),
+        (["sensor.gain:gain=1.04"], {"sensor.gain": ("gain", 1.04)}, "steps", 16.0),
     ],
 )
 def test_lag_is_told_from_the_clock(

@@ -71,7 +71,7 @@ def test_the_drive_at_uneven_samples_is_that_of_a_fine_simulation() -> None:
 @pytest.mark.parametrize("held", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_a_command_logged_more_rarely_than_it_changes_lies_on_straight_lines(held: bool) -> None:
     """The rig's controller acts every millisecond; the log has every tenth."""
-    log = as_log(make_log("multisine", 20.0, ["dcv.delay:tau_d=20 ms"], seed=12))
+    log = as_log(make_log("multisine", 12.0, ["dcv.delay:tau_d=20 ms"], seed=12))
     signals = {name: values[::10] for name, values in log.signals.items()}
     kept = log.held if held else log.held - {"u"}
     found = diagnose(replace(log, time=log.time[::10], signals=signals, held=kept), model=only("dcv"))

@@ -39,7 +39,7 @@ def test_an_experiment_is_read_as_often_as_the_log_was_sampled() -> None:
 
 
 def test_a_log_slower_than_the_command_gets_an_experiment_too(tmp_path: Path) -> None:
-    log = as_log(make_log("steps", 20.0, HIDDEN, seed=4, amplitude=0.8))
+    log = as_log(make_log("steps", 12.0, HIDDEN, seed=4, amplitude=0.8))
     slow = replace(log, time=log.time[::10], signals={n: v[::10] for n, v in log.signals.items()})
     found = diagnose(slow)
     (cause,) = found.causes

@@ -1,10 +1,12 @@
 """Noise is learned in its colour and size, and whitening makes it independent and of unit size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cosim.diagnosis.fitting.noise import learned, plain
+from cosim.diagnosis.fitting.noise import kinds, learned, plain
 from cosim.rig import Noise
 
 H = 1e-3
@@ -28,6 +30,24 @@ def test_whitened_noise_is_white_and_of_unit_size(kind: str, demean: bool) -> No
     for lag in (1, 2, 5, 20):
         correlation = np.mean(white[:, lag:] * white[:, :-lag])
         assert abs(correlation) < 0.08, (lag, correlation)
+
+
+@pytest.mark.parametrize("demean", [True, False])
+def test_a_window_is_whitened_by_the_cholesky_factor_of_its_covariance(demean: bool) -> None:
+    """Of several residuals at once as of one."""
+    rule = replace(plain(4, 30, demean), sizes=(0.5, 0.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    residuals = np.random.default_rng(5).standard_normal((3, 500))
+    factor = np.linalg.cholesky(np.tensordot(rule.sizes, kinds(30), axes=1))
+    together = rule.each(list(residuals))
+    assert together.shape == (3, 4, 30)
+    for residual, white in zip(residuals, together, strict=True):
+        means = residual[:480].reshape(4, 30, 4).mean(axis=2)
+        expected = np.linalg.solve(factor, means.T)
+        if demean:  # what an offset of the window would explain
+            level = np.linalg.solve(factor, np.ones(30))
+            expected -= np.outer(level, level @ expected) / (level @ level)
+        np.testing.assert_allclose(white, expected.T, atol=1e-11)
+        np.testing.assert_allclose(rule(residual), white, atol=1e-12)
 
 
 def test_size_of_white_noise_is_recovered() -> None:

@@ -58,7 +58,7 @@ def test_a_block_whose_judging_fails_leaves_the_others(monkeypatch: pytest.Monke
         return searched(found, group, *arguments, **named)
 
     monkeypatch.setattr(pipeline, "searched", but_one)
-    run = make_log("mixed", 21.0, ["dcv.gain"], seed=3)
+    run = make_log("steps", 12.0, ["dcv.gain"], seed=3)
     found = pipeline.diagnose(as_log(run), model=only("dcv", "continuity"))
     assert [c.effect.name for c in found.causes] == ["dcv.gain"]
     assert found.verdict == "partly_explained"

@@ -42,7 +42,7 @@ def test_a_log_of_one_hertz_is_refused_with_what_to_do() -> None:
     with pytest.raises(
         DataError, match=r"sampled every 1000 ms.* record every 50 ms or faster, or say in a mapping"
     ):
-        diagnose(thinned([], 1000, 120.0))
+        diagnose(thinned([], 1000))
 
 
 def test_a_log_in_which_nothing_moves_hides_nothing_between_its_samples() -> None:

@@ -13,7 +13,7 @@ from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import Array, Record
-from cosim.diagnosis.tracker.comparison import TrackerFinding, borne_out, compare_tracker
+from cosim.diagnosis.tracker.comparison import TrackerFinding, borne_out, compare_tracker, cut_off
 from cosim.diagnosis.tracker.model import SEAM_ANGLE, extrapolated
 from cosim.errors import DataError
 from cosim.inference.noise import Noise as SensorNoise
@@ -271,6 +271,23 @@ def test_a_converter_that_cuts_off_is_no_bias(
         cause.effect.name,
         *cause.indistinguishable,
     }  # a motion that stays below the seam shows no difference
+
+
+@pytest.mark.parametrize(
+    ("steps", "ways"),
+    [
+        ([1.0, 2.0, 5.0], ["down", "up"]),
+        ([-1.0, -2.0, -5.0], ["down", "up"]),
+        ([-1.0, 2.0, 5.0], ["down", "up", "towards zero"]),
+        ([0.1, 0.25, 0.5], []),
+    ],
+)
+def test_a_way_of_cutting_off_that_is_another_one_is_not_tried_twice(
+    steps: list[float], ways: list[str]
+) -> None:
+    """An angle that keeps its sign is cut off towards zero as it is up or down; what is in no steps in no way."""
+    readings = np.repeat(steps, 40) if ways else np.random.default_rng(1).standard_normal(120)
+    assert list(cut_off(readings)) == ways
 
 
 def test_missing_readings_do_not_count() -> None:

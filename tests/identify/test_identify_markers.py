@@ -146,7 +146,7 @@ def test_markers_without_their_models_say_what_is_missing(files, tmp_path):
     assert len(load_tracker(alone)) == len(load_tracker(files[0]))
 
 
-def test_the_seam_of_the_models_is_found_from_their_markers(run, files, tmp_path):
+def test_the_seam_of_the_models_is_found_from_their_markers(run, files, undrawn, tmp_path):
     log = tmp_path / "log.csv"
     write(run, log)
     arguments = ["compare", log, "--external", files[0], "--out", tmp_path / "out", "--json"]

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ def motion(log):
     return motion_of(log, machine_of(None, log, None))
 
 
+@cache
 def rubbing(seed=1, excitation="mixed", seconds=40.0, kind="white", **options):
     return as_log(make_log(excitation, seconds, HIDDEN, seed=seed, noise=Noise(kind=kind), **options))
 

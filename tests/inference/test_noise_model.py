@@ -36,6 +36,16 @@ def test_whitening_is_the_inverse_cholesky_factor(white: float, sizes: list[floa
     )
 
 
+def test_the_factor_that_is_kept_is_that_of_the_places_asked_for() -> None:
+    noise = Noise(0.5, (1.0, 9.0), (2.0, 1.0))
+    rows = np.random.default_rng(2).standard_normal((2, 40))
+    spread = [np.arange(40), np.arange(0, 80, 2), np.sort(np.random.default_rng(3).permutation(90)[:40])]
+    for places in (*spread, *spread[::-1]):
+        expected = np.linalg.solve(np.linalg.cholesky(dense(noise, places)), rows.T).T
+        np.testing.assert_allclose(noise.whiten(rows, places), expected, rtol=0.0, atol=1e-9)
+    assert np.array_equal(noise.whiten(rows), noise.whiten(rows, spread[0]))
+
+
 def test_what_is_left_out_of_the_whitening_hardly_matters() -> None:
     rng = np.random.default_rng(1)
     places = np.arange(120)

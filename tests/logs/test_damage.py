@@ -209,8 +209,9 @@ def test_a_missing_file_and_a_folder(tmp_path, name):
 @pytest.mark.parametrize(
     ("name", "remedy"),
     [
-        ("log.xlsx", ": save its sheet as CSV"),
-        ("log.csv.gz", ": unpack it first"),
+        ("log.ods", ": save it as .xlsx, or its sheet as CSV"),
+        ("log.gz", ": a compressed text file is called so, such as log.csv.gz"),
+        ("log.csv.7z", ": unpack it first"),
         ("run.mcap", ": write the messages of its topics as CSV"),
         ("log.NPZ", ": write it as CSV or Parquet"),
         ("trace.blf", ": decode its CAN messages"),

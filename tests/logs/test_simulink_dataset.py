@@ -3,7 +3,6 @@
 import warnings
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
@@ -14,8 +13,9 @@ from cosim.logs.overview import overview
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # mat-io sets a pandas option that pandas 3 deprecates
-    import matio
+    matio = pytest.importorskip("matio", reason="the extra 'mat' is not installed")
     from matio.utils.matclass import MatlabOpaque
+h5py = pytest.importorskip("h5py", reason="comes with the extra 'mat'")
 
 TIME = np.arange(400) / 2000
 COMMAND = 12.0 * np.sin(40 * TIME)

@@ -207,6 +207,37 @@ def test_info_and_validate(fmu) -> None:
     assert (missing.severity, note.severity) == ("error", "warning")
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ('start="1 2 3"', 'start="1 1e999 3"', "'table' has a bad number: start='1e999' is no finite number"),
+        ('start="1 2 3"', 'start="1 nan 3"', "'table' has a bad number: start='nan'"),
+        ('start="1 2 3"', 'start="1 2 3" max="inf"', "'table' has a bad number: max='inf'"),
+        ('start="1 2 3"', 'start="1 b 3"', "'table' has a bad number: start='b' is no number"),
+        (
+            '"in_Float32" valueReference="10" causality="input" start="0"',
+            '"in_Float32" valueReference="10" causality="input" start="1e39"',
+            "'in_Float32' has a bad number: start='1e39' is no finite number",
+        ),
+        (
+            "<TypeDefinitions>",
+            '<TypeDefinitions><Float64Type name="T" nominal="-Infinity"/>',
+            "the type 'T' has a bad number: nominal='-Infinity'",
+        ),
+    ],
+)
+def test_numbers_that_are_not_finite_are_invalid(fmu, tmp_path, old, new, place) -> None:
+    bad, description = tmp_path / "bad.fmu", DESCRIPTION.replace(old, new)
+    assert description != DESCRIPTION
+    with zipfile.ZipFile(fmu) as archive, zipfile.ZipFile(bad, "w") as other:
+        for name in archive.namelist():
+            text = description if name == "modelDescription.xml" else archive.read(name)
+            other.writestr(name, text)
+    assert place in check_fmu(bad)[0].text
+    with pytest.raises(ModelError, match="has a bad number"):
+        Runner(bad)
+
+
 def test_a_library_without_functions_of_fmi_3_is_refused(fmu, tmp_path) -> None:
     library = tmp_path / "empty.so"
     (tmp_path / "empty.c").write_text("int nothing(void) { return 0; }\n")

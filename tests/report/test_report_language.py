@@ -242,3 +242,26 @@ def test_how_an_uneven_log_was_taken_is_said_in_german():
 def test_what_the_log_of_another_machine_brings_is_said_in_german(english, german):
     with reported_in("de"):
         assert said(english) == german
+
+
+@pytest.mark.parametrize("drive", ["u", "torque", "demand", "valve.opening"])
+def test_what_a_command_of_any_name_does_not_show_is_said_in_german(drive):
+    """The remarks of `cosim.diagnosis.answer.remarks` on commands of one direction and of one level on a side."""
+    german = catalogue("de")
+    german.missing.clear()
+    end = "fit logs of the other direction beside this one (cosim diagnose LOG LOG ...)"
+    texts = [
+        *(
+            f"{drive} is never {sign}: in one direction dead zone, friction and load look alike; if the machine goes both "
+            f"ways, {end}"
+            for sign in ("negative", "positive")
+        ),
+        f"{drive} holds one level on a side only (0.5 and -0.5 Nm): dead zone, friction and limits cannot be told from the "
+        "gain; fit logs with other levels beside this one (cosim diagnose LOG LOG ...)",
+        f"slew goes back by 3.2 deg while {drive} is 0, and {drive} never changes its sign: if the other direction has a "
+        "column of its own, name it as `minus` in the mapping",
+    ]
+    for text in texts:
+        told = german.said(text)
+        assert not set(told.split()) & {"is", "the", "and", "holds"}, told
+    assert not german.missing

@@ -22,7 +22,8 @@ from cosim.diagnosis.answer.schema import (
     Unexplained,
     Words,
 )
-from cosim.report.earlier import FILES, Earlier
+from cosim.errors import UsageError
+from cosim.report.earlier import COMPARED, FILES, Earlier
 from cosim.report.material import Material
 from cosim.report.screen import in_words, known_as, lines, show, tables
 from cosim.report.words import NAMES, phrase, with_signals
@@ -394,3 +395,22 @@ def test_a_spool_that_was_measured_stays_one():
         causes=[friction(effect="dcv.stroke_limit", parameters=measured)], drive_curve=curve()
     )
     assert "it ends at -1.70 mm" in lines(answer, OUT)[1]
+
+
+def test_a_log_in_the_place_of_a_result_is_refused_and_a_parameter_set_stays(tmp_path, capsys):
+    log, result = tmp_path / "next_experiment.csv", tmp_path / "diagnosis.json"
+    for path in (log, result):
+        path.write_text("old", encoding="utf-8")
+    link = tmp_path / "link.csv"
+    link.symlink_to(log)
+    for asked in (log, link):
+        with pytest.raises(UsageError, match=r"next_experiment\.csv is read, and a result of that name"):
+            Earlier(tmp_path, inputs=[asked])
+    Earlier(tmp_path / "other", inputs=[log]).clear()
+    assert log.exists()
+    fitted = tmp_path / "calibrated.ssv"
+    fitted.write_text("old", encoding="utf-8")
+    Earlier(tmp_path, COMPARED, "comparison", [log, fitted]).clear()
+    assert fitted.exists()
+    Earlier(tmp_path, COMPARED, "comparison").clear()
+    assert not fitted.exists()

@@ -1,6 +1,5 @@
 """An extended package says what its values rest on, by SSP Traceability, and its schemas agree."""
 
-import shutil
 import zipfile
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from cosim.diagnosis.answer.schema import Answer
 from cosim.native.package import swapped
 from cosim.ssp.check import check_ssp
 from cosim.ssp.traceability import ENTRY, embedded
+from cosim.ssp.write import write_archive
 
 
 @pytest.fixture(scope="module")
@@ -22,8 +22,13 @@ def answer(diagnosed) -> Answer:
 @pytest.fixture
 def package(diagnosed, answer, tmp_path) -> Path:
     """The extended package with its meta data."""
-    file = Path(shutil.copy(diagnosed / "extended.ssp", tmp_path))
-    credited([file, tmp_path / "absent.ssp", diagnosed / "extended.ssv"], answer)
+    file = tmp_path / "extended.ssp"
+    plain = tmp_path / "plain.ssp"
+    with zipfile.ZipFile(diagnosed / "extended.ssp") as archive:
+        write_archive({n: archive.read(n) for n in archive.namelist() if n != ENTRY}, plain)
+    credited({plain: file, diagnosed / "extended.ssv": tmp_path / "extended.ssv"}, answer)
+    assert embedded(plain) is None
+    assert (tmp_path / "extended.ssv").read_bytes() == (diagnosed / "extended.ssv").read_bytes()
     return file
 
 
@@ -62,10 +67,10 @@ def test_package_stays_what_it_was(package, diagnosed) -> None:
 
 def test_same_answer_makes_the_same_bytes_and_replaces_what_was_there(package, answer) -> None:
     before = package.read_bytes()
-    credited([package], answer)
+    credited({package: package}, answer)
     assert package.read_bytes() == before
     other = answer.model_copy(update={"verdict": "partly_explained"})
-    credited([package], other)
+    credited({package: package}, other)
     assert embedded(package)["diagnosis"]["verdict"] == "partly_explained"
 
 

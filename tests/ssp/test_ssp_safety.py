@@ -1,5 +1,6 @@
 """Files that mean harm, or are broken: every one ends in a ModelError, and nothing is written outside the scratch folder."""
 
+import io
 import stat
 import zipfile
 from collections.abc import Callable
@@ -139,7 +140,17 @@ def test_a_doctype_in_any_part_of_a_package_is_refused(toys: Any, tmp_path: Path
         read_fmu(described(toys, tmp_path, "<fmiModelDescription", "<!DOCTYPE x><fmiModelDescription"))
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no zip", b"<xml/>"])
+def of_version(version: int) -> bytes:
+    """An archive whose only entry says that this version of the format is needed to read it."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr("a.txt", "a")
+    content = bytearray(out.getvalue())
+    content[content.index(b"PK\x01\x02") + 6] = version
+    return bytes(content)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no zip", b"<xml/>", of_version(86)])
 def test_files_that_are_no_archives_are_refused(tmp_path: Path, content: bytes) -> None:
     bad = tmp_path / "bad.ssp"
     bad.write_bytes(content)

@@ -8,7 +8,9 @@ import typer
 from cosim.commands.identify.prepare import AsJson
 from cosim.options import Verbose
 
-LogFile = Annotated[Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4 or .tdms.", metavar="LOG")]
+LogFile = Annotated[
+    Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4, .tdms or .xlsx.", metavar="LOG")
+]
 LogFiles = Annotated[
     list[Path], typer.Argument(help="One log or several, fitted together.", metavar="LOG...")
 ]
@@ -53,14 +55,10 @@ def identify_all(
     as_json: AsJson = False,
 ) -> None:
     """Dead zone, valve, pressure and mechanics from one log, and one .ssv for the model."""
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.nominal import nominal
-    from cosim.identify.run_design import all_answer
-    from cosim.identify.texts import load, quantity
 
-    known = nominal(settings or [])
-    answer = all_answer(load(log, mapping, start, stop), known, quantity(cutoff, "Hz", "--filter"))
-    finish(answer, out, as_json, verbose)
+    finish(numbers.everything(log, mapping, settings, cutoff, start, stop), out, as_json, verbose)
 
 
 def dead_zone(
@@ -82,20 +80,10 @@ def dead_zone(
     Where the compensator was off, as in the source's own experiment, say so: --set compensator.d_plus=0 --set
     compensator.d_minus=0.
     """
-    from cosim.errors import UsageError
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.dead_zone import RESPONSES
-    from cosim.identify.nominal import nominal
-    from cosim.identify.run import dead_zone_answer
-    from cosim.identify.texts import load, quantity
 
-    if response is not None and response not in RESPONSES:
-        raise UsageError(f"--response '{response}': choose {', '.join(RESPONSES)}")
-    known = nominal(settings or [])
-    loaded = load(log, mapping, start, stop)
-    finish(
-        dead_zone_answer(loaded, known, response, quantity(cutoff, "Hz", "--filter")), out, as_json, verbose
-    )
+    finish(numbers.dead_zone(log, response, mapping, settings, cutoff, start, stop), out, as_json, verbose)
 
 
 def transfer_function(
@@ -124,17 +112,29 @@ def transfer_function(
     as_json: AsJson = False,
 ) -> None:
     """Transfer functions fitted to logs: a table of candidates, and the one to use, by BIC and held-out fit."""
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.nominal import nominal
-    from cosim.identify.run import channel, transfer_function_answer
-    from cosim.identify.texts import load, quantity, structure
 
-    chosen = channel(block, source, target, linear, quantity(cutoff, "Hz", "--filter"))
-    at_zero = chosen.integrators if integrators is None else integrators
-    structures = [structure(text, at_zero, delay) for text in order or []]
-    known = nominal(settings or [])
-    loaded = [load(log, mapping, start, stop) for log in logs]
-    finish(transfer_function_answer(loaded, chosen, structures, known), out, as_json, verbose)
+    finish(
+        numbers.transfer_function(
+            logs,
+            block,
+            source,
+            target,
+            order,
+            integrators,
+            delay,
+            linear,
+            mapping,
+            settings,
+            cutoff,
+            start,
+            stop,
+        ),
+        out,
+        as_json,
+        verbose,
+    )
 
 
 def frf(
@@ -168,25 +168,36 @@ def frf(
     as_json: AsJson = False,
 ) -> None:
     """Frequency response with its uncertainty, from stepped sines or by Welch's method, and a fit to it."""
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.nominal import nominal
-    from cosim.identify.run import channel
-    from cosim.identify.run_frf import FrfRequest, frf_answer
-    from cosim.identify.texts import angular, load, quantity, structure
 
-    chosen = channel(block, source, target, linear, quantity(cutoff, "Hz", "--filter"))
-    wanted = FrfRequest(
-        method=method,
-        amplitude="extremes" if extremes else "least squares",
-        structure=None if order is None else structure(order, chosen.integrators, delay),
-        segment=quantity(segment, "s", "--segment"),
-        low=0.0 if low is None else angular(low, "--low"),
-        high=float("inf") if high is None else angular(high, "--high"),
-        smooth=(smooth_order, smooth_window) if smooth else None,
+    finish(
+        numbers.frf(
+            logs,
+            block,
+            source,
+            target,
+            method,
+            extremes,
+            order,
+            delay,
+            segment,
+            low,
+            high,
+            smooth,
+            smooth_order,
+            smooth_window,
+            linear,
+            mapping,
+            settings,
+            cutoff,
+            start,
+            stop,
+        ),
+        out,
+        as_json,
+        verbose,
     )
-    known = nominal(settings or [])
-    loaded = [load(log, mapping, start, stop) for log in logs]
-    finish(frf_answer(loaded, chosen, known, wanted), out, as_json, verbose)
 
 
 def mechanics(
@@ -213,19 +224,10 @@ def mechanics(
     By inverse dynamics: nothing is simulated to fit, so an answer takes a second. Works on any machine whose mapping
     says which signals are the mechanics' load pressure and angle.
     """
-    from cosim.diagnosis.model.choice import machine_of
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.run_mechanics import mechanics_answer
-    from cosim.identify.texts import load, quantity
 
-    loaded = load(log, mapping, start, stop)
-    machine = machine_of(None, loaded, mapping)
-    finish(
-        mechanics_answer(loaded, machine, settings or [], quantity(highest, "Hz", "--highest")),
-        out,
-        as_json,
-        verbose,
-    )
+    finish(numbers.mechanics(log, mapping, settings, highest, start, stop), out, as_json, verbose)
 
 
 def drive(
@@ -251,14 +253,10 @@ def drive(
     From any log that moves; no experiment and no model is needed. With several logs of the machine the intervals come
     from how much they differ, and hold for the next one.
     """
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.run_drive import drive_answer
-    from cosim.identify.texts import load
-    from cosim.logs import load_mapping
 
-    plain = load_mapping(mapping) if mapping is not None else None
-    loaded = [load(log, mapping, start, stop) for log in logs]
-    finish(drive_answer(loaded, plain, command, motion), out, as_json, verbose)
+    finish(numbers.drive(logs, mapping, command, motion, start, stop), out, as_json, verbose)
 
 
 def observer(
@@ -279,13 +277,7 @@ def observer(
     as_json: AsJson = False,
 ) -> None:
     """State space, controllability, observability, root locus, and the observer's gain from its poles."""
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.nominal import nominal
-    from cosim.identify.run_design import observer_answer
-    from cosim.identify.texts import load, quantity
 
-    known = nominal(settings or [])
-    loaded = None if log is None else load(log, mapping, start, stop)
-    finish(
-        observer_answer(loaded, known, pole or [], quantity(cutoff, "Hz", "--filter")), out, as_json, verbose
-    )
+    finish(numbers.observer(log, pole, mapping, settings, cutoff, start, stop), out, as_json, verbose)

@@ -33,12 +33,10 @@ def scaling(
     as_json: AsJson = False,
 ) -> None:
     """Volts to millimetres, bar and degrees (Tables 3.5 and 3.6, (3.2)): a mapping file for a log recorded in volts."""
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.run_design import scaling_answer
-    from cosim.identify.texts import quantity
 
-    radius = quantity(disc_radius, "m", "--disc-radius")
-    finish(scaling_answer(log, point or [], column or [], radius, time), out, as_json, verbose)
+    finish(numbers.scaling(log, point, column, disc_radius, time), out, as_json, verbose)
 
 
 def linearisation(
@@ -59,10 +57,10 @@ def linearisation(
     as_json: AsJson = False,
 ) -> None:
     """The valve's voltage for a command so that the spool's travel is linear and the same on both sides (3.5.5)."""
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.linearisation import linearisation_answer
 
-    finish(linearisation_answer((start_a, start_b), point or [], full), out, as_json, verbose)
+    finish(numbers.linearisation(start_a, start_b, point, full), out, as_json, verbose)
 
 
 def kalman(
@@ -89,24 +87,26 @@ def kalman(
     as_json: AsJson = False,
 ) -> None:
     """Gains of the extended observer: the stationary Kalman filter of slew, velocity, disturbance and sensor error."""
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.kalman import Noises
-    from cosim.identify.nominal import nominal
-    from cosim.identify.run_kalman import kalman_answer
-    from cosim.units import parse_quantity
 
-    noises = Noises(
-        slew=parse_quantity(slew_noise, "rad"),
-        p_load=parse_quantity(pressure_noise, "Pa"),
-        disturbance=parse_quantity(disturbance, "N.m"),
-        T_tau=parse_quantity(disturbance_time, "s"),
-        sensor_error=parse_quantity(sensor_error, "rad"),
-        T_beta=parse_quantity(sensor_error_time, "s"),
-        tracker=parse_quantity(tracker_noise, "rad"),
-        tracker_step=parse_quantity(tracker_step, "s"),
-        step=parse_quantity(step_size, "s"),
+    finish(
+        numbers.kalman(
+            disturbance,
+            disturbance_time,
+            sensor_error,
+            sensor_error_time,
+            slew_noise,
+            pressure_noise,
+            tracker_noise,
+            tracker_step,
+            step_size,
+            settings,
+        ),
+        out,
+        as_json,
+        verbose,
     )
-    finish(kalman_answer(nominal(settings or []), noises), out, as_json, verbose)
 
 
 def markers(
@@ -127,19 +127,10 @@ def markers(
     as_json: AsJson = False,
 ) -> None:
     """The slew angle from the tracker's marker positions (3.5.4), as a tracker's record, and the seam of the two models."""
-    from cosim.errors import UsageError
+    from cosim.api import numbers
     from cosim.identify.answer import finish
-    from cosim.identify.markers import markers_answer
-    from cosim.markers import Limits
-    from cosim.units import parse_quantity
 
-    try:
-        x, y, z = (float(part) for part in camera.split(","))
-    except ValueError:
-        raise UsageError(f"--camera '{camera}' should read x,y,z in m, such as '5,0,1.5'") from None
-    far = float("inf") if farthest is None else parse_quantity(farthest, "m")
-    limits = Limits(parse_quantity(residual, "m"), parse_quantity(nearest, "m"), far, (x, y, z))
-    finish(markers_answer(record, models, limits), out, as_json)
+    finish(numbers.markers(record, models, residual, nearest, farthest, camera), out, as_json)
 
 
 def experiment(
@@ -160,24 +151,16 @@ def experiment(
 ) -> None:
     """Write the command of an experiment, for the crane or for `cosim rig --excitation file`."""
     from cosim import console
-    from cosim.errors import UsageError
-    from cosim.identify.experiment import write_experiment
-    from cosim.identify.run_design import experiment_of
-    from cosim.identify.texts import angular
+    from cosim.api import numbers
 
-    if out.suffix.lower() != ".csv":
-        raise UsageError(f"{out}: a command is written as .csv")
-    band = None if low is None or high is None else (angular(low, "--low"), angular(high, "--high"), count)
-    made = experiment_of(name, amplitude or [], band, periods, square)
-    plan = write_experiment(made, out)
-    found = {"identify": "experiment", "experiment": name, "duration": {"value": made.duration, "unit": "s"},
-             "travel": {"value": made.travel, "unit": "deg"}, "files": {"csv": str(out), "plan": str(plan)}}  # fmt: skip
+    found = numbers.experiment(name, out, amplitude, low, high, count, periods, square)
     if as_json:
         console.emit_json(found)
         return
     output = console.stdout_console()
-    line = (
-        f"{name}: {made.duration:.6g} s, about {made.travel:.3g} deg of slew peak to peak at the nominal gain"
-    )
-    for text in (line, f"written: {out}", f"written: {plan}"):
+    travel, length = found["travel"]["value"], found["duration"]["value"]
+    for text in (
+        f"{name}: {length:.6g} s, about {travel:.3g} deg of slew peak to peak at the nominal gain",
+        *(f"written: {file}" for file in found["files"].values()),
+    ):
         output.print(text, markup=False, soft_wrap=True)

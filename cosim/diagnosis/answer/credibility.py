@@ -1,10 +1,12 @@
 """What the extended model rests on, for the packages that carry it: data, fitted values, gain, what is left, tools."""
 
-from collections.abc import Iterable
+from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 from cosim.diagnosis.answer.schema import Answer, Parameter
-from cosim.ssp.traceability import embed, meta_data
+from cosim.files import whole
+from cosim.ssp.traceability import embedding, meta_data
 
 TOOLS = ("cosim", "python", "numpy", "scipy", "numba", "fmpy", "pythonfmu")
 
@@ -61,9 +63,21 @@ def numbers(name: str, found: Parameter, effect: str) -> list[tuple[str, str]]:
     return [*listed, (f"{name}.cause", effect)] if effect else listed
 
 
-def credited(packages: Iterable[Path], answer: Answer) -> None:
-    """Put into each package (.ssp) what its values rest on."""
-    tool = f"slew-cosim {answer.made.get('cosim', '')}".strip()
-    for package in packages:
-        if package.suffix == ".ssp" and package.exists():
-            embed(package, meta_data(package.stem, tool, sections(answer)))
+def credited(files: Mapping[Path, Path], answer: Answer) -> None:
+    """Put packages where they are to lie, each with what its values rest on inside; other files as they are.
+
+    All are written beside before the first one takes its name, so that a full disk leaves what was there.
+
+    Args:
+        files: as it was made -> where it is to lie.
+        answer: what the values rest on.
+
+    Raises:
+        OSError: one cannot be written.
+    """
+    tool, told = f"slew-cosim {answer.made.get('cosim', '')}".strip(), sections(answer)
+    with ExitStack() as stack:
+        for made, target in files.items():
+            package = made.suffix == ".ssp"
+            content = embedding(made, meta_data(target.stem, tool, told)) if package else made.read_bytes()
+            stack.enter_context(whole(target)).write_bytes(content)

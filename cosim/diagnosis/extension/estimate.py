@@ -221,7 +221,7 @@ def write_packages(diagnosis: Diagnosis, folder: Path) -> tuple[Path, dict[str, 
     values |= of_piece(standing(diagnosis.start, values), 0)
     plain = machine.values | diagnosis.calibrated
     nominal = write_extended(machine.source, plain, folder / "nominal", None)["open"]
-    diagnosis.packages = write_extended(machine.source, values, folder, stimulus)
+    diagnosis.drafts = write_extended(machine.source, values, folder, stimulus)
     return nominal, plain, values
 
 
@@ -229,7 +229,7 @@ def gain_by_fmus(diagnosis: Diagnosis, folder: Path) -> None:
     """Write both packages, run their FMUs on the log's command, and measure the errors on what was held out."""
     machine, record, held = diagnosis.machine, diagnosis.record, diagnosis.held
     nominal, plain, values = write_packages(diagnosis, folder)
-    extended = diagnosis.packages["open"]
+    extended = diagnosis.drafts["open"]
     begin = standing(diagnosis.start, machine.values | diagnosis.values)
     diagnosis.before = run_package(nominal, record, machine, standing(diagnosis.start, plain))
     diagnosis.after = run_package(extended, record, machine, begin if record.cuts else {})

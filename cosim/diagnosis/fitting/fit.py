@@ -1,8 +1,9 @@
 """Fitting a group's parameters to its measured signals under priors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,10 @@ from cosim.diagnosis.record.signatures import bridged
 from cosim.inference.pieces import by_piece, slope
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 ABSURD = 1e9  # SI; stands for a residual that is no number
+AT_ONCE = 1_000_000  # samples of residuals that are kept to be whitened together: 8 MB
 SLOPE_STEP = 2e-3  # of a scale, over which slopes are differenced
 
 
@@ -131,13 +134,8 @@ class Task:
         self.rules = rules
         self.shrink = None
         if self.discrepancy:
-            columns = np.stack(
-                [
-                    self.rows(dict(zip(self.discrepancy, row, strict=True)))
-                    for row in zip(*self.discrepancy.values(), strict=True)
-                ],
-                axis=1,
-            )
+            each = zip(*self.discrepancy.values(), strict=True)
+            columns = self.rows_of([dict(zip(self.discrepancy, row, strict=True)) for row in each]).T
             left, values, _ = np.linalg.svd(columns, full_matrices=False)
             self.shrink = (left, 1.0 - 1.0 / np.sqrt(1.0 + values**2))
 
@@ -169,11 +167,15 @@ class Task:
 
     def rows(self, residuals: Mapping[str, Array]) -> Array:
         """All signals' residuals, independent and of unit size but for discrepancy, in one row."""
+        return np.asarray(self.rows_of([residuals])[0])
+
+    def rows_of(self, residuals: Sequence[Mapping[str, Array]]) -> Array:
+        """The same of several sets of residuals: (sets, values)."""
         parts = []
         for name, rule in self.rules.items():
-            rows = rule(residuals[name])
-            parts.append((rows if self.mask is None else rows[self.mask]).ravel())
-        return np.concatenate(parts)
+            rows = rule.each([own[name] for own in residuals])
+            parts.append((rows if self.mask is None else rows[:, self.mask]).reshape(len(residuals), -1))
+        return np.concatenate(parts, axis=1)
 
     def white_of(self, signal: str, residuals: Mapping[str, Array]) -> Array:
         """(windows, bins) of one signal's residual, independent and of unit size."""
@@ -188,11 +190,15 @@ class Task:
 
     def white(self, residuals: Mapping[str, Array]) -> Array:
         """All signals' residuals, independent and of unit size, in one row."""
-        row = self.rows(residuals)
+        return np.asarray(self.white_rows([residuals])[0])
+
+    def white_rows(self, residuals: Sequence[Mapping[str, Array]]) -> Array:
+        """The same of several sets of residuals: (sets, values). Linear in the residuals."""
+        rows = self.rows_of(residuals)
         if self.shrink is not None:
             left, share = self.shrink
-            row = row - left @ (share * (left.T @ row))
-        return row
+            rows = rows - ((rows @ left) * share) @ left.T
+        return rows
 
 
 @lru_cache(maxsize=8)
@@ -234,15 +240,28 @@ def fit(
     coordinates = Coordinates(pairs, scales, start, most, shares, ratios)
     low, high = coordinates.bounds(np.array([u.low for u in unknowns]), np.array([u.high for u in unknowns]))
     priors = [(i, u.prior) for i, u in enumerate(unknowns) if u.prior is not None]
+    many = max(1, AT_ONCE // sum(values.size for values in task.measured.values()))
+
+    def at(z: Array) -> tuple[dict[str, Array], list[float]]:
+        x = coordinates.reported(z)
+        extra = [(x[i] - mean) / deviation for i, (mean, deviation) in priors]
+        return task.residuals(base | dict(zip(names, x.tolist(), strict=True))), extra
 
     def cost(z: Array) -> Array:
-        x = coordinates.reported(z)
-        white = task.white(task.residuals(base | dict(zip(names, x.tolist(), strict=True))))
-        extra = [(x[i] - mean) / deviation for i, (mean, deviation) in priors]
-        return np.concatenate([white, extra])
+        residuals, extra = at(z)
+        return np.concatenate([task.white(residuals), extra])
 
     def slopes(z: Array) -> Array:
-        return jacobian(cost, z, low, high)
+        # to whiten is linear: it is done with the differences, and with those of many unknowns at once
+        columns = []
+        for several in batches(list(differenced(z, low, high)), many):
+            changes, extras = [], []
+            for up, down, length in several:
+                (after, more), (before, less) = at(up), at(down)
+                changes.append({s: (after[s] - before[s]) / length for s in after})
+                extras.append((np.array(more) - np.array(less)) / length)
+            columns.append(np.concatenate([task.white_rows(changes), np.stack(extras)], axis=1))
+        return np.concatenate(columns).T
 
     if quick:
         follower = Follower(cost, low, high)
@@ -393,14 +412,25 @@ def one_sided(cost: Callable[[Array], Array], z: Array, here: Array, low: Array,
 def jacobian(
     cost: Callable[[Array], Array], z: Array, low: Array, high: Array, step: float = SLOPE_STEP
 ) -> Array:
-    """Central differences in units of each unknown's scale, one-sided at a bound.
+    """Central differences in units of each unknown's scale, one-sided at a bound."""
+    each = differenced(z, low, high, step)
+    return np.stack([(cost(up) - cost(down)) / length for up, down, length in each], axis=1)
+
+
+def batches(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:
+    """The items, so many at a time."""
+    return (items[first : first + size] for first in range(0, len(items), size))
+
+
+def differenced(
+    z: Array, low: Array, high: Array, step: float = SLOPE_STEP
+) -> Iterator[tuple[Array, Array, float]]:
+    """For each unknown two points, to both sides of `z` but not beyond a bound, and how far they lie apart.
 
     The step is a fraction of a typical change, not of rounding: friction and play make the cost jagged at small scale.
     """
-    columns = []
     for i in range(z.size):
         up, down = z.copy(), z.copy()
         up[i] = min(z[i] + step, high[i])
         down[i] = max(z[i] - step, low[i])
-        columns.append((cost(up) - cost(down)) / (up[i] - down[i]))
-    return np.stack(columns, axis=1)
+        yield up, down, float(up[i] - down[i])

@@ -1,6 +1,6 @@
 """Fits to the error over a whole log, drift included, and to what the error of an axis that drifts moves meanwhile."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -130,9 +130,10 @@ class Drifting(Task):
         signal, rule = next(iter(self.rules.items()))
         return np.asarray(np.diff(rule.windows(residuals[signal]).mean(axis=1))[self.steps_in])
 
-    def white(self, residuals: Mapping[str, Array]) -> Array:
-        """As that of a task, and then the steps of the walk."""
-        return np.concatenate([super().white(residuals), self.walked(residuals) / self.step])
+    def white_rows(self, residuals: Sequence[Mapping[str, Array]]) -> Array:
+        """As those of a task, and then the steps of the walk."""
+        walks = np.stack([self.walked(own) / self.step for own in residuals])
+        return np.concatenate([super().white_rows(residuals), walks], axis=1)
 
 
 def onward(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near: Fit) -> Fit:

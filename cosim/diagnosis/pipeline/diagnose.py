@@ -543,7 +543,8 @@ def diagnose(
         tolerance: standard deviation of the trust in each nominal parameter, relative.
         calibrate: fit the nominal parameters freely, so that only missing structure is a cause; so it is done without
             where the mapping says that parameters are `free`.
-        folder: where the extended packages go; without one they are not written and the FMUs are not run.
+        folder: where the extended packages are made (`drafts`), which does not say yet what they rest on; without one
+            they are not made and the FMUs are not run.
         watch: told about each stage.
         budget: the time it may take; searches then end with the best so far. Unlimited by default.
 

@@ -171,7 +171,12 @@ def cut_off(readings: Array) -> dict[str, Array]:
     if half == 0.0:
         return {}
     down = np.full(readings.size, half)
-    return {"down": down, "up": -down, "towards zero": half * np.sign(readings)}
+    ways = {"down": down, "up": -down}
+    inward = half * np.sign(readings)
+    # an angle that keeps its sign tells towards zero from neither
+    return (
+        ways if any(np.array_equal(inward, way) for way in ways.values()) else ways | {"towards zero": inward}
+    )
 
 
 def synchronised(record: Record, tracker: Tracker) -> tuple[TrackerModel, Fit]:
