@@ -94,7 +94,8 @@ def test_an_interrupted_run_goes_on(excavator, tmp_path, monkeypatch):
     ]
     ran = []
 
-    def run(case, budget, limit):
+    def run(case, budget, limit, mappings):
+        assert (mappings / case.mapping).is_file()
         if len(ran) == 1 and not file.with_suffix(".again").exists():
             raise KeyboardInterrupt
         ran.append(case.name)
