@@ -207,24 +207,24 @@ class Store:
     def _array(self, name: str, signal: Signal, size: int) -> Any:
         if name not in self._arrays:
             group = self._group()
-            if name in group:
-                self._arrays[name] = group[name]
-            else:
-                unit, factor, offset = signal.display
-                group.attrs["signals"] = [*group.attrs.get("signals", []), name]  # in the order of the chain
-                shown: dict[str, Any] = {
-                    "display_unit": unit,
-                    "display_factor": factor,
-                    "display_offset": offset,
-                }
-                self._arrays[name] = group.create_array(
+            unit, factor, offset = signal.display
+            shown = {"display_unit": unit, "display_factor": factor, "display_offset": offset}
+            told = {"_ARRAY_DIMENSIONS": ["run", "time"], "units": signal.unit, **shown}
+            # a batch may have been killed between any two of these writes
+            if name not in (listed := group.attrs.get("signals", [])):
+                group.attrs["signals"] = [*listed, name]  # in the order of the chain
+            if name not in group:
+                group.create_array(
                     name,
                     shape=(group["run"].shape[0], size),
                     chunks=CHUNK,
                     dtype="float64",
                     fill_value=np.nan,
-                    attributes={"_ARRAY_DIMENSIONS": ["run", "time"], "units": signal.unit, **shown},
+                    attributes=told,
                 )
+            if dict(group[name].attrs) != told:
+                group[name].attrs.update(told)
+            self._arrays[name] = group[name]
         array = self._arrays[name]
         if array.shape[1] < size:
             array.resize((array.shape[0], size))

@@ -10,10 +10,11 @@ from fault_injection import failing_call, full_after
 for needed in ("xarray", "zarr"):
     pytest.importorskip(needed, reason="needs the extra 'batch'")
 
+import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
 from cosim.batch.coordinates import Coordinates  # noqa: E402
-from cosim.batch.job import Outcome  # noqa: E402
+from cosim.batch.job import Outcome, Signal  # noqa: E402
 from cosim.batch.store import Store  # noqa: E402
 from cosim.errors import UsageError  # noqa: E402
 from cosim.files import write_text  # noqa: E402
@@ -72,3 +73,43 @@ def test_half_a_line_never_stays_in_the_journal(tmp_path):
     with failing_call(1), pytest.raises(OSError, match="No space"):
         write_text(store.path("runs"), "half")
     assert isinstance(store.finish({"run": [0, 1, 2]}), pd.DataFrame)
+
+
+def simulated(number):
+    signals = {name: Signal(np.full(4, 1.0 * number), "rad", ("deg", 57.3, 0.0)) for name in ("a.x", "a.y")}
+    return Outcome(number=number, status="done", seconds=0.1, worker="w", scores={}, signals=signals)
+
+
+def described(folder):
+    """What the cube says of itself, by file."""
+    cube = folder / "signals.zarr"
+    return {p.relative_to(cube).as_posix(): p.read_text() for p in cube.rglob(".z*")}
+
+
+def gone_on(folder):
+    """What the cube of a batch says that goes on, to its end."""
+    begun(folder)
+    store = Store(folder)
+    for number in range(store.begin({"identity": "x"}, coordinates(), fresh=False), 3):
+        store.add([simulated(number)])
+        store.flush()
+    store.finish({"run": [0, 1, 2]})
+    return described(folder)
+
+
+def test_a_batch_that_ends_while_a_signal_gets_its_place_goes_on_to_the_same_cube(tmp_path):
+    """A kill between the list of signals and the signal named it twice; one before its attributes left it without."""
+    whole = gone_on(tmp_path / "whole")
+    assert len(whole) > 8
+    for at in range(1, 200):
+        folder = tmp_path / str(at)
+        begun(folder)
+        store = Store(folder)
+        store.begin({"identity": "x"}, coordinates(), fresh=False)
+        with failing_call(at) as faults, contextlib.suppress(OSError):
+            store.add([simulated(0)])
+            store.flush()
+        assert gone_on(folder) == whole, at
+        if faults.seen < at:
+            return
+    pytest.fail("no end of calls")
