@@ -25,7 +25,7 @@ TOP = Path(__file__).resolve().parents[1]
 MIRROR = "http://deb.debian.org/debian"
 EXTRAS = "dev,report,batch"
 TESTS = ["tests/cli", "tests/fmus", "tests/logs", "tests/api"]
-LONGEST = 5400.0
+LONGEST_TRY = 5400.0
 CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
 KEPT = ("PIP_INDEX_URL", "PIP_DEFAULT_TIMEOUT", "http_proxy", "https_proxy")
 
@@ -102,12 +102,12 @@ class Host:
                 env=environment,
                 capture_output=True,
                 text=True,
-                timeout=LONGEST,
+                timeout=LONGEST_TRY,
                 check=False,
             )
         inner = ["chroot", str(self.root), "/usr/bin/env", "-C", str(cwd), *command]
         return subprocess.run(
-            inner, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False
+            inner, env=environment, capture_output=True, text=True, timeout=LONGEST_TRY, check=False
         )
 
     def must(self, *words: object, cwd: Path) -> str:

@@ -7,16 +7,14 @@ from typing import Any
 from cosim.console import warn
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.master.inputs import Series
-from cosim.paths import build_folder, ssp_folder
+from cosim.paths import ssp_folder
 from cosim.signals import LOG_SIGNALS
 from cosim.ssp import System, read_ssv
-from cosim.ssp.build import CLOSED, LOOPS, SYSTEMS
+from cosim.ssp.build import CLOSED, LOOPS, SYSTEMS, built_package
 from cosim.ssp.fmu import parse_value
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import fitted
 from cosim.ssp.read import resolve, settable_names
-from cosim.ssp.stimulus import default_command, stimulus_csv
-from cosim.ssp.write import write_ssp
 from cosim.units import factor, parse_quantity
 
 
@@ -53,16 +51,7 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
         )
     if with_input and model in CLOSED:
         raise UsageError(f"'{model}' has no input: build it with --with-stimulus for another command")
-    built = package_of(model, with_input)
-    if not built.is_file():
-        played = None if with_input else stimulus_csv(*default_command())
-        write_ssp(ssp_folder() / f"{model}.ssd", built, stimulus=played, open=with_input)
-    return built
-
-
-def package_of(model: str, with_input: bool = False) -> Path:
-    """Where the package of a system of ours lies once it is built."""
-    return build_folder() / "ssp" / f"{model}{'_open' if with_input else ''}.ssp"
+    return built_package(model, with_input)
 
 
 def source_sets() -> dict[str, Path]:

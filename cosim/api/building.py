@@ -63,12 +63,12 @@ def stimulus_of(log: Path | None, mapping: Path | None) -> bytes:
         UsageError: a mapping without a log.
     """
     from cosim.errors import DataError
-    from cosim.ssp.stimulus import default_command, stimulus_csv
+    from cosim.ssp.stimulus import default_stimulus, stimulus_csv
 
     if log is None:
         if mapping is not None:
             raise UsageError("--mapping says how to read a log, so it needs --with-stimulus")
-        return stimulus_csv(*default_command())
+        return default_stimulus()
     from cosim.logs import load_log
 
     loaded = load_log(log, mapping)
@@ -86,7 +86,7 @@ def build_missing(folder: Path) -> None:
         UsageError: the folder cannot be made.
     """
     from cosim.ssp.build import SYSTEMS, build_everything
-    from cosim.ssp.stimulus import default_command, stimulus_csv
+    from cosim.ssp.stimulus import default_stimulus
     from fmus.registry import BLOCKS
 
     wanted = [folder / "fmus" / f"{name}.fmu" for name in BLOCKS]
@@ -100,7 +100,7 @@ def build_missing(folder: Path) -> None:
                 done.append(file)
                 advance(len(done))
 
-            build_everything(folder, stimulus_csv(*default_command()), report)
+            build_everything(folder, default_stimulus(), report)
         console.stderr_console().print(f"built {len(wanted)} files in {folder}", markup=False, soft_wrap=True)
 
 

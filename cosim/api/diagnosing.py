@@ -1,6 +1,7 @@
 """A diagnosis as it is asked for, of our crane or of any system of FMUs."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,18 +81,18 @@ def second_records(asked: Asked) -> list[Log]:
     """The record that a mapping holds out, of each file: benchmarks keep two in one file (``uEst``, ``uVal``)."""
     if asked.mapping is None:
         return []
-    found = [second_record(log, asked.mapping) for log in asked.logs if isinstance(log, Path)]
-    return [log for log in found if log is not None]
+    return second_records_of([log for log in asked.logs if isinstance(log, Path)], asked.mapping)
 
 
-def second_record(log: Path, mapping: Path) -> Log | None:
-    """The second record of a file, by the table ``[held_out]`` of a mapping; None without one."""
+def second_records_of(logs: Sequence[Path], mapping: Path) -> list[Log]:
+    """The second record of each file, by the table ``[held_out]`` of a mapping; none without one."""
     plain = load_mapping(mapping)
     if not plain.held_out:
-        return None
-    found = load_log(log, plain.of_held_out)
-    for warning in found.warnings:
-        warn(f"held out: {warning}")
+        return []
+    found = [load_log(log, plain.of_held_out) for log in logs]
+    for log in found:
+        for warning in log.warnings:
+            warn(f"held out: {warning}")
     return found
 
 

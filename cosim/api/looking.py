@@ -359,8 +359,7 @@ def _system_facts(path: Path) -> dict[str, Any]:
 
 def ours(path: Path) -> bool:
     """Whether it is the package that a system of ours goes by its name for."""
-    from cosim.request import package_of
-    from cosim.ssp.build import SYSTEMS
+    from cosim.ssp.build import SYSTEMS, package_of
 
     return path.stem in SYSTEMS and package_of(path.stem).resolve() == path.resolve()
 

@@ -213,8 +213,10 @@ class Store:
             # a batch may have been killed between any two of these writes
             if name not in (listed := group.attrs.get("signals", [])):
                 group.attrs["signals"] = [*listed, name]  # in the order of the chain
-            if name not in group:
-                group.create_array(
+            if name in group:
+                array = group[name]
+            else:
+                array = group.create_array(
                     name,
                     shape=(group["run"].shape[0], size),
                     chunks=CHUNK,
@@ -222,9 +224,9 @@ class Store:
                     fill_value=np.nan,
                     attributes=told,
                 )
-            if dict(group[name].attrs) != told:
-                group[name].attrs.update(told)
-            self._arrays[name] = group[name]
+            if dict(array.attrs) != told:
+                array.attrs.update(told)
+            self._arrays[name] = array
         array = self._arrays[name]
         if array.shape[1] < size:
             array.resize((array.shape[0], size))

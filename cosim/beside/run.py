@@ -15,10 +15,9 @@ from cosim.compare.model import build_wiring
 from cosim.compare.picture import write_pictures
 from cosim.compare.present import answer, as_data, write_series
 from cosim.errors import ModelError, UsageError
-from cosim.files import keep_inputs
 from cosim.logs import Log, load_log
 from cosim.logs.mapping import Mapping
-from cosim.report.earlier import COMPARED, Earlier
+from cosim.report.earlier import COMPARED, Earlier, keep_logs
 from cosim.request import parameters
 from cosim.ssp.archive import scratch_folder
 from cosim.units import parse_quantity
@@ -124,7 +123,7 @@ def beside(
     inputs = [loaded.source, *([external] if external is not None else []), *parameter_sets]
     inputs += [*table.parameter_files, *_held_out_file(calibration)]
     if out is not None:
-        keep_inputs((out / name for name in COMPARED), (path for path in inputs if path.suffix != ".ssv"))
+        keep_logs(out, COMPARED, inputs)  # before any work
     source, table = _source(model, mapping, names, table, loaded)
     step = parse_quantity(step_size, "s") if step_size else None
     with (

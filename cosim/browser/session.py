@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim import api
 from cosim.anysystem.command import any_system
-from cosim.api.diagnosing import second_record
+from cosim.api.diagnosing import second_records_of
 from cosim.api.results import DiagnosisResult
 from cosim.browser.form import (
     Form,
@@ -627,8 +627,9 @@ class Session:
         with heard_by(hear):
             logs, held_out = [read(file) for file in asked.logs], [read(file) for file in asked.held_out]
             if not held_out:
-                second = [(second_record(file.path, mapping), file.name) for file in asked.logs]
-                held_out = [dataclasses.replace(r, source=Path(name)) for r, name in second if r is not None]
+                second = second_records_of([file.path for file in asked.logs], mapping)
+                pairs = zip(second, asked.logs, strict=False)  # a mapping without a table holds out none
+                held_out = [dataclasses.replace(log, source=Path(file.name)) for log, file in pairs]
             tracker = None
             if asked.external is not None:
                 found, name = load_tracker(asked.external.path), asked.external.name

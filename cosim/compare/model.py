@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from cosim.errors import ModelError, UsageError
-from cosim.paths import build_folder, ssp_folder
-from cosim.ssp.build import SYSTEMS
+from cosim.paths import build_folder
+from cosim.ssp.build import SYSTEMS, built_package
 from cosim.ssp.write import STIMULUS, read_xml, write_as_wired, write_ssp
 
 NAMESPACE = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
@@ -22,10 +22,7 @@ def open_model(model: str, folder: Path | None = None) -> Path:
         ModelError: an .ssd cannot be built.
     """
     if model in SYSTEMS:
-        built = build_folder() / "ssp" / f"{model}_open.ssp"
-        if not built.is_file():
-            write_ssp(ssp_folder() / f"{model}.ssd", built, open=True)
-        return built
+        return built_package(model, open_package=True)
     path = Path(model)
     if not path.is_file() and folder is not None and (folder / path).is_file():
         path = folder / path

@@ -63,6 +63,14 @@ def lined(material: Material) -> tuple[np.ndarray, np.ndarray]:
 
 def rows(material: Material) -> list[tuple[str, str, str, str, str]]:
     """(what, estimate, 95 % interval, unit, as read in the log) of each number of the curve."""
+    return [
+        (f"{what}, {where}", value, ends, unit, read)
+        for what, where, value, ends, unit, read in by_side(material)
+    ]
+
+
+def by_side(material: Material) -> list[tuple[str, str, str, str, str, str]]:
+    """The same with what it is and its side apart, the sides of one thing behind one another."""
     curve = material.answer.drive_curve
     if curve is None:
         return []
@@ -84,5 +92,5 @@ def rows(material: Material) -> list[tuple[str, str, str, str, str]]:
                 ends = " to ".join(number(v, wide) for v in item.reading.ci95)
                 read = f"{item.reading.column}: {number(item.reading.value, wide)} ({ends})"
             ends = " to ".join(number(v, spread) for v in item.ci95)
-            found.append((f"{words}, {where}", number(item.value, spread), ends, unit_text(item.unit), read))
+            found.append((words, where, number(item.value, spread), ends, unit_text(item.unit), read))
     return found

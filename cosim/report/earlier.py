@@ -34,6 +34,18 @@ COMPARED = (
 """Every file that a comparison writes, with calibration, observer and tracker."""
 
 
+SET = ".ssv"
+
+
+def keep_logs(folder: Path, files: Sequence[str], inputs: Sequence[Path]) -> None:
+    """Refuse to write over a log: what a run reads but parameter sets, which may be written over.
+
+    Raises:
+        UsageError: a log lies there under the name of a result.
+    """
+    keep_inputs((folder / name for name in files), (path for path in inputs if path.suffix != SET))
+
+
 class Earlier:
     """What of an earlier run lies in a folder; says so on stderr when made.
 
@@ -54,8 +66,8 @@ class Earlier:
         what: str = "diagnosis",
         inputs: Sequence[Path] = (),
     ) -> None:
-        sets = {os.path.realpath(path) for path in inputs if path.suffix == ".ssv"}
-        keep_inputs((folder / name for name in files), (path for path in inputs if path.suffix != ".ssv"))
+        keep_logs(folder, files, inputs)
+        sets = {os.path.realpath(path) for path in inputs if path.suffix == SET}
         self._stamps = {
             path: path.stat().st_mtime_ns
             for path in (folder / name for name in files)

@@ -3,12 +3,13 @@
 import re
 from collections.abc import Iterator
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 from cosim.console import stdout_console, table, typed
 from cosim.diagnosis.answer.schema import Answer, NamedCause
 from cosim.lexicon import speaking
-from cosim.report.drive import SLOPE, rows
+from cosim.report.drive import SLOPE, by_side
 from cosim.report.folder import lexicon_of
 from cosim.report.material import Material
 from cosim.report.words import (
@@ -140,10 +141,8 @@ def sizes(cause: NamedCause, result: Answer) -> str:
 def drive(result: Answer) -> Iterator[str]:
     """What a person would read off the drive's static curve, which needs no model."""
     told = []
-    for words, sides in groupby(
-        rows(Material(result, 0.0, {}, {})), key=lambda row: row[0].partition(",")[0]
-    ):
-        numbers = [(value, ends, unit) for _, value, ends, unit, _ in sides]
+    for words, sides in groupby(by_side(Material(result, 0.0, {}, {})), key=itemgetter(0)):
+        numbers = [(value, ends, unit) for _, _, value, ends, unit, _ in sides]
         if words != SLOPE:
             sizes = " and ".join(f"{value} ({ends})" for value, ends, _ in numbers)
             told.append(f"{words} {sizes} {numbers[0][2]}".rstrip())

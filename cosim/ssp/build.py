@@ -7,7 +7,8 @@ from pathlib import Path
 
 from cosim.errors import UsageError
 from cosim.files import write_bytes
-from cosim.paths import ssp_folder
+from cosim.paths import build_folder, ssp_folder
+from cosim.ssp.stimulus import default_stimulus
 from cosim.ssp.write import STIMULUS, fmu_bytes, write_ssp
 from fmus.registry import BLOCKS
 
@@ -16,6 +17,24 @@ SYSTEMS = ("simplified", "full_order", "physical")
 LOOPS = ("position_loop", "position_loop_observer")
 CLOSED = (*LOOPS, "full_order_extended")
 Report = Callable[[Path], None]
+
+
+def package_of(system: str, open_package: bool = False) -> Path:
+    """Where the package of a system of ours lies once it is built."""
+    return build_folder() / "ssp" / f"{system}{'_open' if open_package else ''}.ssp"
+
+
+def built_package(system: str, open_package: bool = False) -> Path:
+    """The package of a system of ours, built if it is missing.
+
+    Raises:
+        UsageError, ModelError: as `cosim.ssp.write.write_ssp`.
+    """
+    package = package_of(system, open_package)
+    if not package.is_file():
+        played = None if open_package else default_stimulus()
+        write_ssp(ssp_folder() / f"{system}.ssd", package, stimulus=played, open=open_package)
+    return package
 
 
 def build_everything(out: Path, stimulus: bytes, report: Report = lambda file: None) -> dict[str, list[Path]]:

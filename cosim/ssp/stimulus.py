@@ -34,6 +34,11 @@ def default_command(duration: float = 20.0) -> tuple[Array, Array]:
     return times, np.where(phase < 4.0 * math.pi, 0.5 * np.sin(phase), stepped)
 
 
+def default_stimulus() -> bytes:
+    """The CSV of the command played unless another is given."""
+    return stimulus_csv(*default_command())
+
+
 def stimulus_csv(times: Array, command: Array) -> bytes:
     """A command as the CSV that a stimulus FMU plays; every number reads back as the same double.
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from cosim.compare.metrics import rms
@@ -53,6 +54,8 @@ from cosim.diagnosis.thresholds import (
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
+Array = NDArray[np.float64]
+
 # of task, null, one and other: whether the sizes of the one are sure and it predicts other data noticeably better
 Judge = Callable[[Task, Trial, Trial, Trial], bool]
 
@@ -75,7 +78,7 @@ def worth_naming(trial: Trial, effect: Effect, model: GroupModel, tolerance: flo
                 return True
             large = True
     sizes = sizes_of(effect, model, trial.fit.values) if large else {}
-    return len(sizes) > 1 and joint(trial.fit, sizes) > float(chi2.isf(2.0 * norm.sf(SURE_SIZE), len(sizes)))
+    return len(sizes) > 1 and joint(trial.fit, sizes) > sure_from(len(sizes))
 
 
 def sizes_of(effect: Effect, model: GroupModel, values: Mapping[str, float]) -> dict[str, float]:
@@ -94,8 +97,17 @@ def joint(found: Fit, sizes: dict[str, float]) -> float:
     at = [names.index(n) for n in sizes if n in names]
     if len(at) < len(sizes):
         return 0.0
-    values = np.array(list(sizes.values()))
-    return float(values @ np.linalg.pinv(found.covariance[np.ix_(at, at)], hermitian=True) @ values)
+    return wald(np.array(list(sizes.values())), found.covariance[np.ix_(at, at)])
+
+
+def wald(sizes: Array, covariance: Array) -> float:
+    """Wald's statistic of estimates (k,) less where they are nothing, by their covariance (k, k)."""
+    return float(sizes @ np.linalg.pinv(covariance, hermitian=True) @ sizes)
+
+
+def sure_from(count: int) -> float:
+    """Wald's statistic from which so many sizes are sure together."""
+    return float(chi2.isf(2.0 * norm.sf(SURE_SIZE), count))
 
 
 def accepted(new: Trial, old: Trial, model: GroupModel, tolerance: float, sure: float = NAMING_GAIN) -> bool:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
 from threadpoolctl import threadpool_limits
 
 from cosim.compare.metrics import rms
@@ -35,7 +34,15 @@ from cosim.diagnosis.held_out.causes import (
 )
 from cosim.diagnosis.held_out.free_run import onward, refitted
 from cosim.diagnosis.hypotheses.exercised import never_exercised
-from cosim.diagnosis.hypotheses.naming import Judge, find, rivals, sizes_of, to_the_end
+from cosim.diagnosis.hypotheses.naming import (
+    Judge,
+    find,
+    rivals,
+    sizes_of,
+    sure_from,
+    to_the_end,
+    wald,
+)
 from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
 from cosim.diagnosis.model.groups import Group, left_out, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
@@ -59,7 +66,6 @@ from cosim.diagnosis.thresholds import (
     SEARCH_BUDGET,
     SPARSE_OF_INTEGRAL,
     SPARSE_SAMPLING,
-    SURE_SIZE,
 )
 from cosim.diagnosis.tracker.comparison import compare_tracker
 from cosim.diagnosis.verdict.discrepancy import understood
@@ -433,8 +439,7 @@ def share_of_sure(found: Diagnosis, effect: Effect, model: GroupModel) -> float:
     pairs = found.correlations
     together = [[pairs.get((a, b), pairs.get((b, a), float(a == b))) for b in names] for a in names]
     away = np.array([sizes[n] / found.deviations[n] for n in names])
-    needed = float(chi2.isf(2.0 * norm.sf(SURE_SIZE), len(names)))
-    return float(away @ np.linalg.pinv(np.array(together), hermitian=True) @ away) / needed
+    return wald(away, np.array(together)) / sure_from(len(names))
 
 
 def known_in(found: Diagnosis, effect: Effect) -> bool:
