@@ -2,11 +2,13 @@
 
 import dataclasses
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cosim.diagnosis.answer.answer import unmoved
 from cosim.diagnosis.fitting import trials
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit, Task
@@ -97,6 +99,23 @@ def test_a_size_that_changes_nothing_is_known_as_such() -> None:
     found = tried(task, (effect,), 0.01)
     assert idle(found.fit, "dead_zone.b_l")
     assert not idle(found.fit, "dead_zone.b_r")
+
+
+def test_an_end_out_of_reach_is_never_told_beside_one_that_another_fit_met(stopped: Task) -> None:
+    """The fit of the block alone did not meet the lower end, that of the whole did; the upper one is 1e9 rad away."""
+    stop = registry.effects()["mechanical.end_stop"]
+    values = {"mechanical.theta_max": 1e9, "mechanical.theta_min": -1.8}
+    own = Fit(values, {}, 0.0, 10, {}, np.empty((0, 0)), slopes=np.zeros((10, 2)))
+    assert all(idle(own, name) for name in values)
+    told: Any = SimpleNamespace(
+        findings={"mechanical": SimpleNamespace(task=stopped, chosen=SimpleNamespace(fit=own))},
+        values=values,
+        deviations={"mechanical.theta_max": 0.1, "mechanical.theta_min": 0.07},
+    )
+    cause: Any = SimpleNamespace(
+        effect=stop, group="mechanical", parameters={"theta_max": (1e9, 5e8), "theta_min": (-2.6, 0.04)}
+    )
+    assert unmoved(told, cause) == {"theta_max"}
 
 
 def only(told: Diagnosis) -> Cause:

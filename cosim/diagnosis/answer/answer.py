@@ -214,16 +214,19 @@ def unmoved(diagnosis: Diagnosis, cause: Cause) -> set[str]:
     if finding is None:
         return set()
     nominal = {p: finding.task.model.nominal(n) for p, n in names_of(cause.effect).items()}
-    still = {p for p, off in nominal.items() if cause.parameters[p] == (off, 0.0)}
-    still |= {p for p, n in names_of(cause.effect).items() if idle(finding.chosen.fit, n)}
+    stay = {p for p, off in nominal.items() if cause.parameters[p] == (off, 0.0)}
     limits = {p: n for p, n in names_of(cause.effect).items() if (f := cause.effect.free.get(p)) and f.limits}
     # an interval that reaches over where the limit is out of reach
-    still |= {
+    stay |= {
         p
         for p, n in limits.items()
         if abs(diagnosis.values.get(n, 0.0) - nominal[p]) <= diagnosis.deviations.get(n, 0.0)
     }
-    return still if len(still) < len(cause.parameters) else set()
+    change_nothing = {p for p, n in names_of(cause.effect).items() if idle(finding.chosen.fit, n)}
+    # a cause keeps a size: where none is left, what changes nothing in its block's fit may do so in that of the whole
+    return next(
+        (still for still in (stay | change_nothing, stay) if len(still) < len(cause.parameters)), set()
+    )
 
 
 def parameter_of(
