@@ -55,3 +55,39 @@ def expm2(m11: float, m12: float, m21: float, m22: float, t: float) -> tuple[flo
         s = t
     scale = math.exp(mean * t)
     return scale * (c + s * d11), scale * s * m12, scale * s * m21, scale * (c + s * d22)
+
+
+@equation
+def held_pair(a1: float, a0: float, h: float) -> tuple[float, float]:
+    """Response after h from rest of x'' + a1 x' + a0 x = 1, and its rate; a1, a0 >= 0.
+
+    From them follows exp of the companion matrix: its columns are (1 - a0 s, -a0 r) and (r, 1 - a0 s - a1 r).
+    """
+    size = (a1 + math.sqrt(a0)) * h
+    t = h
+    halvings = 0.0
+    while size > 0.25:
+        size = 0.5 * size
+        t = 0.5 * t
+        halvings += 1.0
+    # the power series of x: c2 = 1/2, (j + 2)(j + 1) c(j+2) = -a0 c(j) - a1 (j + 1) c(j+1)
+    before = 0.0
+    here = 0.5
+    power = t
+    s = 0.0
+    r = 0.0
+    j = 2.0
+    while j < 16.0:
+        r += j * here * power
+        power *= t
+        s += here * power
+        following = -(a0 * before + a1 * j * here) / ((j + 1.0) * j)
+        before = here
+        here = following
+        j += 1.0
+    while halvings > 0.0:
+        doubled = s + (1.0 - a0 * s) * s + r * r
+        r = r + (1.0 - a0 * s - a1 * r) * r - a0 * r * s
+        s = doubled
+        halvings -= 1.0
+    return s, r

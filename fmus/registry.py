@@ -18,6 +18,7 @@ BLOCKS = (
     "continuity_physical",
     "mechanical",
     "simplified",
+    "linear_drive",
     "sensor",
     "observer",
     "observer_extended",

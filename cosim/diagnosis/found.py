@@ -19,6 +19,7 @@ from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.residuals.reference import Reference
 from cosim.diagnosis.tracker.comparison import TrackerFinding
 from cosim.diagnosis.verdict.verdict import Cause, Rest, floor_of
+from cosim.inference.linear import LinearModel
 
 Array = NDArray[np.float64]
 
@@ -70,6 +71,7 @@ class Diagnosis:
         tracker: what the external tracker says, if there was one.
         held: the part of the log, or the other log, on which gains are measured; None for every third window.
         held_before, held_after: as before, after, over the held-out log.
+        in_place: the linear model that the extended model has in the place of the blocks, where they lack its dynamics.
         references: signal -> the linear reference from the command to it, beside the extended model.
         calibrated: trusted parameters fitted without any cause, where they were freed: what the extension is held against.
         refused: causes that the fitting log asks for and the held-out one does not bear out.
@@ -109,6 +111,7 @@ class Diagnosis:
     held_after: dict[str, Array] = field(default_factory=dict)
     refused: list[Refused] = field(default_factory=list)
     calibrated: dict[str, float] = field(default_factory=dict)
+    in_place: LinearModel | None = None
     references: dict[str, Reference] = field(default_factory=dict)
     spans: tuple[tuple[float, float], ...] = ()
     between: dict[str, Between] = field(default_factory=dict)

@@ -3,9 +3,18 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.inference.thresholds import START_LACK, START_PART, START_SAMPLES, START_SPAN, START_SURE
+from cosim.inference.thresholds import (
+    START_LACK,
+    START_PART,
+    START_SAMPLES,
+    START_SPAN,
+    START_STILL,
+    START_SURE,
+)
 
 Array = NDArray[np.float64]
+
+SAME_INPUT = 1e-6  # of its range, by which an input may differ and still be the same: rounding
 
 
 def level(values: Array) -> float:
@@ -40,6 +49,20 @@ def speed(time: Array, values: Array) -> float:
     if abs(first) <= START_SURE * error or first * mean <= 0.0 or abs(first) < START_PART * abs(mean):
         return 0.0
     return first / float(time[count - 1] - time[0])
+
+
+def rests(u: Array, y: Array) -> bool:
+    """True if the output (n,) stands until its input (n,), which is constant at first, changes: all before has settled.
+
+    An input that changes from the first sample on, or never, tells nothing of it.
+    """
+    changed = np.flatnonzero(np.abs(u - u[0]) > SAME_INPUT * np.ptp(u))
+    count = int(changed[0]) if changed.size else 0
+    if count < START_SAMPLES:
+        return False
+    first = y[:count]
+    noise = float(np.median(np.abs(np.diff(first)))) / (0.6745 * np.sqrt(2.0))
+    return float(np.std(first)) <= max(START_LACK * noise, START_STILL * float(np.ptp(y)))
 
 
 def parabola(time: Array, values: Array) -> tuple[Array, float, float, float]:

@@ -18,11 +18,13 @@ from scipy.linalg import block_diag, expm
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from cosim.inference.beginning import rests
 from cosim.inference.held_out import gain_between, left_out
 from cosim.inference.pieces import Cuts
 from cosim.inference.thresholds import DECAY, HIGHEST_ORDER, LATEST, ORDER_WORTH, QUICKEST_POLE, SLOWEST_POLE
 
 Array = NDArray[np.float64]
+Rest = tuple[bool, ...]  # of each record whether it begins at rest; none does if empty
 Rows = Callable[[Array], Array]  # (k, n) signals -> (k, values), residuals weighed as the data are
 
 DAMPING = (0.003, 8.0)  # of second-order sections
@@ -101,6 +103,7 @@ class LinearModel:
         length: of the data it was fitted to, s.
         residuals: (values,) what it leaves, weighed.
         left_out: (values,) the same of each block with an estimate from the others.
+        rest: of each record whether it begins at rest.
     """
 
     sections: Sections
@@ -109,6 +112,7 @@ class LinearModel:
     length: float
     residuals: Array = field(repr=False)
     left_out: Array = field(repr=False)
+    rest: Rest = ()
 
     @property
     def order(self) -> int:
@@ -118,21 +122,42 @@ class LinearModel:
     @property
     def integrates(self) -> bool:
         """True if a pole is too slow for the data to tell it from an integrator."""
-        return any(abs(p) * self.length < 1.0 for p in self.sections.poles)
+        return any(slow(section, self.length) for section in self.sections.each)
+
+    @property
+    def settled(self) -> float:
+        """Output for an input of 1 that has always been there, of what does not integrate."""
+        gains = iter(self.gains)
+        found = 0.0
+        for section in self.sections.each:
+            place = float(next(gains))
+            if isinstance(section, tuple):
+                next(gains)  # of its speed
+            found += 0.0 if slow(section, self.length) else place
+        return found
 
     def predicted(self, u: Array, h: float) -> Array:
         """(n,) output on the input (n,) that it was fitted to, from the initial state found there, every `h` s."""
-        driven, free = columns(self.sections, u, h, self.length)
+        driven, free = columns(self.sections, u, h, self.length, rest=self.rest)
         return np.asarray(self.gains @ np.concatenate([driven, free, np.ones((1, u.size))]))
 
     def simulate(self, u: Array, y: Array, h: float) -> Array:
-        """(n,) output on another input (n,) every `h` s, from the initial state of the beginning of its output (n,)."""
-        driven, free = columns(self.sections, u, h, self.length)
+        """(n,) output on another input (n,) every `h` s, from the initial state of the beginning of its output (n,).
+
+        Of a record that begins at rest that is only where an integrator stands.
+        """
+        at_rest = rests(u, y)
+        driven, free = columns(self.sections, u, h, self.length, rest=(at_rest,))
+        if at_rest and not self.integrates:
+            return np.asarray(self.gains[: driven.shape[0]] @ driven + self.gains[-1])
         count = driven.shape[0]
         forced = self.gains[:count] @ driven
         begin = min(y.size, max(round(BEGINNING * y.size), 4 * (len(free) + 1)))
         rest = y - forced
-        if not self.integrates:
+        if at_rest:  # it integrates; a second slow lag would follow the noise of the beginning
+            slowest = min(self.sections.each, key=lambda one: one if isinstance(one, float) else np.inf)
+            free, rest = free_columns(slowest, u.size, h, self.length, ()), rest - self.gains[-1]
+        elif not self.integrates:
             rest = rest - self.gains[-1]
         else:
             free = np.concatenate([free, np.ones((1, u.size))])
@@ -141,6 +166,15 @@ class LinearModel:
 
 
 Section = float | tuple[float, float]  # rate 1/s of a first-order section, or frequency rad/s and damping
+
+
+def slow(section: Section | None, length: float) -> bool:
+    """True if data of this length, s, do not tell a section from an integrator."""
+    if isinstance(section, tuple):
+        return any(
+            abs(p) * length < 1.0 for p in np.roots([1.0, 2.0 * section[1] * section[0], section[0] ** 2])
+        )
+    return section is not None and section * length < 1.0
 
 
 def delayed(u: Array, delay: float, h: float, before: float = 0.0) -> Array:
@@ -191,34 +225,52 @@ def free(section: Section, count: int, h: float) -> Array:
 
 
 def driven_columns(
-    section: Section | None, u: Array, h: float, length: float, delay: float, cuts: Cuts
+    section: Section | None, u: Array, h: float, length: float, delay: float, cuts: Cuts, rest: Rest = ()
 ) -> Array:
-    """Columns (k, n) that a section takes from the input; None stands for no section at all: the input itself."""
+    """Columns (k, n) that a section takes from the input; None stands for no section at all: the input itself.
+
+    In a record that begins at rest the section has settled on the first input, on which an integrator stands.
+    """
     parts = np.split(u, cuts) if cuts or section is None else [u]
     if section is None:
         return np.concatenate([delayed(part, delay, h, float(part[0])) for part in parts])[None]
-    found = [driven(section, delayed(part, delay, h), h, length) for part in parts]
+    found = []
+    for part, settled in zip(parts, rest or (False,) * len(parts), strict=True):
+        first = float(part[0]) if settled else 0.0
+        response = driven(section, delayed(part - first, delay, h), h, length)
+        if first != 0.0 and not slow(section, length):
+            response[0] += first
+        found.append(response)
     return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
 
 
-def free_columns(section: Section | None, count: int, h: float, cuts: Cuts) -> Array:
-    """Columns (k, n) from a section's initial states, one set in each record."""
+def free_columns(
+    section: Section | None, count: int, h: float, length: float, cuts: Cuts, rest: Rest = ()
+) -> Array:
+    """Columns (k, n) from a section's initial states, one set in each record; at rest only an integrator has one."""
     if section is None:
         return np.empty((0, count))
-    ends = (0, *cuts, count)
-    found = [free(section, last - first, h) for first, last in pairwise(ends)]
+    ends, own = pairwise((0, *cuts, count)), slow(section, length)
+    found = [
+        free(section, last - first, h) if own or not settled else np.empty((0, last - first))
+        for (first, last), settled in zip(ends, rest or (False,) * (len(cuts) + 1), strict=True)
+    ]
     return found[0] if len(found) == 1 else np.asarray(block_diag(*found))
 
 
-def columns(sections: Sections, u: Array, h: float, length: float, cuts: Cuts = ()) -> tuple[Array, Array]:
+def columns(
+    sections: Sections, u: Array, h: float, length: float, cuts: Cuts = (), rest: Rest = ()
+) -> tuple[Array, Array]:
     """Responses (k, n) of each section's states to the input, held over a step, and (m, n) from each initial state.
 
-    Where several records are behind one another, each begins in a state of its own.
+    Where several records are behind one another, each begins in a state of its own, those in `rest` at rest.
     """
     each = sections.each
     return (
-        np.concatenate([driven_columns(section, u, h, length, sections.delay, cuts) for section in each]),
-        np.concatenate([free_columns(section, u.size, h, cuts) for section in each]),
+        np.concatenate(
+            [driven_columns(section, u, h, length, sections.delay, cuts, rest) for section in each]
+        ),
+        np.concatenate([free_columns(section, u.size, h, length, cuts, rest) for section in each]),
     )
 
 
@@ -242,6 +294,12 @@ class Data:
     _known: dict[tuple[Section | None, float | None], Array] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
+
+    @cached_property
+    def rest(self) -> Rest:
+        """Of each record whether it begins at rest."""
+        parts = zip(np.split(self.u, self.cuts), np.split(self.y, self.cuts), strict=True)
+        return tuple(rests(u, y) for u, y in parts)
 
     @cached_property
     def blocks(self) -> int:
@@ -277,9 +335,9 @@ class Data:
         found = self._known.pop(key, None)
         if found is None:
             if delay is None:
-                plain = free_columns(section, self.u.size, self.h, self.cuts)
+                plain = free_columns(section, self.u.size, self.h, self.length, self.cuts, self.rest)
             else:
-                plain = driven_columns(section, self.u, self.h, self.length, delay, self.cuts)
+                plain = driven_columns(section, self.u, self.h, self.length, delay, self.cuts, self.rest)
             found = self.rows(plain)
             while len(self._known) >= REMEMBERED:
                 self._known.pop(next(iter(self._known)))
@@ -351,10 +409,10 @@ def reference(data: Data, highest: int = HIGHEST_ORDER) -> LinearModel:
         model = model_of(data, refined(data, starts, target), target)
         found.append(model)
         better = gain_between(model.left_out / scale_of(best), best.left_out / scale_of(best), data.block)
-        if better.sure and scale_of(model) < (1.0 - ORDER_WORTH) * scale_of(best):
-            best, missed = model, 0
-        else:
+        if scale_of(model) >= (1.0 - ORDER_WORTH) * scale_of(best):
             missed += 1
+        elif better.sure:  # if not, a higher order may be
+            best, missed = model, 0
         if missed == 2:
             break
     return best
@@ -435,6 +493,9 @@ def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
         up = place.copy()
         up[i] += step
         other = data.regressors(sections.moved(up))
+        if other.shape != matrix.T.shape:  # here it becomes an integrator, or ceases to be one
+            up[i] -= 2.0 * step
+            step, other = -step, data.regressors(sections.moved(up))
         slopes.append(-((gains @ other - gains @ matrix.T) / step)[:, None])
     jacobian = np.concatenate(slopes, axis=1)
     priors = np.zeros((gains.size, jacobian.shape[1]))
@@ -449,4 +510,5 @@ def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
         data.length,
         residuals,
         left_out(residuals, jacobian, data.block),
+        data.rest,
     )

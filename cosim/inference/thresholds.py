@@ -72,6 +72,13 @@ START_SPAN: Annotated[
     "short beside the motions of machines",
     "not measured by itself",
 ] = 0.1
+START_STILL: Annotated[
+    float,
+    "share of the range",
+    "spread of an output until its input first changes, up to which it stands",
+    "the noise of a sensor whose readings hang together shows in no difference of two of them",
+    "not measured by itself",
+] = 0.005
 ANCHOR: Annotated[
     float,
     "standard deviations",

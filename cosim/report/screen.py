@@ -195,10 +195,13 @@ def better(result: Answer) -> Iterator[str]:
     before, after = two_digits(gain.rmse_before), two_digits(gain.rmse_after)
     falls = after != before and gain.rmse_after < gain.rmse_before
     text += f"falls from {before} to {after}{unit}" if falls else f"stays at {before}{unit}"
+    in_place = result.extended is not None and result.extended.in_place is not None
+    if in_place:
+        text += " with a linear model in the place of the blocks"
     noise = f"{two_digits(gain.noise_floor)}{unit}"
     near = gain.rmse_after <= NOISY * gain.noise_floor
     text += f", the sensor's noise ({noise})" if near else f"; the sensor's noise is {noise}"
-    if signal in result.linear:
+    if signal in result.linear and not in_place:
         linear = result.linear[signal]
         text += f"; a linear model leaves {two_digits(linear.rmse)}{unit}"
         if result.verdict != "explained" and linear.ci95_of_ratio[0] > 1.0:
@@ -231,6 +234,8 @@ def next_step(result: Answer, out: Path) -> str:
         return f"drive the machine with {told}: it {in_words(proposed.why)}"
     if result.verdict == "adequate":
         return "use the model as it is"
+    if result.extended is not None and result.extended.in_place and not result.advice:
+        return f"cosim simulate {typed(result.extended.ssp)} runs the linear model"
     if result.advice and not result.causes:
         return "correct the mapping or record again as noted, and diagnose again"
     if result.extended is not None and result.causes:

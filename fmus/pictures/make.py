@@ -32,10 +32,12 @@ Array = NDArray[np.float64]
 
 def play(name: str, rows: Array, h: float, **parameters: float) -> Array:
     """Outputs of a block after each row of inputs, SI."""
-    module = compose(registry.block(name)).module
-    starts = {n: v.start for n, v in registry.block(name).parameters.items()}
-    p = module.Parameters(**starts | parameters)
-    x, m, c = module.start(module.Input(*rows[0]), p), module.Memory(), module.coefficients(p, h)
+    block = registry.block(name)
+    module = compose(block).module
+    p = module.Parameters(**{n: v.start for n, v in block.parameters.items()} | parameters)
+    first = module.Input(*rows[0])
+    x, c = module.start(first, p), module.coefficients(p, h)
+    m = module.begin(x, first, p, [np.zeros(buffer.length) for buffer in block.memory.values()])
     outputs = []
     for row in rows:
         u = module.Input(*row)
@@ -130,6 +132,17 @@ def simplified(ax: Axes) -> None:
     axes_cross(ax, "t", "angle")
 
 
+def linear_drive(ax: Axes) -> None:
+    """Angle while the command steps up and back, of a drive on a springy base."""
+    t = np.arange(0, 4.0, 5e-3)
+    u = np.where((t > 0.3) & (t < 2.3), 1.0, 0.0)[:, None]
+    ax.plot(t, u, color=INK, lw=1.2, ls="--")
+    swing = {"b0_2": 0.5, "a0_2": 90.0, "a1_2": 1.5, "delay": 0.1}
+    ax.plot(t, np.degrees(play("linear_drive", u, 5e-3, **swing)[:, 0]), color=ACCENT, lw=2.4)
+    ax.set_ylim(-0.6, 5.6)
+    axes_cross(ax, "t", "angle")
+
+
 def sensor(ax: Axes) -> None:
     """Reading against angle: a straight line."""
     x = np.linspace(-0.2, 1.0, 3)
@@ -208,6 +221,7 @@ DRAWINGS: dict[str, Callable[[Axes], None]] = {
         continuity_physical,
         mechanical,
         simplified,
+        linear_drive,
         sensor,
         observer,
         observer_extended,

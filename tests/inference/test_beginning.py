@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from cosim.inference.beginning import level, parabola, speed
-from cosim.inference.thresholds import START_LACK, START_SPAN
+from cosim.inference.beginning import level, parabola, rests, speed
+from cosim.inference.thresholds import START_LACK, START_SAMPLES, START_SPAN, START_STILL
 
 TIME = np.arange(500) * 1e-3
 
@@ -86,3 +86,22 @@ def test_a_motion_that_bends_within_the_span_keeps_its_own_first_speed() -> None
     fast = np.minimum(0.0065 + 0.77 * TIME, 0.042)
     position = np.cumsum(fast) * 1e-3
     assert speed(TIME, position + noise(5e-8)) == pytest.approx(0.0065, rel=0.15)
+
+
+def test_a_record_rests_where_nothing_moves_until_the_input_changes() -> None:
+    u = np.where(TIME < 0.1, 0.4, 1.0)
+    moved = np.maximum(TIME - 0.12, 0.0)
+    assert rests(u, 3.0 + moved)
+    assert rests(u, 3.0 + moved + noise(1e-3))
+    assert not rests(u, 3.0 + moved + 0.5 * TIME), "it moves already"
+    assert not rests(u, 3.0 + moved + 0.01 * np.cos(90.0 * TIME)), "it swings still"
+    assert not rests(u[round(0.1 * 1e3) :], moved[round(0.1 * 1e3) :]), "an input that never changes"
+    assert not rests(u[101 - START_SAMPLES :], moved[101 - START_SAMPLES :]), "too few samples before"
+    assert rests(u[100 - START_SAMPLES :], moved[100 - START_SAMPLES :])
+
+
+def test_noise_that_hangs_together_is_no_motion_up_to_a_part_of_the_range() -> None:
+    u, moved = np.where(TIME < 0.1, 0.0, 1.0), np.maximum(TIME - 0.1, 0.0)
+    slow = np.sin(60.0 * TIME) * START_STILL * np.ptp(moved) / np.std(np.sin(60.0 * TIME[:100]))
+    assert rests(u, moved + 0.9 * slow)
+    assert not rests(u, moved + 1.3 * slow)

@@ -140,3 +140,43 @@ def test_initial_states_do_not_stand_in_for_the_response_to_the_one_step_of_a_lo
     error = y - model.simulate(u, y, H)
     # no linear model is right at three duties; free initial states made it no better than standing still (43 of 49 deg)
     assert np.sqrt(np.mean(error**2)) < 0.5 * np.std(y)
+
+
+def test_a_record_that_begins_at_rest_has_no_state_but_an_integrator_s_place() -> None:
+    """Also where a command of 0.3 moves nothing, and each log begins elsewhere."""
+
+    def log(seed: int, place: float) -> tuple[Array, Array]:
+        u = np.concatenate([np.zeros(40), command(seed)[40:]])
+        return u + 0.3, place + noisy(response([30.0], [1.0, 5.5, 30.0, 0.0], u), seed, 1e-4)
+
+    logs = [log(1, 2.0), log(2, -5.0)]
+    u, y = (np.concatenate(parts) for parts in zip(*logs, strict=True))
+    fitted = Data(u, y, H, lambda rows: rows, np.arange(u.size) * 8 // u.size, (COUNT,))
+    found = reference(fitted)
+    assert found.rest == (True, True)
+    assert found.integrates
+    assert [fitted.weighed(part, None).shape[0] for part in (1e-3, (5.0, 0.5))] == [2, 0]
+    u, y = log(3, 40.0)
+    assert np.std(y - found.simulate(u, y, H)) < 1e-3 * np.std(y)
+    # what happens soon after the beginning is no state of it
+    u, y = log(3, 40.0)
+    late = np.linspace(0.0, 1.0, 20)
+    y[45:65] += 0.1 * np.std(y) * np.sin(2.0 * np.pi * late)
+    assert np.std((y - found.simulate(u, y, H))[200:]) < 0.01 * np.std(y)
+
+
+def test_of_a_record_in_motion_each_state_is_its_own() -> None:
+    u = command(5)
+    fitted = data(u, noisy(response([30.0], [1.0, 5.5, 30.0], u)))
+    assert fitted.rest == (False,)
+    assert fitted.weighed((5.0, 0.5), None).shape[0] == 2
+
+
+def test_a_lag_that_has_settled_starts_there() -> None:
+    u = np.concatenate([np.full(60, 0.5), command(7)[60:]])
+    y = 1.0 + 3.0 * response([4.0], [1.0, 4.0], u - 0.5) + 1.5
+    found = reference(data(u, noisy(y, 1, 1e-4)), highest=2)
+    assert (found.order, found.rest) == (1, (True,))
+    assert found.settled == pytest.approx(3.0, rel=1e-3)
+    assert np.allclose(found.simulate(u, y, H), y, atol=1e-2)
+    assert np.allclose(found.predicted(u, H), y, atol=1e-2)

@@ -54,7 +54,7 @@ def at_the_end(folder, block: str, h: float, highest: int) -> np.ndarray:
 @pytest.mark.parametrize("block", DRIVEN)
 def test_second_order_with_derivatives_first_without(unpacked, block) -> None:
     reference = at_the_end(unpacked[block], block, 5e-5, 3)
-    steps = (8e-3, 4e-3, 2e-3)
+    steps = (2e-3, 1e-3, 5e-4)
 
     def errors(highest: int) -> list[float]:
         return [

@@ -27,6 +27,7 @@ from cosim.native.package import swapped, values_of, write_native_ssp
 from cosim.paths import ssp_folder
 from cosim.ssp.stimulus import stimulus_csv
 from cosim.ssp.write import write_archive, write_ssp
+from fmus import registry
 
 __all__ = [
     "engine",
@@ -160,7 +161,7 @@ def test_build_native_builds_blocks_chains_and_packages(tmp_path) -> None:
     assert "native/fmus/dcv.fmu" in names
     assert "native/fmus/full_order_chain.fmu" in names
     assert "native/ssp/physical_open.ssp" in names
-    assert len(names) == 12 + 3 + 9
+    assert len(names) == len(registry.BLOCKS) + 3 + 9
     for name in names:
         assert (tmp_path / name).stat().st_size > 10000
 

@@ -46,7 +46,7 @@ from cosim.diagnosis.fitting.trials import declared
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.isolability import isolability
 from cosim.diagnosis.residuals.finding import at_first
-from cosim.diagnosis.residuals.reference import Reference
+from cosim.diagnosis.residuals.reference import Reference, described
 from cosim.diagnosis.thresholds import INDEPENDENT, INDISTINGUISHABLE, SYSTEMATIC_SHARE
 from cosim.diagnosis.verdict.verdict import Cause, local, names_of, size_of
 from cosim.inference.held_out import ratio_ci95
@@ -273,7 +273,8 @@ def packages(diagnosis: Diagnosis) -> Packages | None:
     if not diagnosis.packages:
         return None
     package = diagnosis.packages.get("closed", diagnosis.packages["open"])
-    return Packages(ssp=str(package), ssv=str(diagnosis.packages.get("ssv", package)))
+    in_place = None if diagnosis.in_place is None else described(diagnosis.in_place)
+    return Packages(ssp=str(package), ssv=str(diagnosis.packages.get("ssv", package)), in_place=in_place)
 
 
 def gains(diagnosis: Diagnosis) -> dict[str, SignalGain]:

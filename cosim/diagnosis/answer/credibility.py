@@ -36,6 +36,9 @@ def sections(answer: Answer) -> dict[str, dict[str, str]]:
     for signal, line in answer.linear.items():
         gain[f"{signal}.rmse_of_a_linear_model"] = f"{line.rmse!r} {line.unit}"
     result = {"verdict": answer.verdict, "model": answer.model}
+    if answer.extended is not None and answer.extended.in_place:
+        result["in_place_of_the_blocks"] = f"a linear model: {answer.extended.in_place}"
+        fitted, parameters = {}, {}  # of the blocks, which are not in it
     result |= {f"cause.{k}": c.effect for k, c in enumerate(answer.causes, 1)}
     result |= {
         f"cause.{k}.indistinguishable_from": ", ".join(c.indistinguishable_from)

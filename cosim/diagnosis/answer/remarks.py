@@ -13,7 +13,7 @@ from cosim.diagnosis.held_out.causes import Refused
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, Pieces
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.thresholds import AT_ZERO, FAR, HELD_LEVEL, UNCOMMANDED
+from cosim.diagnosis.thresholds import AS_WELL, AT_ZERO, FAR, HELD_LEVEL, UNCOMMANDED
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log
@@ -332,7 +332,10 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     found += advice(diagnosis)
     for signal, linear in diagnosis.references.items():
         low, high = ratio_ci95(linear.ours, linear.squares)
-        if (diagnosis.rests or diagnosis.verdict == "partly_explained") and high > 1.0:
+        as_good = (
+            high > 1.0 and linear.error < AS_WELL * linear.ours_error
+        )  # a wide interval alone says nothing
+        if (diagnosis.rests or diagnosis.verdict == "partly_explained") and as_good:
             unit, scale = shown(signal)
             how = "better than" if low > 1.0 else "no clearly worse than"
             found.append(

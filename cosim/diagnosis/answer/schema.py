@@ -103,10 +103,15 @@ class Words(Model):
 
 
 class Packages(Model):
-    """Files of the extended model."""
+    """Files of the extended model.
+
+    `in_place`: the linear model that stands in the place of the blocks, where they lack its dynamics; None where the
+    extended model is the blocks with the causes.
+    """
 
     ssp: str
     ssv: str
+    in_place: str | None = None
 
 
 class LogGain(Model):

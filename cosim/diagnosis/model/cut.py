@@ -25,7 +25,12 @@ from cosim.ssp.system import Port
 from cosim.ssp.write import STIMULUS
 from fmus import registry
 
-HELD = ("dead_zone", "dcv", "simplified")  # blocks whose input is held over a step (docs/design.md)
+HELD = (
+    "dead_zone",
+    "dcv",
+    "simplified",
+    "linear_drive",
+)  # blocks whose input is held over a step (docs/design.md)
 HANDED_ON = "driving_pressure"  # slot of a block through which goes what the next one feels
 
 

@@ -14,6 +14,7 @@ from cosim.diagnosis.at_rest import nothing_moves, off_at_rest
 from cosim.diagnosis.budget import Budget, current
 from cosim.diagnosis.budget import within as within_budget
 from cosim.diagnosis.extension.estimate import estimate, gain_by_fmus, worse, write_packages
+from cosim.diagnosis.extension.linear import can_replace, replaced
 from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.chain import Known, task_for
 from cosim.diagnosis.fitting.group_model import GroupModel
@@ -697,6 +698,9 @@ def stages(
     else:
         with part_of(found.notes, "the linear reference of the whole"):
             found.references = beside_the_whole(found, constants, trust)
+    if folder is not None and found.gains and can_replace(found):
+        with part_of(found.notes, "the linear model in the place of the blocks"):
+            replaced(found, folder)
     if found.verdict == "explained" and outdone_by_linear(found.references, found.noise):
         found.verdict = "partly_explained"
     found.stage = ""

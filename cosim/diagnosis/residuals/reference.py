@@ -359,6 +359,23 @@ def across(
     return found
 
 
+def judging_windows(record: Record, window: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """(n,) window of `window` samples of each sample, -1 for none, and (windows,) true for those that judge."""
+    numbers = Windows(window, 0, record.cuts).numbers(record.time.size)
+    return numbers, held_windows(int(numbers.max()) + 1)
+
+
+def on_other_windows(record: Record, drive: str, signal: str, window: int) -> LinearModel:
+    """The linear model from the command to a signal, fitted to all windows but those that judge it, a free run each log."""
+    numbers, held = judging_windows(record, window)
+    pair = evened(
+        record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
+    )
+    inside = pair.window >= 0
+    judged = inside & held[np.maximum(pair.window, 0)]
+    return reference(data_of(pair, False, inside & ~judged))
+
+
 def of_whole(
     record: Record,
     drive: str,
@@ -376,16 +393,12 @@ def of_whole(
         window: samples in a window.
     """
     found = {}
-    numbers = Windows(window, 0).numbers(record.time.size)
-    held = held_windows(int(numbers.max()) + 1)
+    numbers, held = judging_windows(record, window)
     if not held.any():
         return {}
     for signal in signals:
         u, y = record.signals[drive], record.signals[signal]
-        pair = evened(u, y, record.time, record.h, numbers)
-        inside = pair.window >= 0
-        judged = inside & held[np.maximum(pair.window, 0)]
-        model = reference(data_of(pair, False, inside & ~judged))
+        model = on_other_windows(record, drive, signal, window)
         fine = evened(u, y, record.time, record.h, numbers, record.h)
         own = evened(u, y - after[signal], record.time, record.h, numbers, record.h)
         errors = (fine.y - model.predicted(fine.u, record.h), own.y)

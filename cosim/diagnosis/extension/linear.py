@@ -1,0 +1,191 @@
+"""The extension where linear dynamics are missing: a linear model of free order in the place of the blocks, as a package.
+
+What the blocks cannot do, whatever causes they are given, a cause would only bend. So none is named, and the user still gets
+a model that predicts: the linear reference as the FMU `linear_drive`.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.extension.packages import write_values
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.held_out.gain import measure
+from cosim.diagnosis.model.machine import Machine
+from cosim.diagnosis.record.grid import Grid
+from cosim.diagnosis.record.record import Record
+from cosim.diagnosis.residuals.reference import on_other_windows
+from cosim.files import Scratch
+from cosim.inference.beginning import rests
+from cosim.inference.linear import LinearModel
+from cosim.machines.table import MachineTable
+from cosim.machines.wiring import files, write_files
+from cosim.master import Runner
+from cosim.ssp.write import write_as_wired
+from fmus.linear_drive import BLOCK
+
+Array = NDArray[np.float64]
+SECTIONS = 3  # of the FMU, of second order each
+
+
+def drive_values(model: LinearModel, factor: float = 1.0) -> dict[str, float]:
+    """Parameters of the block `linear_drive` that make it a fitted linear model, SI, but for where it starts.
+
+    Args:
+        model: of order 1 to 6.
+        factor: the output of the block per signal that was fitted.
+    """
+    gains = iter(factor * model.gains)
+    lags = sorted((a, next(gains) * max(a, 1.0 / model.length)) for a in model.sections.first)
+    found = []
+    for (a, top), other in zip_longest(lags[::2], lags[1::2]):
+        # a lag alone: numerator and denominator with one more root in common
+        b, second = other or (max(a, 1.0 / model.length), 0.0)
+        found.append((top + second, top * b + second * a, a + b, a * b))
+    found += [
+        (rate * w, place * w * w, 2.0 * zeta * w, w * w)
+        for (w, zeta) in model.sections.second
+        for place, rate in [(next(gains), next(gains))]
+    ]
+    values = {"delay": model.sections.delay, "settled": float(not model.integrates)}
+    for k in range(SECTIONS):
+        section = found[k] if k < len(found) else (0.0, 0.0, 1.0, 1.0)
+        values |= dict(zip((f"{n}_{k + 1}" for n in ("b1", "b0", "a1", "a0")), section, strict=True))
+    return values
+
+
+def starts(
+    model: LinearModel, values: Mapping[str, float], record: Record, drive: str, signal: str, factor: float
+) -> list[dict[str, float]]:
+    """Where each log starts, as parameters of the block: at the model's level, or an integrator where it stands.
+
+    Args:
+        model: the model.
+        values: its parameters, by `drive_values`.
+        record: one log or several.
+        drive: the command.
+        signal: the output.
+        factor: the output of the block per signal.
+    """
+    level = factor * float(model.gains[-1])
+    if not model.integrates:
+        return [{"theta_0": level} for _ in record.pieces]
+    slowest = min(model.sections.first, default=0.0)
+    weight = values["b0_1"] - slowest * values["b1_1"]  # of the slowest lag, which is in the first section
+    found = []
+    for piece in record.pieces:
+        u, y = piece.signals[drive], piece.signals[signal]
+        first = float(u[0]) if rests(u, y) else 0.0  # on which all but the integrator has settled
+        stands = level + factor * model.settled * first
+        away = factor * float(np.mean(y[: max(1, round(piece.rest / piece.h))])) - stands
+        begin = {"theta_0": stands, "u_0": first}
+        if weight != 0.0:
+            begin |= {"x_0": away / weight, "v_0": -slowest * away / weight}
+        else:
+            begin["theta_0"] = stands + away
+        found.append(begin)
+    return found
+
+
+def can_replace(found: Diagnosis) -> bool:
+    """True where linear dynamics are missing between the command and an angle, and nothing between them was measured."""
+    if len(found.groups) != 1 or len(found.findings) != 1:
+        return False
+    (finding,) = found.findings.values()
+    group, signal = finding.task.model.group, next(iter(finding.task.measured))
+    if not finding.lacks_linear or finding.reference is None or group.drive != found.machine.drive:
+        return False
+    parts = found.machine.signals[signal].parts
+    if len(parts) != 1 or group.is_speed(signal) or found.machine.wiring.unit(parts[0][0]) != "rad":
+        return False
+    return 0 < finding.reference.model.order <= 2 * SECTIONS
+
+
+def replaced(found: Diagnosis, folder: Path) -> None:
+    """Put a linear model in the place of the blocks where they lack its dynamics and it predicts held-out data better.
+
+    Args:
+        found: with the gains of the blocks; packages, series and gains are those of the linear model afterwards.
+        folder: where its packages are made.
+    """
+    (finding,) = found.findings.values()
+    signal, record, machine, held = next(iter(finding.task.measured)), found.record, found.machine, found.held
+    assert finding.reference is not None
+    # the reference of held-out logs was fitted to all of this one; windows of it must not judge what was fitted to them
+    model = (
+        finding.reference.model
+        if held is not None
+        else on_other_windows(record, machine.drive, signal, found.window)
+    )
+    if not 0 < model.order <= 2 * SECTIONS:
+        return
+    ((_, factor),) = machine.signals[signal].parts
+    values = drive_values(model, 1.0 / factor)
+    begin = starts(model, values, record, machine.drive, signal, 1.0 / factor)
+    drafts = write_linear(machine, signal, values | begin[0], folder / "linear")
+    package = drafts["open"]
+    after = {signal: factor * run_linear(package, machine, record, begin)}
+    before, judged, first = found.before, after, None
+    record_held = record
+    if held is not None:
+        record_held, first, before = held.record, held.first, found.held_before
+        at = starts(model, values, record_held, machine.drive, signal, 1.0 / factor)
+        judged = {signal: factor * run_linear(package, machine, record_held, at)}
+    gains = measure(record_held, {signal: before[signal]}, judged, found.window, first)
+    if not gains or gains[signal].after >= found.gains[signal].after:
+        return
+    found.gains, found.after, found.drafts = gains, after, drafts
+    if held is not None:
+        found.held_after = judged
+    found.in_place = model
+
+
+def write_linear(machine: Machine, signal: str, values: Mapping[str, float], folder: Path) -> dict[str, Path]:
+    """The open package of a linear drive, with the connectors of the machine's own, and its parameter set."""
+    ((port, _),) = machine.signals[signal].parts
+    outlet = next((n for n, behind in machine.wiring.outputs.items() if behind == port), signal)
+    table = MachineTable(chain=(BLOCK.name,), input=entry(machine), output=outlet)
+    full = {f"{BLOCK.name}.{n}": v for n, v in values.items()}
+    text = f"{machine.name}: a linear model in the place of the blocks, fitted to a log"
+    with Scratch("linear_") as scratch:
+        content = files(table, full, f"{machine.name}_linear", text, machine.source)
+        write_files(content, Path(scratch))
+        package = write_as_wired(Path(scratch, f"{machine.name}_linear.ssd"), folder / "extended.ssp")
+    return {
+        "open": package,
+        "ssv": write_values({BLOCK.name: values}, {BLOCK.name: BLOCK.name}, folder / "extended.ssv"),
+    }
+
+
+def entry(machine: Machine) -> str:
+    """Name of the package's input: the connector of the machine's own that the command drives, or the command's."""
+    names, _ = machine.inputs()
+    return names[0] if "." not in names[0] else machine.drive
+
+
+def run_linear(
+    package: Path, machine: Machine, record: Record, begin: Sequence[Mapping[str, float]]
+) -> Array:
+    """(n,) output of a linear package on the command of each log, from its own start, at the log's samples."""
+    group, name = machine.groups[0], entry(machine)
+    output = f"{BLOCK.name}.{next(iter(BLOCK.outputs))}"
+    each = []
+    with Runner(package) as runner:
+        for piece, start in zip(record.pieces, begin, strict=True):
+            grid, time, step, drive = piece.grid, piece.time, piece.h, piece.signals[machine.drive]
+            if isinstance(grid, Grid):
+                time, step, drive = grid.time, grid.step, grid.driven(drive, group.held)
+            result = runner.run(
+                float(time[-1]),
+                step,
+                parameters={f"{BLOCK.name}.{n}": v for n, v in start.items()},
+                inputs={name: (time, drive)},
+                hold=(name,) if group.held else (),
+                record=[output],
+            )
+            values = np.asarray(result.signals[output])
+            each.append(grid.sampled(values) if isinstance(grid, Grid) else values)
+    return np.concatenate(each)

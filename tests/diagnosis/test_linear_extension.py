@@ -1,0 +1,133 @@
+"""Where linear dynamics are missing that no block has, the extended model is the linear one, and it predicts."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from cosim.diagnosis.extension.linear import drive_values, starts
+from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.diagnosis.record.record import Record
+from cosim.inference.linear import LinearModel, Sections
+from cosim.logs import Log
+from cosim.master import Runner
+from cosim.report.deliver import delivered
+from cosim.report.screen import lines
+from cosim.rig import as_log, make_log
+from fmus import linear_drive
+from fmus.compose import compose
+
+NOISE = 2e-5  # rad
+MODES = ((7.0, 0.08), (20.0, 0.06))  # rad/s, damping
+
+
+def swinging(seed: int) -> Log:
+    """A synthetic log of a drive whose boom and base swing: two lightly damped modes behind an integrator."""
+    log = as_log(make_log("steps", 20.0, [], seed=seed))
+    bottom = np.array([1.0, 0.0])
+    for w, zeta in MODES:
+        bottom = np.polymul(bottom, [1.0 / w**2, 2.0 * zeta / w, 1.0])
+    b, a, _ = cont2discrete((0.04 * np.array([0.02, -0.1, 1.0]), bottom), log.step)
+    u = log.signals["u"]
+    noise = NOISE * np.random.default_rng(seed).standard_normal(u.size)
+    return dataclasses.replace(log, signals={"u": u, "slew": 0.1 + lfilter(np.ravel(b), a, u) + noise})
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Diagnosis, Path]:
+    folder = tmp_path_factory.mktemp("swinging")
+    found = diagnose(swinging(1), held_out=swinging(2), calibrate=True, folder=folder / "drafts")
+    return found, folder
+
+
+def test_the_linear_model_predicts_the_held_out_log_to_its_noise(told: tuple[Diagnosis, Path]) -> None:
+    found, _ = told
+    assert found.verdict == "unexplained"
+    assert not found.causes
+    gain = found.gains["slew"]
+    assert gain.before > 50 * NOISE
+    assert gain.after < 1.2 * NOISE
+    assert gain.ratio_ci95[1] < 0.1
+    assert found.in_place is not None
+    modes = sorted(found.in_place.sections.second)
+    assert np.allclose(modes, MODES, rtol=0.02)
+    assert np.sqrt(np.mean((found.held_after["slew"] - swinging(2).signals["slew"]) ** 2)) == pytest.approx(
+        gain.after, rel=1e-6
+    )
+
+
+def test_it_is_said_and_its_package_runs(told: tuple[Diagnosis, Path]) -> None:
+    found, folder = told
+    log = swinging(1)
+    answer = delivered(found, log, folder / "out")
+    assert answer.extended is not None
+    assert "a mode at 7 rad/s with damping 0.08" in str(answer.extended.in_place)
+    told_lines = lines(answer, folder / "out")
+    assert any("with a linear model in the place of the blocks" in line for line in told_lines)
+    assert told_lines[-1] == f"Next: cosim simulate {answer.extended.ssp} runs the linear model"
+    with Runner(Path(answer.extended.ssp)) as runner:
+        run = runner.run(
+            float(log.time[-1]), log.step, inputs={"u": (log.time, log.signals["u"])}, record=["slew"]
+        )
+    assert np.sqrt(np.mean((run.signals["slew"] - log.signals["slew"]) ** 2)) < 1.2 * NOISE
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        Sections((4.4,)),
+        Sections((1e-4, 4.4), (), 0.037),
+        Sections((0.7, 4.4, 9.0), ((6.0, 0.2),)),
+        Sections((), ((3.0, 0.1), (8.0, 2.0), (20.0, 0.05)), 0.02),
+    ],
+)
+def test_the_block_is_the_model(sections: Sections) -> None:
+    """At any step that the model is simulated with, from rest."""
+    h, rng = 0.01, np.random.default_rng(3)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 20), 25)
+    count = sections.order
+    driven, frees = rng.standard_normal(count), np.zeros(count)
+    empty = np.zeros(0)
+    model = LinearModel(sections, np.concatenate([driven, frees, [0.3]]), h, 5.0, empty, empty)
+    module = compose(linear_drive.BLOCK).module
+    starts = {n: v.start for n, v in linear_drive.BLOCK.parameters.items()}
+    p = module.Parameters(**starts | drive_values(model) | {"settled": 0.0, "theta_0": 0.3})
+    x = module.start(module.Input(0.0), p)
+    m, c = module.begin(x, module.Input(0.0), p, [np.zeros(linear_drive.RING)]), module.coefficients(p, h)
+    found = []
+    for command in u:
+        x, m = module.advance(x, m, module.Input(command), p, c)
+        found.append(module.output(x, module.Input(command), m, p).theta)
+    # a sample of the model is what the command before it has made
+    expected = model.predicted(u, h)[1:]
+    assert np.allclose(found[:-1], expected, atol=1e-9 * np.ptp(expected))
+
+
+@pytest.mark.parametrize("sections", [Sections((0.02, 4.4)), Sections((0.02,), ((6.0, 0.2),), 0.015)])
+def test_it_stands_where_the_log_begins(sections: Sections) -> None:
+    """A lag of 50 s in a log of 5 s counts as an integrator: from there the block creeps to its level as the model does."""
+    h, rng = 0.01, np.random.default_rng(4)
+    u = np.concatenate([np.full(50, 0.2), np.repeat(rng.uniform(-1.0, 1.0, 18), 25)])
+    count = sections.order
+    gains = np.concatenate([rng.uniform(0.5, 1.0, count), np.zeros(count), [0.3]])
+    model = LinearModel(sections, gains, h, 5.0, np.zeros(0), np.zeros(0))
+    assert model.integrates
+    y = np.full(u.size, 1.7)
+    y[60:] += np.linspace(0.0, 1.0, u.size - 60)
+    record = Record(h, {"u": u, "slew": y})
+    values = drive_values(model, 2.0)
+    (begin,) = starts(model, values, record, "u", "slew", 2.0)
+    module = compose(linear_drive.BLOCK).module
+    p = module.Parameters(**{n: v.start for n, v in linear_drive.BLOCK.parameters.items()} | values | begin)
+    x = module.start(module.Input(u[0]), p)
+    m, c = module.begin(x, module.Input(u[0]), p, [np.zeros(linear_drive.RING)]), module.coefficients(p, h)
+    assert module.output(x, module.Input(u[0]), m, p).theta == pytest.approx(2.0 * 1.7)
+    found = []
+    for command in u:
+        x, m = module.advance(x, m, module.Input(command), p, c)
+        found.append(module.output(x, module.Input(command), m, p).theta)
+    # the model takes its place from the first twentieth of the log, in which it would creep a little
+    assert np.allclose(found[:-1], 2.0 * model.simulate(u, y, h)[1:], atol=2.0 * 1.4 * 0.02 * 0.135)
