@@ -195,13 +195,12 @@ def better(result: Answer) -> Iterator[str]:
     before, after = two_digits(gain.rmse_before), two_digits(gain.rmse_after)
     falls = after != before and gain.rmse_after < gain.rmse_before
     text += f"falls from {before} to {after}{unit}" if falls else f"stays at {before}{unit}"
-    in_place = result.extended is not None and result.extended.in_place is not None
-    if in_place:
-        text += " with a linear model in the place of the blocks"
     noise = f"{two_digits(gain.noise_floor)}{unit}"
     near = gain.rmse_after <= NOISY * gain.noise_floor
     text += f", the sensor's noise ({noise})" if near else f"; the sensor's noise is {noise}"
-    if signal in result.linear and not in_place:
+    if result.extended is not None and result.extended.in_place:
+        text += "; a linear model stands in the place of the blocks, which lack its dynamics"
+    elif signal in result.linear:
         linear = result.linear[signal]
         text += f"; a linear model leaves {two_digits(linear.rmse)}{unit}"
         if result.verdict != "explained" and linear.ci95_of_ratio[0] > 1.0:

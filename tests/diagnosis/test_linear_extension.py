@@ -66,7 +66,7 @@ def test_it_is_said_and_its_package_runs(told: tuple[Diagnosis, Path]) -> None:
     assert answer.extended is not None
     assert "a mode at 7 rad/s with damping 0.08" in str(answer.extended.in_place)
     told_lines = lines(answer, folder / "out")
-    assert any("with a linear model in the place of the blocks" in line for line in told_lines)
+    assert any("a linear model stands in the place of the blocks" in line for line in told_lines)
     assert told_lines[-1] == f"Next: cosim simulate {answer.extended.ssp} runs the linear model"
     with Runner(Path(answer.extended.ssp)) as runner:
         run = runner.run(
