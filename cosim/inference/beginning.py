@@ -62,7 +62,9 @@ def rests(u: Array, y: Array) -> bool:
         return False
     first = y[:count]
     noise = float(np.median(np.abs(np.diff(first)))) / (0.6745 * np.sqrt(2.0))
-    return float(np.std(first)) <= max(START_LACK * noise, START_STILL * float(np.ptp(y)))
+    stretches = y[: y.size // count * count].reshape(-1, count)
+    usual = float(np.sqrt(np.mean(np.var(stretches, axis=1))))
+    return float(np.std(first)) <= max(START_LACK * noise, START_STILL * usual)
 
 
 def parabola(time: Array, values: Array) -> tuple[Array, float, float, float]:

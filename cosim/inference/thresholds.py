@@ -74,11 +74,11 @@ START_SPAN: Annotated[
 ] = 0.1
 START_STILL: Annotated[
     float,
-    "share of the range",
+    "share of the spread in a stretch as long",
     "spread of an output until its input first changes, up to which it stands",
     "the noise of a sensor whose readings hang together shows in no difference of two of them",
     "not measured by itself",
-] = 0.005
+] = 0.02
 ANCHOR: Annotated[
     float,
     "standard deviations",

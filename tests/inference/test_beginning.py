@@ -100,8 +100,19 @@ def test_a_record_rests_where_nothing_moves_until_the_input_changes() -> None:
     assert rests(u[100 - START_SAMPLES :], moved[100 - START_SAMPLES :])
 
 
-def test_noise_that_hangs_together_is_no_motion_up_to_a_part_of_the_range() -> None:
+def test_noise_that_hangs_together_is_no_motion_up_to_a_part_of_what_moves_in_a_time_as_long() -> None:
     u, moved = np.where(TIME < 0.1, 0.0, 1.0), np.maximum(TIME - 0.1, 0.0)
-    slow = np.sin(60.0 * TIME) * START_STILL * np.ptp(moved) / np.std(np.sin(60.0 * TIME[:100]))
+    usual = np.sqrt(np.mean(np.var(moved.reshape(5, 100), axis=1)))
+    slow = np.sin(60.0 * TIME) * START_STILL * usual / np.std(np.sin(60.0 * TIME[:100]))
     assert rests(u, moved + 0.9 * slow)
-    assert not rests(u, moved + 1.3 * slow)
+    assert not rests(u, moved + 1.2 * slow)
+
+
+def test_a_motion_that_begins_with_the_record_is_no_rest_though_the_way_of_a_minute_is_long_beside_it() -> (
+    None
+):
+    time = np.arange(3000) * 0.02
+    u = np.repeat(np.random.default_rng(7).uniform(-1.0, 1.0, 120), 25)
+    slew = np.cumsum(np.convolve(u, np.exp(-np.arange(200) / 10.0))[:3000]) * 0.02
+    assert np.std(slew[:25]) < 0.01 * np.ptp(slew)
+    assert not rests(u, slew + 2e-4 * np.random.default_rng(8).standard_normal(time.size))
