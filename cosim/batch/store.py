@@ -106,8 +106,9 @@ class Store:
         return all(item.name == FILES["signals"] or is_left_over(item) for item in self.folder.iterdir())
 
     def _clear(self) -> None:
-        for name in FILES.values():
-            path = self.folder / name
+        # the plan before the cube: what is left of a clearing that was killed is a batch, or `_abandoned`
+        for what in sorted(FILES, key=("runs", "picture", "journal", "plan", "signals").index):
+            path = self.path(what)
             if path.is_dir():
                 shutil.rmtree(path)
             else:

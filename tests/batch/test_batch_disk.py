@@ -1,8 +1,11 @@
 """The folder of a batch on a disk that fails: it begins again, and its journal never holds half a line."""
 
 import contextlib
+import os
 import sys
+import threading
 import time
+from unittest import mock
 
 import pytest
 from fault_injection import failing_call, full_after
@@ -111,5 +114,49 @@ def test_a_batch_that_ends_while_a_signal_gets_its_place_goes_on_to_the_same_cub
             store.flush()
         assert gone_on(folder) == whole, at
         if faults.seen < at:
+            return
+    pytest.fail("no end of calls")
+
+
+@contextlib.contextmanager
+def killed_at(at):
+    """Ends in the place of the n-th file or folder that would be taken away; says whether there was one."""
+    seen = []
+
+    def instead(call):
+        def removed(*arguments, **options):
+            if threading.current_thread() is threading.main_thread():  # one of zarr's that ends hangs it
+                seen.append(arguments)
+                if len(seen) == at:
+                    raise SystemExit
+            return call(*arguments, **options)
+
+        return removed
+
+    with contextlib.ExitStack() as stack:
+        for name in ("unlink", "rmdir"):
+            stack.enter_context(mock.patch.object(os, name, instead(getattr(os, name))))
+        yield seen
+
+
+def test_a_batch_that_ends_while_another_is_thrown_away_goes_on(tmp_path):
+    """Killed between its plan and its journal, the folder held no batch, and was refused ever after."""
+    old, new = {"identity": "old"}, {"identity": "new"}
+    whole = gone_on(tmp_path / "whole")
+    for at in range(1, 200):
+        folder = tmp_path / str(at)
+        gone_on(folder)
+        with killed_at(at) as seen, contextlib.suppress(SystemExit):
+            Store(folder).begin(new, coordinates(), fresh=True)
+        with contextlib.suppress(UsageError):  # the old batch is still there as such
+            assert Store(folder).begin(old, coordinates(), fresh=False) in (0, 3)
+        store = Store(folder)
+        assert store.begin(new, coordinates(), fresh=True) == 0
+        for number in range(3):
+            store.add([simulated(number)])
+        store.flush()
+        store.finish({"run": [0, 1, 2]})
+        assert described(folder) == whole
+        if len(seen) < at:
             return
     pytest.fail("no end of calls")
