@@ -7,6 +7,7 @@ runs.parquet    one row a run, written at the end
 summary.png     the picture
 """
 
+import contextlib
 import errno
 import json
 import os
@@ -30,6 +31,7 @@ from cosim.files import is_left_over, whole, write_bytes, write_text
 Array = NDArray[np.float64]
 
 INTERVAL = 1.0  # s of finished work that a kill may cost at most, besides the runs in hand
+STALE = 1.0  # s after which nobody writes a file of the cube any more
 HELD_BACK = 64 * 2**20  # bytes of signals held in memory at most
 CHUNK = (64, 1024)  # runs and points of time in one file of the cube
 FILES = {
@@ -124,6 +126,10 @@ class Store:
                 f"'{self.folder}' holds another batch (other parameters, models, logs or versions of them): name another "
                 "folder with --out, or throw it away with --fresh"
             )
+        for left in self.path("signals").rglob("*.partial"):  # beside which zarr was killed
+            with contextlib.suppress(FileNotFoundError):
+                if clock.time() - left.stat().st_mtime > STALE:
+                    left.unlink()
         journal = self.path("journal")
         if not journal.is_file():
             return

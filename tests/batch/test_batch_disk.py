@@ -160,3 +160,16 @@ def test_a_batch_that_ends_while_another_is_thrown_away_goes_on(tmp_path):
         if len(seen) < at:
             return
     pytest.fail("no end of calls")
+
+
+def test_what_zarr_was_killed_beside_goes_when_the_batch_goes_on(tmp_path):
+    whole = gone_on(tmp_path)
+    left = tmp_path / "signals.zarr" / "a.x" / f"0.{'ab' * 16}.partial"
+    fresh = left.with_name(f"0.{'cd' * 16}.partial")
+    left.write_bytes(b"half")
+    fresh.write_bytes(b"of another process that writes now")
+    os.utime(left, (time.time() - 5.0,) * 2)
+    assert Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False) == 3
+    assert not left.exists()
+    assert fresh.exists()
+    assert described(tmp_path) == whole
