@@ -13,6 +13,7 @@ import json
 import os
 import shutil
 import time as clock
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -130,6 +131,12 @@ class Store:
             with contextlib.suppress(FileNotFoundError):
                 if clock.time() - left.stat().st_mtime > STALE:
                     left.unlink()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of a signal's place that was begun, which is made again
+                list(self._group().arrays())
+        except (OSError, ValueError, KeyError) as error:
+            raise DataError(f"{self.path('signals')} is damaged ({error}): begin anew with --fresh") from None
         journal = self.path("journal")
         if not journal.is_file():
             return

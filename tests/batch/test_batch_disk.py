@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import sys
 import threading
 import time
@@ -19,7 +20,7 @@ import pandas as pd  # noqa: E402
 from cosim.batch.coordinates import Coordinates  # noqa: E402
 from cosim.batch.job import Outcome, Signal  # noqa: E402
 from cosim.batch.store import Store  # noqa: E402
-from cosim.errors import UsageError  # noqa: E402
+from cosim.errors import DataError, UsageError  # noqa: E402
 from cosim.files import write_text  # noqa: E402
 
 
@@ -173,3 +174,16 @@ def test_what_zarr_was_killed_beside_goes_when_the_batch_goes_on(tmp_path):
     assert not left.exists()
     assert fresh.exists()
     assert described(tmp_path) == whole
+
+
+@pytest.mark.parametrize("what", [".", ".zattrs", ".zgroup", "a.x/.zarray", "a.x/.zattrs"])
+def test_a_damaged_cube_is_named_with_a_way_out(tmp_path, what):
+    gone_on(tmp_path)
+    lost = tmp_path / "signals.zarr" / what
+    if lost.is_dir():
+        shutil.rmtree(lost)
+    else:
+        lost.write_bytes(b"")
+    with pytest.raises(DataError, match=r"signals.zarr is damaged .*--fresh"):
+        Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False)
+    assert Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=True) == 0
