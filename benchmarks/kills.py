@@ -15,7 +15,10 @@ runs of the command agree byte for byte, else whole (JSON that can be parsed, pa
 archives that can be read). No traceback, no internal error, and after SIGTERM no temporary files.
 
 A batch is begun again until it has been ended `ROUNDS` times, then runs to its end: cube, table and journal must be those of
-a batch that nobody ended, byte for byte but for times, workers and memory.
+a batch that nobody ended, byte for byte but for times, workers and memory. Every other batch is begun with `--fresh` over
+the one before.
+
+A signal that comes when the command has ended already shows nothing: it is not counted, and another is sent in its place.
 """
 
 import argparse
@@ -45,6 +48,7 @@ from cosim.files import is_left_over
 
 TOP = Path(__file__).resolve().parent.parent
 ROUNDS = 4
+TOO_LATE = 4  # tries for each kill
 AFTER_CHANGE = (-4.0, -1.0)  # powers of ten, s
 LONGEST = 300.0  # s
 FALLING = ("seconds", "worker", "resident")  # what differs between two batches that are the same
@@ -74,7 +78,7 @@ class Row:
 
     kills: int = 0
     late: int = 0  # of them in forks, from the first write on
-    early: int = 0  # it had ended before
+    early: int = 0  # besides: it had ended before the signal came
     old: int = 0  # files
     new: int = 0
     timed: int = 0  # whole, of the kind that differs between two runs
@@ -93,9 +97,10 @@ def commands(log: Path, systems: Path) -> dict[str, Command]:
     rig = ["rig", "--excitation", "steps", "--duration", "5 s", "--out", "{out}/log.csv"]
     diagnose = ["diagnose", str(log), "--model", "simplified", "--out", "{out}"]
     build = ["build", "--out", "{out}"]
+    played = [*build, "--with-stimulus", str(log)]
     return {
         "simulate": Command(simulate, [*simulate, "--set", "simplified.a=2.5 1/s"]),
-        "build": Command(build, build, forks=False),
+        "build": Command(played, build, forks=False),
         "batch": Command(batch, batch, forks=False),
         "diagnose": Command([*diagnose, "--tolerance", "0.02"], diagnose),
         "calibrate": Command(compare, [*compare, "--set", "simplified.theta_max=1.2 rad"], forks=False),
@@ -238,8 +243,9 @@ class Moments:
 
     def end(self, process: Process, out: Path, how: int, chance: random.Random) -> bytes:
         """Ends a process at the next moment; returns what it said."""
-        place = (self.drawn // 2 * 2 + chance.uniform(0.0, 2.0)) / self.count  # two of each kind and signal
-        by_time = self.drawn // 2 % 2 == 0
+        drawn = self.drawn % self.count  # what came too late is drawn again
+        place = (drawn // 2 * 2 + chance.uniform(0.0, 2.0)) / self.count  # two of each kind and signal
+        by_time = drawn // 2 % 2 == 0
         self.drawn += 1
         if by_time:
             time.sleep((self.begin + (1.0 - self.begin) * place) * self.lasts)
@@ -299,6 +305,14 @@ def manners(process: Process, said: bytes, how: int, scratch: Path) -> list[str]
     return found
 
 
+def counted(row: Row, process: Process, answered: bool = False) -> None:
+    """Counts a kill, or one that came too late; a diagnosis may end well because it was told to end."""
+    if process.returncode == 0 and not answered:
+        row.early += 1
+    else:
+        row.kills += 1
+
+
 def files(name: str, command: Command, kills: int, late: float, folder: Path, chance: random.Random) -> Row:
     """Ends a command that writes files."""
     old, new, again, out, scratch = (folder / n for n in ("old", "new", "again", "out", "scratch"))
@@ -318,12 +332,11 @@ def files(name: str, command: Command, kills: int, late: float, folder: Path, ch
     row = Row(late=round(late * kills) if command.forks else 0)
 
     def judged(process: Process, moments: Moments) -> None:
-        how = signal.SIGTERM if row.kills % 2 else signal.SIGKILL
+        how = signal.SIGTERM if moments.drawn % 2 else signal.SIGKILL
         said = moments.end(process, out, how, chance)
-        row.kills += 1
-        row.early += process.returncode == 0
-        row.wrong += manners(process, said, how, scratch)
         found, stopped = digests(out), _interrupted(out)
+        counted(row, process, stopped)
+        row.wrong += manners(process, said, how, scratch)
         for item, digest in found.items():
             kind = "old" if digest == before.get(item) else "new" if digest == after.get(item) else ""
             if not kind and (stopped or item in timed) and is_whole(out / item):
@@ -347,7 +360,7 @@ def files(name: str, command: Command, kills: int, late: float, folder: Path, ch
     def processes(count: int) -> None:
         laid_out()
         moments = Moments(*measured(started(command.new, out, scratch), out), count, 0.05)
-        for _ in range(count):
+        while row.kills < count and moments.drawn < TOO_LATE * count:
             laid_out()
             judged(started(command.new, out, scratch), moments)
 
@@ -364,7 +377,8 @@ def files(name: str, command: Command, kills: int, late: float, folder: Path, ch
         )  # a fork that ends in order takes away what it finds
         laid_out(temporary)
         moments = Moments(*measured(Fork(template, words), out), count, 0.0)
-        for _ in range(count):
+        before = row.kills
+        while row.kills < before + count and moments.drawn < TOO_LATE * count:
             laid_out(temporary)
             judged(Fork(template, words), moments)
         template.close()
@@ -405,17 +419,27 @@ def batches(command: Command, kills: int, folder: Path, chance: random.Random) -
     moments = Moments(*measured(started(command.new, whole, scratch), whole), kills, 0.05)
     cube = digests(whole / "signals.zarr")
     row = Row()
-    while row.kills < kills:
-        shutil.rmtree(out, ignore_errors=True)
-        out.mkdir()
-        for _ in range(min(ROUNDS, kills - row.kills)):
+    anew = False  # every other batch throws away the one before, which is whole
+    while row.kills < kills and moments.drawn < TOO_LATE * kills:
+        if not anew:
+            shutil.rmtree(out, ignore_errors=True)
+            out.mkdir()
+        for k in range(min(ROUNDS, kills - row.kills)):
             shutil.rmtree(scratch, ignore_errors=True)
-            how = signal.SIGTERM if row.kills % 2 else signal.SIGKILL
-            process = started(command.new, out, scratch)
+            how = signal.SIGTERM if moments.drawn % 2 else signal.SIGKILL
+            words = [*command.new, "--fresh"] if anew and k == 0 else command.new
+            process = started(words, out, scratch)
             said = moments.end(process, out, how, chance)
-            row.kills += 1
-            row.early += process.returncode == 0
+            counted(row, process)
             row.wrong += manners(process, said, how, scratch)
+            tops = [item for item in out.iterdir() if item.is_file() and not is_left_over(item)]
+            tops = [
+                item for item in tops if item.suffix != ".jsonl"
+            ]  # half a line of the journal is done again
+            row.wrong += [f"{item.name} is not whole" for item in tops if not is_whole(item)]
+            if process.returncode == 0:
+                break  # nothing is left to be ended
+        anew = not anew
         run(command.new, out, scratch)
         found = digests(out / "signals.zarr")
         row.wrong += [f"signals.zarr/{n} differs" for n in {*cube, *found} if cube.get(n) != found.get(n)]
@@ -469,10 +493,10 @@ def main() -> int:
             if not asked.json:
                 kinds = {"old": row.old, "new": row.new, "new but for times": row.timed}
                 kinds |= {"of interrupted diagnoses": row.partial, "left over": row.left_over}
-                counted = ", ".join(f"{count} {kind}" for kind, count in kinds.items() if count)
-                when = f"{row.late} from the first write on, {row.early} too late"
+                tally = ", ".join(f"{count} {kind}" for kind, count in kinds.items() if count)
+                when = f"{row.late} from the first write on; {row.early} more came too late"
                 print(
-                    f"{name}: {row.kills} kills ({when}), files: {counted}; {len(row.wrong)} wrong",
+                    f"{name}: {row.kills} kills ({when}), files: {tally}; {len(row.wrong)} wrong",
                     flush=True,
                 )
                 for text in dict.fromkeys(row.wrong):

@@ -4,8 +4,10 @@ numba looks at named tuples with calls of Python when a compiled function is ent
 within one of them, numba goes on with no object at all and the process dies.
 """
 
+import inspect
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,8 +15,8 @@ from types import FrameType
 
 HANDLED = (signal.SIGINT, signal.SIGTERM)
 AGAIN = 0.02  # s between looks whether an import or an FMU's call has ended
-POSTPONING: set[str] = set()
-"""Files of Python from which FMUs are called."""
+POSTPONING: set[str] = {tempfile.__file__}
+"""Files of Python from which FMUs are called, or in which a file has been made whose name nobody knows yet."""
 
 
 class _Struck:
@@ -51,16 +53,17 @@ def uninterrupted() -> Iterator[None]:
                 raise KeyboardInterrupt
         return
     handlers = {s: h for s in HANDLED if callable(h := signal.getsignal(s))}
-    came: list[tuple[int, FrameType | None]] = []
+    came: list[int] = []
     for number in handlers:
-        signal.signal(number, lambda number, frame: came.append((number, frame)))
+        signal.signal(number, lambda number, frame: came.append(number))
     try:
         yield
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
         if came:
-            handlers[signal.Signals(came[0][0])](*came[0])
+            # the frame of now, when nothing is in the way any more
+            handlers[signal.Signals(came[0])](came[0], inspect.currentframe())
 
 
 @contextmanager
@@ -99,7 +102,8 @@ def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
 def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
     """Within this context SIGTERM is a Ctrl-C, so that temporary folders and halves of files are cleared up.
 
-    Neither strikes within an import or a call of an FMU, whose C makes another error of it, but right after. Where Python
+    Neither strikes within an import or a call of an FMU, whose C makes another error of it, nor while a temporary file is
+    made, which would stay, but right after. Where Python
     drops what is raised (a finaliser, the callback of a weak reference) it strikes again, soon. The second SIGTERM ends the
     process at once. A signal that is ignored or handled already stays so.
 
@@ -163,7 +167,7 @@ def _send(number: int) -> None:
 
 
 def _untimely(frame: FrameType | None) -> bool:
-    """Whether an import or a call of an FMU is going on in a frame or one that called it."""
+    """Whether an import, a call of an FMU or the making of a temporary file is going on in a frame or one that called it."""
     while frame is not None:
         name = frame.f_code.co_filename
         if name.startswith("<frozen importlib") or name in POSTPONING:

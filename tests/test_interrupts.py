@@ -243,3 +243,32 @@ def test_no_signal_leaves_a_temporary_folder_behind(when: str, tmp_path: Path) -
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "ended\n", "")
     assert list(tmp_path.iterdir()) == []
+
+
+MADE = """
+import os, signal, tempfile, time
+from cosim.interrupts import ended_in_order
+plain = os.open
+def opened(*arguments):
+    handle = plain(*arguments)
+    os.open = plain
+    os.kill(os.getpid(), signal.SIGTERM)
+    return handle
+with ended_in_order():
+    os.open = opened
+    try:
+        tempfile.gettempdir()
+        time.sleep(60.0)
+    except KeyboardInterrupt:
+        print("ended")
+"""
+
+
+def test_python_leaves_no_file_of_its_search_for_the_temporary_folder(tmp_path: Path) -> None:
+    """It tries the folder with a file of eight letters; a signal before that is taken away left it there."""
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", MADE], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.strip() == "ended", done.stderr
+    assert not list(tmp_path.iterdir())

@@ -7,11 +7,13 @@ runs.parquet    one row a run, written at the end
 summary.png     the picture
 """
 
+import contextlib
 import errno
 import json
 import os
 import shutil
 import time as clock
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,7 @@ from cosim.files import is_left_over, whole, write_bytes, write_text
 Array = NDArray[np.float64]
 
 INTERVAL = 1.0  # s of finished work that a kill may cost at most, besides the runs in hand
+STALE = 1.0  # s after which nobody writes a file of the cube any more
 HELD_BACK = 64 * 2**20  # bytes of signals held in memory at most
 CHUNK = (64, 1024)  # runs and points of time in one file of the cube
 FILES = {
@@ -106,8 +109,9 @@ class Store:
         return all(item.name == FILES["signals"] or is_left_over(item) for item in self.folder.iterdir())
 
     def _clear(self) -> None:
-        for name in FILES.values():
-            path = self.folder / name
+        # the plan before the cube: what is left of a clearing that was killed is a batch, or `_abandoned`
+        for what in sorted(FILES, key=("runs", "picture", "journal", "plan", "signals").index):
+            path = self.path(what)
             if path.is_dir():
                 shutil.rmtree(path)
             else:
@@ -123,6 +127,16 @@ class Store:
                 f"'{self.folder}' holds another batch (other parameters, models, logs or versions of them): name another "
                 "folder with --out, or throw it away with --fresh"
             )
+        for left in self.path("signals").rglob("*.partial"):  # beside which zarr was killed
+            with contextlib.suppress(FileNotFoundError):
+                if clock.time() - left.stat().st_mtime > STALE:
+                    left.unlink()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of a signal's place that was begun, which is made again
+                list(self._group().arrays())
+        except (OSError, ValueError, KeyError) as error:
+            raise DataError(f"{self.path('signals')} is damaged ({error}): begin anew with --fresh") from None
         journal = self.path("journal")
         if not journal.is_file():
             return

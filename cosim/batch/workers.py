@@ -14,6 +14,7 @@ import sys
 import tempfile
 import threading
 import time as clock
+import weakref
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
@@ -89,6 +90,8 @@ class _Lane:
         self.future: Future[Outcomes] | None = None
         self.runs = 0
         self.begun, self.late, self.together = 0.0, False, 0
+        # of pools that were retired; not held, since a pool's pipes go with its thread
+        self.ending: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
 
     def submit(self, job: Job, runs: list[Run], folder: str) -> "Future[Outcomes]":
         self.begun, self.late, self.together = clock.monotonic(), False, len(runs)
@@ -118,6 +121,8 @@ class _Lane:
     def retire(self, at_once: bool = False) -> None:
         """End the process, after its run or at once."""
         if self.pool is not None:
+            if isinstance(thread := self.pool._executor_manager_thread, threading.Thread):
+                self.ending.add(thread)
             self.pool.shutdown(wait=False, cancel_futures=True)
             if at_once and self.process is not None and self.process.is_alive():
                 self.process.kill()
@@ -185,6 +190,10 @@ class Processes:
         """Kill all processes: what they had in hand is lost."""
         for lane in self._lanes:
             lane.retire(at_once=lane.future is not None)
+        # Python wakes these threads when it ends, and a pipe that one closes just then is a traceback
+        for lane in self._lanes:
+            for thread in list(lane.ending):
+                thread.join(GONE)
         self._folder.cleanup()
 
     def _replace(self, lane: _Lane) -> None:

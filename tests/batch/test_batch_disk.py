@@ -1,8 +1,12 @@
 """The folder of a batch on a disk that fails: it begins again, and its journal never holds half a line."""
 
 import contextlib
+import os
+import shutil
 import sys
+import threading
 import time
+from unittest import mock
 
 import pytest
 from fault_injection import failing_call, full_after
@@ -16,7 +20,7 @@ import pandas as pd  # noqa: E402
 from cosim.batch.coordinates import Coordinates  # noqa: E402
 from cosim.batch.job import Outcome, Signal  # noqa: E402
 from cosim.batch.store import Store  # noqa: E402
-from cosim.errors import UsageError  # noqa: E402
+from cosim.errors import DataError, UsageError  # noqa: E402
 from cosim.files import write_text  # noqa: E402
 
 
@@ -113,3 +117,73 @@ def test_a_batch_that_ends_while_a_signal_gets_its_place_goes_on_to_the_same_cub
         if faults.seen < at:
             return
     pytest.fail("no end of calls")
+
+
+@contextlib.contextmanager
+def killed_at(at):
+    """Ends in the place of the n-th file or folder that would be taken away; says whether there was one."""
+    seen = []
+
+    def instead(call):
+        def removed(*arguments, **options):
+            if threading.current_thread() is threading.main_thread():  # one of zarr's that ends hangs it
+                seen.append(arguments)
+                if len(seen) == at:
+                    raise SystemExit
+            return call(*arguments, **options)
+
+        return removed
+
+    with contextlib.ExitStack() as stack:
+        for name in ("unlink", "rmdir"):
+            stack.enter_context(mock.patch.object(os, name, instead(getattr(os, name))))
+        yield seen
+
+
+def test_a_batch_that_ends_while_another_is_thrown_away_goes_on(tmp_path):
+    """Killed between its plan and its journal, the folder held no batch, and was refused ever after."""
+    old, new = {"identity": "old"}, {"identity": "new"}
+    whole = gone_on(tmp_path / "whole")
+    for at in range(1, 200):
+        folder = tmp_path / str(at)
+        gone_on(folder)
+        with killed_at(at) as seen, contextlib.suppress(SystemExit):
+            Store(folder).begin(new, coordinates(), fresh=True)
+        with contextlib.suppress(UsageError):  # the old batch is still there as such
+            assert Store(folder).begin(old, coordinates(), fresh=False) in (0, 3)
+        store = Store(folder)
+        assert store.begin(new, coordinates(), fresh=True) == 0
+        for number in range(3):
+            store.add([simulated(number)])
+        store.flush()
+        store.finish({"run": [0, 1, 2]})
+        assert described(folder) == whole
+        if len(seen) < at:
+            return
+    pytest.fail("no end of calls")
+
+
+def test_what_zarr_was_killed_beside_goes_when_the_batch_goes_on(tmp_path):
+    whole = gone_on(tmp_path)
+    left = tmp_path / "signals.zarr" / "a.x" / f"0.{'ab' * 16}.partial"
+    fresh = left.with_name(f"0.{'cd' * 16}.partial")
+    left.write_bytes(b"half")
+    fresh.write_bytes(b"of another process that writes now")
+    os.utime(left, (time.time() - 5.0,) * 2)
+    assert Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False) == 3
+    assert not left.exists()
+    assert fresh.exists()
+    assert described(tmp_path) == whole
+
+
+@pytest.mark.parametrize("what", [".", ".zattrs", ".zgroup", "a.x/.zarray", "a.x/.zattrs"])
+def test_a_damaged_cube_is_named_with_a_way_out(tmp_path, what):
+    gone_on(tmp_path)
+    lost = tmp_path / "signals.zarr" / what
+    if lost.is_dir():
+        shutil.rmtree(lost)
+    else:
+        lost.write_bytes(b"")
+    with pytest.raises(DataError, match=r"signals.zarr is damaged .*--fresh"):
+        Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False)
+    assert Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=True) == 0

@@ -153,6 +153,30 @@ def test_how_a_process_died_is_told_though_it_died_before_we_looked(
         crew.close()
 
 
+def test_no_thread_of_a_pool_is_left_that_closes_its_pipes_while_python_ends(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python writes into these pipes when it ends: "Exception ignored ... Bad file descriptor"."""
+    closes = process._ExecutorManagerThread.join_executor_internals  # type: ignore[attr-defined]
+    seen: list[threading.Thread] = []
+
+    def late(thread: threading.Thread) -> None:
+        seen.append(thread)
+        time.sleep(0.5)
+        closes(thread)
+
+    monkeypatch.setattr(process._ExecutorManagerThread, "join_executor_internals", late)  # type: ignore[attr-defined]
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1,2"}), tmp_path)
+    crew = Processes(2, 1e12)
+    crew.settle(done := crew.submit(batch.job, batch.runs[:1]))
+    assert done.done()
+    crew.submit(batch.job, batch.runs[1:])
+    crew.close()
+    assert seen
+    assert not any(thread.is_alive() for thread in seen)
+    assert not any(thread.is_alive() for lane in crew._lanes for thread in lane.ending)
+
+
 class Answer:
     """An answer of 128 MB, whose process dies once the length that goes ahead of it has been written."""
 

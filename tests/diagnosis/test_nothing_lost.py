@@ -1,5 +1,6 @@
 """What was found is never lost: parts fail by themselves, odd logs end in an answer or a clear refusal."""
 
+import errno
 import json
 from pathlib import Path
 
@@ -29,6 +30,18 @@ def test_a_part_that_fails_leaves_a_note_and_ctrl_c_passes() -> None:
     assert notes[1] == "the table failed, the rest stands: row 3 is empty"
     with pytest.raises(KeyboardInterrupt), part(notes, "the rest"):
         raise KeyboardInterrupt
+
+
+def test_a_full_disk_is_no_defect_to_be_reported() -> None:
+    notes: list[str] = []
+    with part(notes, "the extended package"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    with part(notes, "the report"):
+        raise OSError(errno.ENOSPC, "No space left on device", "out/report.html")
+    assert notes == [
+        "the extended package failed, the rest stands: No space left on device",
+        "the report failed, the rest stands: out/report.html: No space left on device",
+    ]
 
 
 def test_the_answer_is_there_though_everything_after_it_fails(

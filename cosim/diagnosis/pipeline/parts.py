@@ -29,5 +29,8 @@ def failure(what: str, error: Exception) -> str:
         traceback.print_exc(file=sys.stderr)
     if isinstance(error, CosimError):
         return f"{what} failed, the rest stands: {error}"
+    if isinstance(error, OSError):  # a full disk is no defect of ours
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{what} failed, the rest stands: {where}{error.strerror or error}"
     kind = f"{type(error).__name__}: {error}"
     return f"{what} failed, the rest stands ({kind}; please report it, COSIM_DEBUG=1 shows where)"
