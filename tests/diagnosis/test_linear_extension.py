@@ -24,9 +24,9 @@ NOISE = 2e-5  # rad
 MODES = ((7.0, 0.08), (20.0, 0.06))  # rad/s, damping
 
 
-def swinging(seed: int) -> Log:
+def swinging(seed: int, seconds: float = 20.0) -> Log:
     """A synthetic log of a drive whose boom and base swing: two lightly damped modes behind an integrator."""
-    log = as_log(make_log("steps", 20.0, [], seed=seed))
+    log = as_log(make_log("steps", seconds, [], seed=seed))
     bottom = np.array([1.0, 0.0])
     for w, zeta in MODES:
         bottom = np.polymul(bottom, [1.0 / w**2, 2.0 * zeta / w, 1.0])
@@ -73,6 +73,16 @@ def test_it_is_said_and_its_package_runs(told: tuple[Diagnosis, Path]) -> None:
             float(log.time[-1]), log.step, inputs={"u": (log.time, log.signals["u"])}, record=["slew"]
         )
     assert np.sqrt(np.mean((run.signals["slew"] - log.signals["slew"]) ** 2)) < 1.2 * NOISE
+
+
+@pytest.mark.slow
+def test_without_another_log_windows_judge_that_had_no_share_in_it(tmp_path: Path) -> None:
+    found = diagnose(swinging(3, 40.0), calibrate=True, folder=tmp_path)
+    assert not found.causes
+    assert found.in_place is not None
+    assert found.gains["slew"].before > 30 * NOISE
+    assert found.gains["slew"].after < 1.2 * NOISE
+    assert found.after["slew"].size == found.record.time.size
 
 
 @pytest.mark.parametrize(

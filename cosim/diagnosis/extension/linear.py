@@ -91,17 +91,22 @@ def starts(
 
 
 def can_replace(found: Diagnosis) -> bool:
-    """True where linear dynamics are missing between the command and an angle, and nothing between them was measured."""
+    """True where linear dynamics are missing between the command and an angle, and nothing between them was measured.
+
+    In a block's own windows, or in the free run of the whole where nothing is named.
+    """
     if len(found.groups) != 1 or len(found.findings) != 1:
         return False
     (finding,) = found.findings.values()
     group, signal = finding.task.model.group, next(iter(finding.task.measured))
-    if not finding.lacks_linear or finding.reference is None or group.drive != found.machine.drive:
+    if group.drive != found.machine.drive:
+        return False
+    whole = found.references.get(signal)
+    of_all = bool(found.rests) and not found.causes and whole is not None and whole.clearly_better
+    if finding.reference is None or not (finding.lacks_linear or of_all):
         return False
     parts = found.machine.signals[signal].parts
-    if len(parts) != 1 or group.is_speed(signal) or found.machine.wiring.unit(parts[0][0]) != "rad":
-        return False
-    return 0 < finding.reference.model.order <= 2 * SECTIONS
+    return len(parts) == 1 and not group.is_speed(signal) and found.machine.wiring.unit(parts[0][0]) == "rad"
 
 
 def replaced(found: Diagnosis, folder: Path) -> None:
@@ -120,7 +125,7 @@ def replaced(found: Diagnosis, folder: Path) -> None:
         if held is not None
         else on_other_windows(record, machine.drive, signal, found.window)
     )
-    if not 0 < model.order <= 2 * SECTIONS:
+    if not 0 < model.order <= 2 * SECTIONS:  # a constant gain would be no drive
         return
     ((_, factor),) = machine.signals[signal].parts
     values = drive_values(model, 1.0 / factor)
