@@ -103,8 +103,9 @@ class _Lane:
             except BrokenProcessPool:  # it died while it had nothing to do
                 self.retire()
         if self.pool is None:
-            begun = ((folder, get_temp_dir()), dict(os.environ))
-            with uninterrupted():  # a process that is told half of how it begins prints a traceback
+            # a process that is told half of how it begins prints a traceback, and half a folder of Python's stays
+            with uninterrupted():
+                begun = ((folder, get_temp_dir()), dict(os.environ))
                 self.pool = ProcessPoolExecutor(
                     1, mp_context=_context(job.task), initializer=_begin, initargs=begun
                 )
@@ -123,10 +124,13 @@ class _Lane:
         if self.pool is not None:
             if isinstance(thread := self.pool._executor_manager_thread, threading.Thread):
                 self.ending.add(thread)
+            # the pool's own list: a signal may have come before we knew the process
+            processes = list((self.pool._processes or {}).values())
             self.pool.shutdown(wait=False, cancel_futures=True)
-            if at_once and self.process is not None and self.process.is_alive():
-                self.process.kill()
-                self.process.join(GONE)
+            for process in processes if at_once else ():
+                if process.is_alive():
+                    process.kill()
+                    process.join(GONE)
         self.pool, self.process = None, None
 
 

@@ -1,5 +1,6 @@
 """The processes that carry out runs: how they end, when they are replaced, what memory they take."""
 
+import contextlib
 import gc
 import json
 import multiprocessing
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, process
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import forkserver
@@ -175,6 +176,33 @@ def test_no_thread_of_a_pool_is_left_that_closes_its_pipes_while_python_ends(
     assert seen
     assert not any(thread.is_alive() for thread in seen)
     assert not any(thread.is_alive() for lane in crew._lanes for thread in lane.ending)
+
+
+def test_a_process_ends_that_was_begun_as_a_signal_came(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody knew it yet, so it went on with its run, and its pool outlived the command."""
+    gate = tmp_path / "gate"
+    gate.touch()
+    monkeypatch.setenv("ROGUE_WAITS_FOR_THE_END_OF", str(gate))
+
+    @contextlib.contextmanager
+    def struck() -> Iterator[None]:
+        yield
+        raise KeyboardInterrupt
+
+    batch = plan_batch(plan(rogue, sweep={"r.k": "9,10"}), tmp_path)
+    crew = Processes(1, 1e12)
+    before = set(multiprocessing.active_children())
+    with monkeypatch.context() as patched:
+        patched.setattr("cosim.batch.workers.uninterrupted", struck)
+        with pytest.raises(KeyboardInterrupt):
+            crew.submit(batch.job, batch.runs[:1])
+    (begun,) = set(multiprocessing.active_children()) - before
+    crew.close()
+    alive = begun.is_alive()
+    gate.unlink()
+    assert not alive
 
 
 class Answer:
