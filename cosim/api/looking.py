@@ -260,17 +260,16 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
     Raises:
         ModelError: it is no FMU.
     """
-    import fmpy
-
     from cosim.ssp.archive import open_archive, read_entry
-    from cosim.ssp.fmu import described, description_of
+    from cosim.ssp.fmu import described, description_of, libraries, platform_of
 
     with open_archive(path, str(path)) as archive, tempfile.TemporaryDirectory() as folder:
         description_of(archive, str(path))  # refuses what harms
-        text = read_entry(archive, "modelDescription.xml", str(path))
+        text, names = read_entry(archive, "modelDescription.xml", str(path)), archive.namelist()
         Path(folder, "modelDescription.xml").write_bytes(text)
         model = described(Path(folder), str(path))
-    typed, platforms = typed_as(path), fmpy.supported_platforms(str(path))
+    typed, platforms = typed_as(path), sorted(libraries(names))
+    sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
     types = [name for name, found in _interfaces(model).items() if found]
     return {
         "file": path,
@@ -282,8 +281,8 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         "guid": model.guid,
         "generation_tool": model.generationTool,
         "generation_date": model.generationDateAndTime,
-        "platforms": ", ".join(platforms),
-        "here": fmpy.platform in platforms,
+        "platforms": ", ".join([*(["c-code"] if sources else []), *platforms]),
+        "here": platform_of(model.fmiVersion) in platforms,
         "variables": [
             {
                 "variable": variable.name,
