@@ -438,12 +438,12 @@ class Search:
             rows.append({n: (moved[n] - here[n]) / step for n in problem.names})
 
         for drive in model.group.drives:
-            if model.system.variable(drive.port).kind != "Real":
-                continue  # held over each step
             name = f"{SHIFT}:{drive.signal}>{drive.port}"
+            # half a sample: the slope is then exact for an input that is held over each step. What is true or false, or a
+            # whole number, acts from its sample on or an interval earlier, where what is read at the same sample has seen it
+            real = model.system.variable(drive.port).kind == "Real"
             try:
-                # half a sample: the slope is then exact for an input that is held over each step
-                moved = [model({**at, name: s}) for s in (0.5, -0.5)]
+                moved = [model({**at, name: s}) for s in ((0.5, -0.5) if real else (1.0, 0.0))]
             except SimulationError:
                 continue
             nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))

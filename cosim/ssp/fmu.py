@@ -244,6 +244,13 @@ def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, versio
     raise ModelError(f"{source} has no binary at all ('{wanted}' is missing): export it with binaries")
 
 
+def promises_initial_outputs(fmu: Fmu) -> bool:
+    """Whether an FMU names anything that it calculates before its first step, which FMI demands of one with outputs."""
+    text = (fmu.folder / "modelDescription.xml").read_text(encoding="utf-8", errors="replace")
+    outputs = any(v.causality == "output" and v.initial != "exact" for v in fmu.variables.values())
+    return not outputs or "<InitialUnknown" in text
+
+
 def _oddities(slave: CoSimulation, source: str, python: bool) -> tuple[str, ...]:
     found = []
     if not re.fullmatch(r"[A-Za-z_]\w*", slave.modelIdentifier, re.ASCII):
