@@ -15,6 +15,15 @@ if TYPE_CHECKING:
     from cosim.logs.source import Source
     from cosim.ssp.system import Port
 
+# folders of FMI 3.0, by the names that 2.0 has for these machines
+PLATFORMS = {
+    "x86_64-linux": "linux64",
+    "i686-linux": "linux32",
+    "x86_64-windows": "win64",
+    "x86-windows": "win32",
+    "x86_64-darwin": "darwin64",
+    "aarch64-darwin": "darwin64",
+}
 OTHER = "log with other columns"
 OWN_STAMPS = "each column has stamps of its own"
 
@@ -268,7 +277,7 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         text, names = read_entry(archive, "modelDescription.xml", str(path)), archive.namelist()
         Path(folder, "modelDescription.xml").write_bytes(text)
         model = described(Path(folder), str(path))
-    typed, platforms = typed_as(path), sorted(libraries(names))
+    typed, platforms = typed_as(path), sorted({PLATFORMS.get(p, p) for p in libraries(names)})
     sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
     types = [name for name, found in _interfaces(model).items() if found]
     return {
@@ -282,7 +291,7 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         "generation_tool": model.generationTool,
         "generation_date": model.generationDateAndTime,
         "platforms": ", ".join([*(["c-code"] if sources else []), *platforms]),
-        "here": platform_of(model.fmiVersion) in platforms,
+        "here": platform_of(model.fmiVersion) in libraries(names),
         "variables": [
             {
                 "variable": variable.name,
