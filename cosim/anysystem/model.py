@@ -16,6 +16,7 @@ from cosim.system.runs import Runs
 
 Array = NDArray[np.float64]
 SHIFT = "shift"
+HOLD = "hold"
 DRIVE = "drive"
 
 
@@ -179,7 +180,8 @@ class GroupModel:
         early: dict[Port, float] = {}
         for drive in self.group.drives:
             series = self._driving(drive.signal, k, everything, quantities)
-            shift = everything.get(f"{SHIFT}:{drive.signal}>{drive.port}", 0.0)
+            ends = f"{drive.signal}>{drive.port}"
+            shift = everything.get(f"{SHIFT}:{ends}", 0.0) + everything.get(f"{HOLD}:{ends}", 0.0)
             series = series[: self.count(k)]
             whole = round(shift)
             early[drive.port] = shift - whole
