@@ -69,6 +69,9 @@ KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
 FAR_MORE = 20.0  # log-likelihood: two ways to hand inputs over differ by less than 1 for each input where slopes hold
+FAR_LESS = (
+    0.5  # of what is left: a hidden fault seems to leave a little less (0.995 of it), contacts leave 1e-4
+)
 SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause
 ALMOST = 0.99  # of that
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
@@ -444,7 +447,8 @@ class Search:
         if not held or before is None or after is None:
             return
         inside = self.problem.mask
-        if 0.5 * float(np.sum(before[inside] ** 2) - np.sum(after[inside] ** 2)) > FAR_MORE:
+        left, now = float(np.sum(before[inside] ** 2)), float(np.sum(after[inside] ** 2))
+        if now < FAR_LESS * left and 0.5 * (left - now) > FAR_MORE:
             self.base |= held
             self._share(self.base)
 
