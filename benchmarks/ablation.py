@@ -171,7 +171,7 @@ RULES = (
 
 
 STAYS = {  # why a rule stays although the logs of the table show no worth
-    "labels first": "These logs are labelled rightly; CONTRACT section 9 asks for it of those that are not "
+    "labels first": "These logs are labelled rightly; it is for those that are not "
     "(`tests/diagnosis/test_labels.py`).",
     "not one number": "It acts on logs of one direction or at one speed (`tests/diagnosis/test_identifiable.py`), of which "
     "there is hardly one here; more of them are to be tried.",
@@ -187,13 +187,13 @@ STAYS = {  # why a rule stays although the logs of the table show no worth
     "size is sure": "A cause whose interval holds none is no cause: that is what naming one promises.",
     "sizes together": "Coulomb's level and Stribeck's peak can hardly be told apart one by one; more logs of friction "
     "are to be tried.",
-    "no pressed bounds": "A cause beyond its stated physical range is never named (CONTRACT section 9).",
+    "no pressed bounds": "A cause beyond its stated physical range is never named.",
     "windows left out": "It is the one held-out veto of a log alone; a cause is promised to hold on data that had no share.",
     "outweighed": "A candidate to go: where it fires what it drops is mostly not named anyway, since too much is left.",
     "simplified": "A candidate to go: where it fires mostly nothing is named anyway, since too much is left.",
     "moderated": "Without it a log of a drive that only creeps has no cause, though one is hidden "
     "(`tests/diagnosis/test_adequacy.py` fails without it, measured).",
-    "little left": "A cause that the library lacks is promised to be told as such (CONTRACT section 4).",
+    "little left": "A cause that the library lacks is promised to be told as such.",
     "origin": "An asymmetry that only the slew shows is named where it acts (`tests/diagnosis/test_upstream.py`).",
     "event": "What happens once is told with its seconds: it is what the answer says of a push, whatever is named.",
     "line": "A ringing that no cause of the library gives is told with its frequency.",

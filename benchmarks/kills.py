@@ -88,7 +88,7 @@ class Row:
 
 
 def commands(log: Path, systems: Path) -> dict[str, Command]:
-    """The commands of CONTRACT section 3 that write, and `rig`."""
+    """The commands that write, and `rig`."""
     model = str(systems / "simplified.ssp")
     simulate = ["simulate", model, "--stop-time", "2 s", "--out", "{out}/result.csv"]
     batch = ["batch", "--model", model, "--sweep", "simplified.a=2:4:12 1/s", "--stop-time", "0.5 s"]

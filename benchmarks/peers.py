@@ -1,4 +1,4 @@
-"""Ours against every peer in one run: ``python benchmarks/peers.py [--quick] [--page docs/speed.md] [--growth FILE]``.
+"""Ours against every peer in one run: ``python benchmarks/peers.py [--quick] [--page FILE] [--growth FILE]``.
 
 Runs `runner.py` (one simulation: fmpy simulate_ssp, ecos, libcosim), `batch.py` (a sweep: FMPy with Dask), `fit.py` (a fit:
 scipy around fmpy) and `native.py` (the limit: a C loop of the same equations) one after the other on this machine, and
@@ -96,15 +96,13 @@ def markdown(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str
 
 
 def page(rows: list[Row], growth: dict[str, Any] | None, batch: dict[str, Any]) -> str:
-    """The document."""
+    """Two sections of docs/scores.md."""
     about = machine()
     lines = [
-        "# Speed",
+        "### Beside other programs, in full",
         "",
         f"Written by `python benchmarks/peers.py` on {datetime.now(UTC):%Y-%m-%d}: {about['processor']}, {about['cores']}"
         f" cores shared with other work, Python {about['python']}. Ratios hold on other machines; seconds do not.",
-        "",
-        "## Against the peers",
         "",
         "The same package, sweep or fit in every row of a task, the ways interleaved. Ratio 1 is ours with Python FMUs; a",
         "larger ratio is slower. CPU: time computed, and the ratio is to our Python FMUs in the same measure. A sweep",
@@ -114,7 +112,7 @@ def page(rows: list[Row], growth: dict[str, Any] | None, batch: dict[str, Any]) 
         *markdown(HEADS, rows),
     ]
     if growth:
-        lines += ["", "## How cost grows", "", REASONS.format(growth["program"]["peak_MiB"])]
+        lines += ["", "### How cost grows", "", REASONS.format(growth["program"]["peak_MiB"])]
         for name, (of, title) in GROWTH.items():
             if growth.get(name):
                 heads = (title, "wall s", "CPU s", "peak MiB")

@@ -74,7 +74,7 @@ class Row:
 
 
 def exact_theta(times: Array, command: Array) -> Array:
-    """Slew angle of CONTRACT section 6, rad, for a command held over each step: exact but for rounding.
+    """Slew angle of the nominal crane, rad, for a command held over each step: exact but for rounding.
 
     The static blocks are written out, valve, pressure and mechanics are one linear system, discretised for held inputs;
     valid while the spool keeps away from its stops, which is checked.

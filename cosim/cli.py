@@ -1,4 +1,4 @@
-"""The command line: finds the commands, and turns every outcome into a clear line and an exit code (CONTRACT section 3).
+"""The command line: finds the commands, and turns every outcome into a clear line and an exit code.
 
 0 done; 1 done, and a threshold the user set was missed; 2 usage; 3 bad data or model file; 4 the simulation failed, or a
 defect of ours; 5 an optional dependency is missing; 130 interrupted; 141 the reader of stdout went away.

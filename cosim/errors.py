@@ -1,4 +1,4 @@
-"""Errors a user can meet, each with the exit code of the command line (CONTRACT section 3).
+"""Errors a user can meet, each with the exit code of the command line.
 
 A message names the thing that is wrong and, where there is one, the remedy. Everything raised on purpose
 derives from `CosimError`; anything else that escapes is a defect of ours.

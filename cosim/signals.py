@@ -1,4 +1,4 @@
-"""The canonical signals of a log (CONTRACT section 2): each is declared once, in one line.
+"""The canonical signals of a log: each is declared once, in one line.
 
 Inside the program a signal is in its SI unit; a file shows it in its log unit, the one of the rig (table 3.8).
 """

@@ -1,7 +1,7 @@
 """Flow and pressure, as identified: spool position to load pressure, first order.
 
     T dPL/dt = K_c x_v - PL                                    (4.26), (4.33), (5.4)
-    PA = (Ps + PL)/2,   PB = (Ps - PL)/2                       (4.21), CONTRACT section 6
+    PA = (Ps + PL)/2,   PB = (Ps - PL)/2                       (4.21)
 
 Within a step the spool moves on a straight line from its previous to its new position; the solution is exact for that.
 """
@@ -45,7 +45,7 @@ class Parameters(NamedTuple):
         float, Variable("s", "Time constant", 0.11, 1e-6, 1e3, nominal=0.1, source="(5.4), Table 4.4 TF4")
     ]
     p_s: Annotated[float, Variable("Pa", "Supply pressure without flow", 170e5, 1e4, 1e8, display="bar", nominal=1e5, source="SYSTEM section 1: 0..170 bar")]  # fmt: skip
-    p_load_0: Annotated[float, Variable("Pa", "Load pressure at the start", 0.0, -1e9, 1e9, display="bar", nominal=1e5, source="CONTRACT section 6: starts at rest")]  # fmt: skip
+    p_load_0: Annotated[float, Variable("Pa", "Load pressure at the start", 0.0, -1e9, 1e9, display="bar", nominal=1e5, source="starts at rest")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):

@@ -79,9 +79,9 @@ class Parameters(NamedTuple):
     ]
     p_s: Annotated[float, Variable("Pa", "Supply pressure without flow", 170e5, 1e4, 1e8, display="bar", nominal=1e5, source="SYSTEM section 1: 0..170 bar")]  # fmt: skip
     p_t: Annotated[float, Variable("Pa", "Tank pressure", 0.0, 0.0, 1e7, display="bar", nominal=1e5, source="assumed: open tank")]  # fmt: skip
-    R_s: Annotated[float, Variable("Pa.s/m3", "Fall of the supply per flow drawn", 0.0, 0.0, 1e15, nominal=1e10, source="0: stiff supply (CONTRACT section 6)")]  # fmt: skip
+    R_s: Annotated[float, Variable("Pa.s/m3", "Fall of the supply per flow drawn", 0.0, 0.0, 1e15, nominal=1e10, source="0: stiff supply")]  # fmt: skip
     tau_p: Annotated[float, Variable("s", "Time constant of the supply", 0.1, 1e-4, 1e3, nominal=0.1, source="assumed; acts only where R_s > 0")]  # fmt: skip
-    p_load_0: Annotated[float, Variable("Pa", "Load pressure at the start", 0.0, -1e8, 1e8, display="bar", nominal=1e5, source="CONTRACT section 6: starts at rest")]  # fmt: skip
+    p_load_0: Annotated[float, Variable("Pa", "Load pressure at the start", 0.0, -1e8, 1e8, display="bar", nominal=1e5, source="starts at rest")]  # fmt: skip
     x_0: Annotated[float, Variable("m", "Rack position at the start from mid stroke", 0.0, -1.0, 1.0, display="mm", nominal=1e-2, source="assumed: a log starts at mid stroke")]  # fmt: skip
 
 

@@ -220,7 +220,7 @@ class Effect:
     """One physical effect of the library. Effects of one name are equal, whatever is free in them.
 
     Attributes:
-        name: "block.effect" as CONTRACT section 5 fixes it; the first part is the block it is reported under.
+        name: "block.effect", which no version changes; the first part is the block it is reported under.
         text: what happens, one line.
         residual: what its residual looks like in the data.
         source: where its form comes from.

@@ -41,11 +41,11 @@ class Parameters(NamedTuple):
     K: Annotated[float, Variable("m", "Spool travel per unit of command", 2.375e-3, 1e-6, 1.0, display="mm", nominal=1e-3, source="(5.3), Table 4.3 TF4")]  # fmt: skip
     w0: Annotated[float, Variable("rad/s", "Undamped natural frequency", 25.23, 0.1, 1e4, nominal=10.0, source="(5.3), Table 4.3 TF4")]  # fmt: skip
     zeta: Annotated[float, Variable("1", "Damping ratio", 0.545, 0.0, 100.0, source="(5.3), Table 4.3 TF4")]
-    x_0: Annotated[float, Variable("m", "Shift of the neutral position", 0.0, -1e-2, 1e-2, display="mm", nominal=1e-4, source="Table 3.5: neutral shifted; nominal 0 (CONTRACT section 6)")]  # fmt: skip
-    v_max: Annotated[float, Variable("m/s", "Largest spool speed; 1 m/s is out of reach", 1.0, 1e-5, 100.0, display="mm/s", nominal=1e-2, source="CONTRACT section 6: no rate limit in reach")]  # fmt: skip
+    x_0: Annotated[float, Variable("m", "Shift of the neutral position", 0.0, -1e-2, 1e-2, display="mm", nominal=1e-4, source="Table 3.5: neutral shifted; nominal 0")]  # fmt: skip
+    v_max: Annotated[float, Variable("m/s", "Largest spool speed; 1 m/s is out of reach", 1.0, 1e-5, 100.0, display="mm/s", nominal=1e-2, source="no rate limit in reach")]  # fmt: skip
     x_min: Annotated[float, Variable("m", "Stop towards B", -2.6e-3, -1.0, 0.0, display="mm", nominal=1e-3, source="Table 3.6")]  # fmt: skip
     x_max: Annotated[float, Variable("m", "Stop towards A", 2.6e-3, 0.0, 1.0, display="mm", nominal=1e-3, source="Table 3.6")]  # fmt: skip
-    spool_0: Annotated[float, Variable("m", "Spool position at the start", 0.0, -1.0, 1.0, display="mm", nominal=1e-3, source="CONTRACT section 6: starts at rest")]  # fmt: skip
+    spool_0: Annotated[float, Variable("m", "Spool position at the start", 0.0, -1.0, 1.0, display="mm", nominal=1e-3, source="starts at rest")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):
@@ -208,7 +208,7 @@ def constrained(spool: float, rate: float, rest: float, h: float, zeta: float, p
 
 @equation
 def start(u: Input, p: Parameters) -> State:
-    """At rest, nominally at the mechanical centre, whatever the neutral (CONTRACT section 6), and between the stops."""
+    """At rest, nominally at the mechanical centre, whatever the neutral, and between the stops."""
     return State(min(p.x_max, max(p.x_min, p.spool_0)), 0.0)
 
 

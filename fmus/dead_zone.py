@@ -38,22 +38,18 @@ class Parameters(NamedTuple):
     """Which of the three forms, and their numbers."""
 
     form: Annotated[float, Variable("1", "1: dead zone (2.2), 2: inverse (2.3), 3: smooth inverse (4.9)", 1.0, 1.0, 3.0, kind="integer", source="(2.2), (2.3), (4.9)")]  # fmt: skip
-    m_r: Annotated[
-        float, Variable("1", "Slope on the right", 1.0, 1e-3, 1e3, source="(2.2); CONTRACT section 6")
-    ]
+    m_r: Annotated[float, Variable("1", "Slope on the right", 1.0, 1e-3, 1e3, source="(2.2); nominal 1")]
     b_r: Annotated[
         float, Variable("1", "Break point on the right", 0.45, 0.0, 10.0, display="%", source="Table 4.1")
     ]
-    m_l: Annotated[
-        float, Variable("1", "Slope on the left", 1.0, 1e-3, 1e3, source="(2.2); CONTRACT section 6")
-    ]
+    m_l: Annotated[float, Variable("1", "Slope on the left", 1.0, 1e-3, 1e3, source="(2.2); nominal 1")]
     b_l: Annotated[
         float, Variable("1", "Break point on the left", -0.40, -10.0, 0.0, display="%", source="Table 4.1")
     ]
     d_plus: Annotated[float, Variable("1", "Compensation to the right (form 3)", 0.45, 0.0, 10.0, display="%", source="Table 4.1")]  # fmt: skip
     d_minus: Annotated[float, Variable("1", "Compensation to the left (form 3)", 0.40, 0.0, 10.0, display="%", source="Table 4.1")]  # fmt: skip
     S: Annotated[float, Variable("1", "Sharpness of tanh (form 3); not given in the source", 50.0, 1e-3, 1e6, source="SYSTEM section 3")]  # fmt: skip
-    limit: Annotated[float, Variable("1", "Largest magnitude of the result", 1.0, 1e-6, 100.0, source="CONTRACT section 6")]  # fmt: skip
+    limit: Annotated[float, Variable("1", "Largest magnitude of the result", 1.0, 1e-6, 100.0, source="full opening")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):

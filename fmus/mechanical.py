@@ -48,20 +48,20 @@ class State(NamedTuple):
 class Parameters(NamedTuple):
     """Inertia, friction, geometry."""
 
-    J: Annotated[float, Variable("kg.m2", "Inertia at the slew axis", 763.9437268410978, 1e-12, 1e9, nominal=1e3, source="(4.34): 7.5e-6 in deg and bar mm3; CONTRACT section 6")]  # fmt: skip
+    J: Annotated[float, Variable("kg.m2", "Inertia at the slew axis", 763.9437268410978, 1e-12, 1e9, nominal=1e3, source="(4.34): 7.5e-6 in deg and bar mm3")]  # fmt: skip
     b: Annotated[float, Variable("N.m.s/rad", "Viscous friction", 26661.636066754313, 0.0, 1e9, nominal=1e4, source="(5.12): pole at 34.9 rad/s (SYSTEM section 9.1), b = 34.9 J")]  # fmt: skip
     A: Annotated[float, Variable("m2", "Cylinder area", 8.4193e-3, 1e-9, 100.0, display="mm2", nominal=1e-2, source="Table 3.1; SYSTEM section 9.3")]  # fmt: skip
     r: Annotated[
         float, Variable("m", "Pinion radius", 0.1, 1e-6, 100.0, display="mm", nominal=0.1, source="Table 3.1")
     ]
-    tau_c: Annotated[float, Variable("N.m", "Coulomb friction torque", 0.0, 0.0, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
+    tau_c: Annotated[float, Variable("N.m", "Coulomb friction torque", 0.0, 0.0, 1e9, nominal=100.0, source="(4.27); nominal none")]  # fmt: skip
     omega_v: Annotated[float, Variable("rad/s", "Speed over which dry friction builds up; 0: it truly sticks", 0.0, 0.0, 1e3, display="deg/s", nominal=1e-3, source="off: sign(theta') of (4.27)")]  # fmt: skip
     z_s: Annotated[float, Variable("rad", "Deflection over which dry friction builds up; 0: it truly sticks", 0.0, 0.0, 1.0, display="deg", nominal=1e-5, source="off: sign(theta') of (4.27)")]  # fmt: skip
-    tau_load: Annotated[float, Variable("N.m", "Constant load torque against positive motion", 0.0, -1e9, 1e9, nominal=100.0, source="(4.27); nominal none (CONTRACT section 6)")]  # fmt: skip
-    theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e9, 1e9, display="deg", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
-    omega_0: Annotated[float, Variable("rad/s", "Velocity at the start", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="CONTRACT section 6: starts at rest")]  # fmt: skip
-    theta_min: Annotated[float, Variable("rad", "Lower end of the travel; -1e9 rad is out of reach", -1e9, -1e9, 1e9, display="deg", source="off: CONTRACT section 6 has no end in reach")]  # fmt: skip
-    theta_max: Annotated[float, Variable("rad", "Upper end of the travel; 1e9 rad is out of reach", 1e9, -1e9, 1e9, display="deg", source="off: CONTRACT section 6 has no end in reach")]  # fmt: skip
+    tau_load: Annotated[float, Variable("N.m", "Constant load torque against positive motion", 0.0, -1e9, 1e9, nominal=100.0, source="(4.27); nominal none")]  # fmt: skip
+    theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e9, 1e9, display="deg", source="starts where the log does")]  # fmt: skip
+    omega_0: Annotated[float, Variable("rad/s", "Velocity at the start", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="starts at rest")]  # fmt: skip
+    theta_min: Annotated[float, Variable("rad", "Lower end of the travel; -1e9 rad is out of reach", -1e9, -1e9, 1e9, display="deg", source="off: the nominal crane has no end in reach")]  # fmt: skip
+    theta_max: Annotated[float, Variable("rad", "Upper end of the travel; 1e9 rad is out of reach", 1e9, -1e9, 1e9, display="deg", source="off: the nominal crane has no end in reach")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):

@@ -48,7 +48,7 @@ class Parameters(NamedTuple):
     c: Annotated[float, Variable("rad", "Output gain C2", 0.04363323129985824, 1e-9, 1e6, display="deg", source="(4.37): 2.5 deg")]  # fmt: skip
     p1: Annotated[float, Variable("1/s", "First observer pole", -13.2, -1e6, -1e-6, nominal=10.0, source="(2.15): -3 times 4.4")]  # fmt: skip
     p2: Annotated[float, Variable("1/s", "Second observer pole", -6.6, -1e6, -1e-6, nominal=10.0, source="(2.15): -1.5 times 4.4")]  # fmt: skip
-    at_reading: Annotated[float, Variable("1", "Start: 1 standing at the measured angle, 0 at slew_0 and rate_0", 1.0, 0.0, 1.0, kind="integer", source="CONTRACT section 6: starts where the log does; 0 with slew_0 = rate_0 = 0: the source")]  # fmt: skip
+    at_reading: Annotated[float, Variable("1", "Start: 1 standing at the measured angle, 0 at slew_0 and rate_0", 1.0, 0.0, 1.0, kind="integer", source="starts where the log does; 0 with slew_0 = rate_0 = 0: the source")]  # fmt: skip
     slew_0: Annotated[float, Variable("rad", "Estimated angle at the start, where at_reading is 0", 0.0, -1e6, 1e6, display="deg", source="(2.15): the source starts at zero")]  # fmt: skip
     rate_0: Annotated[float, Variable("rad/s", "Estimated velocity at the start, where at_reading is 0", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="(2.15): the source starts at zero")]  # fmt: skip
 

@@ -73,7 +73,7 @@ class Parameters(NamedTuple):
     k_omega: Annotated[float, Variable("1/s", "Gain of a tracker's reading on the velocity", 0.0, -1e6, 1e6, source="off: no tracker")]  # fmt: skip
     k_tau: Annotated[float, Variable("N.m/rad", "Gain of a tracker's reading on the disturbance", 0.0, -1e11, 1e11, nominal=1e3, source="off: no tracker")]  # fmt: skip
     k_beta: Annotated[float, Variable("1", "Gain of a tracker's reading on the sensor's error", 0.0, -10.0, 10.0, source="off: no tracker")]  # fmt: skip
-    at_reading: Annotated[float, Variable("1", "Start: 1 standing at the measured angle, 0 at slew_0 and rate_0", 1.0, 0.0, 1.0, kind="integer", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
+    at_reading: Annotated[float, Variable("1", "Start: 1 standing at the measured angle, 0 at slew_0 and rate_0", 1.0, 0.0, 1.0, kind="integer", source="starts where the log does")]  # fmt: skip
     slew_0: Annotated[float, Variable("rad", "Estimated angle at the start, where at_reading is 0", 0.0, -1e6, 1e6, display="deg", source="(2.15): the source starts at zero")]  # fmt: skip
     rate_0: Annotated[float, Variable("rad/s", "Estimated velocity at the start, where at_reading is 0", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="(2.15): the source starts at zero")]  # fmt: skip
     tau_0: Annotated[float, Variable("N.m", "Estimated disturbance at the start", 0.0, -1e9, 1e9, nominal=100.0, source="off")]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What may happen to a signal in a wire (CONTRACT section 7), one after the other; each is off by default.
+"""What may happen to a signal in a wire, one after the other; each is off by default.
 
     y = gain u;  + offset;  delay;  lag y' + y = u;  low..high;  dead zone;  play;  rate limit;  drift;  quantum
 

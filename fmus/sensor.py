@@ -1,4 +1,4 @@
-"""Slew sensor: a draw-wire over a disc, and the filter of its input. Nominally the angle itself (CONTRACT section 6).
+"""Slew sensor: a draw-wire over a disc, and the filter of its input. Nominally the angle itself.
 
     reading = gain * theta + bias, between low and high               (3.2)
     slew'' + sqrt(2) w slew' + w^2 slew = w^2 reading,  w = 2 pi f_c    (2.1), (3.1): Butterworth, order 2
@@ -39,11 +39,11 @@ class State(NamedTuple):
 class Parameters(NamedTuple):
     """Scaling, (3.2): value = gain * angle + bias; and the input filter's cut-off."""
 
-    gain: Annotated[float, Variable("1", "Reading per angle", 1.0, -1e3, 1e3, source="(3.2); nominal 1 (CONTRACT section 6)")]  # fmt: skip
-    bias: Annotated[float, Variable("rad", "Reading at angle zero", 0.0, -1e3, 1e3, display="deg", source="(3.2); nominal 0 (CONTRACT section 6)")]  # fmt: skip
+    gain: Annotated[float, Variable("1", "Reading per angle", 1.0, -1e3, 1e3, source="(3.2); nominal 1")]  # fmt: skip
+    bias: Annotated[float, Variable("rad", "Reading at angle zero", 0.0, -1e3, 1e3, display="deg", source="(3.2); nominal 0")]  # fmt: skip
     low: Annotated[float, Variable("rad", "Lowest reading, where the sensor saturates; -1e6 rad is out of reach", -1e6, -1e6, 1e6, display="deg", source="off: (3.2) has no limit")]  # fmt: skip
     high: Annotated[float, Variable("rad", "Highest reading, where the sensor saturates; 1e6 rad is out of reach", 1e6, -1e6, 1e6, display="deg", source="off: (3.2) has no limit")]  # fmt: skip
-    f_c: Annotated[float, Variable("Hz", "Cut-off of the input filter; 0: none", 0.0, 0.0, 1e6, nominal=1e3, source="(2.1), (3.1): 1 kHz on the rig; nominal off, the angle itself (CONTRACT section 6)")]  # fmt: skip
+    f_c: Annotated[float, Variable("Hz", "Cut-off of the input filter; 0: none", 0.0, 0.0, 1e6, nominal=1e3, source="(2.1), (3.1): 1 kHz on the rig; nominal off, the angle itself")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):

@@ -39,8 +39,8 @@ class Parameters(NamedTuple):
 
     k: Annotated[float, Variable("rad/s2", "Gain: angular acceleration per unit of command", 0.17453292519943295, -1e6, 1e6, display="deg/s2", nominal=0.1, source="(4.15): 10 deg/s2")]  # fmt: skip
     a: Annotated[float, Variable("1/s", "Pole", 4.4, 0.0, 1e6, nominal=1.0, source="(4.15)")]
-    theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e9, 1e9, display="deg", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
-    omega_0: Annotated[float, Variable("rad/s", "Velocity at the start", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="CONTRACT section 6: starts at rest")]  # fmt: skip
+    theta_0: Annotated[float, Variable("rad", "Angle at the start", 0.0, -1e9, 1e9, display="deg", source="starts where the log does")]  # fmt: skip
+    omega_0: Annotated[float, Variable("rad/s", "Velocity at the start", 0.0, -1e3, 1e3, display="deg/s", nominal=0.01, source="starts at rest")]  # fmt: skip
     theta_min: Annotated[float, Variable("rad", "Lower end of the travel; -1e9 rad is out of reach", -1e9, -1e9, 1e9, display="deg", source="off: (4.15) has no end")]  # fmt: skip
     theta_max: Annotated[float, Variable("rad", "Upper end of the travel; 1e9 rad is out of reach", 1e9, -1e9, 1e9, display="deg", source="off: (4.15) has no end")]  # fmt: skip
 

@@ -40,7 +40,7 @@ class Memory(NamedTuple):
 class Parameters(NamedTuple):
     """How to play."""
 
-    hold: Annotated[float, Variable("1", "1: hold each sample, 0: straight lines", 1.0, 0.0, 1.0, kind="integer", source="CONTRACT section 6: u held over each millisecond")]  # fmt: skip
+    hold: Annotated[float, Variable("1", "1: hold each sample, 0: straight lines", 1.0, 0.0, 1.0, kind="integer", source="u held over each millisecond")]  # fmt: skip
     gain: Annotated[float, Variable("1", "Factor on the samples", 1.0, -100.0, 100.0, source="SYSTEM section 8: amplitudes 100, 75, 35 %")]  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from cosim.rig.parameters import STEP, nominal_value
 Array = NDArray[np.float64]
 
 TRUSTED = ("dcv.K", "dcv.w0", "dcv.zeta", "continuity.K_c", "continuity.T", "mechanical.J", "mechanical.b")
-TRUST = 0.01  # one standard deviation (CONTRACT section 4)
+TRUST = 0.01  # one standard deviation
 NAMED_EXCITATIONS = ("mixed", "mixed", "sweep", "steps", "multisine", "small_steps")
 OWN_EXCITATIONS = ("triangle_steps", "telegraph")
 # share of each kind of case

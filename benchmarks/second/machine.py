@@ -18,7 +18,7 @@ SIGNALS = ("spool", "p_load", "p_supply", "angle", "far")
 
 
 class Machine(NamedTuple):
-    """Parameters of the drive and the forms of its flaws; the defaults are the nominal crane (CONTRACT section 6).
+    """Parameters of the drive and the forms of its flaws; the defaults are the nominal crane.
 
     Forms: `stop_w` > 0 a spring of that frequency for a stop; `pade` a rational delay; `plays` elements of one hysteresis;
     `round_dz`, `s_c` width of a rounded corner; `p_turb` pressure at which a leak turns turbulent; `p_air` pressure that

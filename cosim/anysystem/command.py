@@ -28,7 +28,7 @@ from cosim.logs.mapping import load_mapping
 from cosim.memory import returned
 from cosim.report.deliver import make_folder
 from cosim.report.earlier import Earlier
-from cosim.ssp.fmu import MENDED
+from cosim.ssp.fmu import MENDED, promises_initial_outputs
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
 from cosim.system.graph import cut, port_of
@@ -204,10 +204,7 @@ def unlisted(system: System) -> list[str]:
     """Warnings for FMUs that a strict reader refuses and that run all the same."""
     found = {}
     for component in system.components.values():
-        file = component.fmu.folder / "modelDescription.xml"
-        text = file.read_text(encoding="utf-8", errors="replace")
-        outputs = any(v.causality == "output" for v in component.fmu.variables.values())
-        if outputs and "<InitialUnknown" not in text:
+        if not promises_initial_outputs(component.fmu):
             found[component.fmu.source] = (
                 f"{component.fmu.source}: no InitialUnknowns, which FMI demands for its outputs; it is run all the same"
             )

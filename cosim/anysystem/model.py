@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, acted, placed
 from cosim.anysystem.smooth import followed
+from cosim.ssp.fmu import promises_initial_outputs
 from cosim.ssp.system import Port, System
 from cosim.system.graph import CutGroup, Unit
 from cosim.system.runs import Runs
 
 Array = NDArray[np.float64]
 SHIFT = "shift"
+HOLD = "hold"
 DRIVE = "drive"
 
 
@@ -76,6 +78,7 @@ class GroupModel:
         added: ``port|where`` -> for each log what is added there, behind the effects.
         until: part of each log that is run; what was measured stands for the rest.
         own: signals by which the group is judged and which drive it as well.
+        late: judged signals that an FMU need not have calculated before its first step.
         differs: signal -> RMS by which two runs of the same differ; empty before that was tried.
         coarse: signal -> RMS error of the model's own solvers, from a run in which they work more finely.
     """
@@ -93,6 +96,11 @@ class GroupModel:
         self.until = 1.0
         judged = {signal for signal, _ in group.judged}
         self.own = frozenset(d.signal for d in group.drives if d.signal in judged)
+        self.late = frozenset(
+            signal
+            for signal, port in group.judged
+            if not promises_initial_outputs(system.components[port.component].fmu)
+        )
 
     def __call__(self, values: Mapping[str, float]) -> dict[str, Array]:
         """The judged signals of all logs, `place`(signal, k) -> (n,)."""
@@ -124,10 +132,16 @@ class GroupModel:
             self.until = 1.0
 
     def seen(self, signal: str, k: int, series: Array) -> Array:
-        """A modelled reading (n,) as far as what was measured tells: within half a step of a rounded one nothing does."""
+        """A modelled reading (n,) as far as what was measured tells.
+
+        Within half a step of a rounded reading nothing does, nor where the FMU did not promise a value.
+        """
+        reading = self.segments[k].signals[signal][: series.size]
+        if signal in self.late:
+            series = np.concatenate([reading[:1], series[1:]])
         if signal not in self.steps:
             return series
-        reading, half = self.segments[k].signals[signal][: series.size], 0.5 * self.steps[signal]
+        half = 0.5 * self.steps[signal]
         return np.asarray(reading + series - np.clip(series, reading - half, reading + half))
 
     def ports(self, values: Mapping[str, float], k: int) -> dict[str, Array]:
@@ -166,7 +180,8 @@ class GroupModel:
         early: dict[Port, float] = {}
         for drive in self.group.drives:
             series = self._driving(drive.signal, k, everything, quantities)
-            shift = everything.get(f"{SHIFT}:{drive.signal}>{drive.port}", 0.0)
+            ends = f"{drive.signal}>{drive.port}"
+            shift = everything.get(f"{SHIFT}:{ends}", 0.0) + everything.get(f"{HOLD}:{ends}", 0.0)
             series = series[: self.count(k)]
             whole = round(shift)
             early[drive.port] = shift - whole

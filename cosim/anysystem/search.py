@@ -19,7 +19,7 @@ from cosim.anysystem.actions import (
     starts,
     unknowns,
 )
-from cosim.anysystem.model import DRIVE, SHIFT, GroupModel, place
+from cosim.anysystem.model import DRIVE, HOLD, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
 from cosim.diagnosis.budget import Budget
@@ -68,7 +68,11 @@ OFF_STEP = 0.01  # of a parameter: where the first of them begins
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
-SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause (CONTRACT section 4)
+FAR_MORE = 20.0  # log-likelihood: two ways to hand inputs over differ by less than 1 for each input where slopes hold
+FAR_LESS = (
+    0.5  # of what is left: a hidden fault seems to leave a little less (0.995 of it), contacts leave 1e-4
+)
+SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause
 ALMOST = 0.99  # of that
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
 FAINT = 20.0  # times that, under the white noise alone: what a moderate size does is no more, and is looked at again
@@ -420,12 +424,33 @@ class Search:
                     for n in self.free
                 }
         self._share(self.base)
+        self._hold()
         fit = problem.fit((), self.base)
         if fit is None:
             raise SimulationError(
                 problem.failures[0] if problem.failures else "the model gives no finite numbers"
             )
         return Candidate((), fit, 0.0)
+
+    def _hold(self) -> None:
+        """Begin with inputs that are held over each sample where that alone makes far more of a log.
+
+        The moment at which an input acts is a nuisance with a slope. Where contacts and other switches within a component
+        make half a sample more than the slope of it, the end of its range that controllers have is tried as it is.
+        """
+        held = {
+            f"{HOLD}:{d.signal}>{d.port}": -0.5
+            for d in self.model.group.drives
+            if self.model.system.variable(d.port).kind == "Real"
+        }
+        before, after = self.problem.rows(self.base), self.problem.rows({**self.base, **held})
+        if not held or before is None or after is None:
+            return
+        inside = self.problem.mask
+        left, now = float(np.sum(before[inside] ** 2)), float(np.sum(after[inside] ** 2))
+        if now < FAR_LESS * left and 0.5 * (left - now) > FAR_MORE:
+            self.base |= held
+            self._share(self.base)
 
     def _share(self, at: Mapping[str, float]) -> None:
         """Slopes of the nuisances around some values."""
@@ -438,12 +463,12 @@ class Search:
             rows.append({n: (moved[n] - here[n]) / step for n in problem.names})
 
         for drive in model.group.drives:
-            if model.system.variable(drive.port).kind != "Real":
-                continue  # held over each step
             name = f"{SHIFT}:{drive.signal}>{drive.port}"
+            # half a sample: the slope is then exact for an input that is held over each step. What is true or false, or a
+            # whole number, acts from its sample on or an interval earlier, where what is read at the same sample has seen it
+            real = model.system.variable(drive.port).kind == "Real"
             try:
-                # half a sample: the slope is then exact for an input that is held over each step
-                moved = [model({**at, name: s}) for s in (0.5, -0.5)]
+                moved = [model({**at, name: s}) for s in ((0.5, -0.5) if real else (1.0, 0.0))]
             except SimulationError:
                 continue
             nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))
@@ -704,7 +729,10 @@ class Search:
                 if rows is None:
                     return 0.0
                 change = (rest - rows)[inside]
-                size = float(change @ change)
+                with np.errstate(over="ignore"):  # a start that makes a model run away
+                    size = float(change @ change)
+                if not np.isfinite(size):
+                    return 0.0
                 changes.append(change)
                 if not base.actions:
                     self.sizes[action] = max(self.sizes.get(action, 0.0), 0.5 * size)

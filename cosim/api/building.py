@@ -105,13 +105,17 @@ def build_missing(folder: Path) -> None:
 
 
 def validate(files: Sequence[Path]) -> "dict[str, list[Problem]]":
-    """Check files against FMI 2.0 or 3.0 and SSP 1.0, and for what makes clients stumble.
+    """Check files, or systems of ours by name, against FMI 2.0 or 3.0 and SSP 1.0, and for what makes clients stumble.
 
     Raises:
         UsageError: one is no .ssp, .fmu or .ssv.
+        ModelError: a system of ours is not built, and cannot be.
     """
+    from cosim.request import model_path
     from cosim.ssp import check_fmu, check_ssp, check_ssv
+    from cosim.ssp.build import CLOSED, SYSTEMS
 
+    files = [model_path(str(f)) if str(f) in (*SYSTEMS, *CLOSED) else f for f in files]
     checks = {".ssp": check_ssp, ".fmu": check_fmu, ".ssv": check_ssv}
     for file in files:
         if file.suffix.lower() not in checks:

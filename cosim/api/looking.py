@@ -12,8 +12,18 @@ if TYPE_CHECKING:
 
     from cosim.logs import Log, Tracker
     from cosim.logs.guess import Guess
+    from cosim.logs.source import Source
     from cosim.ssp.system import Port
 
+# folders of FMI 3.0, by the names that 2.0 has for these machines
+PLATFORMS = {
+    "x86_64-linux": "linux64",
+    "i686-linux": "linux32",
+    "x86_64-windows": "win64",
+    "x86-windows": "win32",
+    "x86_64-darwin": "darwin64",
+    "aarch64-darwin": "darwin64",
+}
 OTHER = "log with other columns"
 OWN_STAMPS = "each column has stamps of its own"
 
@@ -68,26 +78,29 @@ def log_or_columns(path: Path, mapping: Path | None, plot: bool) -> dict[str, An
         DataError: the file or the mapping is bad.
         MissingExtraError: its type needs an optional dependency.
     """
+    from cosim.logs.load import open_source
     from cosim.logs.overview import overview
 
+    source = None
     try:
-        facts = log_facts(path, mapping)
+        source = None if mapping else open_source(path)
+        facts = log_facts(path, mapping, source)
     except ColumnsError as error:
         if mapping is not None:
             raise
-        facts = column_facts(path, str(error))
+        facts = column_facts(path, str(error), source)
     else:
-        if mapping is None and facts["kind"] == "log":
-            facts |= _overlooked(path, facts)
+        if source is not None and facts["kind"] == "log":
+            facts |= _overlooked(source, facts)
     if plot:
-        columns = overview(path).columns
+        columns = overview(path, source=source).columns
         names = [c.label.shown for c in columns]
         wide = max(map(len, names))
         facts["plot"] = [f"{name:<{wide}}  {c.spark()}" for name, c in zip(names, columns, strict=True)]
     return facts
 
 
-def _overlooked(path: Path, facts: dict[str, Any]) -> dict[str, Any]:
+def _overlooked(source: "Source", facts: dict[str, Any]) -> dict[str, Any]:
     """Columns that are ignored for their names and look like signals of which the log has none; empty if none do."""
     if not any(text.startswith("ignored columns") for text in facts["warnings"]):
         return {}
@@ -95,10 +108,12 @@ def _overlooked(path: Path, facts: dict[str, Any]) -> dict[str, Any]:
     from cosim.logs.overview import overview
 
     known = {row["signal"] for row in facts["signals"]}
-    found = {name: g for name, g in guesses(overview(path)).items() if name not in known}
+    found = {
+        name: g for name, g in guesses(overview(source.path, source=source)).items() if name not in known
+    }
     if not found:
         return {}
-    typed = typed_as(path)
+    typed = typed_as(source.path)
     return {
         "guesses": {name: _guess_facts(guess) for name, guess in found.items()},
         "next": f"Next: cosim init {typed} writes these guesses into a mapping to correct, for --mapping; without it "
@@ -118,12 +133,13 @@ def _guess_facts(guess: "Guess") -> dict[str, Any]:
     }
 
 
-def column_facts(path: Path, why: str) -> dict[str, Any]:
+def column_facts(path: Path, why: str, source: "Source | None" = None) -> dict[str, Any]:
     """A log whose columns are not our signals, as it stands in the file: columns, time, guesses, and what to do next.
 
     Args:
         path: the log.
         why: it cannot be read as it is.
+        source: the file as it was opened, where it has a row of names.
 
     Raises:
         DataError: the file is bad.
@@ -131,7 +147,7 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
     from cosim.logs.guess import likely
     from cosim.logs.overview import measured
 
-    found = measured(path)
+    found = measured(path, source)
     clock = found.clock
     facts: dict[str, Any] = {"file": path, "kind": OTHER, "samples": found.samples}
     if clock is None:
@@ -172,8 +188,13 @@ def column_facts(path: Path, why: str) -> dict[str, Any]:
     }
 
 
-def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:
+def log_facts(path: Path, mapping: Path | None = None, source: "Source | None" = None) -> dict[str, Any]:
     """What a log or a tracker's record holds, as plain data; ranges are in the units in which people read them.
+
+    Args:
+        path: the file.
+        mapping: mapping file.
+        source: the file as it was opened, where there is no mapping.
 
     Raises:
         DataError: the file or the mapping is bad.
@@ -187,11 +208,13 @@ def log_facts(path: Path, mapping: Path | None = None) -> dict[str, Any]:
     if chosen is not None:
         tracker = "slew_external" in chosen.signals
     else:
-        source = open_source(path)
+        source = source or open_source(path)
         tracker = holds_markers(source) or any(
             "slew_external" in (label.name, label.alias) for label in source.labels
         )
-    record: Log | Tracker = load_tracker(path, chosen) if tracker else load_log(path, chosen)
+    record: Log | Tracker = (
+        load_tracker(path, chosen, source) if tracker else load_log(path, chosen, source=source)
+    )
     unit = getattr(record, "time_unit", "s")
     facts = {
         "file": path,
@@ -246,17 +269,16 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
     Raises:
         ModelError: it is no FMU.
     """
-    import fmpy
-
     from cosim.ssp.archive import open_archive, read_entry
-    from cosim.ssp.fmu import described, description_of
+    from cosim.ssp.fmu import described, description_of, libraries, platform_of
 
     with open_archive(path, str(path)) as archive, tempfile.TemporaryDirectory() as folder:
         description_of(archive, str(path))  # refuses what harms
-        text = read_entry(archive, "modelDescription.xml", str(path))
+        text, names = read_entry(archive, "modelDescription.xml", str(path)), archive.namelist()
         Path(folder, "modelDescription.xml").write_bytes(text)
         model = described(Path(folder), str(path))
-    typed, platforms = typed_as(path), fmpy.supported_platforms(str(path))
+    typed, platforms = typed_as(path), sorted({PLATFORMS.get(p, p) for p in libraries(names)})
+    sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
     types = [name for name, found in _interfaces(model).items() if found]
     return {
         "file": path,
@@ -268,8 +290,8 @@ def _fmu_facts(path: Path) -> dict[str, Any]:
         "guid": model.guid,
         "generation_tool": model.generationTool,
         "generation_date": model.generationDateAndTime,
-        "platforms": ", ".join(platforms),
-        "here": fmpy.platform in platforms,
+        "platforms": ", ".join([*(["c-code"] if sources else []), *platforms]),
+        "here": platform_of(model.fmiVersion) in libraries(names),
         "variables": [
             {
                 "variable": variable.name,

@@ -1,19 +1,56 @@
-"""Identifications as they are asked for by `cosim identify`: files, and numbers with units as texts."""
+"""Identifications as they are asked for by `cosim identify`: files, and numbers with units as texts.
+
+Each function is the command of its name, so its arguments carry what the command's help says of them.
+"""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cosim.identify.answer import Answer
+import typer
+
+if TYPE_CHECKING:
+    from cosim.identify.answer import Answer
+
+LogFile = Annotated[
+    Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4, .tdms or .xlsx.", metavar="LOG")
+]
+LogFiles = Annotated[
+    list[Path], typer.Argument(help="One log or several, fitted together.", metavar="LOG...")
+]
+MappingFile = Annotated[
+    Path | None, typer.Option(help="Mapping file (TOML) for a log with other names.", metavar="FILE")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Number taken as known, such as 'compensator.d_plus=0'; repeatable."),
+]
+Filter = Annotated[
+    str | None,
+    typer.Option(
+        "--filter", help="Low-pass on command and response alike (Butterworth, order 2), such as '50 Hz'."
+    ),
+]
+From = Annotated[str | None, typer.Option("--from", help="Use the log from this time on, such as '10 s'.")]
+To = Annotated[str | None, typer.Option("--to", help="Use the log up to this time.")]
+Block = Annotated[
+    str | None, typer.Option(help="dcv, continuity, mechanical or simplified [default: simplified].")
+]
+Input = Annotated[str | None, typer.Option("--input", help="Input signal, instead of a block.")]
+Output = Annotated[str | None, typer.Option("--output", help="Output signal, instead of a block.")]
+Linear = Annotated[
+    bool,
+    typer.Option("--linear", help="Take u as it is, without compensator and dead zone, as the source does."),
+]
 
 
 def everything(
-    log: Path,
-    mapping: Path | None = None,
-    settings: list[str] | None = None,
-    cutoff: str | None = None,
-    start: str | None = None,
-    stop: str | None = None,
-) -> Answer:
+    log: LogFile,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+) -> "Answer":
     """Dead zone, valve, pressure and mechanics from one log, and one .ssv for the model."""
     from cosim.identify.nominal import nominal
     from cosim.identify.run_design import all_answer
@@ -24,15 +61,21 @@ def everything(
 
 
 def dead_zone(
-    log: Path,
-    response: str | None = None,
-    mapping: Path | None = None,
-    settings: list[str] | None = None,
-    cutoff: str | None = None,
-    start: str | None = None,
-    stop: str | None = None,
-) -> Answer:
-    """Break points and slopes of the valve's dead zone, best from a slow ramp."""
+    log: LogFile,
+    response: Annotated[
+        str | None, typer.Option(help="spool, p_load or slew [default: the first of these in the log].")
+    ] = None,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+) -> "Answer":
+    """Break points and slopes of the valve's dead zone, best from a slow ramp.
+
+    Where the compensator was off, as in the source's own experiment, say so: --set compensator.d_plus=0 --set
+    compensator.d_minus=0.
+    """
     from cosim.errors import UsageError
     from cosim.identify.dead_zone import RESPONSES
     from cosim.identify.nominal import nominal
@@ -47,20 +90,27 @@ def dead_zone(
 
 
 def transfer_function(
-    logs: list[Path],
-    block: str | None = None,
-    source: str | None = None,
-    target: str | None = None,
-    order: list[str] | None = None,
-    integrators: int | None = None,
-    delay: bool = False,
-    linear: bool = False,
-    mapping: Path | None = None,
-    settings: list[str] | None = None,
-    cutoff: str | None = None,
-    start: str | None = None,
-    stop: str | None = None,
-) -> Answer:
+    logs: LogFiles,
+    block: Block = None,
+    source: Input = None,
+    target: Output = None,
+    order: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Poles/zeros of a candidate, such as 3/1; repeatable [default: those of the block's table]."
+        ),
+    ] = None,
+    integrators: Annotated[
+        int | None, typer.Option(help="Poles at 0 among them [default: 1 to the slew angle, else 0].")
+    ] = None,
+    delay: Annotated[bool, typer.Option("--delay", help="With a transport delay.")] = False,
+    linear: Linear = False,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+) -> "Answer":
     """Transfer functions fitted to logs: a table of candidates, and the one to use, by BIC and held-out fit."""
     from cosim.identify.nominal import nominal
     from cosim.identify.run import channel, transfer_function_answer
@@ -75,27 +125,32 @@ def transfer_function(
 
 
 def frf(
-    logs: list[Path],
-    block: str | None = None,
-    source: str | None = None,
-    target: str | None = None,
-    method: str = "stepped",
-    extremes: bool = False,
-    order: str | None = None,
-    delay: bool = False,
-    segment: str | None = None,
-    low: str | None = None,
-    high: str | None = None,
-    smooth: bool = False,
-    smooth_order: int = 11,
-    smooth_window: int = 25,
-    linear: bool = False,
-    mapping: Path | None = None,
-    settings: list[str] | None = None,
-    cutoff: str | None = None,
-    start: str | None = None,
-    stop: str | None = None,
-) -> Answer:
+    logs: LogFiles,
+    block: Block = None,
+    source: Input = None,
+    target: Output = None,
+    method: Annotated[str, typer.Option(help="stepped (sines, period by period) or welch.")] = "stepped",
+    extremes: Annotated[
+        bool, typer.Option("--extremes", help="Amplitude from the extremes, as (4.12) prints it.")
+    ] = False,
+    order: Annotated[str | None, typer.Option(help="Poles/zeros of the fit [default: the block's].")] = None,
+    delay: Annotated[bool, typer.Option("--delay", help="Fit a transport delay too.")] = False,
+    segment: Annotated[str | None, typer.Option(help="Segment of Welch's method, such as '8 s'.")] = None,
+    low: Annotated[str | None, typer.Option(help="Lowest frequency, such as '0.5 rad/s' or '1 Hz'.")] = None,
+    high: Annotated[str | None, typer.Option(help="Highest frequency.")] = None,
+    smooth: Annotated[
+        bool,
+        typer.Option("--smooth", help="Savitzky-Golay filter over the points before the fit, as the source."),
+    ] = False,
+    smooth_order: Annotated[int, typer.Option(help="Its order.")] = 11,
+    smooth_window: Annotated[int, typer.Option(help="Its window, in points.")] = 25,
+    linear: Linear = False,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+) -> "Answer":
     """Frequency response with its uncertainty, from stepped sines or by Welch's method, and a fit to it."""
     from cosim.identify.nominal import nominal
     from cosim.identify.run import channel
@@ -118,14 +173,26 @@ def frf(
 
 
 def mechanics(
-    log: Path,
-    mapping: Path | None = None,
-    settings: list[str] | None = None,
-    highest: str | None = None,
-    start: str | None = None,
-    stop: str | None = None,
-) -> Answer:
-    """Inertia, viscous and dry friction and a constant load from load pressure (or torque) and angle (4.27)."""
+    log: LogFile,
+    mapping: MappingFile = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Number taken as known, such as 'mechanical.r=120 mm'; repeatable."),
+    ] = None,
+    highest: Annotated[
+        str | None,
+        typer.Option(
+            help="Compare up to this frequency, such as '10 Hz' [default: as far as torque and motion cohere]."
+        ),
+    ] = None,
+    start: From = None,
+    stop: To = None,
+) -> "Answer":
+    """Inertia, viscous and dry friction and a constant load from load pressure (or torque) and angle (4.27).
+
+    By inverse dynamics: nothing is simulated to fit, so an answer takes a second. Works on any machine whose mapping
+    says which signals are the mechanics' load pressure and angle.
+    """
     from cosim.diagnosis.model.choice import machine_of
     from cosim.identify.run_mechanics import mechanics_answer
     from cosim.identify.texts import load, quantity
@@ -136,14 +203,25 @@ def mechanics(
 
 
 def drive(
-    logs: list[Path],
-    mapping: Path | None = None,
-    command: str | None = None,
-    motion: str | None = None,
-    start: str | None = None,
-    stop: str | None = None,
-) -> Answer:
-    """Static curve of a drive, speed against command: dead zone, slope and top speed of either side."""
+    logs: LogFiles,
+    mapping: MappingFile = None,
+    command: Annotated[
+        str | None, typer.Option(help="Signal that commands [default: the machine's input, or u].")
+    ] = None,
+    motion: Annotated[
+        str | None,
+        typer.Option(
+            help="Angle, position, speed or flow that answers [default: the machine's output, or slew]."
+        ),
+    ] = None,
+    start: From = None,
+    stop: To = None,
+) -> "Answer":
+    """Static curve of a drive, speed against command: dead zone, slope and top speed of either side.
+
+    From any log that moves; no experiment and no model is needed. With several logs of the machine the intervals come
+    from how much they differ, and hold for the next one.
+    """
     from cosim.identify.run_drive import drive_answer
     from cosim.identify.texts import load
     from cosim.logs import load_mapping
@@ -154,14 +232,19 @@ def drive(
 
 
 def observer(
-    log: Path | None = None,
-    pole: list[float] | None = None,
-    mapping: Path | None = None,
-    settings: list[str] | None = None,
-    cutoff: str | None = None,
-    start: str | None = None,
-    stop: str | None = None,
-) -> Answer:
+    log: Annotated[
+        Path | None, typer.Argument(help="Log to take the drive from [default: (4.15)].", metavar="LOG")
+    ] = None,
+    pole: Annotated[
+        list[float] | None,
+        typer.Option(help="Pole of the observer in 1/s; twice [default: -3 and -1.5 times the drive's]."),
+    ] = None,
+    mapping: MappingFile = None,
+    settings: Settings = None,
+    cutoff: Filter = None,
+    start: From = None,
+    stop: To = None,
+) -> "Answer":
     """State space, controllability, observability, root locus, and the observer's gain from its poles."""
     from cosim.identify.nominal import nominal
     from cosim.identify.run_design import observer_answer
@@ -173,12 +256,21 @@ def observer(
 
 
 def scaling(
-    log: Path | None = None,
-    point: list[str] | None = None,
-    column: list[str] | None = None,
-    disc_radius: str | None = None,
-    time: str = "time",
-) -> Answer:
+    log: Annotated[
+        Path | None, typer.Argument(help="Log in volts, to write a mapping for.", metavar="LOG")
+    ] = None,
+    point: Annotated[
+        list[str] | None,
+        typer.Option(help="Measured point, such as 'spool=3.248 V:2.6 mm'; two or more a signal."),
+    ] = None,
+    column: Annotated[
+        list[str] | None, typer.Option(help="Column of a signal, such as spool='Ch 3'; repeatable.")
+    ] = None,
+    disc_radius: Annotated[
+        str | None, typer.Option(help="Of the slew sensor's disc, such as '200 mm'.")
+    ] = None,
+    time: Annotated[str, typer.Option(help="Column of the time, in seconds.")] = "time",
+) -> "Answer":
     """Volts to millimetres, bar and degrees (Tables 3.5 and 3.6, (3.2)): a mapping file for a log recorded in volts."""
     from cosim.identify.run_design import scaling_answer
     from cosim.identify.texts import quantity
@@ -188,11 +280,19 @@ def scaling(
 
 
 def linearisation(
-    start_a: str = "0.15 V",
-    start_b: str = "-0.24 V",
-    point: list[str] | None = None,
-    full: str = "3 V:2.6 mm",
-) -> Answer:
+    start_a: Annotated[str, typer.Option(help="Voltage at which the spool starts towards A.")] = "0.15 V",
+    start_b: Annotated[str, typer.Option(help="The same towards B.")] = "-0.24 V",
+    point: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Measured point, such as '6.0 V:3.0275 mm'; one or more a side "
+            "[default: Table 3.5, 6.0 V:3.0275 mm and -6.0 V:-2.6880 mm]."
+        ),
+    ] = None,
+    full: Annotated[
+        str, typer.Option(help="Voltage of full command, and the travel it is to give on either side.")
+    ] = "3 V:2.6 mm",
+) -> "Answer":
     """The valve's voltage for a command so that the spool's travel is linear and the same on both sides (3.5.5)."""
     from cosim.identify.linearisation import linearisation_answer
 
@@ -200,17 +300,25 @@ def linearisation(
 
 
 def kalman(
-    disturbance: str = "100 N.m",
-    disturbance_time: str = "1 s",
-    sensor_error: str = "0 deg",
-    sensor_error_time: str = "10 s",
-    slew_noise: str = "0.01 deg",
-    pressure_noise: str = "0.1414 bar",
-    tracker_noise: str = "0 deg",
-    tracker_step: str = "12.5 ms",
-    step_size: str = "1 ms",
-    settings: list[str] | None = None,
-) -> Answer:
+    disturbance: Annotated[
+        str, typer.Option(help="Standard deviation of the torque that the model lacks; 0: none.")
+    ] = "100 N.m",
+    disturbance_time: Annotated[str, typer.Option(help="Its correlation time.")] = "1 s",
+    sensor_error: Annotated[
+        str, typer.Option(help="Standard deviation of the slew sensor's slow error; needs --tracker-noise.")
+    ] = "0 deg",
+    sensor_error_time: Annotated[str, typer.Option(help="Its correlation time.")] = "10 s",
+    slew_noise: Annotated[str, typer.Option(help="Of a sample of the slew sensor.")] = "0.01 deg",
+    pressure_noise: Annotated[
+        str, typer.Option(help="Of a sample of the load pressure; 0: it comes from the model.")
+    ] = "0.1414 bar",
+    tracker_noise: Annotated[str, typer.Option(help="Of a reading of the tracker; 0: none.")] = "0 deg",
+    tracker_step: Annotated[str, typer.Option(help="Between two readings of the tracker.")] = "12.5 ms",
+    step_size: Annotated[str, typer.Option(help="Between two samples.")] = "1 ms",
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="Such as 'mechanical.J=900 kg.m2'; repeatable.")
+    ] = None,
+) -> "Answer":
     """Gains of the extended observer: the stationary Kalman filter of slew, velocity, disturbance and sensor error."""
     from cosim.identify.kalman import Noises
     from cosim.identify.nominal import nominal
@@ -232,13 +340,20 @@ def kalman(
 
 
 def markers(
-    record: Path,
-    models: Path,
-    residual: str = "1 mm",
-    nearest: str = "0 m",
-    farthest: str | None = None,
-    camera: str = "0,0,0",
-) -> Answer:
+    record: Annotated[
+        Path,
+        typer.Argument(help="Record of marker positions: time, NAME_x, NAME_y, NAME_z.", metavar="RECORD"),
+    ],
+    models: Annotated[
+        Path, typer.Option(help="Two marker models, .toml or .json; the first counts below 12 deg.")
+    ],
+    residual: Annotated[str, typer.Option(help="Largest residual of a pose.")] = "1 mm",
+    nearest: Annotated[str, typer.Option(help="Shortest distance from the tracker.")] = "0 m",
+    farthest: Annotated[str | None, typer.Option(help="Longest distance [default: any].")] = None,
+    camera: Annotated[
+        str, typer.Option(help="The tracker's place in the frame of the positions, in m: 'x,y,z'.")
+    ] = "0,0,0",
+) -> "Answer":
     """The slew angle from the tracker's marker positions (3.5.4), as a tracker's record, and the seam of the two models."""
     from cosim.errors import UsageError
     from cosim.identify.markers import markers_answer
@@ -255,16 +370,21 @@ def markers(
 
 
 def experiment(
-    name: str,
-    out: Path,
-    amplitude: list[float] | None = None,
-    low: str | None = None,
-    high: str | None = None,
-    count: int = 40,
-    periods: int = 2,
-    square: bool = False,
+    name: Annotated[str, typer.Argument(help="slew, dcv, ramp or sine.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="CSV to write: the command u, one value a millisecond.")
+    ],
+    amplitude: Annotated[
+        list[float] | None,
+        typer.Option(help="Of full command; repeatable [default: the source's; sine: 0.75]."),
+    ] = None,
+    low: Annotated[str | None, typer.Option(help="sine: lowest frequency, such as '0.5 rad/s'.")] = None,
+    high: Annotated[str | None, typer.Option(help="sine: highest frequency.")] = None,
+    count: Annotated[int, typer.Option(help="sine: number of frequencies.")] = 40,
+    periods: Annotated[int, typer.Option(help="ramp: number of periods.")] = 2,
+    square: Annotated[bool, typer.Option("--square", help="Square waves in place of sines.")] = False,
 ) -> dict[str, Any]:
-    """Write the command of an experiment; its duration [s], travel [deg] and files."""
+    """Write the command of an experiment, for the crane or for `cosim rig --excitation file`."""
     from cosim.errors import UsageError
     from cosim.identify.experiment import write_experiment
     from cosim.identify.run_design import experiment_of

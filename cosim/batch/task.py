@@ -108,7 +108,7 @@ def _load_system(job: Job, run: Run, kept: Loaded) -> None:
     else:
         from cosim.master import Runner
 
-        kept.tool = Runner(system)
+        kept.tool = Runner(system, many=True)
     kept.stack.callback(kept.tool.close)
     kept.options, kept.stop = {"start_time": model.start}, model.stop
     if job.input is not None:

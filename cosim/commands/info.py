@@ -116,7 +116,8 @@ def _fmu_line(facts: dict[str, Any]) -> str:
     count = {kind: sum(v["causality"] == kind for v in facts["variables"]) for kind in CAUSALITIES}
     what = ", ".join(f"{n} {kind}{'s' * (n != 1)}" for kind, n in count.items())
     text = f": {facts['description']}" if facts["description"] else ""
-    here = "" if facts["here"] else f"; without a binary for this machine, only for {facts['platforms']}"
+    others = f", only for {facts['platforms']}" if facts["platforms"] else ""
+    here = "" if facts["here"] else f"; without a binary for this machine{others}"
     return f"{facts['file']}: FMU {facts['name']}{text} (FMI {facts['fmi_version']}, {facts['type']}); {what}{here}"
 
 

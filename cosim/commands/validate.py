@@ -16,7 +16,12 @@ def register(app: typer.Typer) -> None:
 
 
 def validate(
-    files: Annotated[list[Path], typer.Argument(help="FMUs (.fmu), systems (.ssp), parameter sets (.ssv).")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="FMUs (.fmu), systems (.ssp, or full_order and the like), parameter sets (.ssv)."
+        ),
+    ],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Check files against FMI 2.0 or 3.0 and SSP 1.0, and for what makes clients stumble.

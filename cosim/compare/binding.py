@@ -32,7 +32,7 @@ ANGLE = "theta"  # output of the block that starts there, and input of the senso
 SPEED = "omega_0"
 # what else of a start shows in a log that begins in motion: the velocity as a slope, the others as they are read
 BEGINS = {SPEED: START_SIGNAL, "spool_0": "spool", "p_load_0": "p_load"}
-# parameters trusted to the tolerance only (CONTRACT section 4); all else is taken as exact
+# parameters trusted to the tolerance only; all else is taken as exact
 TRUSTED = (
     "dcv.K",
     "dcv.w0",

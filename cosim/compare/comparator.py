@@ -78,7 +78,7 @@ class Comparator:
             self.measured = tuple(name for name in self.bindings if name in self.log)
             self.starts = start_values(self.system, table, self.bindings)
             self._check(table.aside)
-            self.runner = Runner(self._needed())
+            self.runner = Runner(self._needed(), many=True)
         except BaseException:
             self._close_system()
             raise

@@ -1,4 +1,4 @@
-"""A log held against its own labels (CONTRACT section 9), before any physical cause is looked for.
+"""A log held against its own labels, before any physical cause is looked for.
 
 A unit that is off by a known factor, a reversed sign, two columns exchanged, a signal that never moves or a clock in another
 unit change what a block seems to do far beyond any fault: its gain against the nominal model is off by that factor, and the

@@ -43,7 +43,7 @@ BEYOND_TRUST: Annotated[
     float,
     "standard deviations",
     "change of a trusted parameter beyond which it is itself a cause, less its own uncertainty",
-    "CONTRACT section 4; and the gain of any cause: with 6 of log-likelihood one clean log in 436 had a cause",
+    "what --tolerance promises; and the gain of any cause: with 6 of log-likelihood one clean log in 436 had a cause",
     "436 clean logs of the blind suite",
 ] = 3.0
 SURE_SIZE: Annotated[
@@ -71,7 +71,7 @@ NOMINAL_TRUST: Annotated[
     float,
     "share of the value",
     "relative trust in nominal parameters unless --tolerance says another",
-    "CONTRACT section 4",
+    "what --tolerance promises",
     "by contract",
 ] = 0.01
 GUESSED_TRUST: Annotated[

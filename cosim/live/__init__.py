@@ -1,4 +1,4 @@
-"""The live link of section 3.6: crane and controller joined by UDP datagrams at 1 kHz (CONTRACT section 8).
+"""The live link of section 3.6: crane and controller joined by UDP datagrams at 1 kHz.
 
 from cosim.live import Layout, Link, Master
 """

@@ -136,7 +136,7 @@ class Crane:
     """One run of the crane's side: a slot is a period of the plant with the newest command, then a sample goes out.
 
     A command that comes within the period after the sample it answers holds for all of that period, so that a log's row is a
-    sample and the command that was held from it on (CONTRACT section 6).
+    sample and the command that was held from it on.
 
     Attributes:
         lateness: of each slot.

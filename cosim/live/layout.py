@@ -1,4 +1,4 @@
-"""What stands where in a datagram: a small TOML file, by default as CONTRACT section 8 has it."""
+"""What stands where in a datagram: a small TOML file, by default as docs/live.md has it."""
 
 import tomllib
 from pathlib import Path

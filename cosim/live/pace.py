@@ -18,7 +18,7 @@ from typing import Any
 
 from cosim import console
 
-PERIOD = 1e-3  # s, one datagram a sample at 1 kHz (CONTRACT section 8)
+PERIOD = 1e-3  # s, one datagram a sample at 1 kHz
 SPIN = 1e-4  # s of looking at the clock at the end of a wait
 STEER = 2e-4  # of a period, the most that the grid moves a slot: the other clock may run 200 ppm off
 FIRST = 500  # arrivals in which it moves faster, since the first one may have come late

@@ -71,7 +71,11 @@ def stem(path: Path) -> str:
 
 
 def load_log(
-    path: Path | str, mapping: Mapping | Path | str | None = None, *, select: Sequence[str] | None = None
+    path: Path | str,
+    mapping: Mapping | Path | str | None = None,
+    *,
+    select: Sequence[str] | None = None,
+    source: Source | None = None,
 ) -> Log:
     """Loads a log.
 
@@ -79,6 +83,7 @@ def load_log(
         path: CSV (.csv, .txt, .tsv, .dat; also compressed, .csv.gz), .mat, .parquet, .mf4, .tdms or .xlsx file.
         mapping: mapping or its file, for a file whose columns have other names; only what it names is read.
         select: load only these signals.
+        source: the file as `open_source` opened it with this mapping, where it did.
 
     Returns:
         The signals in SI on a strictly increasing time; what was repaired is in `Log.warnings`.
@@ -91,7 +96,7 @@ def load_log(
     chosen = mapping if isinstance(mapping, Mapping) or mapping is None else load_mapping(mapping)
     if chosen is not None:
         _check_content(Path(path), chosen)
-    raw = _load(Path(path), chosen, LOG_SIGNALS, select)
+    raw = _load(source or open_source(Path(path), chosen), chosen, LOG_SIGNALS, select)
     return Log(
         time=raw.time,
         source=raw.source,
@@ -109,10 +114,13 @@ def load_log(
     )
 
 
-def load_tracker(path: Path | str, mapping: Mapping | Path | str | None = None) -> Tracker:
+def load_tracker(
+    path: Path | str, mapping: Mapping | Path | str | None = None, source: Source | None = None
+) -> Tracker:
     """Loads the record of an external tracker: `time` and `slew_external`, on its own clock, neither shifted nor resampled.
 
-    A record of marker positions is turned into the angle by the marker models beside it (`cosim.logs.markers`).
+    A record of marker positions is turned into the angle by the marker models beside it (`cosim.logs.markers`). `source` is
+    the file as `open_source` opened it with this mapping, where it did.
 
     Raises:
         DataError: the file or mapping is bad beyond mending, or has no `slew_external` and no markers.
@@ -123,9 +131,10 @@ def load_tracker(path: Path | str, mapping: Mapping | Path | str | None = None) 
         raise DataError(
             f"{chosen.path or 'the mapping'}: has no signal 'slew_external', which a tracker's file must hold"
         )
-    if chosen is None and holds_markers(open_source(Path(path))):
-        return tracker_of_markers(Path(path))
-    raw = _load(Path(path), chosen, TRACKER_SIGNALS, ["slew_external"] if chosen else None)
+    opened = source or open_source(Path(path), chosen)
+    if chosen is None and holds_markers(opened):
+        return tracker_of_markers(opened)
+    raw = _load(opened, chosen, TRACKER_SIGNALS, ["slew_external"] if chosen else None)
     if "slew_external" not in raw.signals:
         raise DataError(f"{raw.source}: 'slew_external' has no value at all")
     return Tracker(
@@ -197,8 +206,10 @@ def open_source(path: Path, mapping: Mapping | None = None, header: bool = True)
     raise DataError(f"{path}: a log is one of {', '.join(SUFFIXES)}; '{suffix}' is none of them{remedy}")
 
 
-def _load(path: Path, mapping: Mapping | None, known: Sequence[str], select: Sequence[str] | None) -> _Raw:
-    source = open_source(path, mapping)
+def _load(
+    source: Source, mapping: Mapping | None, known: Sequence[str], select: Sequence[str] | None
+) -> _Raw:
+    path = source.path
     if mapping is None:
         picks, notes = choose(source, known, select)
     else:

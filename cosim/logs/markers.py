@@ -59,15 +59,16 @@ def models_beside(path: Path) -> Path:
     )
 
 
-def tracker_of_markers(path: Path) -> Tracker:
+def tracker_of_markers(source: Source) -> Tracker:
     """The tracker's record by the poses of the markers, on the tracker's clock; a sample without a pose is missing.
 
     Raises:
         DataError: record or models are bad, or no sample has a pose.
         UsageError: models and record do not fit.
     """
+    path = source.path
     models = models_beside(path)
-    time, names, positions, synthetic = read_positions(path)
+    time, names, positions, synthetic = read_positions(path, source)
     found = stitch(positions, names, *read_models(models))
     valid = np.isfinite(found.angle)
     angle = found.angle if valid.all() else np.interp(time, time[valid], found.angle[valid])
@@ -82,7 +83,7 @@ def tracker_of_markers(path: Path) -> Tracker:
     )
 
 
-def read_positions(path: Path) -> tuple[Array, tuple[str, ...], Array, bool]:
+def read_positions(path: Path, source: Source | None = None) -> tuple[Array, tuple[str, ...], Array, bool]:
     """Stamps (n,) [s], names of markers, positions (n, markers, 3) [m] with NaN where hidden, whether it is synthetic.
 
     The columns are ``time [s]`` and ``NAME_x [mm]``, ``NAME_y [mm]``, ``NAME_z [mm]`` for each marker, in any unit of
@@ -93,7 +94,7 @@ def read_positions(path: Path) -> tuple[Array, tuple[str, ...], Array, bool]:
     """
     from cosim.logs.load import open_source
 
-    source = open_source(path)
+    source = source or open_source(path)
     columns = {label.name: (k, label) for k, label in enumerate(source.labels)}
     names = marker_names(columns)
     if "time" not in columns or not names:

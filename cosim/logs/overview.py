@@ -208,12 +208,13 @@ class Overview:
         return max((c.values.size for c in self.columns), default=0)
 
 
-def overview(path: Path, mapping: Mapping | None = None) -> Overview:
+def overview(path: Path, mapping: Mapping | None = None, source: Source | None = None) -> Overview:
     """Reads every column of a file.
 
     Args:
         path: the file.
         mapping: says how a text file is written, where the file itself does not tell.
+        source: the file as `open_source` opened it, where it did.
 
     Raises:
         DataError: the file is missing, of an unknown type, or cannot be read at all.
@@ -221,7 +222,7 @@ def overview(path: Path, mapping: Mapping | None = None) -> Overview:
     """
     header = True
     try:
-        source = open_source(path, mapping)
+        source = source or open_source(path, mapping)
     except HeadlessError:
         source, header = open_source(path, header=False), False
     columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
@@ -248,13 +249,13 @@ def _interval(constants: dict[str, float]) -> tuple[str, float] | None:
     return None
 
 
-def measured(path: Path) -> Overview:
+def measured(path: Path, source: Source | None = None) -> Overview:
     """As `overview`, of a file that can be a log.
 
     Raises:
         DataError: as `overview`, or no column holds numbers.
     """
-    found = overview(path)
+    found = overview(path, source=source)
     if not any(column.finite.size for column in found.columns):
         raise DataError(f"{path}: holds no column of numbers: a log is a table with a row for each sample")
     return found

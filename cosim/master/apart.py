@@ -87,8 +87,8 @@ class Apart:
         wall_time: duration of its loop [s].
     """
 
-    def __init__(self, system: System, limits: Limits) -> None:
-        """Start the child and instantiate the FMUs there.
+    def __init__(self, system: System, limits: Limits, many: bool = False) -> None:
+        """Start the child and instantiate the FMUs there; with `many` what they print is shown until the first run ends.
 
         Raises:
             ModelError: a library cannot be loaded.
@@ -97,6 +97,7 @@ class Apart:
         self.system, self.limits = system, limits
         self.messages: list[str] = []
         self.wall_time = 0.0
+        self._many, self._silent = many, False
         self._process: subprocess.Popen[bytes] | Forked | None = None
         self._order: tuple[str, ...] = ()
         self._first = 0
@@ -123,7 +124,8 @@ class Apart:
         rows, columns = self._make_room(task), len(task.plan.places())
         ended = False
         try:
-            self._send("run", task)
+            self._send("run", task, self._silent)
+            self._silent = self._many
             for start, stop in pieces(task.whole, len(task.grid)):
                 self._first, new = start, 1 if start else 0
                 try:
@@ -188,7 +190,7 @@ class Apart:
             self._answer(None)
             self._allow(0)
             # the folder of the FMUs is the parent's
-            self._send("load", replace(self.system, folder=None), folder)
+            self._send("load", replace(self.system, folder=None), folder, self._silent)
             answer = self._answer(None)
         except _DeathError as death:
             raise SimulationError(str(death)) from None

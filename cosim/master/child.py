@@ -82,16 +82,26 @@ class Child:
             except Exception as error:
                 self.answer(error="internal", text=f"{type(error).__name__}: {error}")
 
-    def load(self, system: Any, folder: Path) -> None:
+    def silence(self) -> None:
+        """Let nobody hear what FMUs print from here on."""
+        with Path(os.devnull).open("wb") as nothing:
+            for stream in (1, 2):
+                os.dup2(nothing.fileno(), stream)
+
+    def load(self, system: Any, folder: Path, silent: bool) -> None:
         """Instantiate the FMUs of a system; marks and rows lie in `folder`."""
+        if silent:
+            self.silence()
         self.folder = folder
         marks.share(folder / MARKS)
         instance.hear = self.hear
         self.host = Host(system)
         self.answer(done=True)
 
-    def run(self, task: Any) -> None:
+    def run(self, task: Any, silent: bool) -> None:
         """Simulate; each piece lies in the file of rows until the parent asks for the next."""
+        if silent:
+            self.silence()
         assert self.host is not None
         self.said = 0
         for first, _, rows in self.host.run(task, room=self.room):

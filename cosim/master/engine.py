@@ -17,7 +17,7 @@ from cosim.interrupts import HANDLED
 from cosim.master import marks
 from cosim.master.dialect import FMI2, put, taken
 from cosim.master.inputs import Sampler
-from cosim.master.instance import Instance, status_name
+from cosim.master.instance import DISCARD, Instance, status_name
 from cosim.master.interpreted import operations
 from cosim.master.plan import Plan
 
@@ -232,11 +232,12 @@ class Engine:
         instance = self.instances[c]
         instance.failed(status)
         label = status_name(status)
-        raise SimulationError(
-            instance.report(
-                f"failed in {call_name(instance, call)} at t = {self.time[k]:.9g} s (status {label})"
-            )
+        said = instance.report(
+            f"failed in {call_name(instance, call)} at t = {self.time[k]:.9g} s (status {label})"
         )
+        if status == DISCARD and instance.component.fmu.module is not None and not instance.messages:
+            said += ": so a Python FMU answers whose do_step does not end with 'return True'"
+        raise SimulationError(said)
 
     @contextmanager
     def _interruptible(self) -> Iterator[None]:

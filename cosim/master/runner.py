@@ -56,6 +56,7 @@ class Runner:
         parameter_set: str | None = None,
         apart: bool | None = None,
         limits: Limits | None = None,
+        many: bool = False,
     ) -> None:
         """Read the system, if a path is given, and instantiate its FMUs.
 
@@ -64,6 +65,7 @@ class Runner:
             parameter_set: name of the only ParameterSet to apply.
             apart: whether to run in a child process; by default where an FMU is not ours (`cosim.trust`).
             limits: of the child; by default `Limits.usual`.
+            many: runs are to come that only the tool asks for: what FMUs of others print is shown of the first alone.
 
         Raises:
             ModelError: the file is bad.
@@ -79,7 +81,7 @@ class Runner:
             apart = not all(component.fmu.ours for component in self.system.components.values())
         self.apart = apart
         try:
-            self._host = Apart(self.system, limits) if apart else Host(self.system)
+            self._host = Apart(self.system, limits, many) if apart else Host(self.system)
         except BaseException:
             self.close()
             raise

@@ -12,9 +12,7 @@ from cosim.errors import UsageError
 from cosim.rig.parameters import BAR, DEG, STEP
 
 KINDS = ("white", "ar1", "pink")
-SIZES: dict[
-    str, float
-] = {  # standard deviations (SI), CONTRACT section 6; the tracker's as the slew sensor's
+SIZES: dict[str, float] = {  # standard deviations (SI); the tracker's as the slew sensor's
     "spool": 0.005e-3,
     "p_supply": 0.1 * BAR,
     "p_a": 0.1 * BAR,

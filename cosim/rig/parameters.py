@@ -1,6 +1,6 @@
 """Every number of the virtual crane, and every effect that can be hidden in it: the one table of the rig.
 
-The named tuples hold the nominal crane (CONTRACT section 6); the default of a field is its "off" value. `PARAMETERS`
+The named tuples hold the nominal crane; the default of a field is its "off" value. `PARAMETERS`
 adds unit, allowed range, meaning and source to each, `EFFECTS` says which parameters make up an effect and how large it
 is when only its name is given. All numbers are SI. The kernels read the same tuples (``p.dcv.K``).
 """
@@ -182,12 +182,12 @@ PI = math.pi
 PARAMETERS: dict[str, Parameter] = {
     "compensator.d_plus": Parameter("1", 0.0, 1.0, "Jump of the inverse, u > 0", "Table 4.1"),
     "compensator.d_minus": Parameter("1", 0.0, 1.0, "Jump of the inverse, u < 0", "Table 4.1"),
-    "compensator.S": Parameter("1", 0.1, 1e6, "Sharpness of the inverse", "(4.9); value CONTRACT 6"),
+    "compensator.S": Parameter("1", 0.1, 1e6, "Sharpness of the inverse", "(4.9); value: nominal crane"),
     "dead_zone.m_r": Parameter("1", 0.01, 100.0, "Slope, right", "(2.2)"),
     "dead_zone.b_r": Parameter("1", 0.0, 1.0, "Break point, right", "(2.2), Table 4.1"),
     "dead_zone.m_l": Parameter("1", 0.01, 100.0, "Slope, left", "(2.2)"),
     "dead_zone.b_l": Parameter("1", -1.0, 0.0, "Break point, left", "(2.2), Table 4.1"),
-    "dead_zone.limit": Parameter("1", 0.01, 10.0, "Limit of the demand, both signs", "CONTRACT 6"),
+    "dead_zone.limit": Parameter("1", 0.01, 10.0, "Limit of the demand, both signs", "full opening"),
     "dcv.K": Parameter("m", 1e-5, 0.1, "Spool travel at full demand", "(5.3)"),
     "dcv.w0": Parameter("rad/s", 0.5, 500.0, "Natural frequency of the valve", "(5.3)"),
     "dcv.zeta": Parameter("1", 0.01, 20.0, "Damping ratio of the valve", "(5.3)"),
@@ -201,7 +201,7 @@ PARAMETERS: dict[str, Parameter] = {
     "dcv.u_a": Parameter("1", 1e-3, 10.0, "Spool error, in demand, over which that fades", "fig. 5.6"),
     "continuity.K_c": Parameter("Pa/m", 1e6, 1e11, "Load pressure per spool opening", "(5.4)"),
     "continuity.T": Parameter("s", 5e-3, 10.0, "Time constant of the load pressure", "(5.4)"),
-    "continuity.p_s": Parameter("Pa", 1e5, 1e8, "Supply pressure", "CONTRACT 6"),
+    "continuity.p_s": Parameter("Pa", 1e5, 1e8, "Supply pressure", "nominal crane"),
     "continuity.a_q": Parameter("1", -0.95, 0.95, "Flow asymmetry", _D),
     "continuity.c_l": Parameter("1", -0.9, 50.0, "Leakage added, of the nominal", _D),
     "continuity.c_beta": Parameter("1", -0.9, 20.0, "Compressibility added, of the nominal", _D),
@@ -235,7 +235,9 @@ PARAMETERS: dict[str, Parameter] = {
     "mechanical.r": Parameter("m", 1e-3, 10.0, "Pinion radius", "Table 3.1"),
     "mechanical.tau_c": Parameter("N.m", 0.0, 1e6, "Coulomb friction", "(4.27)"),
     "mechanical.tau_load": Parameter("N.m", -1e6, 1e6, "Constant load against positive motion", "(4.27)"),
-    "mechanical.theta_0": Parameter("rad", -2 * PI, 4 * PI, "Slew angle at the start", "CONTRACT 6"),
+    "mechanical.theta_0": Parameter(
+        "rad", -2 * PI, 4 * PI, "Slew angle at the start", "where the log starts"
+    ),
     "mechanical.theta_min": Parameter("rad", -1e9, 1e9, "Lower end of the travel", _D),
     "mechanical.theta_max": Parameter("rad", -1e9, 1e9, "Upper end of the travel", _D),
     "mechanical.tau_s": Parameter("N.m", 0.0, 1e6, "Friction at standstill above Coulomb", _D),

@@ -72,6 +72,7 @@ def open_archive(source: Path | bytes, what: str, budget: Budget | None = None) 
     except (zipfile.BadZipFile, OSError, EOFError, NotImplementedError, ValueError) as error:
         raise ModelError(f"{what} is not a readable zip archive ({error}): build or copy it again") from None
     try:
+        _translate_backslashes(archive)
         _check_entries(archive, what)
         size = len(source) if isinstance(source, bytes) else source.stat().st_size
         entries = archive.infolist()
@@ -84,11 +85,18 @@ def open_archive(source: Path | bytes, what: str, budget: Budget | None = None) 
     return archive
 
 
+def _translate_backslashes(archive: zipfile.ZipFile) -> None:
+    """Some Windows programs write a backslash between folders; every system shall see the same entries."""
+    for entry in archive.infolist():
+        entry.filename = entry.orig_filename.partition("\0")[0].replace("\\", "/")
+    archive.NameToInfo = {entry.filename: entry for entry in archive.infolist()}
+
+
 def _check_entries(archive: zipfile.ZipFile, what: str) -> None:
     entries = archive.infolist()
     seen: set[str] = set()
     for entry in entries:
-        check_name(entry.orig_filename, what)
+        check_name(entry.orig_filename.replace("\\", "/"), what)
         if stat.S_ISLNK(entry.external_attr >> 16):
             raise ModelError(f"{what}: the entry '{entry.filename}' is a symbolic link, which is refused")
         if entry.flag_bits & 0x1:

@@ -6,7 +6,7 @@ import re
 import struct
 import sys
 import zipfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,8 @@ _KINDS = {
 _WHOLE = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 KIND_OF = _KINDS | dict.fromkeys(_WHOLE, "Integer")
 RUNS = ("2.0", "3.0")
+
+_LIBRARY = re.compile(r"binaries/([^/]+)/([^/]+\.(?:so|dll|dylib))")
 
 MENDED = "modelDescription.mended.xml"  # in an unpacked FMU: what was read where the original breaks a rule
 
@@ -198,11 +200,27 @@ def _check_numbers(root: Any, source: str) -> None:
                     raise ModelError(f"{place}: {name}='{text}' is no finite number: {remedy}")
 
 
+def platform_of(version: str) -> str:
+    """This machine as a version of FMI calls it."""
+    return str(fmpy.platform_tuple if version.startswith("3.") else fmpy.platform)
+
+
+def libraries(names: Iterable[str]) -> dict[str, list[str]]:
+    """The platforms for which an archive with these entries has a library, and what these are called.
+
+    Some exporters pack folders of platforms for which there is none.
+    """
+    held: dict[str, list[str]] = {}
+    for found in filter(None, map(_LIBRARY.fullmatch, names)):
+        held.setdefault(found[1], []).append(found[2])
+    return held
+
+
 def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, version: str) -> None:
     if not re.fullmatch(r"\w[\w.+ -]*", identifier, re.ASCII):
         raise ModelError(f"{source}: modelIdentifier='{identifier}' is no C identifier, which FMI demands")
     names = archive.namelist()
-    platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
+    platform = platform_of(version)
     wanted = f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
     if wanted in names:
         library = read_entry(archive, wanted, source)
@@ -212,15 +230,25 @@ def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, versio
         if wrong:
             raise ModelError(f"{source}: the library '{wanted}' {wrong}: export or copy the FMU again")
         return
-    platforms = sorted(
-        {name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1}
-    )
-    if platforms:
+    held = libraries(names)
+    if platform in held:
         raise ModelError(
-            f"{source} has no binary for this platform ({platform}), only for {', '.join(platforms)}: "
+            f"{source}: '{wanted}' is missing, the name that modelDescription.xml gives its library (modelIdentifier); that "
+            f"folder has {', '.join(held[platform])}: export it again, or rename the library"
+        )
+    if held:
+        raise ModelError(
+            f"{source} has no binary for this platform ({platform}), only for {', '.join(sorted(held))}: "
             f"'{wanted}' is missing; export it for {platform}"
         )
     raise ModelError(f"{source} has no binary at all ('{wanted}' is missing): export it with binaries")
+
+
+def promises_initial_outputs(fmu: Fmu) -> bool:
+    """Whether an FMU names anything that it calculates before its first step, which FMI demands of one with outputs."""
+    text = (fmu.folder / "modelDescription.xml").read_text(encoding="utf-8", errors="replace")
+    outputs = any(v.causality == "output" and v.initial != "exact" for v in fmu.variables.values())
+    return not outputs or "<InitialUnknown" in text
 
 
 def _oddities(slave: CoSimulation, source: str, python: bool) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What can happen at a port of any component (CONTRACT section 7): a signal goes in, another comes out.
+"""What can happen at a port of any component: a signal goes in, another comes out.
 
 Each effect is one entry of `EFFECTS`: its parameters with their off values, and its action on a whole series. None of
 them knows what is inside a component.

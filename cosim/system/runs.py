@@ -347,7 +347,7 @@ class Runs:
                 notes=[],
                 folder=None,
             )
-            self.runners[unit.components] = Runner(part, apart=self.apart, limits=self.limits)
+            self.runners[unit.components] = Runner(part, apart=self.apart, limits=self.limits, many=True)
         return self.runners[unit.components]
 
     def _key(

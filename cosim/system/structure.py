@@ -79,8 +79,12 @@ def structure(system: System, names: Collection[str], parameters: Collection[str
     base = len({f for f in now.values() if f})
     advice = []
     for dark, groups, name in gains[:MOST]:
-        what = [f"tell {groups} classes of places apart instead of {base}"] if groups > base else []
-        what += [f"make {dark} places visible that nothing shows now"] if dark > 0 else []
+        what = (
+            [f"raise the classes of places that can be told apart from {base} to {groups}"]
+            if groups > base
+            else []
+        )
+        what += [f"make {dark} more of the places visible"] if dark > 0 else []
         advice.append(f"measuring {name} would {' and '.join(what)}")
     ordered = sorted(classes.items(), key=lambda item: -len(item[1]))
     return Structure(tuple((felt, tuple(places)) for felt, places in ordered), tuple(advice))

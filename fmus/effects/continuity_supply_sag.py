@@ -44,7 +44,7 @@ EFFECT = Effect(
     name="continuity.supply_sag",
     text="The supply pressure falls with the flow drawn, and the flow with the root of the supply.",
     residual="p_supply dips while the spool is open; load pressure falls short at large openings",
-    source="(4.17): flow goes with the root of the supply; first-order lag of the power unit (CONTRACT section 5)",
+    source="(4.17): flow goes with the root of the supply; first-order lag of the power unit",
     key="k_s",
     parameters={
         "k_s": Variable(

@@ -42,7 +42,7 @@ EFFECT = Effect(
     name="mechanical.backlash",
     text="Lost motion between rack and column: after a reversal the column waits until the gap is crossed.",
     residual="angle error that changes by the gap at each reversal and stays until the next",
-    source="kinematic play (CONTRACT section 5); play operator: Visintin, Differential Models of Hysteresis, 1994",
+    source="kinematic play; play operator: Visintin, Differential Models of Hysteresis, 1994",
     key="gap",
     parameters={
         "gap": Variable(

@@ -257,6 +257,80 @@ def test_whole_numbers_and_switches_drive_a_component(command, tmp_path: Path) -
     assert np.std(result["y"] - y) < 0.02 * np.std(y)
 
 
+@pytest.mark.parametrize("late", [0, 1])
+@pytest.mark.parametrize("first", [0.0, 1.0])
+def test_a_switch_may_act_at_its_sample_or_at_the_next(
+    command, tmp_path: Path, late: int, first: float
+) -> None:
+    """Which of the two is how a log was made, and no fault of a component that hands straight on.
+
+    Nor is what it gives before its first step, where it does not say that it has calculated anything by then.
+    """
+    (tmp_path / "Clutch.py").write_text(CLUTCH.replace("(1.0 - math.exp(-h / 0.2))", "1.0"))
+    words = [sys.executable, "-m", "pythonfmu", "build", "-f", "Clutch.py", "-d", "."]
+    subprocess.run(words, check=True, cwd=tmp_path, capture_output=True)
+    rng = np.random.default_rng(4)
+    k = np.arange(800)
+    u = first + np.sin(k / 40) + 0.3 * np.sin(k / 11)
+    on = (k // 97) % 3 != 1
+    y = u * on[np.maximum(k - late, 0)]
+    table = np.column_stack([systems.H * k, u, on, y + 0.005 * rng.standard_normal(k.size)])
+    log = tmp_path / "log.csv"
+    np.savetxt(log, table, "%.12g", delimiter=",", header="time [s],u [1],on [1],y [1]", comments="")
+    code, out, err = command(
+        "diagnose", log, "--model", tmp_path / "Clutch.fmu", "--out", tmp_path / "o", "--json"
+    )
+    assert code == 0, err
+    found = json.loads(out)
+    assert (found["verdict"], found["causes"], found["unexplained"]) == ("adequate", [], [])
+
+
+LATCH = """
+import math
+
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Latch(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.u, self.y, self.high, self.on = 0.0, 0.0, False, False
+        self.register_variable(Real("u", causality=Fmi2Causality.input))
+        self.register_variable(Real("y", causality=Fmi2Causality.output))
+
+    def do_step(self, t, h):
+        if self.u > 0.6 and not self.high:
+            self.on = not self.on
+        self.high = self.u > 0.6
+        self.y += (1.0 - math.exp(-h / 0.3)) * (self.on - self.y)
+        return True
+"""
+
+
+def test_a_contact_hears_pulses_that_are_held_over_a_sample(command, tmp_path: Path) -> None:
+    """Between two samples, half of each, they never reach it: nobody's fault (MapleSim's clutches had two causes)."""
+    (tmp_path / "Latch.py").write_text(LATCH)
+    words = [sys.executable, "-m", "pythonfmu", "build", "-f", "Latch.py", "-d", "."]
+    subprocess.run(words, check=True, cwd=tmp_path, capture_output=True)
+    rng = np.random.default_rng(6)
+    count = 800
+    u = 0.1 * np.sin(np.arange(count) / 30)
+    u[[60, 170, 210, 330, 470, 520, 610, 730]] = 0.8
+    y, on = np.zeros(count), False
+    for k in range(1, count):
+        on ^= u[k - 1] > 0.6
+        y[k] = y[k - 1] + (1.0 - np.exp(-systems.H / 0.3)) * (on - y[k - 1])
+    table = np.column_stack([systems.H * np.arange(count), u, y + 0.003 * rng.standard_normal(count)])
+    log = tmp_path / "log.csv"
+    np.savetxt(log, table, "%.12g", delimiter=",", header="time [s],u [1],y [1]", comments="")
+    code, out, err = command(
+        "diagnose", log, "--model", tmp_path / "Latch.fmu", "--out", tmp_path / "o", "--json"
+    )
+    assert code == 0, err
+    found = json.loads(out)
+    assert (found["verdict"], found["causes"], found["unexplained"]) == ("adequate", [], [])
+
+
 def test_an_input_called_u_is_not_held_against_the_crane_s_command(native, tmp_path):
     """Of another system neither unit nor range of a name that we use too is ours."""
     log = tmp_path / "log.csv"

@@ -228,7 +228,7 @@ SAYING = {
 }  # fmt: skip
 # ... how options become arguments ...
 READING = {
-    "cosim.batch.conduct", "cosim.batch.plan", "cosim.batch.values", "cosim.commands.identify.prepare", "cosim.master",
+    "cosim.batch.conduct", "cosim.batch.plan", "cosim.batch.values", "cosim.master",
     "cosim.request", "cosim.results",
 }  # fmt: skip
 # ... and the function that does it, where it is none of cosim.api

@@ -1,4 +1,4 @@
-"""Labels that the data contradict are the verdict, before any cause is looked for (CONTRACT section 9)."""
+"""Labels that the data contradict are the verdict, before any cause is looked for."""
 
 import json
 from dataclasses import replace

@@ -53,7 +53,7 @@ def test_gain_and_time_constant_of_table_4_4() -> None:
 
 @given(st.lists(st.floats(-2.6e-3, 2.6e-3), min_size=1, max_size=20))
 def test_ports_are_symmetric_about_half_the_supply(spool: list[float]) -> None:
-    """CONTRACT section 6; (4.21)."""
+    """(4.21)."""
     outputs = run(BLOCK, 0.01, [0.0]).play([[s] for s in spool])
     p_load, p_a, p_b, p_supply = outputs.T
     assert np.all(p_supply == P_S)

@@ -93,7 +93,7 @@ def test_limit_is_never_exceeded(x: float, form: float, limit: float) -> None:
 
 
 def test_full_command_gives_the_nominal_limit() -> None:
-    """CONTRACT section 6: the valve's dead zone is limited to +-1."""
+    """The valve's dead zone is limited to +-1."""
     demands = run(BLOCK, 1e-3, [0.0]).play([[1.45], [5.0], [-1.4], [-5.0]])[:, 0]
     assert demands == pytest.approx([1.0, 1.0, -1.0, -1.0], abs=1e-15)
 

@@ -147,6 +147,5 @@ def test_dead_zone_of_table_4_1() -> None:
 
 
 def test_sensor_is_the_angle_itself() -> None:
-    """CONTRACT section 6."""
     p = run(bare("sensor"), H, [0.0]).p
     assert (p.gain, p.bias) == (1.0, 0.0)

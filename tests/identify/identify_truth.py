@@ -3,7 +3,7 @@
 from scipy.stats import binom
 
 UNCOMPENSATED = {"compensator.d_plus": 0.0, "compensator.d_minus": 0.0}
-TRUTH = {  # CONTRACT section 6
+TRUTH = {  # the nominal crane
     "dcv.K": 2.375e-3,
     "dcv.w0": 25.23,
     "dcv.zeta": 0.545,

@@ -1,4 +1,4 @@
-"""The layout file: its defaults are those of CONTRACT section 8, and what is wrong in it is named."""
+"""The layout file: its defaults are those of docs/live.md, and what is wrong in it is named."""
 
 import pytest
 

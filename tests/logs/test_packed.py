@@ -14,12 +14,14 @@ import pyarrow as pa
 import pytest
 from log_files import HEADER, csv_text, full_log_columns, rows
 
+from cosim.api.looking import facts_of
 from cosim.errors import DataError, MissingExtraError
-from cosim.logs import load_log
+from cosim.logs import load_log, packed
 from cosim.logs.load import ending, stem
 from cosim.logs.mapping import load_mapping
 from cosim.logs.overview import overview
 
+write_sheet = packed._write_sheet
 TEXT = csv_text(full_log_columns())
 
 
@@ -169,6 +171,17 @@ def test_a_sheet_among_several(book, tmp_path):
     )
     with pytest.raises(DataError, match="has no sheet '3'; its sheets: Cover, Run 1, Run 2"):
         load_log(path, wrong)
+
+
+@pytest.mark.parametrize("names", [{}, {"u": "Cmd", "slew": "Angle"}], ids=["ours", "foreign"])
+def test_info_converts_a_sheet_once(book, monkeypatch, names):
+    lines = table({(names.get(name, name), unit): v for (name, unit), v in full_log_columns().items()})
+    path, converted = book({"Sheet1": lines}), []
+    monkeypatch.setattr(
+        packed, "_write_sheet", lambda page, text: converted.append(page) or write_sheet(page, text)
+    )
+    assert facts_of(path, plot=True)["samples"] == 400
+    assert len(converted) == 1
 
 
 def test_cells_of_a_workbook(book):

@@ -200,6 +200,19 @@ def test_what_a_stranger_prints_is_no_answer(system: Any) -> None:
 
 
 @needs_compiler
+@pytest.mark.parametrize("many", [False, True])
+def test_of_many_runs_only_the_first_prints(system: Any, capfd: Any, many: bool) -> None:
+    with Runner(system("CHATTER"), limits=LIMITS, many=many) as runner:
+        runner.run(1.0, 0.01)
+        first = capfd.readouterr()
+        runner.run(1.0, 0.01)
+        again = capfd.readouterr()
+    assert '"piece": 0' in first.err
+    assert ('"piece": 0' in again.err) is not many
+    assert first.out == again.out == ""
+
+
+@needs_compiler
 def test_the_command_ends_with_4_and_writes_what_was_reached(system: Any, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     done = simulate(system("HOG"), "--out", out, "--json", "--memory", "200 MiB")

@@ -1,4 +1,4 @@
-"""`cosim simulate`: options, units, files, and the exit codes of CONTRACT section 3."""
+"""`cosim simulate`: options, units, files, and the exit codes."""
 
 import json
 import re

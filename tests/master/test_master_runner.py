@@ -122,7 +122,12 @@ def test_a_failing_step_names_component_time_status_and_reason(toys: Any, engine
     with Runner(toys.ssp({"w": "wave", "a": "grumbler"}, ["w.y -> a.u"])) as runner:
         discard = r"'a' failed in fmi2DoStep at t = 0\.5 s \(status Discard\): the grumbler will not go on"
         fatal = r"'a' failed in fmi2DoStep at t = 0\.3 s \(status Fatal\): .*the grumbler fell over"
-        for name, at, message in (("a.refuse_at", 0.45, discard), ("a.raise_at", 0.25, fatal)):
+        forgot = r"\(status Discard\); the FMU logged nothing: so .* does not end with 'return True'"
+        for name, at, message in (
+            ("a.refuse_at", 0.45, discard),
+            ("a.raise_at", 0.25, fatal),
+            ("a.forget_at", 0.35, forgot),
+        ):
             with pytest.raises(SimulationError, match=f"(?s){message}"):
                 runner.run(1.0, 0.1, parameters={name: at}, engine=engine)
             assert runner.run(1.0, 0.1, engine=engine)["a.y"][-1] == pytest.approx(1.0)

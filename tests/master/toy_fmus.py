@@ -159,7 +159,7 @@ BODIES = {
     "grumbler": """
         self.declare(limit=(Real, C.parameter, V.fixed, 1.0), refuse_at=(Real, C.parameter, V.fixed, 1e9),
                      raise_at=(Real, C.parameter, V.fixed, 1e9), u=(Real, C.input, V.continuous, 0.0),
-                     y=(Real, C.output, V.continuous, 0.0))
+                     y=(Real, C.output, V.continuous, 0.0), forget_at=(Real, C.parameter, V.fixed, 1e9))
 
     def set_real(self, refs, values):
         for r, v in zip(refs, values):
@@ -175,7 +175,7 @@ BODIES = {
             self.log("the grumbler will not go on", Fmi2Status.error)
             return False
         self.y = t + h
-        return True
+        return True if t < self.forget_at else None
 """,
 }
 

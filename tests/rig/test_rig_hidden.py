@@ -13,7 +13,7 @@ from cosim.rig.hidden import assemble, parse_setting
 from cosim.rig.parameters import DEG, NOMINAL, nominal_value
 
 DESIGN = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
-CONTRACT_EFFECTS = [
+PROMISED_EFFECTS = [
     "dead_zone.mismatch",
     "dcv.gain",
     "dcv.bandwidth",
@@ -56,7 +56,7 @@ BEYOND = [  # of the library
 
 
 def test_every_effect_of_the_contract_can_be_hidden():
-    assert {*CONTRACT_EFFECTS, *BEYOND} == {name for name in EFFECTS if not name.startswith("unknown.")}
+    assert {*PROMISED_EFFECTS, *BEYOND} == {name for name in EFFECTS if not name.startswith("unknown.")}
     assert len([name for name in EFFECTS if name.startswith("unknown.")]) >= 5
 
 

@@ -9,6 +9,7 @@ import toy_fmus
 from toy_fmus import binding, ssv
 from typer.testing import CliRunner
 
+from cosim.api.building import validate
 from cosim.cli import make_app
 from cosim.ssp import check_fmu, check_ssp, check_ssv
 
@@ -82,3 +83,9 @@ def test_the_command_reports_and_exits_with_3_on_errors(toys: Any) -> None:
     assert done.exit_code == 3
     assert "invalid" in done.stdout
     assert "no component 'h'" in done.stdout
+
+
+def test_a_system_of_ours_is_checked_by_its_name() -> None:
+    (file,) = validate([Path("full_order")])
+    assert Path(file).name == "full_order.ssp"
+    assert validate([Path(file)]) == validate([Path("full_order")])

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import toy_fmus
 
+from cosim.api.looking import facts_of
 from cosim.errors import ModelError
 from cosim.ssp import archive, check_ssp, read_fmu, read_ssp
 from cosim.ssp.xml import parse
@@ -44,7 +45,17 @@ def described(toys: Any, tmp_path: Path, old: str, new: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    "name", ["../evil.txt", "/evil.txt", "C:/evil.txt", "a/../../evil.txt", "a\\evil.txt", "c:evil"]
+    "name",
+    [
+        "../evil.txt",
+        "/evil.txt",
+        "C:/evil.txt",
+        "a/../../evil.txt",
+        "..\\evil.txt",
+        "\\evil.txt",
+        "a\\..\\..\\evil.txt",
+        "c:evil",
+    ],
 )
 @pytest.mark.parametrize("kind", ["ssp", "fmu"])
 def test_entries_that_point_outside_are_refused(toys: Any, tmp_path: Path, name: str, kind: str) -> None:
@@ -61,6 +72,23 @@ def test_entries_that_point_outside_are_refused(toys: Any, tmp_path: Path, name:
             read_ssp(bad)
         assert [p.severity for p in check_ssp(bad)] == ["error"]
     assert not (tmp_path.parent / "evil.txt").exists()
+
+
+def test_backslashes_between_folders_are_slashes(toys: Any, tmp_path: Path) -> None:
+    """FMI Toolbox packed so on Windows (house of the Open Simulation Platform's demonstrations)."""
+    packed = tmp_path / "windows.fmu"
+    with zipfile.ZipFile(toys.fmu("gain")) as old, zipfile.ZipFile(packed, "w") as new:
+        for entry in old.infolist():
+            new.writestr(entry.filename.replace("/", "\\"), old.read(entry))
+    with read_fmu(packed) as system:
+        assert system.components["windows"].fmu.variables.keys() >= {"u", "y"}
+    assert facts_of(packed)["here"], "info sees the library as well"
+    again = tmp_path / "twice.fmu"
+    with zipfile.ZipFile(again, "w") as new:
+        new.writestr("extra/file", "x")
+        new.writestr("extra\\file", "y")
+    with pytest.raises(ModelError, match="two entries named 'extra/file'"):
+        archive.open_archive(again, "packed")
 
 
 def test_symbolic_links_are_refused(toys: Any, tmp_path: Path) -> None:
@@ -178,7 +206,11 @@ def test_damaged_entries_are_refused(toys: Any, tmp_path: Path) -> None:
         ('fmiVersion="2.0"', 'fmiVersion="3.0"', r"has no binary for this platform \(\w+-\w+\)"),
         ('fmiVersion="2.0"', 'fmiVersion="1.0"', r"is an FMI 1\.0 FMU"),
         ("<CoSimulation", "<ModelExchange", "for model exchange only"),
-        ('modelIdentifier="toy_gain"', 'modelIdentifier="other"', "has no binary for this platform"),
+        (
+            'modelIdentifier="toy_gain"',
+            'modelIdentifier="other"',
+            r"binaries/\w+/other\.\w+' is missing.*folder has toy_gain",
+        ),
         ('name="u"', 'name="k"', "declares the variable 'k' twice"),
         ('start="2', 'start="two', "bad number"),
     ],
@@ -195,7 +227,12 @@ def test_an_fmu_for_other_platforms_names_those_it_has(toys: Any, tmp_path: Path
     without = repacked(toys.fmu("gain"), tmp_path / "a.fmu", lambda n, c: None if "binaries" in n else c, add)
     with pytest.raises(ModelError, match=r"no binary for this platform .*, only for darwin64"):
         read_fmu(without)
-    bare = repacked(toys.fmu("gain"), tmp_path / "b.fmu", lambda n, c: None if "binaries" in n else c)
+    bare = repacked(
+        toys.fmu("gain"),
+        tmp_path / "b.fmu",
+        lambda n, c: None if "binaries" in n else c,
+        lambda new: new.writestr("binaries/linux64/readme.txt", "x"),  # a folder without a library is none
+    )
     with pytest.raises(ModelError, match="no binary at all"):
         read_fmu(bare)
 

@@ -1,4 +1,4 @@
-"""The diagnosis as JSON (CONTRACT section 4), in the units people read."""
+"""The diagnosis as JSON, in the units people read."""
 
 import platform
 from collections.abc import Sequence

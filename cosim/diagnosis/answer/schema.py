@@ -1,4 +1,4 @@
-"""The form of the diagnosis as JSON (CONTRACT section 4); its JSON Schema is published as docs/diagnosis.schema.json."""
+"""The form of the diagnosis as JSON; its JSON Schema is published as docs/diagnosis.schema.json."""
 
 from typing import Literal
 
@@ -63,7 +63,7 @@ class Rival(Model):
 
 
 class NamedCause(Model):
-    """A named cause; `component` and what follows it: where, in a system of any FMUs (CONTRACT section 7)."""
+    """A named cause; `component` and what follows it: where, in a system of any FMUs."""
 
     effect: str
     block: str

@@ -27,7 +27,7 @@ class Options(BaseModel):
 
     Attributes:
         trusted: parameters that are trusted to the tolerance only, and freed by ``--calibrate``; by default those of our
-            models (CONTRACT section 4) that the machine has.
+            models that the machine has.
         free: parameters of which nothing is known: they are fitted to every log, as with ``--calibrate``. A cause named on
             top of a guess would only make up for it. With these there are no trusted ones.
         consider: effects that are candidates on request only, and are requested.

@@ -376,7 +376,7 @@ def concluded(found: Diagnosis) -> None:
         found.verdict = "partly_explained" if found.causes else "interrupted"
 
 
-def impossible_taken_back(found: Diagnosis, trust: float) -> bool:
+def untenable_taken_back(found: Diagnosis, trust: float) -> bool:
     """Take causes back whose size cannot be, or may be none, and what was named beside; True if any was.
 
     What held-out data bear out by itself stays, fitted anew without them. Of causes that make up for each other each may be
@@ -591,7 +591,7 @@ def diagnose(
 
 
 def contradicted(found: Diagnosis, data: list[Contradiction]) -> None:
-    """End with labels that the data contradict: no physical cause stands beside them (CONTRACT section 9)."""
+    """End with labels that the data contradict: no physical cause stands beside them."""
     found.data, found.causes, found.rests, found.never = data, [], [], []
     found.verdict, found.tracker, found.stage = "implausible_data", None, ""
     found.before = by_twin(found, found.record, found.machine.base)
@@ -668,12 +668,12 @@ def stages(
             raise DataError(f"{logs[0].source}: no block can be judged: {next(iter(found.sparse.values()))}")
         raise DataError(f"{logs[0].source}: no block can be judged; missing signals: {', '.join(missing)}")
     found.never += [] if tracker is not None else ["tracker.clock", "tracker.seam"]
-    impossible_taken_back(found, trust)
+    untenable_taken_back(found, trust)
     current().allow(1.0)
     enter(found, watch, "extended", "extended model")
     with part_of(found.notes, "the fit of all blocks together"):
         estimate(found, found.groups, trust, constants)
-        while impossible_taken_back(found, trust):  # what is left stands without them
+        while untenable_taken_back(found, trust):  # what is left stands without them
             estimate(found, found.groups, trust, constants)
     concluded(found)
     rest = [p for log, part in zip(logs, parts, strict=True) if part is not log for p in others(log, part)]
