@@ -64,7 +64,7 @@ class Parameters(NamedTuple):
     a1_3: Annotated[float, Variable("1/s", "Third section: damping", 1.0, 0.0, 1e9, source=FITTED)]
     a0_3: Annotated[float, Variable("1/s2", "Third section: stiffness", 1.0, 0.0, 1e9, source=FITTED)]
     delay: Annotated[float, Variable("s", "Transport delay", 0.0, 0.0, 1e6, source=FITTED)]
-    theta_0: Annotated[float, Variable("rad", "Angle at which the sections stand at 0", 0.0, -1e9, 1e9, display="deg", source="CONTRACT section 6: starts where the log does")]  # fmt: skip
+    theta_0: Annotated[float, Variable("rad", "Angle at which the sections stand at 0", 0.0, -1e9, 1e9, display="deg", source="starts where the log does")]  # fmt: skip
     u_0: Annotated[float, Variable("1", "Command at which it stands", 0.0, -100.0, 100.0, source="off: at none")]  # fmt: skip
     x_0: Annotated[float, Variable("s2", "First section's response at the start", 0.0, -1e12, 1e12, source="off: starts at rest")]  # fmt: skip
     v_0: Annotated[float, Variable("s", "Its rate at the start", 0.0, -1e12, 1e12, source="off: starts at rest")]  # fmt: skip

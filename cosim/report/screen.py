@@ -103,13 +103,19 @@ def wrong(result: Answer) -> Iterator[str]:
         yield "Nothing was exercised: the command asks for no motion and none is measured, so no effect is named or excluded"
     elif result.verdict == "adequate":
         judged = listed(list(dict.fromkeys(block_name(w.block) for w in result.localisation)) or ["model"])
+        head = "Nothing was found in the time allowed" if hasty(result) else "Nothing is wrong"
         yield (
-            f"Nothing is wrong: in {judged}, what the simulation leaves is no more than noise and the tolerance of the "
+            f"{head}: in {judged}, what the simulation leaves is no more than noise and the tolerance of the "
             "nominal parameters allow"
         )
     if result.verdict == "interrupted":
         why = result.interrupted or "a block could not be judged"
         yield f"Interrupted ({why}): what is said here was found until then"
+
+
+def hasty(result: Answer) -> bool:
+    """True if the time allowed was over before everything was tried."""
+    return any("; not tried: " in text for text in result.warnings)
 
 
 def place(cause: NamedCause) -> str:
@@ -223,7 +229,7 @@ def next_step(result: Answer, out: Path) -> str:
         return "correct the label (in the header or a mapping) and diagnose again"
     if result.verdict == "interrupted":
         return "run it again for the rest"
-    if result.unexplained and any("; not tried: " in text for text in result.warnings):
+    if (result.unexplained or result.verdict == "adequate") and hasty(result):
         return "run it again with more time (--budget): not everything was tried"
     proposed = result.next_experiment
     if proposed is not None:

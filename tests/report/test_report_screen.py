@@ -191,6 +191,10 @@ def test_no_cause_is_told_where_none_was_named():
     clean = lines(empty_answer(verdict="adequate", localisation=[where], not_exercised=["dcv.delay"]), OUT)
     assert clean[1].startswith("Nothing is wrong: in valve, what the simulation leaves is no more than noise")
     assert clean[2] == "How sure: this log could not have shown a delay of the valve (dcv.delay)"
+    ended = ["valve: the budget of 60 s is spent; not tried: dcv.delay"]
+    told = lines(empty_answer(verdict="adequate", localisation=[where], warnings=ended), OUT)
+    assert told[1].startswith("Nothing was found in the time allowed: in valve, what the simulation leaves")
+    assert told[-1] == "Next: run it again with more time (--budget): not everything was tried"
     rest = Unexplained(block="mechanical", what="a missing torque", residual_rms=0.1, unit="deg")
     open_ = lines(empty_answer(verdict="unexplained", unexplained=[rest]), OUT)
     assert (
