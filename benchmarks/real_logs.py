@@ -395,6 +395,8 @@ def page(rows: Sequence[Row], asked: Sequence[str]) -> str:
         "- `linear`: error of the linear reference of free order. `same windows`: that of the extended model in the windows",
         "  in which the linear one was scored. If an axis drifts and the extension does not make its free run over minutes",
         "  better, all four are errors of predictions over 5 s each, from where the machine stands.",
+        "- `linear` begins at rest where the log does. Where linear dynamics are missing `after` is that of the linear model,",
+        "  which the extended model then has in the place of the blocks; `same windows` is that of the blocks.",
         "- `left`: what stays unexplained. `s`: processor time on two cores shared with other work. `code`: exit code.",
         "",
         "In short:",
