@@ -63,11 +63,14 @@ class Sections:
         return (*self.first, *self.second) or (None,)
 
     @property
+    def slowest(self) -> "Section | None":
+        """The section with the slowest pole; None if there is none."""
+        return min(self.each, key=lambda one: min(map(abs, poles_of(one)), default=0.0))
+
+    @property
     def poles(self) -> tuple[complex, ...]:
         """The poles, 1/s, the slowest first."""
-        found = [complex(-a) for a in self.first]
-        for w, zeta in self.second:
-            found += [complex(p) for p in np.roots([1.0, 2.0 * zeta * w, w * w])]
+        found = [p for section in self.each for p in poles_of(section)]
         return tuple(sorted(found, key=lambda p: (abs(p), p.imag)))
 
     def coordinates(self) -> Array:
@@ -154,9 +157,9 @@ class LinearModel:
         forced = self.gains[:count] @ driven
         begin = min(y.size, max(round(BEGINNING * y.size), 4 * (len(free) + 1)))
         rest = y - forced
-        if at_rest:  # it integrates; a second slow lag would follow the noise of the beginning
-            slowest = min(self.sections.each, key=lambda one: one if isinstance(one, float) else np.inf)
-            free, rest = free_columns(slowest, u.size, h, self.length, ()), rest - self.gains[-1]
+        if at_rest:  # it integrates; a second state would follow the noise of the beginning
+            place = free_columns(self.sections.slowest, u.size, h, self.length, ())[:1]
+            free, rest = place, rest - self.gains[-1]
         elif not self.integrates:
             rest = rest - self.gains[-1]
         else:
@@ -168,13 +171,17 @@ class LinearModel:
 Section = float | tuple[float, float]  # rate 1/s of a first-order section, or frequency rad/s and damping
 
 
+def poles_of(section: Section | None) -> list[complex]:
+    """Poles of a section, 1/s."""
+    if isinstance(section, tuple):
+        w, zeta = section
+        return [complex(p) for p in np.roots([1.0, 2.0 * zeta * w, w * w])]
+    return [] if section is None else [complex(-section)]
+
+
 def slow(section: Section | None, length: float) -> bool:
     """True if data of this length, s, do not tell a section from an integrator."""
-    if isinstance(section, tuple):
-        return any(
-            abs(p) * length < 1.0 for p in np.roots([1.0, 2.0 * section[1] * section[0], section[0] ** 2])
-        )
-    return section is not None and section * length < 1.0
+    return any(abs(p) * length < 1.0 for p in poles_of(section))
 
 
 def delayed(u: Array, delay: float, h: float, before: float = 0.0) -> Array:

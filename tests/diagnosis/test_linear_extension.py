@@ -116,7 +116,14 @@ def test_the_block_is_the_model(sections: Sections) -> None:
     assert np.allclose(found[:-1], expected, atol=1e-9 * np.ptp(expected))
 
 
-@pytest.mark.parametrize("sections", [Sections((0.02, 4.4)), Sections((0.02,), ((6.0, 0.2),), 0.015)])
+@pytest.mark.parametrize(
+    "sections",
+    [
+        Sections((0.02, 4.4)),
+        Sections((4.4, 0.02), ((6.0, 0.2),), 0.015),
+        Sections((4.4,), ((6.0, 0.2), (0.3, 8.0))),
+    ],
+)
 def test_it_stands_where_the_log_begins(sections: Sections) -> None:
     """A lag of 50 s in a log of 5 s counts as an integrator: from there the block creeps to its level as the model does."""
     h, rng = 0.01, np.random.default_rng(4)

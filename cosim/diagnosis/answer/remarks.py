@@ -332,9 +332,8 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     found += advice(diagnosis)
     for signal, linear in diagnosis.references.items():
         low, high = ratio_ci95(linear.ours, linear.squares)
-        as_good = (
-            high > 1.0 and linear.error < AS_WELL * linear.ours_error
-        )  # a wide interval alone says nothing
+        # a wide interval alone says nothing
+        as_good = high > 1.0 and linear.error < AS_WELL * linear.ours_error
         if (diagnosis.rests or diagnosis.verdict == "partly_explained") and as_good:
             unit, scale = shown(signal)
             how = "better than" if low > 1.0 else "no clearly worse than"

@@ -45,11 +45,11 @@ def drive_values(model: LinearModel, factor: float = 1.0) -> dict[str, float]:
         # a lag alone: numerator and denominator with one more root in common
         b, second = other or (max(a, 1.0 / model.length), 0.0)
         found.append((top + second, top * b + second * a, a + b, a * b))
-    found += [
-        (rate * w, place * w * w, 2.0 * zeta * w, w * w)
-        for (w, zeta) in model.sections.second
-        for place, rate in [(next(gains), next(gains))]
-    ]
+    for w, zeta in model.sections.second:
+        place, rate = next(gains), next(gains)
+        section = (rate * w, place * w * w, 2.0 * zeta * w, w * w)
+        # the slowest section is the block's first, which has a start of its own
+        found.insert(0 if (w, zeta) == model.sections.slowest else len(found), section)
     values = {"delay": model.sections.delay, "settled": float(not model.integrates)}
     for k in range(SECTIONS):
         section = found[k] if k < len(found) else (0.0, 0.0, 1.0, 1.0)
@@ -73,8 +73,12 @@ def starts(
     level = factor * float(model.gains[-1])
     if not model.integrates:
         return [{"theta_0": level} for _ in record.pieces]
-    slowest = min(model.sections.first, default=0.0)
-    weight = values["b0_1"] - slowest * values["b1_1"]  # of the slowest lag, which is in the first section
+    slowest = model.sections.slowest
+    fades = slowest if isinstance(slowest, float) else 0.0  # one of second order starts without a speed
+    b1, b0, a1, a0 = (values[f"{n}_1"] for n in ("b1", "b0", "a1", "a0"))
+    # response and rate of the first section that show as 1, and its change as -fades
+    shows = np.array([[b0, b1], [-a0 * b1, b0 - a1 * b1]])
+    begins = np.linalg.solve(shows, [1.0, -fades]) if np.linalg.det(shows) != 0.0 else None
     found = []
     for piece in record.pieces:
         u, y = piece.signals[drive], piece.signals[signal]
@@ -82,10 +86,10 @@ def starts(
         stands = level + factor * model.settled * first
         away = factor * float(np.mean(y[: max(1, round(piece.rest / piece.h))])) - stands
         begin = {"theta_0": stands, "u_0": first}
-        if weight != 0.0:
-            begin |= {"x_0": away / weight, "v_0": -slowest * away / weight}
-        else:
+        if begins is None:
             begin["theta_0"] = stands + away
+        else:
+            begin |= {"x_0": away * float(begins[0]), "v_0": away * float(begins[1])}
         found.append(begin)
     return found
 
