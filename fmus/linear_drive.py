@@ -66,8 +66,8 @@ class Parameters(NamedTuple):
     delay: Annotated[float, Variable("s", "Transport delay", 0.0, 0.0, 1e6, source=FITTED)]
     theta_0: Annotated[float, Variable("rad", "Angle at which the sections stand at 0", 0.0, -1e9, 1e9, display="deg", source="starts where the log does")]  # fmt: skip
     u_0: Annotated[float, Variable("1", "Command at which it stands", 0.0, -100.0, 100.0, source="off: at none")]  # fmt: skip
-    x_0: Annotated[float, Variable("s2", "First section's response at the start", 0.0, -1e12, 1e12, source="off: starts at rest")]  # fmt: skip
-    v_0: Annotated[float, Variable("s", "Its rate at the start", 0.0, -1e12, 1e12, source="off: starts at rest")]  # fmt: skip
+    x_0: Annotated[float, Variable("s2", "First section's response at the start", 0.0, -1e9, 1e9, source="off: starts at rest")]  # fmt: skip
+    v_0: Annotated[float, Variable("s", "Its rate at the start", 0.0, -1e9, 1e9, source="off: starts at rest")]  # fmt: skip
     settled: Annotated[float, Variable("1", "1: the first command has always been there; 0: there was none", 0.0, 0.0, 1.0, source="off: starts at rest")]  # fmt: skip
 
 
