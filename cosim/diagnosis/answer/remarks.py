@@ -337,8 +337,9 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
         if (diagnosis.rests or diagnosis.verdict == "partly_explained") and as_good:
             unit, scale = shown(signal)
             how = "better than" if low > 1.0 else "no clearly worse than"
+            other = "the blocks in whose place it stands" if diagnosis.in_place else "the extended model"
             found.append(
-                f"on data held out a linear model ({linear.words}) predicts {signal} {how} the extended model: "
+                f"on data held out a linear model ({linear.words}) predicts {signal} {how} {other}: "
                 f"{linear.error * scale:.4g} against {linear.ours_error * scale:.4g} {unit}"
             )
     return found + [

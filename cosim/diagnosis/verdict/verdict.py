@@ -274,7 +274,7 @@ def missing_dynamics(finding: Finding) -> Rest:
     signal, linear = next(iter(finding.before)), finding.reference
     words = (
         f"linear dynamics are missing: a linear model ({linear.words}) predicts {signal} on data held out with "
-        f"{linear.error / linear.ours_error:.0%} of the error that the extended model has"
+        f"{linear.error / linear.ours_error:.0%} of the error that the model of blocks has"
     )
     left = replace(finding.before[signal], rms=float(np.sqrt(linear.ours_error**2 - linear.error**2)))
     return Rest(finding.task.model.group.name, signal, left, words)
