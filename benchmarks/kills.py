@@ -432,10 +432,8 @@ def batches(command: Command, kills: int, folder: Path, chance: random.Random) -
             said = moments.end(process, out, how, chance)
             counted(row, process)
             row.wrong += manners(process, said, how, scratch)
-            tops = [item for item in out.iterdir() if item.is_file() and not is_left_over(item)]
-            tops = [
-                item for item in tops if item.suffix != ".jsonl"
-            ]  # half a line of the journal is done again
+            # half a line of the journal is done again
+            tops = [f for f in out.iterdir() if f.is_file() and f.suffix != ".jsonl" and not is_left_over(f)]
             row.wrong += [f"{item.name} is not whole" for item in tops if not is_whole(item)]
             if process.returncode == 0:
                 break  # nothing is left to be ended

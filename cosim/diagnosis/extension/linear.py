@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.extension.packages import write_values
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.held_out.gain import measure
+from cosim.diagnosis.held_out.gain import measure, on_command
 from cosim.diagnosis.model.machine import Machine
-from cosim.diagnosis.record.grid import Grid
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.residuals.reference import on_other_windows
 from cosim.files import Scratch
@@ -23,7 +22,6 @@ from cosim.inference.beginning import rests
 from cosim.inference.linear import LinearModel
 from cosim.machines.table import MachineTable
 from cosim.machines.wiring import files, write_files
-from cosim.master import Runner
 from cosim.ssp.write import write_as_wired
 from fmus.linear_drive import BLOCK
 
@@ -179,22 +177,9 @@ def run_linear(
     package: Path, machine: Machine, record: Record, begin: Sequence[Mapping[str, float]]
 ) -> Array:
     """(n,) output of a linear package on the command of each log, from its own start, at the log's samples."""
-    group, name = machine.groups[0], entry(machine)
     output = f"{BLOCK.name}.{next(iter(BLOCK.outputs))}"
     each = []
-    with Runner(package) as runner:
-        for piece, start in zip(record.pieces, begin, strict=True):
-            grid, time, step, drive = piece.grid, piece.time, piece.h, piece.signals[machine.drive]
-            if isinstance(grid, Grid):
-                time, step, drive = grid.time, grid.step, grid.driven(drive, group.held)
-            result = runner.run(
-                float(time[-1]),
-                step,
-                parameters={f"{BLOCK.name}.{n}": v for n, v in start.items()},
-                inputs={name: (time, drive)},
-                hold=(name,) if group.held else (),
-                record=[output],
-            )
-            values = np.asarray(result.signals[output])
-            each.append(grid.sampled(values) if isinstance(grid, Grid) else values)
+    for piece, start in zip(record.pieces, begin, strict=True):
+        own = {f"{BLOCK.name}.{n}": v for n, v in start.items()}
+        each.append(on_command(package, piece, machine, (entry(machine),), own, [output])[output])
     return np.concatenate(each)

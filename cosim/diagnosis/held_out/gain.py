@@ -1,6 +1,6 @@
 """What the extension gains, measured on held-out windows by running the real FMUs of both packages on the log's command."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -57,29 +57,42 @@ def run_package(path: Path, record: Record, machine: Machine, start: Mapping[str
 
 def run_alone(path: Path, record: Record, machine: Machine, start: Mapping[str, float]) -> dict[str, Array]:
     """Simulate an open package on the command of one log."""
-    grid, group = record.grid, machine.groups[0]
-    drive = record.signals[machine.drive]
-    time, step = record.time, record.h
-    if isinstance(grid, Grid):
-        time, step, drive = grid.time, grid.step, grid.driven(drive, group.held)
     wanted = {s: item.parts for s, item in machine.signals.items() if s in record.signals and item.parts}
     judged = {s for g in machine.groups for s in g.observed}
     wanted = {s: parts for s, parts in wanted.items() if s in judged}
     names, _ = machine.inputs()
+    outputs = sorted({str(port) for parts in wanted.values() for port, _ in parts})
+    shown = on_command(path, record, machine, names, start, outputs)
+    return {
+        signal: np.asarray(sum(factor * shown[str(port)] for port, factor in parts))
+        for signal, parts in wanted.items()
+    }
+
+
+def on_command(
+    path: Path,
+    record: Record,
+    machine: Machine,
+    names: Sequence[str],
+    start: Mapping[str, float],
+    outputs: Sequence[str],
+) -> dict[str, Array]:
+    """Outputs of an open package, ``component.variable``, at the samples of one log whose command drives these inputs."""
+    grid, held = record.grid, machine.groups[0].held
+    drive = record.signals[machine.drive]
+    time, step = record.time, record.h
+    if isinstance(grid, Grid):
+        time, step, drive = grid.time, grid.step, grid.driven(drive, held)
     with Runner(path) as runner:
         result = runner.run(
             float(time[-1]),
             step,
             parameters=dict(start),
             inputs=dict.fromkeys(names, (time, drive)),
-            hold=names if group.held else (),
-            record=sorted({str(port) for parts in wanted.values() for port, _ in parts}),
+            hold=names if held else (),
+            record=outputs,
         )
-    found = {}
-    for signal, parts in wanted.items():
-        values = sum(factor * result.signals[str(port)] for port, factor in parts)
-        found[signal] = grid.sampled(np.asarray(values)) if isinstance(grid, Grid) else np.asarray(values)
-    return found
+    return {n: grid.sampled(v) if isinstance(grid, Grid) else v for n, v in result.signals.items()}
 
 
 def begun_anew(
