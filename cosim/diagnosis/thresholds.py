@@ -740,6 +740,34 @@ CLOCK_BETTER: Annotated[
     "a slow motion looks the same by a wrong clock where only valve and pressure were measured",
     "benchmarks/labels.py, as a whole",
 ] = 0.25
+NEAR_AN_END: Annotated[
+    float,
+    "share of the travel",
+    "distance from where an axis went farthest at which it is held to be at an end",
+    "a stop gives way, and a joint has play",
+    "not measured by itself",
+] = 0.01
+SCATTER_AT_END: Annotated[
+    float,
+    "standard deviations",
+    "the same of readings that scatter",
+    "the farthest of some thousand readings is that far out by chance",
+    "not measured by itself",
+] = 4.0
+PUSHED_ON: Annotated[
+    float,
+    "share of the command at which half the way is made",
+    "drive from which on an axis that stands is held back",
+    "so pushed it moves elsewhere; less may lie within a dead zone",
+    "not measured by itself",
+] = 0.9
+LOST_AT_ENDS: Annotated[
+    float,
+    "share of the way made",
+    "way that an axis lost at the ends of its travel, from which on its place counts",
+    "a free run ends off by what a gain errs over the way, a per cent or two; more than that an end tells of the place",
+    "real excavators: 0.04 to 0.5 where an end stop is met, 0.007 where an operator touches one; rig logs: 0 without ends",
+] = 0.02
 STILL: Annotated[
     float,
     "share of the range",

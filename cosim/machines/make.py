@@ -3,6 +3,7 @@
 import hashlib
 import re
 from collections.abc import Mapping as Values
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from cosim.compare.binding import DEFAULTS, START_PARAMETER, START_SIGNAL, gain_
 from cosim.compare.mapping import CompareTable, Target, load_mapping
 from cosim.errors import DataError, UsageError
 from cosim.lexicon import ELECTRIC_DRIVER
-from cosim.logs import Log, Mapping
+from cosim.logs import Log, Mapping, listed
 from cosim.machines.flow import set_by_flow
 from cosim.machines.scale import Sizes, scales
 from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_table
@@ -64,16 +65,17 @@ class Made:
     sizes: Sizes = field(default_factory=Sizes)
 
 
-def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) -> Made:
+def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path | None = None) -> Made:
     """The machine of a mapping file.
 
     Args:
         mapping: the file; it has a table ``[machine]``.
-        log: a log of the machine, which tells what the file leaves open and how large changes typically are.
+        log: a log of the machine, or several, which together tell what the file leaves open and how large changes typically
+            are.
         folder: where the wiring goes; by default a folder named by its content in the build folder.
 
     Raises:
-        DataError: the file is wrong, or the log does not tell what is unknown.
+        DataError: the file is wrong, or the logs do not tell what is unknown.
         UsageError: something is unknown and there is no log, or a unit does not fit.
     """
     plain, given = load_mapping(mapping)
@@ -81,17 +83,19 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
         raise DataError(f"{mapping}: there is no table [machine] from which a model could be made")
     machine = machine_table(plain.machine, mapping)
     wires(machine, mapping)  # a chain that does not fit together is said before anything is asked of a log
-    signals = targets(machine, plain, given, log)
+    logs = () if log is None else listed(log)
+    first = logs[0] if logs else None  # all were read with this mapping: their units and clocks are the same
+    signals = targets(machine, plain, given, first)
     variables = {name: target.variable for name, target in signals.items()}
-    inner = inner_signals(machine, {**known_signals(log), **variables})
-    gains = gains_of(machine, signals, log)
-    sample = second(plain, log)
+    inner = inner_signals(machine, {**known_signals(logs), **variables})
+    gains = gains_of(machine, signals, first)
+    sample = second(plain, first)
     rates = speeds(signals)
-    why = flow_sets(machine, inner, log, sample, rates)
+    why = flow_sets(machine, inner, logs, sample, rates)
     aside = {n: why for n in SHOWN_BY_LOAD if why and n not in signals}
     inner = {c: n for c, n in inner.items() if n not in aside}
-    aside |= unstated_supply(machine, signals, log)
-    told = numbers(machine, inner, gains, log, sample, rates)
+    aside |= unstated_supply(machine, signals, first)
+    told = numbers(machine, inner, gains, logs, sample, rates)
     name = re.sub(r"\W+", "_", plain.name or mapping.stem).strip("_").lower() or "machine"
     component, _, variable = signals[machine.output].variable.partition(".")
     last = (component, variable) if component == machine.chain[-1] else None
@@ -105,10 +109,12 @@ def made_for(mapping: Path, log: Log | None = None, folder: Path | None = None) 
         if START_PARAMETER in block_of(component).parameters and machine.output not in {START_SIGNAL, *rates}:
             start.setdefault(f"{component}.{START_PARAMETER}", machine.output)
     table = given.model_copy(update={"signals": signals, "start": start, "aside": aside})
-    sizes = Sizes.of(machine, told, inner, gains, log, sample, rates)
-    diagnose = completed(plain.diagnose, machine, told, inner, sizes, driven_by_pressure(machine, plain, log))
-    if log is not None and told.lag > 0.0:
-        diagnose.setdefault("step", longest_step(log, told.lag, sample))
+    sizes = Sizes.of(machine, told, inner, gains, logs, sample, rates)
+    diagnose = completed(
+        plain.diagnose, machine, told, inner, sizes, driven_by_pressure(machine, plain, first)
+    )
+    if logs and told.lag > 0.0:
+        diagnose.setdefault("step", longest_step(logs, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
 
 
@@ -124,40 +130,49 @@ def unstated_supply(machine: MachineTable, signals: dict[str, Target], log: Log 
 
 
 def flow_sets(
-    machine: MachineTable, inner: dict[str, str], log: Log | None, sample: float, rates: set[str]
+    machine: MachineTable, inner: dict[str, str], logs: Sequence[Log], sample: float, rates: set[str]
 ) -> str:
-    """Why the chain is not cut at the load pressure, where flow and not pressure sets the motion; else empty."""
+    """Why the chain is not cut at the load pressure, where flow and not pressure sets the motion; else empty.
+
+    Of several logs most must show it.
+    """
     pressure = inner.get("continuity")
-    known = log is not None and all(n in log for n in (pressure or "", machine.input, machine.output))
-    if log is None or pressure != "p_load" or not known or not machine.moves or machine.forced:
+    known = [log for log in logs if all(n in log for n in (pressure or "", machine.input, machine.output))]
+    if pressure != "p_load" or not known or not machine.moves or machine.forced:
         return ""
-    found = set_by_flow(
-        log.time * sample,
-        *(log.require(n) for n in (machine.input, pressure, machine.output)),
-        integrates=machine.output not in rates,
-    )
-    return found and (
-        f"p_a and p_b are left aside: {found}, so flow sets the speed here and the load makes the pressure; what lies "
+    found = [
+        set_by_flow(
+            log.time * sample,
+            *(log.require(n) for n in (machine.input, pressure, machine.output)),
+            integrates=machine.output not in rates,
+        )
+        for log in known
+    ]
+    shown = [why for why in found if why]
+    if 2 * len(shown) <= len(found):
+        return ""
+    return (
+        f"p_a and p_b are left aside: {shown[0]}, so flow sets the speed here and the load makes the pressure; what lies "
         f"between {machine.input} and {machine.output} is judged as one"
     )
 
 
-def longest_step(log: Log, lag: float, sample: float) -> str:
+def longest_step(logs: Sequence[Log], lag: float, sample: float) -> str:
     """Step in which the diagnosis simulates a machine, as a mapping says it: fine beside its lag and its log, and no finer.
 
     Args:
-        log: the log.
+        logs: the logs.
         lag: of the chain, s.
-        sample: what one unit of the log's time counts as, s.
+        sample: what one unit of their time counts as, s.
     """
-    interval = float(np.median(np.diff(log.time))) * sample
+    interval = min(float(np.median(np.diff(log.time))) for log in logs) * sample
     fine = min(interval / STEPS_A_SAMPLE, lag / STEPS_A_LAG)
     return f"{float(max(fine, SHORTEST_STEP)):.6g} s"
 
 
-def known_signals(log: Log | None) -> dict[str, str]:
-    """Signals of our names that a log holds, with what they stand for."""
-    return {} if log is None else {n: v for n, v in DEFAULTS.items() if n in log}
+def known_signals(logs: Sequence[Log]) -> dict[str, str]:
+    """Signals of our names that all logs hold, with what they stand for."""
+    return {n: v for n, v in DEFAULTS.items() if all(n in log for log in logs)} if logs else {}
 
 
 def speeds(signals: dict[str, Target]) -> set[str]:

@@ -1,6 +1,6 @@
 """How much smaller or larger than on the crane changes typically are: where searches begin (docs/machines.md)."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,7 @@ OFF = 1e-9
 
 @dataclass(frozen=True)
 class Sizes:
-    """What each quantity reaches on either side in a log, SI; 0 where nothing is known.
+    """What each quantity reaches on either side in the logs, SI; 0 where nothing is known.
 
     Attributes:
         command, spool, pressure, torque, speed, angle: of the chain's inner signals too, through its gains.
@@ -48,44 +48,51 @@ class Sizes:
         numbers: Numbers,
         inner: Mapping[str, str],
         gains: Mapping[str, float],
-        log: Log | None,
+        logs: Sequence[Log],
         sample: float = 1.0,
         rates: Collection[str] = (),
     ) -> "Sizes":
-        """What a log of the machine reaches.
+        """What logs of the machine reach.
 
         Args:
             machine: the chain.
             numbers: its parameters.
             inner: component -> signal that measures its output.
             gains: signal -> the variable per signal, SI.
-            log: the log.
-            sample: what one unit of the log's time counts as, s.
+            logs: the logs.
+            sample: what one unit of their time counts as, s.
             rates: signals that show a speed.
         """
-        if log is None:
+        if not logs:
             return cls()
+
+        def swung(name: str) -> float:
+            return swing(np.concatenate([log.require(name) for log in logs])) * abs(gains.get(name, 1.0))
 
         def measured(component: str) -> float:
             name = inner.get(component)
-            return swing(log.require(name)) * abs(gains.get(name, 1.0)) if name and name in log else 0.0
+            return swung(name) if name and all(name in log for log in logs) else 0.0
 
         values = numbers.values
-        first = swing(log.require(machine.input)) * abs(gains.get(machine.input, 1.0))
+        first = swung(machine.input)
         command = 0.0 if machine.chain[0] in ("continuity", "mechanical") else first
         spool = measured("dcv") or command * values.get("dcv.K", 0.0)
         pressure = measured("continuity") or spool * values.get("continuity.K_c", 0.0)
         pressure = first if machine.chain[0] == "mechanical" else pressure
         torque = pressure * values.get("mechanical.A", 0.0) * values.get("mechanical.r", 0.0)
         angle = speed = 0.0
-        if machine.moves and machine.output in log:
-            seen = log.require(machine.output) * gains.get(machine.output, 1.0)
-            time = log.time * sample
+        if machine.moves and all(machine.output in log for log in logs):
+            each = [
+                (log.time * sample, log.require(machine.output) * gains.get(machine.output, 1.0))
+                for log in logs
+            ]
+            seen = np.concatenate([values for _, values in each])
             if machine.output in rates:
                 speed = float(np.quantile(np.abs(seen), 0.99))
-                angle = reach(cumulative_trapezoid(seen, time, initial=0.0))
+                angle = max(reach(cumulative_trapezoid(own, time, initial=0.0)) for time, own in each)
             else:
-                angle, speed = reach(seen), typical_speed(time, seen, numbers.lag)
+                angle = reach(seen)
+                speed = max(typical_speed(time, own, numbers.lag) for time, own in each)
         if values.get("mechanical.b") and speed > 0.0:
             torque = max(torque, values["mechanical.b"] * speed)
         return cls(command, spool, pressure, torque, speed, angle)

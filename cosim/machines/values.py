@@ -1,13 +1,13 @@
 """The parameters of a machine's blocks: as stated, as its log tells, or such that an unknown block does nothing."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log
-from cosim.machines.rough import first_order
+from cosim.machines.rough import Piece, first_order
 from cosim.machines.table import MOVING, UNKNOWN, MachineTable, block_of
 
 # what blocks are set to of which nothing is said: no dead zone, a valve and an oil column faster than most logs show (and
@@ -93,7 +93,7 @@ def numbers(
     table: MachineTable,
     inner: Mapping[str, str],
     gains: Mapping[str, float],
-    log: Log | None,
+    logs: Sequence[Log],
     sample: float = 1.0,
     rates: Collection[str] = (),
 ) -> Numbers:
@@ -103,13 +103,13 @@ def numbers(
         table: the machine.
         inner: component -> the signal that measures its output.
         gains: signal -> the variable per signal, SI.
-        log: a log of the machine.
-        sample: what one unit of the log's time counts as, s.
+        logs: logs of the machine.
+        sample: what one unit of the logs' time counts as, s.
         rates: signals that show a speed; another motion is an angle or a position.
 
     Raises:
         UsageError: something is unknown, and there is no log to tell it.
-        DataError: the log does not tell it.
+        DataError: the logs do not tell it.
     """
     stated = {n: v for n in table.parameters if (v := table.value(n)) is not None}
     values: dict[str, float] = {}
@@ -119,7 +119,7 @@ def numbers(
         values |= {"mechanical.A": 1.0, "mechanical.r": 1.0}
     values |= stated
     asked = unknown(table, inner)
-    if asked and log is None:
+    if asked and not logs:
         raise UsageError(
             f"{' and '.join(asked)} must be told by a log of the machine: give one (cosim machine --log LOG, "
             "or --input LOG), or state them in [machine]"
@@ -128,21 +128,33 @@ def numbers(
     drive, before = table.input, []
     for component in table.chain:
         before.append(component)
-        if component in inner and log is not None and inner[component] in log.signals:
+        if component in inner and logs and all(inner[component] in log for log in logs):
             told(
-                found, table, before, (drive, inner[component]), gains, log, sample, inner[component] in rates
+                found,
+                table,
+                before,
+                (drive, inner[component]),
+                gains,
+                logs,
+                sample,
+                inner[component] in rates,
             )
             drive, before = inner[component], []
     if table.moves:
         moved(found, table, stated)
-        interval = 0.0 if log is None else float(np.median(np.diff(log.time))) * sample
+        interval = min((float(np.median(np.diff(log.time))) * sample for log in logs), default=0.0)
         unnoticed(found, stated, interval, table.output in rates)
     missing = [n for n in asked if n not in values]
-    if missing and log is not None:
+    if missing and logs:
         raise DataError(
-            f"{log.source}: it does not tell {' and '.join(missing)}: state them in [machine.parameters]"
+            f"{sources(logs)}: it does not tell {' and '.join(missing)}: state them in [machine.parameters]"
         )
     return found
+
+
+def sources(logs: Sequence[Log]) -> str:
+    """Where logs are from."""
+    return ", ".join(str(log.source) for log in logs)
 
 
 def unnoticed(found: Numbers, stated: Collection[str], interval: float, rate: bool) -> None:
@@ -181,7 +193,7 @@ def told(
     blocks: list[str],
     ends: tuple[str, str],
     gains: Mapping[str, float],
-    log: Log,
+    logs: Sequence[Log],
     sample: float,
     rate: bool,
 ) -> None:
@@ -195,15 +207,16 @@ def told(
     asked = [n for n in found.from_log if n.partition(".")[0] in blocks]
     if not asked and not (moving and found.speed == 0.0):
         return
-    driven, answered = (log.require(n) * gains.get(n, 1.0) for n in ends)
-    rough = first_order(log.time * sample, driven, answered, integrates=moving and not rate)
+    pieces = [Piece(log.time * sample, *(log.require(n) * gains.get(n, 1.0) for n in ends)) for log in logs]
+    rough = first_order(pieces, integrates=moving and not rate)
     if rough.gain == 0.0:
         raise DataError(
-            f"{log.source}: '{drive}' or '{seen}' does not move, so {' and '.join(asked)} cannot be told from it"
+            f"{sources(logs)}: '{drive}' or '{seen}' does not move, so {' and '.join(asked)} cannot be told from it"
         )
     if rough.gain < 0.0 and rough.share > SIGN_SHOWN:
         raise DataError(
-            f"{log.source}: '{seen}' goes against '{drive}' (gain {rough.gain:.3g}): give one of them sign = -1 in [signals]"
+            f"{sources(logs)}: '{seen}' goes against '{drive}' (gain {rough.gain:.3g}): give one of them sign = -1 in "
+            "[signals]"
         )
     gain = abs(rough.gain)
     values, lag = found.values, float(np.clip(rough.lag, SLOWEST, FASTEST))

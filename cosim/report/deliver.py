@@ -80,7 +80,7 @@ def diagnose_into(
     """
     allowed = Budget(budget)
     logs = listed(log)
-    machine = machine_of(asked, logs[0], mapping)
+    machine = machine_of(asked, logs, mapping)
     if verbose:
         announce(logs, tracker, machine)
     make_folder(folder)

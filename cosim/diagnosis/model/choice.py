@@ -1,5 +1,6 @@
 """Which model a log is held against: one of ours by name, or a package of the same structure with values of its own."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from cosim.compare.mapping import CompareTable, load_mapping
@@ -7,7 +8,7 @@ from cosim.diagnosis.model.groups import COMPONENT_VALUES, MODELS
 from cosim.diagnosis.model.machine import Machine, machine_for, our_machine
 from cosim.diagnosis.model.options import Options, options_of
 from cosim.errors import ModelError, UsageError
-from cosim.logs import Log
+from cosim.logs import Log, listed
 from cosim.logs.mapping import Mapping as LogMapping
 from cosim.machines import made_for
 from cosim.ssp.read import read_system
@@ -54,22 +55,23 @@ def chosen(asked: str | None, of_log: str | None) -> tuple[str, dict[str, float]
         )
 
 
-def machine_of(asked: str | None, log: Log, mapping: Path | None) -> Machine:
-    """The model to hold a log against: as asked for, as its mapping names it, or the crane.
+def machine_of(asked: str | None, logs: Log | Sequence[Log], mapping: Path | None) -> Machine:
+    """The model to hold logs against: as asked for, as their mapping names it, or the crane.
 
     Args:
         asked: name of a model or path of an .ssp or .ssd, as the user gave it.
-        log: the log.
-        mapping: the mapping file with which it was read.
+        logs: the log, or several of one machine.
+        mapping: the mapping file with which they were read.
 
     Raises:
         UsageError: no such model.
         DataError, ModelError: the mapping or the model is bad.
     """
+    log = listed(logs)[0]
     if mapping is not None:
         plain, table = load_mapping(mapping)
         if plain.machine and asked is None:
-            made = made_for(mapping, log)
+            made = made_for(mapping, logs)
             return machine_for(made.ssd, log, plain, made.table, options_of(made.diagnose, mapping))
         named = asked or log.model or DEFAULT
         if named in MODELS or named.lower().endswith(".ssd"):

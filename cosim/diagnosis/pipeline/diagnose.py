@@ -52,6 +52,7 @@ from cosim.diagnosis.pipeline.parts import failure
 from cosim.diagnosis.pipeline.parts import part as part_of
 from cosim.diagnosis.pipeline.reading import clear_of_lag, known_of, take_over
 from cosim.diagnosis.pipeline.stretch import by_twin, chosen_stretch, elsewhere, others
+from cosim.diagnosis.record.ends import lost_at_ends
 from cosim.diagnosis.record.grid import grid_of
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.record.signatures import SAMPLED
@@ -62,8 +63,10 @@ from cosim.diagnosis.thresholds import (
     FAST_SAMPLING,
     FEWEST_SAMPLES,
     GUESSED_TRUST,
+    LOST_AT_ENDS,
     NAMING_BUDGET,
     NOMINAL_TRUST,
+    ROUGH_TRUST,
     SEARCH_BUDGET,
     SPARSE_OF_INTEGRAL,
     SPARSE_SAMPLING,
@@ -573,7 +576,10 @@ def diagnose(
     record, held = parted(joined([record for _, record, _ in each]), machine)
     if held_out is not None:
         held = held_logs([prepare(one, machine) for one in listed(held_out)], listed(held_out))
-    found = Diagnosis("interrupted", record, machine, merged(machine.groups, record.signals))
+    groups = merged(machine.groups, record.signals)
+    if trust > ROUGH_TRUST:  # what is known of a machine tells of its ends in windows, too
+        groups = tuple(at_its_ends(group, record) for group in groups)
+    found = Diagnosis("interrupted", record, machine, groups)
     found.spans = tuple((float(part.time[0]), float(part.time[-1])) for part in parts)
     found.held = held
     found.data = list(dict.fromkeys(data))
@@ -588,6 +594,17 @@ def diagnose(
     except KeyboardInterrupt:
         raise Interrupted(found) from None
     return found
+
+
+def at_its_ends(group: Group, record: Record) -> Group:
+    """The group, its place counting where ends of the travel took part of the way: windows with an offset forget them."""
+    if not group.drifts or group.drifting:
+        return group
+    place = next(s for s in group.observed if not group.is_speed(s))
+    if not {group.drive, place} <= record.signals.keys():
+        return group
+    lost = lost_at_ends(record.signals[group.drive], record.signals[place], record.cuts)
+    return replace(group, absolute=True) if lost > LOST_AT_ENDS else group
 
 
 def contradicted(found: Diagnosis, data: list[Contradiction]) -> None:
