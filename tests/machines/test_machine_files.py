@@ -261,6 +261,27 @@ def test_several_logs_tell_a_machine_together(tmp_path, drive, excitation):
     assert machine_of(None, logs, mapping).values == machine_of(None, logs[::-1], mapping).values
 
 
+@pytest.mark.parametrize("end", [0.3, 30.0])
+def test_a_place_counts_where_a_rough_machine_stands_at_its_end(
+    tmp_path, drive, excitation, monkeypatch, end
+):
+    mapping, path = drive
+    read = load_log(path, mapping)
+    middle = float(np.median(read.signals["slew"]))
+    columns = {
+        "t": read.time,
+        "duty": 50.0 + 50.0 * excitation,
+        "angle": np.clip(read.signals["slew"], middle - end, middle + end),
+    }
+    log = load_log(written(tmp_path, DRIVE, columns)[1], mapping)
+    monkeypatch.setattr(steps, "stages", lambda *_: None)
+    machine = machine_of(None, log, mapping)
+    assert not machine.groups[-1].absolute
+    assert diagnose(log, model=machine).groups[-1].absolute == (end == 0.3)
+    stated = replace(machine, options=Options(trusted=machine.options.free))
+    assert not diagnose(log, model=stated).groups[-1].absolute
+
+
 def test_a_response_that_does_not_integrate(excitation):
     time = STEP * np.arange(excitation.size)
     kept = np.exp(-STEP / 0.3)
