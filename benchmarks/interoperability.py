@@ -27,6 +27,7 @@ from benchmarks.engines import run_engine
 from benchmarks.interoperability_page import BUILD, CLIENTS, KINDS, TOLERANCE, H, Row, page
 from benchmarks.plain_host import TIMEOUT, EndError, compiled_host, libpython, run_host
 from benchmarks.runner import machine
+from benchmarks.single_fmus import fmusim, tried
 from cosim.errors import ModelError
 from cosim.export import ExportedModel, prepare
 from cosim.paths import build_folder
@@ -36,7 +37,12 @@ from cosim.ssp.read import read_system
 Array = NDArray[np.float64]
 TOP = Path(__file__).resolve().parent.parent
 STEPS = 2000
-MODULES = {"fmpy": "fmpy", "ecos": "ecospy", "libcosim": "libcosimpy"}
+MODULES = {
+    "fmpy": "fmpy",
+    "ecos": "ecospy",
+    "libcosim": "libcosimpy",
+    "fmucontainer": "fmu_manipulation_toolbox",
+}
 SIGNALS = {
     "full_order": (
         "dcv.spool",
@@ -228,6 +234,27 @@ def validated(packages: Mapping[str, Path]) -> tuple[int, list[str]]:
     return count, problems
 
 
+def checked(folder: Path) -> tuple[int, list[str]] | None:
+    """How many FMUs fmutool has checked, and what it says against them; None if it is not installed."""
+    if importlib.util.find_spec(MODULES["fmucontainer"]) is None:
+        return None
+    count, problems = 0, []
+    for file in sorted(folder.glob("*.fmu")):
+        words = [sys.executable, "-c", CHECK, "-input", str(file), "-check"]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT, check=False)
+        lines = f"{done.stdout}\n{done.stderr}".splitlines()
+        count += 1
+        problems += [
+            f"{file.stem}: {line}" for line in lines if line.startswith(("ERROR", "WARNING", "Traceback"))
+        ]
+        if not any("seems to be compliant" in line for line in lines):
+            problems.append(f"{file.stem}: it is not called compliant")
+    return count, problems
+
+
+CHECK = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
+
+
 def main() -> int:
     """Try everything that is built, show the table, and write the page."""
     parser = argparse.ArgumentParser(
@@ -251,7 +278,11 @@ def main() -> int:
                 rows.append(trials.row(kind, client))
                 print(f"{kind} {client}: {asdict(rows[-1])}", file=sys.stderr, flush=True)
     validations = {kind: validated(found) for kind, found in packages.items()}
-    text = page(rows, validations, options.steps)
+    program = fmusim()
+    native = {kind: build_folder() / KINDS[kind] / ".." / "fmus" for kind in packages if kind != "pythonfmu"}
+    singles = [tried(kind, folder, program) for kind, folder in native.items()] if program else []
+    checks = {kind: checked(build_folder() / KINDS[kind] / ".." / "fmus") for kind in packages}
+    text = page(rows, validations, options.steps, singles, checks)
     options.out.write_text(text, encoding="utf-8")
     print(text)
     if options.json:

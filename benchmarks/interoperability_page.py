@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from benchmarks.plain_host import TIMEOUT
 from benchmarks.runner import machine
+from benchmarks.single_fmus import Single, told
 from cosim.ssp.build import SYSTEMS
 
 H = 1e-3
@@ -22,6 +23,7 @@ CLIENTS = {
     "fmpy": "fmpy, simulate_ssp",
     "ecos": "ecos",
     "libcosim": "libcosim",
+    "fmucontainer": "FMUContainer, in fmpy's simulate_fmu",
     "host": "plain C host",
     "host+python": "plain C host, libpython preloaded",
 }
@@ -60,7 +62,7 @@ Made by `python benchmarks/interoperability.py`; do not edit by hand.
 - Packages: the closed systems {systems}, unchanged, each run for {seconds:g} s at 1 ms.
 - loads: the package is read, its FMUs are instantiated and make one step. runs: all {steps} steps.
 - agrees: every compared signal is within {tolerance:g} of its range of the same blocks computed in plain Python under
-  the client's own scheme (fmpy, ecos and libcosim delay every wire by one step; ours and the C host do not).
+  the client's own scheme (fmpy, ecos, libcosim and FMUContainer delay every wire by one step; ours and the C host do not).
 - ends: every process ended without a crash after its last result.
 - Each run has a process of its own. A crash or a time-out of {timeout:g} s counts as a failure.
 """
@@ -74,19 +76,26 @@ stead.
 - Simulink: `cosim export-simulink` writes a script; it was run in Octave against a stand-in for Simulink.
 - OpenModelica and Dymola: `cosim export-modelica` writes a package; its C functions were run event by event,
   and the Modelica compiler Rumoca checks its types, sizes and balance in the tests.
-- OMSimulator (built from source once) and PyFMI (its source was read): what they met is right now
-  ([native FMUs](native.md)),
-  and was not run again.
-- fmusim (Reference-FMUs) and VDMCheck3 are in no package of PyPI or Debian, so none of our FMUs of FMI 3.0 has met them.
-  What read and ran these are fmpy (`simulate_fmu`, in the tests; `simulate_ssp` takes every FMU for one of FMI 2.0), ecos
-  (by fmi4c, which says that fmi3GetVersion is missing and goes on), our runner and the C host.
+- OMSimulator (built from source once; what PyPI has of it loads its binary from elsewhere) and PyFMI (its source was read):
+  what they met is right now ([native FMUs](native.md)), and was not run again.
+- VDMCheck3 is in no package of PyPI or Debian, so none of our FMUs of FMI 3.0 has met it.
+- fmpy's `simulate_ssp` takes every FMU for one of FMI 2.0. ecos runs those of FMI 3.0 by fmi4c, which says that
+  fmi3GetVersion is missing and goes on.
+- FMUContainer makes one FMU of a package, with a master of its own inside. It does not read the package's parameters (.ssv),
+  so that FMUs run with their own start values.
 - A process that ran ecos may die of SIGSEGV after all is done: TBB, when its last thread ends, unloads `libtcm` while the
   process's exit still runs in it. Loading `libtcm.so.1` with `RTLD_NODELETE` before `import ecospy` prevents it.
 - Windows: the FMUs of the kind `pythonfmu` hold win64 binaries.
 """
 
 
-def page(rows: Sequence[Row], validations: Mapping[str, tuple[int, list[str]]], steps: int) -> str:
+def page(
+    rows: Sequence[Row],
+    validations: Mapping[str, tuple[int, list[str]]],
+    steps: int,
+    singles: Sequence[Single] = (),
+    checks: Mapping[str, tuple[int, list[str]] | None] | None = None,
+) -> str:
     """docs/interoperability.md."""
     text = INTRODUCTION.format(
         systems=", ".join(f"`{name}`" for name in SYSTEMS),
@@ -109,6 +118,15 @@ def page(rows: Sequence[Row], validations: Mapping[str, tuple[int, list[str]]], 
     for kind, (count, problems) in validations.items():
         text += f"- {kind}: {count} FMUs in the packages, {len(problems)} problems\n"
         text += "".join(f"  - {problem}\n" for problem in problems)
+    text += "\nfmutool's check (FMU Manipulation Toolbox), of each FMU by itself:\n\n"
+    for kind, found in (checks or {}).items():
+        text += (
+            f"- {kind}: "
+            + ("not installed" if found is None else f"{found[0]} FMUs, {len(found[1])} problems")
+            + "\n"
+        )
+        text += "".join(f"  - {problem}\n" for problem in (found[1] if found else []))
+    text += told(list(singles))
     if any(row.client == "host" and row.kind == "pythonfmu" and not row.loads for row in rows):
         text += (
             "\nA host that is not Python, Simulink and OpenModelica among them, finds Python's symbols only\n"

@@ -21,10 +21,15 @@ from cosim.native.build import PLATFORMS, MissingCompilerError, cross_compiler
 Array = NDArray[np.float64]
 TIMEOUT = 120.0
 # what runs a program for another platform here, and what a path of ours begins with there
-LAUNCHERS = {
+EMULATED = ("qemu-aarch64", "-L", "/usr/aarch64-linux-gnu")
+LAUNCHERS: dict[str, tuple[tuple[str, ...], str]] = {
     "win64": (("wine",), "Z:"),
-    "aarch64-linux": (("qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"), ""),
+    "aarch64-linux": (EMULATED, ""),
+    "x86_64-darwin": ((), ""),
+    "aarch64-darwin": (EMULATED, ""),
 }
+# a Mac's library is brought into a host of Linux by a loader of ours (`macho.c`): what the host is compiled for
+LOADED_ON = {"x86_64-darwin": None, "aarch64-darwin": "aarch64-linux"}
 
 
 class EndError(RuntimeError):
@@ -110,9 +115,11 @@ def compiled_host(folder: Path, fmi: int = 2, platform: str | None = None) -> Pa
     """The plain C host for FMI 2.0 or 3.0, for this or another platform, compiled, or None where that is not possible."""
     if not sys.platform.startswith("linux"):
         return None
-    if platform is not None:
+    mac = platform in LOADED_ON
+    runs_on = LOADED_ON[platform] if mac and platform else platform
+    if runs_on is not None:
         try:
-            command = cross_compiler(platform)
+            command = cross_compiler(runs_on)
         except MissingCompilerError:
             return None
     else:
@@ -120,8 +127,20 @@ def compiled_host(folder: Path, fmi: int = 2, platform: str | None = None) -> Pa
     if not command[0]:
         return None
     host = folder / f"host{fmi}{'.exe' if platform == 'win64' else ''}"
-    source = Path(__file__).with_name("host.c")
+    files = [str(Path(__file__).with_name(name)) for name in ("host.c", *(["macho.c"] if mac else []))]
     libraries = [] if platform == "win64" else ["-ldl"]
-    options = ["-std=gnu99", "-O1", "-Wall", f"-DFMI={fmi}", "-o", str(host), str(source), *libraries]
+    # its libraries ask for libm's functions, which are there only if the host has them
+    loader = ["-Ddlopen=mac_open", "-Ddlsym=mac_symbol", "-Ddlerror=mac_error", "-Wl,--no-as-needed", "-lm"]
+    options = [
+        "-std=gnu99",
+        "-O1",
+        "-Wall",
+        f"-DFMI={fmi}",
+        *(loader if mac else []),
+        "-o",
+        str(host),
+        *files,
+        *libraries,
+    ]
     subprocess.run([*command, *options], check=True)
     return host

@@ -35,7 +35,7 @@ from cosim.ssp.write import write_ssp
 Array = NDArray[np.float64]
 H = 1e-3
 THETA = "mechanical.theta"
-PACKAGES = ("pythonfmu", "fmpy", "ecospy", "libcosimpy", "numba", "numpy")
+PACKAGES = ("pythonfmu", "fmpy", "ecospy", "libcosimpy", "fmu-manipulation-toolbox", "numba", "numpy")
 # label: engine, the only core it may use
 FLOOR = "floor: empty FMUs in our runner"
 SIX = "cosim, six blocks"

@@ -29,7 +29,6 @@ GLIBC = "2.32"
 _GIB = 1024**3
 _LOW_DISK, _LOW_MEMORY = 1.0, 1.0  # GiB; a build with its systems and a 3-hour log need about this much
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
-_COMPILERS = ("cc", "gcc", "clang", "cl")
 PURPOSES = {
     "mat": "logs in .mat files of version 7.3, timeseries and tables",
     "mf4": "logs in .mf4 files",
@@ -38,6 +37,7 @@ PURPOSES = {
     "batch": "cosim batch",
     "report": "report.html of a diagnosis",
     "clients": "the tests that run the systems in ecos and libcosim",
+    "cross": "native FMUs for other platforms, or without a C compiler of the host",
     "dev": "the tests",
     "docs": "the documents as a site",
 }
@@ -86,13 +86,7 @@ def examine(paths: Sequence[Path] = (), require: Sequence[str] = ()) -> list[Fin
         *check_paths([Path(tempfile.gettempdir()), Path.cwd(), build_folder(), *paths]),
         *check_packages(require),
         check_tbb(),
-        _check_tool(
-            "C compiler",
-            _COMPILERS,
-            "native FMUs (export to C)",
-            "apt-get install gcc",
-            "Visual Studio Build Tools",
-        ),
+        check_compiler(),
         _check_tool(
             "Chromium",
             _BROWSERS,
@@ -246,6 +240,19 @@ def _check_tool(name: str, programs: Sequence[str], purpose: str, linux: str, wi
         return Finding("tools", name, "ok", found)
     remedy = windows if sys.platform == "win32" else linux
     return Finding("tools", name, "warning", f"not on PATH; needed for {purpose} only", remedy)
+
+
+def check_compiler() -> Finding:
+    """Whether native FMUs can be built here."""
+    from cosim.native.build import MissingCompilerError, compiler
+
+    try:
+        found = " ".join(compiler())
+    except MissingCompilerError as error:
+        return Finding(
+            "tools", "C compiler", "warning", "none; needed for native FMUs (export to C) only", str(error)
+        )
+    return Finding("tools", "C compiler", "ok", shutil.which(found) or found)
 
 
 def check_numba_cache() -> Finding:

@@ -5,6 +5,7 @@ rest is pint's.
 """
 
 import re
+import shutil
 from functools import cache
 from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
@@ -35,10 +36,17 @@ def registry() -> "pint.UnitRegistry[Any]":
     """Pint's units and ours; made when the first unit is read, because a process that only runs models reads none."""
     import pint
 
-    made: pint.UnitRegistry[Any]
-    try:  # to read the definitions takes a quarter of a second, to load what was read of them a hundredth
-        made = pint.UnitRegistry(cache_folder=cache_folder() / "units")
-    except Exception:  # a cache that is damaged, half written or cannot be written to is no error
+    made: pint.UnitRegistry[Any] | None = None
+    kept = cache_folder() / "units"
+    for _ in range(2):
+        try:  # to read the definitions takes a quarter of a second, to load what was read of them a hundredth
+            made = pint.UnitRegistry(cache_folder=kept)
+            break
+        except (
+            Exception
+        ):  # damaged, half written, not to be written to, or of a Python environment that is gone
+            shutil.rmtree(kept, ignore_errors=True)
+    if made is None:
         made = pint.UnitRegistry()
     made.define("percent = 0.01 = %")
     made.define("@alias turn = rev")

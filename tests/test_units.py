@@ -1,6 +1,11 @@
 """Units: what is read, what is refused, and that nothing a user types gets further than a UsageError."""
 
 import math
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import example, given, settings
@@ -154,3 +159,22 @@ def test_units_are_read_whatever_the_cache_is_like(tmp_path, monkeypatch, damage
     made = registry.__wrapped__()
     assert made.Quantity(180.0, "deg").to("rad").magnitude == pytest.approx(math.pi)
     assert made.Quantity(50.0, "percent").to_base_units().magnitude == pytest.approx(0.5)
+
+
+def test_units_kept_by_an_environment_that_is_gone_are_read_and_kept_anew(tmp_path, monkeypatch) -> None:
+    """The cache says where pint lay; once that is gone every command read the definitions again."""
+    import pint
+
+    monkeypatch.setenv("COSIM_CACHE", str(tmp_path / "cache"))
+    gone = tmp_path / "gone"
+    shutil.copytree(Path(pint.__file__).parent, gone / "pint")
+    fill = "from cosim.units import registry; registry()"
+    variables = {**os.environ, "PYTHONPATH": os.pathsep.join([str(gone), *sys.path])}
+    subprocess.run([sys.executable, "-c", fill], env=variables, check=True)
+    shutil.rmtree(gone)
+    kept = tmp_path / "cache" / "units"
+    before = {file.name for file in kept.glob("*.pickle")}
+    assert before
+    assert registry.__wrapped__().Quantity(180.0, "deg").to("rad").magnitude == pytest.approx(math.pi)
+    # one that fails with what is kept reads no further than this
+    assert pint.UnitRegistry(cache_folder=kept).Quantity(1.0, "m").magnitude == 1.0

@@ -233,16 +233,18 @@ def _diagnoses(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def _picture(batch: Any, store: Any, frame: pd.DataFrame) -> Path | None:
-    import xarray as xr
-
     from cosim.batch.picture import measured_signals, write_picture
-    from cosim.logs import load_log
 
-    job, measured = batch.job, None
+    job, measured, cube = batch.job, None, None
     fan = batch.random and len(job.models) == 1 and len(job.logs) < 2
     if fan and job.logs:
+        from cosim.logs import load_log
+
         mapping = job.mapping.path if job.mapping else None
         measured = measured_signals(load_log(job.logs[0].path, mapping))
-    cube = xr.open_zarr(store.path("signals"), chunks=None) if fan else None
+    if fan:
+        import xarray as xr
+
+        cube = xr.open_zarr(store.path("signals"), chunks=None)
     path: Path | None = write_picture(store.path("picture"), job.task, frame, batch.varied, cube, measured)
     return path

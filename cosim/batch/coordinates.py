@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,13 +28,15 @@ class Coordinates:
         self.attributes = {"output_step": output_step, "first_time": first_time, "time_is": time_is}
 
     def write(self, path: Path) -> None:
-        """Write a dataset of coordinates alone."""
-        import xarray as xr
+        """Write a dataset of coordinates alone, as xarray writes one: to load xarray takes a third of a second."""
+        import zarr
 
-        found = {}
+        beside = " ".join(sorted(name for name in self.columns if name != "run"))
+        about: dict[str, Any] = {"label": "simulated", **self.attributes, "coordinates": beside}
+        group = zarr.open_group(path, mode="w", zarr_format=2, attributes=about)
         for name, (values, unit) in self.columns.items():
             array = np.asarray(values)
             array = array.astype("U") if array.dtype.kind not in "biuf" else array
-            found[name] = xr.Variable(("run",), array, {"units": unit} if unit else {})
-        dataset = xr.Dataset(coords=found, attrs={"label": "simulated", **self.attributes})
-        dataset.to_zarr(path, mode="w", zarr_format=2, consolidated=False)
+            told: dict[str, Any] = {**({"units": unit} if unit else {}), "_ARRAY_DIMENSIONS": ["run"]}
+            blank = np.nan if array.dtype.kind == "f" else None
+            group.create_array(name, data=array, chunks=array.shape, fill_value=blank, attributes=told)

@@ -10,7 +10,6 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from cosim.batch.plan import Design
 from cosim.batch.values import Distribution
@@ -111,6 +110,8 @@ def dependent(parts: Array, names: list[str], correlations: Mapping[tuple[str, s
     # lower triangular: the first of them keeps its own draws, and so its even spread
     lower = np.asarray(np.linalg.qr(root.T, mode="r")).T
     lower = lower * np.where(np.diag(lower) < 0.0, -1.0, 1.0)
+    from scipy.special import ndtr, ndtri  # a fifth of a second, which a sweep does not need
+
     found = parts.copy()
     found[:, touched] = ndtr(ndtri(np.clip(parts[:, touched], 1e-12, 1.0 - 1e-12)) @ lower.T)
     return found

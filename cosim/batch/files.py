@@ -7,10 +7,6 @@ from pathlib import Path
 from cosim.batch.job import File
 from cosim.batch.plan import Plan
 from cosim.errors import DataError, UsageError
-from cosim.logs.load import ENDINGS, SUFFIXES, ending, stem
-
-# in a folder of logs a .log is as a rule what a program says of itself; named, it is read
-IN_FOLDERS = tuple(known for known in ENDINGS if not known.startswith(".log"))
 
 
 def find_logs(plan: Plan) -> list[Path]:
@@ -19,11 +15,17 @@ def find_logs(plan: Plan) -> list[Path]:
     Raises:
         UsageError: a name leads to nothing.
     """
+    if not plan.logs:
+        return []
+    from cosim.logs.load import ENDINGS, SUFFIXES, ending, stem
+
+    # in a folder of logs a .log is as a rule what a program says of itself; named, it is read
+    in_folders = tuple(known for known in ENDINGS if not known.startswith(".log"))
     found: dict[Path, None] = {}
     for name in plan.logs:
         path = Path(name)
         if path.is_dir():
-            inside = sorted(p for p in path.iterdir() if p.is_file() and ending(p.name) in IN_FOLDERS)
+            inside = sorted(p for p in path.iterdir() if p.is_file() and ending(p.name) in in_folders)
         elif path.is_file():
             inside = [path]
         else:
@@ -40,8 +42,12 @@ def find_logs(plan: Plan) -> list[Path]:
 
 def find_trackers(plan: Plan, files: Sequence[File]) -> dict[str, File]:
     """Log's label -> the tracker's file that lies beside the log, where there is one."""
+    if not plan.external:
+        return {}
+    from cosim.logs.load import ENDINGS, stem
+
     found = {}
-    for file in files if plan.external else ():
+    for file in files:
         path = Path(file.path)
         beside = [p for s in ENDINGS if (p := path.with_name(f"{stem(path)}{plan.external}{s}")).is_file()]
         if beside:
@@ -63,6 +69,10 @@ def named_file(label: str, path: Path) -> File:
 
 def labelled(paths: Sequence[Path]) -> dict[str, Path]:
     """Paths by name without suffix; where two have the same, by as much of the path as tells them apart."""
+    if not paths:
+        return {}
+    from cosim.logs.load import stem
+
     found: dict[str, Path] = {}
     for path in dict.fromkeys(paths):
         parts = [*path.absolute().parts[1:-1], stem(path)]

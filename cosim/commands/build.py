@@ -41,8 +41,8 @@ def build(
         list[str] | None,
         typer.Option(
             "--platform",
-            help="With --native: another platform whose binary each FMU gets too, win64 or aarch64-linux; needs its C "
-            "compiler; repeatable.",
+            help="With --native: another platform whose binary each FMU gets too: win64, linux64, aarch64-linux, darwin64 "
+            "or all; needs its C compiler or the extra cross; repeatable.",
             metavar="NAME",
         ),
     ] = None,

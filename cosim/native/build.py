@@ -2,10 +2,13 @@
 
 import contextlib
 import hashlib
+import importlib.util
 import os
 import shlex
 import shutil
+import struct
 import subprocess
+import sys
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -50,14 +53,16 @@ class Platform:
     Attributes:
         folders: its folder of binaries by version of FMI; 2.0 takes the name of 3.0 for what it has none for (2.0.4, 2.3).
         suffix: of a shared library.
-        compilers: commands that are tried.
+        target: what Zig calls it, with the oldest system that the binary is for.
+        compilers: commands that are tried before Zig.
         variable: environment variable that names another one.
-        package: Debian package that has it.
+        package: Debian package that has it; empty where Debian has none.
         flags: what it needs beside `FLAGS`.
     """
 
     folders: Mapping[str, str]
     suffix: str
+    target: str
     compilers: tuple[str, ...]
     variable: str
     package: str
@@ -66,19 +71,33 @@ class Platform:
 
 PLATFORMS = {
     "linux64": Platform(
-        {"2.0": "linux64", "3.0": "x86_64-linux"}, ".so", ("x86_64-linux-gnu-gcc",), "CC_LINUX64", "gcc-x86-64-linux-gnu",
+        {"2.0": "linux64", "3.0": "x86_64-linux"}, ".so", "x86_64-linux-gnu.2.17", ("x86_64-linux-gnu-gcc",), "CC_LINUX64",
+        "gcc-x86-64-linux-gnu",
     ),
     # no time of the build in the file, and no library beside those that every Windows has
     "win64": Platform(
-        {"2.0": "win64", "3.0": "x86_64-windows"}, ".dll", ("x86_64-w64-mingw32-gcc",), "CC_WIN64", "gcc-mingw-w64-x86-64",
-        ("-s", "-static-libgcc", "-Wl,--no-insert-timestamp"),
+        {"2.0": "win64", "3.0": "x86_64-windows"}, ".dll", "x86_64-windows-gnu", ("x86_64-w64-mingw32-gcc",), "CC_WIN64",
+        "gcc-mingw-w64-x86-64", ("-s", "-static-libgcc", "-Wl,--no-insert-timestamp"),
     ),
     "aarch64-linux": Platform(
-        {"2.0": "aarch64-linux", "3.0": "aarch64-linux"}, ".so", ("aarch64-linux-gnu-gcc",), "CC_AARCH64_LINUX",
-        "gcc-aarch64-linux-gnu",
+        {"2.0": "aarch64-linux", "3.0": "aarch64-linux"}, ".so", "aarch64-linux-gnu.2.17", ("aarch64-linux-gnu-gcc",),
+        "CC_AARCH64_LINUX", "gcc-aarch64-linux-gnu",
+    ),
+    # FMI 2.0 has one folder for both kinds of Mac, and one file there holds the code of both (`universal`)
+    "x86_64-darwin": Platform(
+        {"2.0": "darwin64", "3.0": "x86_64-darwin"}, ".dylib", "x86_64-macos.11.0", (), "CC_X86_64_DARWIN", ""
+    ),
+    "aarch64-darwin": Platform(
+        {"2.0": "darwin64", "3.0": "aarch64-darwin"}, ".dylib", "aarch64-macos.11.0", (), "CC_AARCH64_DARWIN", ""
     ),
 }  # fmt: skip
-ALIASES = {"x86_64-linux": "linux64", "x86_64-windows": "win64"}
+ALIASES: dict[str, tuple[str, ...]] = {
+    "x86_64-linux": ("linux64",),
+    "x86_64-windows": ("win64",),
+    "darwin64": ("x86_64-darwin", "aarch64-darwin"),
+    "all": tuple(PLATFORMS),
+}
+ZIG = "the extra `cross` (pip install 'slew-cosim[cross]')"
 
 
 class MissingCompilerError(CosimError):
@@ -88,7 +107,7 @@ class MissingCompilerError(CosimError):
 
 
 def compiler() -> list[str]:
-    """The C compiler's command: CC, or the first of cc, gcc and clang.
+    """The C compiler's command: CC, or the first of cc, gcc, clang and Zig.
 
     Raises:
         MissingCompilerError: there is none.
@@ -102,8 +121,12 @@ def compiler() -> list[str]:
     for name in ("cc", "gcc", "clang"):
         if shutil.which(name) is not None:
             return [name]
+    for known in PLATFORMS.values():
+        if known.folders["3.0"] == fmpy.platform_tuple and shutil.which((command := zig(known.target))[0]):
+            return command
     raise MissingCompilerError(
-        "native FMUs need a C compiler, and there is none (tried cc, gcc, clang): install one, such as gcc, or set CC"
+        "native FMUs need a C compiler, and there is none (tried cc, gcc, clang, zig): install one, such as gcc or "
+        f"{ZIG}, or set CC"
     )
 
 
@@ -116,13 +139,22 @@ def cross_compiler(platform: str) -> list[str]:
     known = PLATFORMS[platform]
     named = os.environ.get(known.variable)
     tried = [shlex.split(named)] if named else [[name] for name in known.compilers]
+    if not named:
+        tried.append(zig(known.target))
     for command in tried:
         if shutil.which(command[0]) is not None:
             return command
+    ways = [f"Debian's {known.package}"] if known.package else []
     raise MissingCompilerError(
         f"binaries for {platform} need a C compiler for it, and there is none (tried {', '.join(c[0] for c in tried)}): "
-        f"install one, such as Debian's {known.package}, or name it in {known.variable}"
+        f"install {' or '.join([*ways, ZIG])}, or name one in {known.variable}"
     )
+
+
+def zig(target: str) -> list[str]:
+    """The command of Zig's C compiler for a platform: of the package `ziglang`, or of a `zig` on the path."""
+    program = [sys.executable, "-m", "ziglang"] if importlib.util.find_spec("ziglang") else ["zig"]
+    return [*program, "cc", "-target", target, "-s"]
 
 
 def further(platforms: Sequence[str]) -> tuple[str, ...]:
@@ -134,22 +166,46 @@ def further(platforms: Sequence[str]) -> tuple[str, ...]:
     """
     found: list[str] = []
     for name in platforms:
-        key = ALIASES.get(name, name)
-        if key not in PLATFORMS:
-            raise UsageError(
-                f"'{name}' is no platform that can be built for; known are {', '.join(PLATFORMS)}"
-            )
-        if PLATFORMS[key].folders["3.0"] != fmpy.platform_tuple and key not in found:
-            cross_compiler(key)
-            found.append(key)
+        for key in ALIASES.get(name, (name,)):
+            if key not in PLATFORMS:
+                raise UsageError(
+                    f"'{name}' is no platform that can be built for; known are {', '.join([*PLATFORMS, *ALIASES])}"
+                )
+            if PLATFORMS[key].folders["3.0"] != fmpy.platform_tuple and key not in found:
+                cross_compiler(key)
+                found.append(key)
     return tuple(found)
+
+
+def universal(libraries: Sequence[bytes]) -> bytes:
+    """One library for Macs of several kinds from one for each; a single one is itself.
+
+    The form is Apple's (mach-o/fat.h): for each part its kind of processor, where it lies and how long it is.
+    """
+    if len(libraries) == 1:
+        return libraries[0]
+    page = 14  # of the largest pages of any, as a power of two
+    place, entries, parts = 1 << page, [], b""
+    for library in libraries:
+        kind, variant = struct.unpack_from("<II", library, 4)
+        entries.append(struct.pack(">IIIII", kind, variant, place + len(parts), len(library), page))
+        parts += library + bytes(-len(library) % (1 << page))
+    head = struct.pack(">II", 0xCAFEBABE, len(libraries)) + b"".join(entries)
+    return head.ljust(place, b"\0") + parts
 
 
 @cache
 def release(command: tuple[str, ...]) -> str:
     """What a compiler calls itself."""
-    done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [*command, "--version"], capture_output=True, text=True, env=_variables(), check=False
+    )
     return done.stdout
+
+
+def _variables() -> dict[str, str]:
+    """What a compiler is started with: Zig keeps what it made of a platform's C library where we keep ours."""
+    return {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / "zig"), **os.environ}
 
 
 def sources(model: Model, guid: str, fmi: str = "2.0") -> dict[str, bytes]:
@@ -161,11 +217,14 @@ def sources(model: Model, guid: str, fmi: str = "2.0") -> dict[str, bytes]:
     return own | standard | {"model.h": header(model, guid, fmi).encode()}
 
 
-def compiled(content: Mapping[str, bytes], optimise: str | None = None, platform: str | None = None) -> bytes:
+def compiled(
+    content: Mapping[str, bytes], name: str, optimise: str | None = None, platform: str | None = None
+) -> bytes:
     """The library of these sources; kept in the cache folder, since only they and the compiler count.
 
     Args:
         content: files by name.
+        name: of the library, which those of a Mac hold.
         optimise: the compiler's options for speed; by default `OPTIMISED`.
         platform: a key of `PLATFORMS`; by default this machine's own.
 
@@ -177,19 +236,20 @@ def compiled(content: Mapping[str, bytes], optimise: str | None = None, platform
     suffix = fmpy.sharedLibraryExtension if platform is None else PLATFORMS[platform].suffix
     flags = FLAGS if platform is None else (*FLAGS, *PLATFORMS[platform].flags)
     command = [*given, *flags, *shlex.split(optimise or OPTIMISED)]
-    known = hashlib.sha256("\0".join([*command, release(tuple(given))]).encode())
-    for name, data in sorted(content.items()):
-        known.update(name.encode() + b"\0" + data)
+    known = hashlib.sha256("\0".join([*command, release(tuple(given)), name]).encode())
+    for file, data in sorted(content.items()):
+        known.update(file.encode() + b"\0" + data)
     kept = cache_folder() / "native" / f"{known.hexdigest()[:32]}{suffix}"
     if kept.exists():
         return kept.read_bytes()
     with Scratch("native_") as scratch:
-        for name, data in content.items():
-            Path(scratch, name).write_bytes(data)
-        library = Path(scratch, "library" + suffix)
+        for file, data in content.items():
+            Path(scratch, file).write_bytes(data)
+        library = Path(scratch, name + suffix)
         last = ["-lm"] if suffix != ".dll" else []
         done = subprocess.run(
-            [*command, "fmu.c", "-o", library.name, *last], cwd=scratch, capture_output=True, text=True, check=False
+            [*command, "fmu.c", "-o", library.name, *last], cwd=scratch, env=_variables(), capture_output=True, text=True,
+            check=False,
         )  # fmt: skip
         if done.returncode != 0:
             raise ModelError(
@@ -240,12 +300,14 @@ def entries(
             description, encoding="UTF-8", xml_declaration=True, pretty_print=True
         ),
         "documentation/index.html": page(model, fmi),
-        library: compiled(content, optimise),
         "sources/buildDescription.xml": build_description(model),
     }
+    libraries = {library: [compiled(content, model.name, optimise)]}
     for name in further(platforms):
         other = PLATFORMS[name]
-        found[f"binaries/{other.folders[fmi]}/{model.name}{other.suffix}"] = compiled(content, optimise, name)
+        path = f"binaries/{other.folders[fmi]}/{model.name}{other.suffix}"
+        libraries.setdefault(path, []).append(compiled(content, model.name, optimise, name))
+    found |= {path: universal(parts) for path, parts in libraries.items()}
     found |= {f"sources/{name}": data for name, data in content.items()}
     found |= {f"resources/{name}": data for name, data in resources.items()}
     picture = PICTURES / f"{model.name}.png"

@@ -158,6 +158,7 @@ def test_scarce_resources_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_missing_tool_names_its_purpose(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
+    monkeypatch.setenv("CC", "no-such-compiler")  # else that of the extra `cross` is found
     findings = {finding.name: finding for finding in doctor.examine()}
     for tool in ("C compiler", "Chromium"):
         assert findings[tool].state == "warning"

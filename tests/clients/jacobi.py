@@ -1,12 +1,13 @@
-"""The same blocks in plain Python under the scheme of fmpy, ecos and libcosim, to compare their results with.
+"""The same blocks in plain Python under the scheme of fmpy, ecos, libcosim and FMUContainer, to compare their results with.
 
-All three are Jacobi masters: every component steps from t to t + h with the outputs that the others had at t, so each
+All are Jacobi masters: every component steps from t to t + h with the outputs that the others had at t, so each
 connection delays by one step. They differ at the start and in the stamps:
 
     fmpy       components are initialised alone; every input of the first step is 0; the row of a step bears its start time
     ecos       outputs are handed on during initialisation, once for each component; rows from t = 0; clock accumulated;
                a row is asked for after the outputs were handed on, so that what follows an input at once shows the new input
     libcosim   as ecos; rows from the end of the first step; clock in whole nanoseconds
+    FMUContainer   as ecos, without its question after the hand-over; parameters of the .ssv are not read
 """
 
 import io
@@ -26,6 +27,7 @@ SCHEMES = {
     "fmpy": {"first_input_zero": True},
     "ecos": {"first_input_zero": False, "asked_after_sets": True},
     "libcosim": {"first_input_zero": False},
+    "fmucontainer": {"first_input_zero": False},
 }
 
 

@@ -1,4 +1,7 @@
-"""Our closed packages, unchanged, in fmpy, ecos and libcosim: each agrees with the same blocks under its scheme."""
+"""Our closed packages, unchanged, in fmpy, ecos, libcosim and FMUContainer.
+
+Each agrees with the same blocks under its scheme.
+"""
 
 import importlib.util
 import subprocess
@@ -18,7 +21,12 @@ pytestmark = pytest.mark.clients
 
 STEPS = 1200
 H = 1e-3
-MODULES = {"fmpy": "fmpy", "ecos": "ecospy", "libcosim": "libcosimpy"}
+MODULES = {
+    "fmpy": "fmpy",
+    "ecos": "ecospy",
+    "libcosim": "libcosimpy",
+    "fmucontainer": "fmu_manipulation_toolbox",
+}
 DRIVE = ("compensator.demand", "dead_zone.demand")
 SENSED = ("sensor.slew", "observer.slew_estimate", "observer.slew_rate_estimate")
 CHAIN = ("dcv.spool", "continuity.p_load", "continuity.p_supply", "mechanical.theta", "mechanical.omega")
@@ -70,7 +78,7 @@ def packages(tmp_path_factory):
     return written | {"extended": extended, "bound": write_archive(mixed, folder / "bound.ssp")}
 
 
-@pytest.fixture(params=["fmpy", "ecos", "libcosim"])
+@pytest.fixture(params=MODULES)
 def engine(request):
     if importlib.util.find_spec(MODULES[request.param]) is None:
         pytest.skip(f"{MODULES[request.param]} is not installed: pip install 'slew-cosim[clients]'")
@@ -79,14 +87,14 @@ def engine(request):
 
 def largest_difference(engine, found, expected, signals):
     """Largest difference relative to the signal's range, and the stamps of that engine's rows."""
-    first = 0 if engine == "ecos" else 1
+    first = 0 if engine in ("ecos", "fmucontainer") else 1
     worst = {}
     for name in signals:
         wanted = expected[name][first:]
         assert found[name].shape == wanted.shape
         span = np.ptp(wanted) or 1.0
         worst[name] = float(np.max(np.abs(found[name] - wanted)) / span)
-    stamps = np.arange(0 if engine in ("fmpy", "ecos") else 1, STEPS + (engine != "fmpy")) * H
+    stamps = np.arange(1 if engine == "libcosim" else 0, STEPS + (engine != "fmpy")) * H
     np.testing.assert_allclose(found["time"], stamps, rtol=0.0, atol=1e-9)
     return worst
 
@@ -149,10 +157,10 @@ def test_changed_parameters_are_in_the_fmus_and_honoured(engine, packages):
     assert max(worst.values()) < 1e-9, worst
 
 
-def test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_fmpy(engine, packages):
+def test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_the_others(engine, packages):
     signals = SIGNALS["full_order"]
     found, _ = run_engine(engine, packages["bound"], steps=STEPS, h=H, signals=signals, timeout=600)
-    obeyed = "full_order" if engine == "fmpy" else "extended"
+    obeyed = "full_order" if engine in ("fmpy", "fmucontainer") else "extended"
     expected = simulate(packages[obeyed], STEPS, H, signals, **SCHEMES[engine])
     worst = largest_difference(engine, found, expected, signals)
     assert max(worst.values()) < 1e-9, worst

@@ -21,7 +21,7 @@ from cosim.paths import ssp_folder
 from fmus import registry
 from fmus.build import composed_block
 
-QUICK = "-O1 -Wall -Wextra -pedantic -Werror"
+QUICK = "-O1 -Wall -Wextra -pedantic -Werror -Wno-strict-prototypes"
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -12,7 +12,7 @@ from test_clients import (  # the tests themselves, with this module's packages
     SIGNALS,
     command,
     engine,
-    test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_fmpy,
+    test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_the_others,
     test_nominal_and_extended_model_do_not_mix_in_one_process,
     test_system_agrees_with_the_blocks_under_the_master_s_scheme,
 )
@@ -31,7 +31,7 @@ from fmus import registry
 
 __all__ = [
     "engine",
-    "test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_fmpy",
+    "test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_the_others",
     "test_nominal_and_extended_model_do_not_mix_in_one_process",
     "test_system_agrees_with_the_blocks_under_the_master_s_scheme",
 ]
@@ -170,7 +170,7 @@ def test_without_a_compiler_the_message_says_what_to_do(monkeypatch, tmp_path) -
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(native_build.shutil, "which", lambda name: None)
     with pytest.raises(
-        native_build.MissingCompilerError, match="install one, such as gcc, or set CC"
+        native_build.MissingCompilerError, match=r"such as gcc or the extra `cross` .*, or set CC"
     ) as missing:
         native_build.compiler()
     assert missing.value.exit_code == 5

@@ -60,6 +60,7 @@ static Status prepare(Instance *I, double time, double step) {
 static Status make_step(Instance *I, double time, double step) {
     double outputs[N_OUTPUTS], moved[N_INPUTS + 1], *inputs;
     char a[NUMBER_SIZE], b[NUMBER_SIZE], text[160];
+    double sizes = 0.0;
     int k, fault = PY_NO_FAULT;
     if (I->failed || prepare(I, time, step) != STATUS_OK) {
         return STATUS_ERROR;
@@ -80,6 +81,9 @@ static Status make_step(Instance *I, double time, double step) {
         return refuse_fault(I, text, fault);
     }
     for (k = 0; k < N_OUTPUTS; k++) {
+        sizes += fabs(outputs[k]);
+    }
+    for (k = 0; !(sizes < 1e300) && k < N_OUTPUTS; k++) { /* one of them may be no finite number */
         if (!(-1e300 < outputs[k] && outputs[k] < 1e300)) {
             return refuse(I, "the step at t = %s s failed: %s = %s", number(time, a), model_names[N_INPUTS + k],
                           number(outputs[k], b));

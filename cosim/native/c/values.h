@@ -57,7 +57,11 @@ static Status get_reals(Instance *I, const Reference r[], size_t n, double value
         I->begun = status == STATUS_OK;
     }
     shown = outputs_now(I, outputs);
-    for (k = 0; k < n; k++) {
+    /* outputs first and quickly: unsigned, so that what is no output lies beyond; none is a whole number */
+    for (k = 0; k < n && r[k] - N_INPUTS < N_OUTPUTS; k++) {
+        values[k] = shown[r[k] - N_INPUTS];
+    }
+    for (; k < n; k++) {
 #if FMI_VERSION == 3 /* which has the time among its variables, and is strict about their types */
         if (r[k] == TIME) {
             values[k] = I->time;
