@@ -1,9 +1,10 @@
 """What the cube of a batch says of its axes before there is any signal."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class Coordinates:
@@ -26,14 +27,27 @@ class Coordinates:
         self.columns = columns
         self.attributes = {"output_step": output_step, "first_time": first_time, "time_is": time_is}
 
-    def write(self, path: Path) -> None:
-        """Write a dataset of coordinates alone."""
+    def write(self, store: Any) -> None:
+        """Write a dataset of coordinates alone into a store of zarr."""
         import xarray as xr
 
-        found = {}
-        for name, (values, unit) in self.columns.items():
-            array = np.asarray(values)
-            array = array.astype("U") if array.dtype.kind not in "biuf" else array
-            found[name] = xr.Variable(("run",), array, {"units": unit} if unit else {})
+        found = {
+            name: xr.Variable(("run",), self._array(name), {"units": unit} if unit else {})
+            for name, (_, unit) in self.columns.items()
+        }
         dataset = xr.Dataset(coords=found, attrs={"label": "simulated", **self.attributes})
-        dataset.to_zarr(path, mode="w", zarr_format=2, consolidated=False)
+        dataset.to_zarr(store, mode="w", zarr_format=2, consolidated=False)
+
+    def lost(self, group: Any) -> str | None:
+        """The first axis or attribute that a cube does not hold as it was written."""
+        for name, value in self.attributes.items():
+            if group.attrs.get(name) != value:
+                return name
+        for name in self.columns:
+            if name not in group or not np.array_equal(group[name][:], self._array(name)):
+                return name
+        return None
+
+    def _array(self, name: str) -> NDArray[Any]:
+        array = np.asarray(self.columns[name][0])
+        return array if array.dtype.kind in "biuf" else array.astype("U")

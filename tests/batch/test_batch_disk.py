@@ -19,7 +19,7 @@ import pandas as pd  # noqa: E402
 
 from cosim.batch.coordinates import Coordinates  # noqa: E402
 from cosim.batch.job import Outcome, Signal  # noqa: E402
-from cosim.batch.store import Store  # noqa: E402
+from cosim.batch.store import LOCK, Store  # noqa: E402
 from cosim.errors import DataError, UsageError  # noqa: E402
 from cosim.files import write_text  # noqa: E402
 
@@ -187,3 +187,86 @@ def test_a_damaged_cube_is_named_with_a_way_out(tmp_path, what):
     with pytest.raises(DataError, match=r"signals.zarr is damaged .*--fresh"):
         Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False)
     assert Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=True) == 0
+
+
+def test_of_two_batches_in_one_folder_the_second_is_told_who_writes_there(tmp_path):
+    with Store(tmp_path).alone():
+        Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False)
+        with pytest.raises(UsageError, match=rf"another batch writes into .*process {os.getpid()} on"):
+            Store(tmp_path).alone().__enter__()
+    assert [item.name for item in tmp_path.iterdir() if "lock" in item.name] == []
+    (tmp_path / LOCK).write_text("process 1 on a host, killed")
+    with Store(tmp_path).alone():
+        assert Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False) == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="asks of an open file which it is")
+def test_a_line_of_the_journal_comes_after_its_signals_are_on_the_disk(tmp_path, monkeypatch):
+    """After a power cut a name may stand for an empty file unless it was synced before."""
+    synced, checked, sync = set(), [], os.fsync
+
+    def counted(handle):
+        about = os.fstat(handle)
+        if store.path("journal").exists() and os.path.samestat(about, store.path("journal").stat()):
+            stats = {path: path.stat() for path in (tmp_path / "signals.zarr").rglob("*")}
+            checked.append([path for path, s in stats.items() if (s.st_ino, s.st_mtime_ns) not in synced])
+        synced.add((about.st_ino, about.st_mtime_ns))
+        sync(handle)
+
+    store = Store(tmp_path)
+    monkeypatch.setattr(os, "fsync", counted)
+    store.begin({"identity": "x"}, coordinates(), fresh=False)
+    for number in range(3):
+        store.add([simulated(number)])
+        store.flush()
+    assert checked == [[], [], []]
+
+
+def damaged(file, how):
+    if how == "gone":
+        file.unlink()
+    else:
+        file.write_bytes({"empty": b"", "half": file.read_bytes()[:20], "zeros": bytes(500)}[how])
+
+
+@pytest.mark.parametrize("how", ["gone", "empty", "half", "zeros", "older"])
+def test_runs_whose_signals_a_disk_has_lost_are_done_again(tmp_path, how):
+    store = Store(tmp_path)
+    store.begin({"identity": "x"}, coordinates(), fresh=False)
+    chunk = tmp_path / "signals.zarr" / "a.y" / "0.0"
+    kept = b""
+    for number in range(3):
+        store.add([simulated(number)])
+        store.flush()
+        kept = kept or chunk.read_bytes()
+    store.finish({"run": [0, 1, 2]})
+    whole = chunk.read_bytes()
+    if how == "older":
+        chunk.write_bytes(kept)
+    else:
+        damaged(chunk, how)
+    again = Store(tmp_path)
+    done = again.begin({"identity": "x"}, coordinates(), fresh=False)
+    assert (done, again.spoilt) == ((1, 2) if how == "older" else (0, 3))
+    again.add([simulated(number) for number in range(3) if number not in again.rows])
+    again.flush()
+    again.finish({"run": [0, 1, 2]})
+    assert chunk.read_bytes() == whole
+    assert Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False) == 3
+
+
+@pytest.mark.parametrize("how", ["gone", "empty", "half", "zeros"])
+@pytest.mark.parametrize("what", ["run/0", "run/.zarray", ".zattrs"])
+def test_an_axis_that_a_disk_has_lost_is_named(tmp_path, how, what):
+    gone_on(tmp_path)
+    damaged(tmp_path / "signals.zarr" / what, how)
+    with pytest.raises(DataError, match=r"signals.zarr is damaged .*--fresh"):
+        Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False)
+
+
+def test_a_line_of_the_journal_without_what_every_line_has_is_named(tmp_path):
+    gone_on(tmp_path)
+    journal = tmp_path / "journal.jsonl"
+    journal.write_text(journal.read_text().replace('"reason"', '"reasom"', 1))
+    with pytest.raises(DataError, match=r"journal.jsonl, line 1 is damaged"):
+        Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False)
