@@ -33,7 +33,9 @@ from cosim.batch.lasting import LastingStore
 from cosim.console import to_jsonable
 from cosim.errors import DataError, UsageError
 from cosim.files import HeldError, held, is_left_over, whole, write_bytes, write_text
+from cosim.interrupts import POSTPONING
 
+POSTPONING.add(str(Path(zarr.__file__).parent / "_").removesuffix("_"))
 Array = NDArray[np.float64]
 
 INTERVAL = 1.0  # s of finished work that a kill may cost at most, besides the runs in hand

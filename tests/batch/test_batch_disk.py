@@ -1,8 +1,10 @@
 """The folder of a batch on a disk that fails: it begins again, and its journal never holds half a line."""
 
+import asyncio
 import contextlib
 import os
 import shutil
+import signal
 import sys
 import threading
 import time
@@ -16,12 +18,15 @@ for needed in ("xarray", "zarr"):
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
+import zarr  # noqa: E402
 
 from cosim.batch.coordinates import Coordinates  # noqa: E402
 from cosim.batch.job import Outcome, Signal  # noqa: E402
+from cosim.batch.lasting import LastingStore  # noqa: E402
 from cosim.batch.store import LOCK, Store  # noqa: E402
 from cosim.errors import DataError, UsageError  # noqa: E402
 from cosim.files import write_text  # noqa: E402
+from cosim.interrupts import ended_in_order  # noqa: E402
 
 
 def outcome(number):
@@ -270,3 +275,25 @@ def test_a_line_of_the_journal_without_what_every_line_has_is_named(tmp_path):
     journal.write_text(journal.read_text().replace('"reason"', '"reasom"', 1))
     with pytest.raises(DataError, match=r"journal.jsonl, line 1 is damaged"):
         Store(tmp_path).begin({"identity": "x"}, coordinates(), fresh=False)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_a_signal_waits_until_zarr_has_written(tmp_path, monkeypatch):
+    """Else Python says as it ends that tasks were destroyed, or that none can be begun any more."""
+    store, write, struck = Store(tmp_path), LastingStore.set, []
+
+    async def interrupted(self, key, value):
+        if not struck:
+            struck.append(key)
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGTERM)
+            await asyncio.sleep(0.2)
+        await write(self, key, value)
+
+    store.begin({"identity": "x"}, coordinates(), fresh=False)
+    monkeypatch.setattr(LastingStore, "set", interrupted)
+    with pytest.raises(KeyboardInterrupt), ended_in_order():  # noqa: PT012
+        store._group().attrs["label"] = "asked twice"
+        time.sleep(5.0)
+    assert struck
+    assert not asyncio.all_tasks(zarr.core.sync.loop[0])
+    assert '"asked twice"' in (tmp_path / "signals.zarr" / ".zattrs").read_text()
