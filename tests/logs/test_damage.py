@@ -247,6 +247,15 @@ def test_a_stray_quotation_mark_loses_no_row_in_silence(write, last):
         load_log(write("time [s],u [1],slew [deg],remark\n" + "\n".join(lines) + "\n"))
 
 
+def test_a_quotation_mark_before_a_long_log_is_named(write):
+    lines = [f"{row},ok" for row in rows(20000)]
+    lines[100] = '0.100,0,50.0,"ok'
+    with pytest.raises(
+        DataError, match=r"row 102: a quotation mark opens a cell that is longer than 131072 char"
+    ):
+        load_log(write("time [s],u [1],slew [deg],remark\n" + "\n".join(lines) + "\n"))
+
+
 def test_a_remark_of_two_lines_is_read(load):
     lines = [f"{row},ok" for row in rows(100)]
     lines[50] = '0.050,0,25.0,"by hand,\nstopped"'
