@@ -365,12 +365,23 @@ class Store:
                 array.resize((array.shape[0], size))
         first, step = float(group.attrs["first_time"]), float(group.attrs["output_step"])
         attributes = {"_ARRAY_DIMENSIONS": ["time"], "units": "s", "long_name": group.attrs["time_is"]}
-        time = group.create_array(
-            "time", shape=(size,), dtype="float64", fill_value=None, attributes=attributes, overwrite=True
-        )
-        time[:] = first + np.arange(size) * step
+        times = first + np.arange(size) * step
+        if not _holds(group, "time", times, attributes):  # a disk may be full between taking away and writing
+            time = group.create_array(
+                "time", shape=(size,), dtype="float64", fill_value=None, attributes=attributes, overwrite=True
+            )
+            time[:] = times
         zarr.consolidate_metadata(self._cube, zarr_format=2)
         self._cube.last()
+
+
+def _holds(group: Any, name: str, values: Array, attributes: Mapping[str, Any]) -> bool:
+    """Whether a cube has an array with these values and attributes."""
+    try:
+        array = group[name]
+        return bool(np.array_equal(array[:], values)) and dict(array.attrs) == attributes
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError):
+        return False
 
 
 def checksum(name: str, values: Array) -> int:

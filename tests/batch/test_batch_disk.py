@@ -124,6 +124,23 @@ def test_a_batch_that_ends_while_a_signal_gets_its_place_goes_on_to_the_same_cub
     pytest.fail("no end of calls")
 
 
+def test_a_batch_that_is_done_stays_whole_where_a_disk_is_full_as_it_is_asked_again(tmp_path):
+    whole = gone_on(tmp_path / "whole")
+    assert "time/.zarray" in whole
+    for at in range(1, 200):
+        folder = tmp_path / str(at)
+        shutil.copytree(tmp_path / "whole", folder)
+        store = Store(folder)
+        with failing_call(at) as faults, contextlib.suppress(OSError, UsageError):
+            assert store.begin({"identity": "x"}, coordinates(), fresh=False) == 3
+            store.finish({"run": [0, 1, 2]})
+        assert described(folder) == whole, at
+        assert (folder / "signals.zarr" / "time" / "0").exists(), at
+        if faults.seen < at:
+            return
+    pytest.fail("no end of calls")
+
+
 @contextlib.contextmanager
 def killed_at(at):
     """Ends in the place of the n-th file or folder that would be taken away; says whether there was one."""
