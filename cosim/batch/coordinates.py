@@ -44,7 +44,10 @@ class Coordinates:
             if group.attrs.get(name) != value:
                 return name
         for name in self.columns:
-            if name not in group or not np.array_equal(group[name][:], self._array(name)):
+            written = self._array(name)
+            if name not in group or not np.array_equal(
+                group[name][:], written, equal_nan=written.dtype.kind == "f"
+            ):
                 return name
         return None
 

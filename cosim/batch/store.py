@@ -49,15 +49,8 @@ FILES = {
     "runs": "runs.parquet",
     "picture": "summary.png",
 }
-ROW = {
-    "run",
-    "status",
-    "reason",
-    "seconds",
-    "worker",
-    "scores",
-    "notes",
-}  # of the journal, whatever its version
+# of a line of the journal, whatever its version
+ROW = {"run", "status", "reason", "seconds", "worker", "scores", "notes"}
 LOCK = ".cosim-batch.lock"
 
 
@@ -386,5 +379,5 @@ def _holds(group: Any, name: str, values: Array, attributes: Mapping[str, Any]) 
 
 def checksum(name: str, values: Array) -> int:
     """Of one signal of a run, without the NaN with which the cube fills it up; 0 of none."""
-    given = values[~np.isnan(values)]
+    given = np.asarray(values, dtype=np.float64)[~np.isnan(values)]
     return zlib.crc32(given.tobytes(), zlib.crc32(name.encode())) if given.size else 0

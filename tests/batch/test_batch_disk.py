@@ -314,3 +314,20 @@ def test_a_signal_waits_until_zarr_has_written(tmp_path, monkeypatch):
     assert struck
     assert not asyncio.all_tasks(zarr.core.sync.loop[0])
     assert '"asked twice"' in (tmp_path / "signals.zarr" / ".zattrs").read_text()
+
+
+def test_axes_and_signals_of_any_kind_are_known_again(tmp_path):
+    kinds = {
+        "model": (["a", "ä", ""], ""),
+        "p.on": ([True, False, True], ""),
+        "p.x": ([0.1, np.nan, 2.0], "kg"),
+    }
+    axes = Coordinates({"run": ([0, 1, 2], ""), **kinds}, 0.001, 0.0, "time")
+    store = Store(tmp_path)
+    store.begin({"identity": "x"}, axes, fresh=False)
+    for number, values in enumerate(([1.0, np.nan, -0.0, np.inf], [0.1, 0.2], [])):
+        signal_ = Signal(np.array(values, dtype=np.float32), "rad", ("deg", 57.3, 0.0))
+        store.add([Outcome(number, "done", seconds=0.1, worker="w", signals={"a.x": signal_})])
+    store.flush()
+    again = Store(tmp_path)
+    assert (again.begin({"identity": "x"}, axes, fresh=False), again.spoilt) == (3, 0)
