@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from types import FrameType
 
 HANDLED = (signal.SIGINT, signal.SIGTERM)
@@ -55,13 +55,13 @@ def uninterrupted() -> Iterator[None]:
         return
     handlers = {s: h for s in HANDLED if callable(h := signal.getsignal(s))}
     came: list[int] = []
-    for number in handlers:
-        signal.signal(number, lambda number, frame: came.append(number))
     try:
-        yield
+        with ExitStack() as stack:  # a signal may strike between any two of these
+            for number, handler in handlers.items():
+                stack.callback(signal.signal, number, handler)
+                signal.signal(number, lambda number, frame: came.append(number))
+            yield
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
         if came:
             # the frame of now, when nothing is in the way any more
             handlers[signal.Signals(came[0])](came[0], inspect.currentframe())
