@@ -33,7 +33,7 @@ from cosim.batch.lasting import LastingStore
 from cosim.console import to_jsonable
 from cosim.errors import DataError, UsageError
 from cosim.files import HeldError, held, is_left_over, whole, write_bytes, write_text
-from cosim.interrupts import POSTPONING
+from cosim.interrupts import POSTPONING, uninterrupted
 
 POSTPONING.add(str(Path(zarr.__file__).parent / "_").removesuffix("_"))
 Array = NDArray[np.float64]
@@ -262,7 +262,9 @@ class Store:
                 }
                 lines.append(json.dumps(to_jsonable(row), ensure_ascii=False) + "\n")
                 self.rows[outcome.number] = json.loads(lines[-1])
-            self._append("".join(lines).encode())
+            with uninterrupted():  # the flush that follows a signal would write the lines again
+                self._append("".join(lines).encode())
+                self._waiting = []
         self._waiting, self._bytes, self._flushed = [], 0, clock.monotonic()
 
     def _append(self, lines: bytes) -> None:

@@ -331,3 +331,24 @@ def test_axes_and_signals_of_any_kind_are_known_again(tmp_path):
     store.flush()
     again = Store(tmp_path)
     assert (again.begin({"identity": "x"}, axes, fresh=False), again.spoilt) == (3, 0)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_a_signal_as_the_journal_is_synced_writes_no_line_twice(tmp_path, monkeypatch):
+    store, sync = Store(tmp_path), os.fsync
+    store.begin({"identity": "x"}, coordinates(), fresh=False)
+    store.add([outcome(0)])
+
+    def struck(handle):
+        sync(handle)
+        if store.path("journal").exists():
+            monkeypatch.undo()
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(os, "fsync", struck)
+    with pytest.raises(KeyboardInterrupt), ended_in_order():  # noqa: PT012
+        try:
+            store.flush()
+        finally:
+            store.flush()  # as a batch does that is ended
+    assert len(store.path("journal").read_bytes().splitlines()) == 1
