@@ -89,6 +89,14 @@ def simulated(number):
     return Outcome(number=number, status="done", seconds=0.1, worker="w", scores={}, signals=signals)
 
 
+def settled():
+    """Waits for what zarr goes on with though one of its writes has failed."""
+    until = time.monotonic() + 60.0
+    while asyncio.all_tasks(zarr.core.sync.loop[0]):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
 def described(folder):
     """What the cube says of itself, by file."""
     cube = folder / "signals.zarr"
@@ -134,6 +142,7 @@ def test_a_batch_that_is_done_stays_whole_where_a_disk_is_full_as_it_is_asked_ag
         with failing_call(at) as faults, contextlib.suppress(OSError, UsageError):
             assert store.begin({"identity": "x"}, coordinates(), fresh=False) == 3
             store.finish({"run": [0, 1, 2]})
+        settled()
         assert described(folder) == whole, at
         assert (folder / "signals.zarr" / "time" / "0").exists(), at
         if faults.seen < at:
