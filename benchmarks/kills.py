@@ -405,9 +405,8 @@ def table(folder: Path) -> Any:
 
 
 def journal(folder: Path) -> list[str]:
-    """Its journal, in the order of the runs, without those."""
+    """Its journal, in the order of the runs, without those; a run that was done twice is there twice."""
     rows = [json.loads(line) for line in (folder / "journal.jsonl").read_text().splitlines()]
-    assert len({row["run"] for row in rows}) == len(rows), "a run was done twice"
     kept = [{n: v for n, v in row.items() if n not in FALLING} for row in rows]
     return sorted(json.dumps(row) for row in sorted(kept, key=lambda row: row["run"]))
 

@@ -5,9 +5,12 @@ file leave one of the two whole.
 """
 
 import contextlib
+import errno
 import os
+import platform
 import secrets
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -16,6 +19,8 @@ from cosim.errors import UsageError
 from cosim.interrupts import uninterrupted
 
 MARK = ".part"
+TAKEN = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # what a lock that another process has answers
+_BEYOND = 1 << 30  # the byte that Windows locks: one of the content could not be read by others
 _LONGEST, _LONGEST_SUFFIX = 150, 50  # bytes of the old name in the hidden one, of 255 that a name may have
 
 
@@ -55,7 +60,7 @@ def whole(path: Path) -> Iterator[Path]:
         yield part
         if target.exists():
             shutil.copymode(target, part)
-        _sync(part)
+        sync(part)
         part.replace(target)
     except BaseException as error:  # Ctrl-C, too
         with contextlib.suppress(OSError):
@@ -63,7 +68,7 @@ def whole(path: Path) -> Iterator[Path]:
         if isinstance(error, OSError) and str(error.filename) == str(part):
             error.filename = str(path)  # what the user named
         raise
-    _sync_folder(target.parent)
+    sync_folder(target.parent)
 
 
 def write_bytes(path: Path, content: bytes) -> Path:
@@ -116,13 +121,81 @@ def is_left_over(path: Path) -> bool:
     return path.name.startswith(".") and MARK in path.name
 
 
-def _sync(path: Path) -> None:
+class HeldError(Exception):
+    """Another process holds a lock; the text is which."""
+
+
+@contextlib.contextmanager
+def held(lock: Path) -> Iterator[None]:
+    """A file that one process at a time holds: its end or a kill lets go of it.
+
+    Where the file system knows no locks the block runs all the same.
+
+    Raises:
+        HeldError: another process holds it.
+        OSError: it cannot be written.
+    """
+    handle = _opened(lock)
+    try:
+        os.truncate(handle, 0)
+        os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
+        yield
+    finally:
+        try:
+            with contextlib.suppress(FileNotFoundError):
+                lock.unlink()  # while it is held: later it may be another's
+            os.close(handle)
+        except PermissionError:  # Windows takes away no open file, nor one that another has opened since
+            os.close(handle)
+            with contextlib.suppress(OSError):
+                lock.unlink()
+
+
+def _opened(lock: Path) -> int:
+    """The file, open and locked."""
+    while True:
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(handle)
+        except OSError as error:
+            if error.errno not in TAKEN:
+                return handle
+            holder = os.read(handle, 200).decode(errors="replace")
+            os.close(handle)
+            raise HeldError(holder or "a process that has just begun") from None
+        with contextlib.suppress(OSError):
+            if os.path.samestat(os.fstat(handle), lock.stat()):
+                return handle
+        os.close(handle)  # who held it took it away meanwhile
+
+
+def _lock(handle: int) -> None:
+    if sys.platform == "win32":
+        import msvcrt
+
+        os.lseek(handle, _BEYOND, os.SEEK_SET)
+        try:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        finally:
+            os.lseek(handle, 0, os.SEEK_SET)
+    else:
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def sync(path: Path) -> None:
+    """Makes what a file holds last.
+
+    Raises:
+        OSError: it cannot be written.
+    """
     with path.open("rb+") as stream:
         os.fsync(stream.fileno())
 
 
-def _sync_folder(folder: Path) -> None:
-    """Makes the new name last; where a system cannot sync folders, the file itself is safe all the same."""
+def sync_folder(folder: Path) -> None:
+    """Makes new names in it last; where a system cannot sync folders, the file itself is safe all the same."""
     with contextlib.suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:

@@ -10,13 +10,14 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from types import FrameType
 
 HANDLED = (signal.SIGINT, signal.SIGTERM)
 AGAIN = 0.02  # s between looks whether an import or an FMU's call has ended
 POSTPONING: set[str] = {tempfile.__file__}
-"""Files of Python from which FMUs are called, or in which a file has been made whose name nobody knows yet."""
+"""Files of Python, or folders of them with a separator at the end, from which FMUs are called, in which a file has been made
+whose name nobody knows yet, or which leave work to a loop of events that would go on without them."""
 
 
 class _Struck:
@@ -54,13 +55,13 @@ def uninterrupted() -> Iterator[None]:
         return
     handlers = {s: h for s in HANDLED if callable(h := signal.getsignal(s))}
     came: list[int] = []
-    for number in handlers:
-        signal.signal(number, lambda number, frame: came.append(number))
     try:
-        yield
+        with ExitStack() as stack:  # a signal may strike between any two of these
+            for number, handler in handlers.items():
+                stack.callback(signal.signal, number, handler)
+                signal.signal(number, lambda number, frame: came.append(number))
+            yield
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
         if came:
             # the frame of now, when nothing is in the way any more
             handlers[signal.Signals(came[0])](came[0], inspect.currentframe())
@@ -103,7 +104,7 @@ def ended_in_order(came: list[int] | None = None) -> Iterator[None]:
     """Within this context SIGTERM is a Ctrl-C, so that temporary folders and halves of files are cleared up.
 
     Neither strikes within an import or a call of an FMU, whose C makes another error of it, nor while a temporary file is
-    made, which would stay, but right after. Where Python
+    made, which would stay, or zarr writes, which prints what it has not done, but right after. Where Python
     drops what is raised (a finaliser, the callback of a weak reference) it strikes again, soon. The second SIGTERM ends the
     process at once. A signal that is ignored or handled already stays so.
 
@@ -167,10 +168,11 @@ def _send(number: int) -> None:
 
 
 def _untimely(frame: FrameType | None) -> bool:
-    """Whether an import, a call of an FMU or the making of a temporary file is going on in a frame or one that called it."""
+    """Whether an import or what POSTPONING names is going on in a frame or one that called it."""
+    places = tuple(POSTPONING)
     while frame is not None:
         name = frame.f_code.co_filename
-        if name.startswith("<frozen importlib") or name in POSTPONING:
+        if name.startswith("<frozen importlib") or name.startswith(places):
             return True
         frame = frame.f_back
     return False

@@ -10,6 +10,7 @@ import time
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 import typer
@@ -66,6 +67,28 @@ def test_the_handler_is_called_when_the_block_ends() -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     assert reached == [True]
+
+
+def test_a_signal_that_strikes_as_others_are_held_back_leaves_their_handlers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Python calls handlers of what has come already when one is set; Ctrl-C was without any effect from then on."""
+    usual = signal.signal
+    before = usual(signal.SIGTERM, lambda number, frame: None)
+
+    def struck(number: signal.Signals, handler: Any) -> Any:
+        if number == signal.SIGTERM:
+            monkeypatch.undo()
+            raise KeyboardInterrupt
+        return usual(number, handler)
+
+    try:
+        monkeypatch.setattr(signal, "signal", struck)
+        with pytest.raises(KeyboardInterrupt), uninterrupted():
+            pytest.fail("the signal was lost")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        usual(signal.SIGTERM, before)
 
 
 def test_what_is_ignored_stays_ignored_and_other_threads_are_left_alone() -> None:

@@ -80,12 +80,17 @@ def conduct(
         warn(note)
     store = Store(folder)
     about = {"identity": batch.identity, "plan": plan.model_dump(), "runs": len(batch.runs), "job": batch.job}
-    store.begin(about, _coordinates(batch), fresh)
-    if retry_failed:
-        store.forget_failed()
-    effort = _do(batch, store, warn)
-    frame = store.finish(_columns(batch))
-    report = _report(batch, store, frame, warn)
+    with store.alone():
+        store.begin(about, _coordinates(batch), fresh)
+        if store.spoilt:
+            warn(
+                f"{store.spoilt} runs are done again: their signals in {store.path('signals')} are damaged or gone"
+            )
+        if retry_failed:
+            store.forget_failed()
+        effort = _do(batch, store, warn)
+        frame = store.finish(_columns(batch))
+        report = _report(batch, store, frame, warn)
     report.about |= effort
     return report
 

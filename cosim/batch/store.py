@@ -5,6 +5,9 @@ journal.jsonl   one line a finished run, appended once its signals are on disk
 signals.zarr    signals, run x time, for xarray; NaN where a run has not finished or failed
 runs.parquet    one row a run, written at the end
 summary.png     the picture
+.cosim-batch.lock  of the process that writes here
+
+A line of the journal comes after its signals have been synced, and holds their checksum.
 """
 
 import contextlib
@@ -14,7 +17,8 @@ import os
 import shutil
 import time as clock
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +29,13 @@ from numpy.typing import NDArray
 
 from cosim.batch.coordinates import Coordinates
 from cosim.batch.job import Outcome, Signal
+from cosim.batch.lasting import LastingStore
 from cosim.console import to_jsonable
 from cosim.errors import DataError, UsageError
-from cosim.files import is_left_over, whole, write_bytes, write_text
+from cosim.files import HeldError, held, is_left_over, whole, write_bytes, write_text
+from cosim.interrupts import POSTPONING, uninterrupted
 
+POSTPONING.add(str(Path(zarr.__file__).parent / "_").removesuffix("_"))
 Array = NDArray[np.float64]
 
 INTERVAL = 1.0  # s of finished work that a kill may cost at most, besides the runs in hand
@@ -42,6 +49,9 @@ FILES = {
     "runs": "runs.parquet",
     "picture": "summary.png",
 }
+# of a line of the journal, whatever its version
+ROW = {"run", "status", "reason", "seconds", "worker", "scores", "notes"}
+LOCK = ".cosim-batch.lock"
 
 
 class Store:
@@ -50,11 +60,14 @@ class Store:
     Attributes:
         folder: where it is.
         rows: what is known of each finished run, by number.
+        spoilt: how many finished runs were found without their signals, and are not among the rows.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.rows: dict[int, dict[str, Any]] = {}
+        self.spoilt = 0
+        self._cube = LastingStore(self.path("signals"))
         self._waiting: list[Outcome] = []
         self._bytes = 0
         self._flushed = clock.monotonic()
@@ -63,6 +76,30 @@ class Store:
     def path(self, what: str) -> Path:
         """A file of the folder, by its key in FILES."""
         return self.folder / FILES[what]
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """No other process writes into the folder within the block.
+
+        Raises:
+            UsageError: one does, or it cannot be written.
+        """
+        with contextlib.ExitStack() as stack:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                stack.enter_context(held(self.folder / LOCK))
+            except HeldError as error:
+                raise UsageError(
+                    f"another batch writes into '{self.folder}' ({error}): wait for it, or name another folder with --out"
+                ) from None
+            except OSError as error:
+                raise self._unwritten(error) from None
+            yield
+
+    def _unwritten(self, error: OSError) -> UsageError:
+        return UsageError(
+            f"cannot write into '{self.folder}' ({error.strerror or error}); name another folder with --out"
+        )
 
     # Beginning, or going on
 
@@ -84,7 +121,7 @@ class Store:
         try:
             known = self.path("plan").is_file()
             if known and not fresh:
-                self._take_up(about)
+                self._take_up(about, coordinates)
                 return len(self.rows)
             if known:
                 self._clear()
@@ -95,18 +132,18 @@ class Store:
             else:
                 self._clear()
             self.folder.mkdir(parents=True, exist_ok=True)
-            coordinates.write(self.path("signals"))
+            coordinates.write(self._cube)
+            self._cube.last()
             # last: from here on there is a batch to take up
             write_text(self.path("plan"), json.dumps(to_jsonable(about), indent=2, ensure_ascii=False))
         except OSError as error:
-            raise UsageError(
-                f"cannot write into '{self.folder}' ({error.strerror or error}); name another folder with --out"
-            ) from None
+            raise self._unwritten(error) from None
         return 0
 
     def _abandoned(self) -> bool:
         """Whether the folder holds nothing but what a batch leaves that was killed before it had begun."""
-        return all(item.name == FILES["signals"] or is_left_over(item) for item in self.folder.iterdir())
+        ours = (FILES["signals"], LOCK)
+        return all(item.name in ours or is_left_over(item) for item in self.folder.iterdir())
 
     def _clear(self) -> None:
         # the plan before the cube: what is left of a clearing that was killed is a batch, or `_abandoned`
@@ -117,7 +154,7 @@ class Store:
             else:
                 path.unlink(missing_ok=True)
 
-    def _take_up(self, about: Mapping[str, Any]) -> None:
+    def _take_up(self, about: Mapping[str, Any], coordinates: Coordinates) -> None:
         try:
             known = json.loads(self.path("plan").read_text(encoding="utf-8"))["identity"]
         except (ValueError, KeyError, TypeError):
@@ -134,9 +171,12 @@ class Store:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of a signal's place that was begun, which is made again
+                lost = coordinates.lost(self._group())
                 list(self._group().arrays())
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # also of a codec
             raise DataError(f"{self.path('signals')} is damaged ({error}): begin anew with --fresh") from None
+        if lost is not None:
+            raise DataError(f"{self.path('signals')} is damaged ({lost}): begin anew with --fresh")
         journal = self.path("journal")
         if not journal.is_file():
             return
@@ -145,11 +185,40 @@ class Store:
         for number, line in enumerate(complete.splitlines(), 1):
             try:
                 row = json.loads(line)
+                if not row.keys() >= ROW:
+                    raise KeyError
                 self.rows[int(row["run"])] = row
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, KeyError, TypeError, AttributeError):
                 raise DataError(f"{journal}, line {number} is damaged: begin anew with --fresh") from None
         if len(complete) < len(text):
             write_bytes(journal, complete)
+        self._hold_against_the_cube()
+
+    def _hold_against_the_cube(self) -> None:
+        """Take runs for not done whose signals are not those that were written: a disk has lost them."""
+        group = self._group()
+        arrays = [(name, array) for name, array in group.arrays() if array.ndim == 2]
+        for first in range(0, group["run"].shape[0], CHUNK[0]):
+            rows = range(first, min(first + CHUNK[0], group["run"].shape[0]))
+            known = [number for number in rows if "checksum" in self.rows.get(number, {})]
+            sums = dict.fromkeys(known, 0)
+            for name, array in arrays if known else []:
+                values = self._chunk_row(name, array, rows)
+                for number in known:
+                    sums[number] += checksum(name, values[number - first])
+            for number in known:
+                if sums[number] != self.rows[number]["checksum"]:
+                    del self.rows[number]
+                    self.spoilt += 1
+
+    def _chunk_row(self, name: str, array: Any, rows: range) -> Array:
+        """A signal in the runs of one row of files; of files that cannot be read nothing, and they are taken away."""
+        try:
+            return np.asarray(array[rows.start : rows.stop])
+        except (OSError, ValueError, RuntimeError):
+            for file in (self.path("signals") / name).glob(f"{rows.start // CHUNK[0]}.*"):
+                file.unlink(missing_ok=True)
+            return np.full((len(rows), array.shape[1]), np.nan)
 
     def forget_failed(self) -> int:
         """Take failed runs for not done; returns how many."""
@@ -177,6 +246,7 @@ class Store:
         """Write what waits: signals first, since a line of the journal says that they are there."""
         if self._waiting:
             self._write_signals(self._waiting)
+            self._cube.last()
             lines = []
             for outcome in self._waiting:
                 row = {
@@ -188,10 +258,13 @@ class Store:
                     "resident": outcome.resident,
                     "scores": outcome.scores,
                     "notes": outcome.notes,
+                    "checksum": sum(checksum(name, s.values) for name, s in outcome.signals.items()),
                 }
                 lines.append(json.dumps(to_jsonable(row), ensure_ascii=False) + "\n")
                 self.rows[outcome.number] = json.loads(lines[-1])
-            self._append("".join(lines).encode())
+            with uninterrupted():  # the flush that follows a signal would write the lines again
+                self._append("".join(lines).encode())
+                self._waiting = []
         self._waiting, self._bytes, self._flushed = [], 0, clock.monotonic()
 
     def _append(self, lines: bytes) -> None:
@@ -248,7 +321,7 @@ class Store:
 
     def _group(self) -> Any:
         # the gathered metadata lag behind until the end
-        return zarr.open_group(self.path("signals"), mode="r+", zarr_format=2, use_consolidated=False)
+        return zarr.open_group(self._cube, mode="r+", zarr_format=2, use_consolidated=False)
 
     # At the end
 
@@ -287,8 +360,26 @@ class Store:
                 array.resize((array.shape[0], size))
         first, step = float(group.attrs["first_time"]), float(group.attrs["output_step"])
         attributes = {"_ARRAY_DIMENSIONS": ["time"], "units": "s", "long_name": group.attrs["time_is"]}
-        time = group.create_array(
-            "time", shape=(size,), dtype="float64", fill_value=None, attributes=attributes, overwrite=True
-        )
-        time[:] = first + np.arange(size) * step
-        zarr.consolidate_metadata(self.path("signals"), zarr_format=2)
+        times = first + np.arange(size) * step
+        if not _holds(group, "time", times, attributes):  # a disk may be full between taking away and writing
+            time = group.create_array(
+                "time", shape=(size,), dtype="float64", fill_value=None, attributes=attributes, overwrite=True
+            )
+            time[:] = times
+        zarr.consolidate_metadata(self._cube, zarr_format=2)
+        self._cube.last()
+
+
+def _holds(group: Any, name: str, values: Array, attributes: Mapping[str, Any]) -> bool:
+    """Whether a cube has an array with these values and attributes."""
+    try:
+        array = group[name]
+        return bool(np.array_equal(array[:], values)) and dict(array.attrs) == attributes
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError):
+        return False
+
+
+def checksum(name: str, values: Array) -> int:
+    """Of one signal of a run, without the NaN with which the cube fills it up; 0 of none."""
+    given = np.asarray(values, dtype=np.float64)[~np.isnan(values)]
+    return zlib.crc32(given.tobytes(), zlib.crc32(name.encode())) if given.size else 0

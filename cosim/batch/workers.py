@@ -16,6 +16,7 @@ import threading
 import time as clock
 import weakref
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import process as pools
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
@@ -192,13 +193,15 @@ class Processes:
 
     def close(self) -> None:
         """Kill all processes: what they had in hand is lost."""
-        for lane in self._lanes:
-            lane.retire(at_once=lane.future is not None)
-        # Python wakes these threads when it ends, and a pipe that one closes just then is a traceback
-        for lane in self._lanes:
-            for thread in list(lane.ending):
-                thread.join(GONE)
-        self._folder.cleanup()
+        with uninterrupted():
+            for lane in self._lanes:
+                lane.retire(at_once=lane.future is not None)
+            for lane in self._lanes:
+                for thread in list(lane.ending):
+                    thread.join(GONE)
+                    # Python would wake it as it ends, and a pipe that the thread closes just then is a traceback
+                    pools._threads_wakeups.pop(thread, None)
+            self._folder.cleanup()
 
     def _replace(self, lane: _Lane) -> None:
         lane.retire()

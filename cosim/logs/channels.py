@@ -12,6 +12,7 @@ from cosim.logs.source import Array, Label, Source, parse_label, translated
 
 DEFLATE = 1032  # times that its data can be longer than what is compressed
 VIRTUAL = (3, 6)  # channels of MDF 4 that are counted, not recorded
+FLOATS, FLOAT_BITS = (4, 5), (16, 32, 64)  # of MDF 4
 
 
 class MdfSource(Source):
@@ -33,7 +34,7 @@ class MdfSource(Source):
         with translated(path, "MDF", notes):
             opened: Any = MDF(path)  # its groups' attributes are set at run time
             with opened as file:
-                _check_sizes(path, file)
+                _check_structure(path, file)
                 self._places = [
                     (g, c)
                     for g, group in enumerate(file.groups)
@@ -67,10 +68,13 @@ class MdfSource(Source):
         return self._clocks[index]
 
 
-def _check_sizes(path: Path, file: Any) -> None:
-    """Refuses a group that claims more than its file can hold, and a channel that lies outside its group's records.
+def _check_structure(path: Path, file: Any) -> None:
+    """Refuses what the library takes in silence, or cannot survive.
 
-    For the one the library would make room, for minutes; for the other it would read memory that is not the file's.
+    - A group that claims more than its file can hold: it would make room, for minutes.
+    - A channel outside its group's records: it would read memory that is not the file's.
+    - A channel that is named in the file and was not read, as one of an unknown type is: of a clock it would count samples.
+    - A channel of no bits, or of a float of so many as no float has: it would give zeros.
 
     Raises:
         DataError: so it is.
@@ -84,13 +88,33 @@ def _check_sizes(path: Path, file: Any) -> None:
                 f"{path}: cannot be read as an MDF file: group {number} claims {about.cycles_nr} records of {record} bytes,"
                 " more than the file can hold"
             )
+        if not _complete(group):
+            raise DataError(
+                f"{path}: cannot be read as an MDF file: group {number} names a channel that is none, or of no known type"
+            )
         for channel in group.channels:
             begin, size = _place(channel)
+            odd = channel.data_type in FLOATS and size not in FLOAT_BITS and hasattr(channel, "byte_offset")
+            if channel.channel_type not in VIRTUAL and (size == 0 or odd):
+                raise DataError(
+                    f"{path}: cannot be read as an MDF file: channel '{channel.name}' has numbers of {size} bits"
+                )
             if begin + size > 8 * about.samples_byte_nr and channel.channel_type not in VIRTUAL:
                 raise DataError(
                     f"{path}: cannot be read as an MDF file: channel '{channel.name}' lies at byte {begin // 8} of records"
                     f" of {about.samples_byte_nr} bytes"
                 )
+
+
+def _complete(group: Any) -> bool:
+    """Whether every channel of a group of MDF 4 that the file names was read."""
+    if not hasattr(group.channel_group, "first_ch_addr"):
+        return True
+    read = {channel.address for channel in group.channels}
+    return {
+        group.channel_group.first_ch_addr,
+        *(channel.next_ch_addr for channel in group.channels),
+    } <= read | {0}
 
 
 def _place(channel: Any) -> tuple[int, int]:

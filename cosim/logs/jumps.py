@@ -4,6 +4,7 @@ No value is changed: the log loads, and a warning says where to look.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,10 @@ STATES = 12
 STILL = 0.9
 """A step is a signal's own if it exceeds four times what this share of its steps do: what drives a machine steps seldom."""
 
+VANISHING = 1e-40
+"""Of a signal's size: nothing that is measured or computed jumps to a number as small as this that is not zero. Half of a
+number's bytes are lost there."""
+
 _ENOUGH = 20
 _SAMPLED = 1 << 16
 
@@ -58,10 +63,11 @@ def jumps(time: Array, values: Array, held: bool) -> tuple[Index, float]:
         if _states(values):
             return np.empty(0, dtype=np.int64), 0.0
         if held and np.count_nonzero(step) <= CHANGES * len(step):
-            starts = _blips(values, step)
+            starts = np.union1d(_blips(values, step), _vanishing(values))
         else:
             span = _span(values)
             found = [_spikes(time, values, held), _stretches(step, span), _zeros(values, step, span)]
+            found += [_vanishing(values), *([] if held else [_brief(step, span)])]
             starts = np.unique(np.concatenate(found))
             starts = starts[np.diff(starts, prepend=-9) > 2]  # a stretch may begin and end with half a number
     if not starts.size:
@@ -170,6 +176,36 @@ def _stretches(step: Array, span: float) -> Index:
     if edges[-1] == moving[-1] and 1 < len(step) - edges[-1] <= LONGEST:  # and from the last one on
         first.append(int(edges[-1]) + 1)
     return np.array(first if len(first) <= FEW else [], dtype=np.int64)
+
+
+def _brief(step: Array, span: float) -> Index:
+    """The same of a few samples, where each jump lies around the other. A command may do so: a tap on a stick."""
+    size = np.abs(step)
+    edges = np.flatnonzero(size > max(2 * TIMES * _usual(size), 4 * PART * span)).tolist()
+    first = []
+    for k, m in pairwise(edges):
+        if 2 <= m - k <= AROUND and step[k] * step[m] < 0:
+            around = (size[max(0, k - AROUND) : k], size[k + 1 : m], size[m + 1 : m + 1 + AROUND])
+            if min(size[k], size[m]) > CALM * max(part.max(initial=0.0) for part in around):
+                first.append(k + 1)
+    return np.array(first if len(first) <= FEW else [], dtype=np.int64)
+
+
+def _vanishing(values: Array) -> Index:
+    """Stretches of numbers that are next to nothing and not zero, amid numbers that are not."""
+    size = np.abs(values)
+    whole = _usual(size)
+    least = VANISHING * whole
+    if not np.any((size < least) & (size > 0.0)):
+        return np.empty(0, dtype=np.int64)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], size < least, [False]))))
+    begin, end = edges[::2], edges[1::2]  # [begin, end)
+    lost = np.array([bool(np.any(size[b:e] > 0.0)) for b, e in zip(begin, end, strict=True)])
+    # what dies away comes near to nothing step by step
+    before = np.where(begin > 0, size[np.maximum(begin - 1, 0)], np.inf)
+    after = np.where(end < len(size), size[np.minimum(end, len(size) - 1)], np.inf)
+    first = begin[lost & (np.minimum(before, after) > PART * whole)]
+    return first if first.size <= FEW else np.empty(0, dtype=np.int64)
 
 
 def _zeros(values: Array, step: Array, span: float) -> Index:

@@ -155,7 +155,8 @@ def translated(path: Path, kind: str, notes: list[str] | None = None) -> Iterato
     ):  # not from within the handler: the error's frames would keep the parser's half-made objects alive
         raise DataError(f"{path}: cannot be read as a {kind} file: {reason}")
     if notes is not None:
-        notes += list(dict.fromkeys([*(_line(item.message) for item in caught), *logged]))
+        said = dict.fromkeys([*(_line(item.message) for item in caught), *logged])
+        notes += [text for text in said if text not in notes]
 
 
 def _line(message: object) -> str:
@@ -168,7 +169,10 @@ class _Collector(logging.Handler):
         self.texts = texts
 
     def emit(self, record: logging.LogRecord) -> None:
-        self.texts.append(_line(record.getMessage()))
+        text, _, trace = record.getMessage().partition("Traceback")
+        self.texts.append(
+            f"{_line(text).rstrip(':')} ({_line(trace.splitlines()[-1])})" if trace else _line(text)
+        )
 
 
 @contextlib.contextmanager
@@ -178,14 +182,18 @@ def _logged() -> Iterator[list[str]]:
     handler = _Collector(texts)
     named = [*_LOGGERS, *(name for name in logging.root.manager.loggerDict if name.startswith(_INNER))]
     loggers = [logging.getLogger(name) for name in named]
-    before = [(logger, logger.handlers, logger.propagate) for logger in loggers]
+    before = [(logger, logger.handlers, logger.propagate, logger.level) for logger in loggers]
     for logger in loggers:
         logger.handlers, logger.propagate = [handler], False
+        logger.setLevel(
+            logging.WARNING
+        )  # asammdf asks for errors only, and warns of channels that it leaves out
     try:
         yield texts
     finally:
-        for logger, handlers, propagate in before:
+        for logger, handlers, propagate, level in before:
             logger.handlers, logger.propagate = handlers, propagate
+            logger.setLevel(level)
 
 
 def _dispose(error: BaseException) -> None:
@@ -197,6 +205,6 @@ def _dispose(error: BaseException) -> None:
         while link is not None:
             traceback.clear_frames(link.__traceback__)
             link.__traceback__, link = None, link.__cause__ or link.__context__
-        gc.collect(1)  # they are young, and the old generations are large
+        gc.collect()  # a collection in the meantime may have made them old
     finally:
         sys.unraisablehook = hook

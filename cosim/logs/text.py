@@ -347,7 +347,13 @@ class TextSource(Source):
             try:
                 cells = next(reader, None)
             except csv.Error as error:
-                raise DataError(f"{self.path}: row {line + 1} cannot be read: {error}") from None
+                reason = f" cannot be read: {error}"
+                if "field limit" in str(error):
+                    reason = (
+                        f": a quotation mark opens a cell that is longer than {csv.field_size_limit()} characters:"
+                        " delete it, or close it"
+                    )
+                raise DataError(f"{self.path}: row {line + 1}{reason}") from None
             line = reader.line_num  # type: ignore[attr-defined]
             if cells is None:
                 return

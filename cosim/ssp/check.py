@@ -39,7 +39,8 @@ class Problem:
     text: str
 
     def __str__(self) -> str:
-        return f"{self.severity}: {self.where}: {self.text}"
+        named = self.text.startswith((f"{self.where}:", f"{self.where} "))
+        return f"{self.severity}: {'' if named else f'{self.where}: '}{self.text}"
 
 
 def check_ssp(path: Path) -> list[Problem]:

@@ -178,6 +178,30 @@ def test_no_thread_of_a_pool_is_left_that_closes_its_pipes_while_python_ends(
     assert not any(thread.is_alive() for lane in crew._lanes for thread in lane.ending)
 
 
+def test_python_wakes_no_thread_of_a_pool_that_takes_long_to_end(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closes = process._ExecutorManagerThread.join_executor_internals  # type: ignore[attr-defined]
+    go_on = threading.Event()
+
+    def late(thread: threading.Thread) -> None:
+        go_on.wait(60.0)
+        closes(thread)
+
+    monkeypatch.setattr(process._ExecutorManagerThread, "join_executor_internals", late)  # type: ignore[attr-defined]
+    batch = plan_batch(plan(rogue, sweep={"r.k": "1"}), tmp_path)
+    crew = Processes(1, 1e12)
+    crew.settle(crew.submit(batch.job, batch.runs))
+    with monkeypatch.context() as patched:
+        patched.setattr("cosim.batch.workers.GONE", 0.1)
+        crew.close()
+    (thread,) = (thread for lane in crew._lanes for thread in lane.ending)
+    woken = list(process._threads_wakeups)  # type: ignore[attr-defined]
+    go_on.set()
+    thread.join(60.0)
+    assert thread not in woken
+
+
 def test_a_process_ends_that_was_begun_as_a_signal_came(
     rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -247,6 +247,15 @@ def test_a_stray_quotation_mark_loses_no_row_in_silence(write, last):
         load_log(write("time [s],u [1],slew [deg],remark\n" + "\n".join(lines) + "\n"))
 
 
+def test_a_quotation_mark_before_a_long_log_is_named(write):
+    lines = [f"{row},ok" for row in rows(20000)]
+    lines[100] = '0.100,0,50.0,"ok'
+    with pytest.raises(
+        DataError, match=r"row 102: a quotation mark opens a cell that is longer than 131072 char"
+    ):
+        load_log(write("time [s],u [1],slew [deg],remark\n" + "\n".join(lines) + "\n"))
+
+
 def test_a_remark_of_two_lines_is_read(load):
     lines = [f"{row},ok" for row in rows(100)]
     lines[50] = '0.050,0,25.0,"by hand,\nstopped"'
@@ -279,6 +288,52 @@ def test_an_mdf_channel_outside_its_records_is_refused_before_memory_of_others_i
     path.write_bytes(data)
     with pytest.raises(DataError, match=rf"channel '\w+' lies at byte {place} of records of 48 bytes"):
         load_log(path)
+
+
+def channel_changed(path, number, at, value, size=1):
+    """One field of the CN block of an MDF file's n-th channel overwritten; channel 0 is the time."""
+    data = bytearray(READERS["mf4"][1](path).read_bytes())
+    begin = -1
+    for _ in range(number + 1):
+        begin = data.index(b"##CN", begin + 1)
+    data[begin + at : begin + at + size] = value.to_bytes(size, "little")
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("number", "at", "value", "size", "said"),
+    [
+        (
+            0,
+            90,
+            48,
+            1,
+            "group 1 names a channel that is none",
+        ),  # a clock of no known type: its samples were counted
+        (4, 90, 48, 1, "group 1 names a channel that is none"),  # the channel was left out
+        (2, 31, 128, 1, "group 1 names a channel that is none"),  # and with the link to the next all after it
+        (4, 90, 0, 10, "channel 'p_b' has numbers of 0 bits"),  # gave zeros
+        (4, 96, 60, 1, "channel 'p_b' has numbers of 60 bits"),
+    ],
+)
+def test_an_mdf_channel_that_the_library_would_lose_in_silence_is_refused(
+    tmp_path, number, at, value, size, said
+):
+    pytest.importorskip("asammdf", reason="an extra is not installed")
+    with pytest.raises(DataError, match=said):
+        load_log(channel_changed(tmp_path / "log.mf4", number, at, value, size))
+
+
+def test_what_the_library_of_mdf_passes_over_is_a_warning_once(tmp_path):
+    """A conversion that cannot be read leaves raw numbers; asammdf says so at a level that it does not show."""
+    pytest.importorskip("asammdf", reason="an extra is not installed")
+    path = channel_changed(
+        tmp_path / "log.mf4", 3, 56, 248, 8
+    )  # a block of data in the place of a conversion
+    (told,) = [text for text in load_log(path).warnings if "onversion" in text]
+    assert told.startswith("Channel conversion parsing error (")
+    assert "Traceback" not in told
 
 
 def test_a_file_of_mdf_3_is_read_as_one_of_mdf_4(tmp_path):

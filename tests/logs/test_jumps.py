@@ -31,6 +31,11 @@ def changed(values, at, new):
         (slice(0, 40), -9.0, 0),
         (slice(700, 764), np.linspace(-9, -8, 64), 700),  # from elsewhere in the file
         (slice(700, 764), np.r_[6.0, np.zeros(62), 7.0], 700),  # zeros that begin and end within a number
+        (slice(700, 702), 0.0, 700),  # a few bytes
+        (slice(700, 703), [3e-310, 0.0, 0.0], 700),
+        (slice(700, 709), 90.0, 700),
+        (slice(700, 712), [9.8e-319, *np.full(9, 4.67e-57), 14.0, 8.0], 700),  # text read as numbers
+        (slice(1990, 2000), 4.67e-57, 1990),
     ],
 )
 def test_what_jumps_away_is_found(at, new, first):
@@ -38,6 +43,26 @@ def test_what_jumps_away_is_found(at, new, first):
     starts, size = jumps(time, changed(values, at, new), held=False)
     assert starts.tolist() == [first]
     assert size > 1
+
+
+def test_a_number_that_is_next_to_nothing_is_damage_even_in_a_command_that_knows_zero():
+    time = np.arange(2000) / 1000
+    u = changed(0.6 * np.sign(np.sin(9 * time)), 1, 0.0)
+    assert not jumps(time, u, held=True)[0].size
+    assert not jumps(time, changed(u, slice(500, 550), 0.0), held=True)[0].size
+    assert jumps(time, changed(u, slice(500, 550), 4.67e-62), held=True)[0].tolist() == [500]
+    dying = np.exp(-np.arange(2000) / 5.0)
+    assert not jumps(time, dying, held=False)[0].size
+    sine = np.sin(np.pi * np.arange(2000) / 2)  # 1e-16 in the place of zero
+    assert not jumps(time, sine, held=True)[0].size
+
+
+def test_a_tap_on_a_stick_is_no_damage():
+    random = np.random.default_rng(7)
+    stick = changed(random.normal(0, 0.001, 2000), slice(700, 705), 0.8)
+    time = np.arange(2000) / 20
+    assert not jumps(time, stick, held=True)[0].size
+    assert jumps(time, stick, held=False)[0].tolist() == [700]
 
 
 def test_a_small_error_is_found_only_above_the_noise():

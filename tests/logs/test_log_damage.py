@@ -12,7 +12,7 @@ SEALED = ("parquet_ours", "mat_ours", "mf4_zip", "xlsx", "zipped_csv")
 NEEDS = {"mf4": "asammdf", "mf4_zip": "asammdf", "tdms": "nptdms", "mat_v7.3": "matio", "xlsx": "openpyxl"}
 # of a thousand; a number that is wrong by less than the signal moves cannot be told where the format has no checksum
 MOST_SILENT = {"csv": 5, "csv_comma": 5, "controldesk": 5, "mf4": 25}
-OTHERS = 60
+OTHERS = 40
 
 
 def counts(reader, number):

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from cosim.api.building import validate
 from cosim.cli import make_app
 from cosim.ssp import check_fmu, check_ssp, check_ssv
+from cosim.ssp.check import Problem
 
 PAIR = {"w": "wave", "g": "gain"}
 
@@ -89,3 +90,9 @@ def test_a_system_of_ours_is_checked_by_its_name() -> None:
     (file,) = validate([Path("full_order")])
     assert Path(file).name == "full_order.ssp"
     assert validate([Path(file)]) == validate([Path("full_order")])
+
+
+def test_a_line_names_its_file_once() -> None:
+    assert str(Problem("error", "a.fmu", "a.fmu has no binary")) == "error: a.fmu has no binary"
+    assert str(Problem("error", "a.fmu", "a.fmu: cut off")) == "error: a.fmu: cut off"
+    assert str(Problem("error", "a.fmu", "a unit is missing")) == "error: a.fmu: a unit is missing"
