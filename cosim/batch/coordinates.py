@@ -28,7 +28,7 @@ class Coordinates:
         self.attributes = {"output_step": output_step, "first_time": first_time, "time_is": time_is}
 
     def write(self, store: Any) -> None:
-        """Write a dataset of coordinates alone into a store of zarr, as xarray does, which takes a third of a second to load."""
+        """Write coordinates alone into a store of zarr, as xarray does, which takes a third of a second to load."""
         import zarr
 
         beside = " ".join(sorted(name for name in self.columns if name != "run"))
