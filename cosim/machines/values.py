@@ -4,11 +4,14 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log
-from cosim.machines.rough import Piece, first_order
+from cosim.machines.rough import FirstOrder, first_order, reach
 from cosim.machines.table import MOVING, UNKNOWN, MachineTable, block_of
+
+Array = NDArray[np.float64]
 
 # what blocks are set to of which nothing is said: no dead zone, a valve and an oil column faster than most logs show (and
 # faster than that where this one would show them: `unnoticed`), and full command = 1 mm of spool = 1 bar = 1 N m, because
@@ -32,6 +35,7 @@ LINEAR = (
 SIGN_SHOWN = (
     0.25  # of the variance that a first order explains: what rings more than it follows has no sign yet
 )
+FAR = 0.5  # of the farthest way of several logs: what goes as far tells a machine
 SLOWEST, FASTEST = 1e-4, 1e3  # s, bounds of a lag that a parameter can take
 
 
@@ -207,8 +211,10 @@ def told(
     asked = [n for n in found.from_log if n.partition(".")[0] in blocks]
     if not asked and not (moving and found.speed == 0.0):
         return
-    pieces = [Piece(log.time * sample, *(log.require(n) * gains.get(n, 1.0) for n in ends)) for log in logs]
-    rough = first_order(pieces, integrates=moving and not rate)
+    rough = plainest(
+        [(log.time * sample, *(log.require(n) * gains.get(n, 1.0) for n in ends)) for log in logs],
+        integrates=moving and not rate,
+    )
     if rough.gain == 0.0:
         raise DataError(
             f"{sources(logs)}: '{drive}' or '{seen}' does not move, so {' and '.join(asked)} cannot be told from it"
@@ -240,6 +246,20 @@ def told(
     found.lag += lag
     if moving:
         found.speed = gain if not table.forced else 1.0 / values["mechanical.b"]
+
+
+def plainest(logs: Sequence[tuple[Array, ...]], *, integrates: bool) -> FirstOrder:
+    """Of several logs what the one says that a dead zone or friction bends least.
+
+    Both take from a motion and none adds to it: of the logs that go half as far as the farthest, the fastest for its drive.
+
+    Args:
+        logs: times, what drives, what answers, each (n,).
+        integrates: as `first_order`.
+    """
+    ways = [reach(answered) for _, _, answered in logs]
+    far = [log for log, way in zip(logs, ways, strict=True) if way >= FAR * max(ways)]
+    return max((first_order(*log, integrates=integrates) for log in far), key=lambda found: abs(found.gain))
 
 
 def put(found: Numbers, told_now: Mapping[str, float], always: bool = False) -> None:
