@@ -146,37 +146,40 @@ def run_fmucontainer(
     import fmpy
     from fmpy.ssp.ssd import read_ssd
 
-    own = Path(package.name)  # in this process's own folder, where the container is made
-    shutil.copyfile(package, own)
-    sources = {
-        component.name: Path(component.source).name for component in read_ssd(str(own)).system.elements
-    }
-    with zipfile.ZipFile(own) as outer:
-        first = next(n for n in outer.namelist() if n.endswith(".fmu"))
-        version = fmpy.read_model_description(io.BytesIO(outer.read(first)), validate=False).fmiVersion[0]
-    _make_container("-container", f"{own}:{h!r}", "-dump-json")
-    read = json.loads(Path(f"{own.stem}-dump.json").read_text(encoding="utf-8"))
-    places = {Path(file).name: file for file in read["fmu"]}
-    outputs = []
-    for signal in signals:
-        component, _, variable = signal.partition(".")
-        outputs.append([places[sources[component]], variable, f"wanted.{signal}"])
-    Path("wanted.json").write_text(
-        json.dumps(read | {"name": "wanted.fmu", "output": outputs}), encoding="utf-8"
-    )
-    for name in read["fmu"]:  # which it has taken away
-        Path(name).parent.mkdir(exist_ok=True)
+    source = package.resolve()
+    # it writes where it stands
+    with tempfile.TemporaryDirectory(prefix="container_") as scratch, contextlib.chdir(scratch):
+        own = Path(package.name)
+        shutil.copyfile(source, own)
+        sources = {
+            component.name: Path(component.source).name for component in read_ssd(str(own)).system.elements
+        }
         with zipfile.ZipFile(own) as outer:
-            Path(name).write_bytes(outer.read(f"resources/{Path(name).name}"))
-    _make_container("-container", "wanted.json", "-fmi", version)
-    began = time.perf_counter()
-    rows = fmpy.simulate_fmu(
-        "wanted.fmu",
-        stop_time=steps * h,
-        output_interval=h,
-        output=[f"wanted.{signal}" for signal in signals],
-    )
-    seconds = time.perf_counter() - began
+            first = next(n for n in outer.namelist() if n.endswith(".fmu"))
+            version = fmpy.read_model_description(io.BytesIO(outer.read(first)), validate=False).fmiVersion[0]
+        _make_container("-container", f"{own}:{h!r}", "-dump-json")
+        read = json.loads(Path(f"{own.stem}-dump.json").read_text(encoding="utf-8"))
+        places = {Path(file).name: file for file in read["fmu"]}
+        outputs = []
+        for signal in signals:
+            component, _, variable = signal.partition(".")
+            outputs.append([places[sources[component]], variable, f"wanted.{signal}"])
+        Path("wanted.json").write_text(
+            json.dumps(read | {"name": "wanted.fmu", "output": outputs}), encoding="utf-8"
+        )
+        for name in read["fmu"]:  # which it has taken away
+            Path(name).parent.mkdir(exist_ok=True)
+            with zipfile.ZipFile(own) as outer:
+                Path(name).write_bytes(outer.read(f"resources/{Path(name).name}"))
+        _make_container("-container", "wanted.json", "-fmi", version)
+        began = time.perf_counter()
+        rows = fmpy.simulate_fmu(
+            "wanted.fmu",
+            stop_time=steps * h,
+            output_interval=h,
+            output=[f"wanted.{signal}" for signal in signals],
+        )
+        seconds = time.perf_counter() - began
     if len(rows) != steps + 1:
         raise RuntimeError(f"{len(rows)} rows instead of {steps + 1}")
     return {"time": rows["time"], **{name: rows[f"wanted.{name}"] for name in signals}}, seconds
@@ -188,6 +191,14 @@ def _make_container(*words: str) -> None:
     sys.argv = ["fmucontainer", *words]
     fmucontainer.fmucontainer()
 
+
+# a client -> the module that its package brings
+MODULES = {
+    "fmpy": "fmpy",
+    "ecos": "ecospy",
+    "libcosim": "libcosimpy",
+    "fmucontainer": "fmu_manipulation_toolbox",
+}
 
 ENGINES: dict[str, Callable[[Path, int, float, Sequence[str]], tuple[dict[str, Array], float]]] = {
     "cosim": run_cosim,

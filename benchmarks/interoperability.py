@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from jacobi import SCHEMES, read_parts, simulate
 
-from benchmarks.engines import run_engine
+from benchmarks.engines import MODULES, run_engine
 from benchmarks.interoperability_page import BUILD, CLIENTS, KINDS, TOLERANCE, H, Row, page
 from benchmarks.plain_host import TIMEOUT, EndError, compiled_host, libpython, run_host
 from benchmarks.runner import machine
@@ -37,12 +37,6 @@ from cosim.ssp.read import read_system
 Array = NDArray[np.float64]
 TOP = Path(__file__).resolve().parent.parent
 STEPS = 2000
-MODULES = {
-    "fmpy": "fmpy",
-    "ecos": "ecospy",
-    "libcosim": "libcosimpy",
-    "fmucontainer": "fmu_manipulation_toolbox",
-}
 SIGNALS = {
     "full_order": (
         "dcv.spool",

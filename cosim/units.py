@@ -42,9 +42,8 @@ def registry() -> "pint.UnitRegistry[Any]":
         try:  # to read the definitions takes a quarter of a second, to load what was read of them a hundredth
             made = pint.UnitRegistry(cache_folder=kept)
             break
-        except (
-            Exception
-        ):  # damaged, half written, not to be written to, or of a Python environment that is gone
+        except Exception:
+            # damaged, half written, not to be written to, or of a Python environment that is gone
             shutil.rmtree(kept, ignore_errors=True)
     if made is None:
         made = pint.UnitRegistry()

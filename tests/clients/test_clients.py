@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from jacobi import SCHEMES, read_parts, simulate
 
-from benchmarks.engines import environment, run_engine
+from benchmarks.engines import MODULES, environment, run_engine
 from cosim.paths import ssp_folder
 from cosim.ssp.stimulus import stimulus_csv
 from cosim.ssp.write import write_archive, write_ssp
@@ -21,12 +21,6 @@ pytestmark = pytest.mark.clients
 
 STEPS = 1200
 H = 1e-3
-MODULES = {
-    "fmpy": "fmpy",
-    "ecos": "ecospy",
-    "libcosim": "libcosimpy",
-    "fmucontainer": "fmu_manipulation_toolbox",
-}
 DRIVE = ("compensator.demand", "dead_zone.demand")
 SENSED = ("sensor.slew", "observer.slew_estimate", "observer.slew_rate_estimate")
 CHAIN = ("dcv.spool", "continuity.p_load", "continuity.p_supply", "mechanical.theta", "mechanical.omega")

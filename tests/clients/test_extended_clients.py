@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.engines import run_engine
+from benchmarks.engines import MODULES, run_engine
 from benchmarks.systems import parts
 from cosim.anysystem.actions import Action
 from cosim.anysystem.extend import write_package
@@ -21,7 +21,7 @@ from fmus.port_effect import BLOCK
 
 pytestmark = pytest.mark.clients
 H, STEPS = 1e-3, 3000
-MODULES = {"fmpy": "fmpy", "ecos": "ecospy", "libcosim": "libcosimpy"}
+CLIENTS = ("fmpy", "ecos", "libcosim")
 EFFECT = Action("port.dead_zone", Port("plant", "u"), "input")
 SIGNALS = ("source.y", "valve.y", "plant.y")
 
@@ -87,7 +87,7 @@ QUICK = {"fmpy": "python", "ecos": "native", "libcosim": "python"}
     ("engine", "kind"),
     [
         pytest.param(e, k, marks=() if QUICK[e] == k else pytest.mark.slow)
-        for e in MODULES
+        for e in CLIENTS
         for k in ("python", "native")
     ],
 )
