@@ -24,6 +24,7 @@ T = TypeVar("T")
 ABSURD = 1e9  # SI; stands for a residual that is no number
 AT_ONCE = 1_000_000  # samples of residuals that are kept to be whitened together: 8 MB
 SLOPE_STEP = 2e-3  # of a scale, over which slopes are differenced
+FAR_OFF = 1e3  # scales: an unknown that begins farther from 0 is counted from where it begins
 
 
 @dataclass(frozen=True)
@@ -326,11 +327,13 @@ def searched(
     """Least squares from `z` within bounds, at most `rounds` iterations.
 
     A step ends where it meets a bound, and scipy takes a step cut that short for the end of the search: from there it
-    goes on, that unknown held. For the same reason a search begins on a bound and not beside it. When the time of the
-    diagnosis is gone it ends where it is.
+    goes on, that unknown held. For the same reason a search begins on a bound and not beside it. How small a step ends
+    the search goes by the length of all unknowns together: beside an end of travel that is out of reach (1e9 rad) every
+    step would. When the time of the diagnosis is gone it ends where it is.
     """
     budget = current()
     last: list[Array] = []
+    origin = np.where(np.abs(z) > FAR_OFF, z, 0.0)
 
     def in_time(z: Array) -> Array:
         if last and budget.gone:
@@ -342,10 +345,10 @@ def searched(
         try:
             with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
                 found = least_squares(
-                    cost,
-                    z,
-                    in_time,
-                    bounds=bounds,
+                    lambda y: cost(y + origin),
+                    z - origin,
+                    lambda y: in_time(y + origin),
+                    bounds=(bounds[0] - origin, bounds[1] - origin),
                     method="dogbox",
                     max_nfev=rounds,
                     xtol=1e-5,
@@ -355,6 +358,7 @@ def searched(
         except _TimeGoneError:
             fun = cost(last[0])
             return OptimizeResult(x=last[0], fun=fun, jac=last[1], cost=0.5 * float(fun @ fun), status=0)
+        found.x = np.clip(found.x + origin, *bounds)
         rounds -= found.nfev
         before = (z == bounds[0]) | (z == bounds[1])
         if found.status <= 0 or rounds < 2 or not np.any((found.active_mask != 0) & ~before):
