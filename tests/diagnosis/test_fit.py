@@ -49,6 +49,17 @@ def test_a_guess_that_is_a_thousand_times_off_is_found(truth: float) -> None:
     assert np.linalg.norm(found.slopes[:, 0]) == pytest.approx(2.0 / spread, rel=1e-3)
 
 
+@pytest.mark.parametrize("away", [1e9, -1e9])
+def test_a_limit_out_of_reach_does_not_end_the_search_of_the_others(away: float) -> None:
+    """Steps were held against the length of all unknowns together, so that the first was the last."""
+    limit = Unknown("m.theta_max", away, 0.1, -1e9, 1e9)
+    drive = Task(Drive(), {"y": X / 0.05}, {"y": RULE})  # type: ignore[arg-type]
+    found = fit(drive, [Unknown("m.b", 2.0, 2.0, 1e-3, 2e3, ratio=True), limit], rounds=20)
+    assert found.values["m.b"] == pytest.approx(0.05, rel=1e-3)
+    assert found.values["m.theta_max"] == away
+    assert found.settled
+
+
 def unknown(name: str, prior: tuple[float, float] | None = None) -> Unknown:
     """An unknown that starts at zero."""
     return Unknown(name, 0.0, 1.0, -50.0, 50.0, prior)
