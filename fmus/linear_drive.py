@@ -29,14 +29,20 @@ class Output(NamedTuple):
 
 
 class State(NamedTuple):
-    """Of each section the response to the command and its rate; what the delay needs."""
+    """Of each section its part of the angle and what drives that on (observer form); what the delay needs."""
 
-    x_1: Annotated[float, Variable("s2", "Response of the first section")]
-    v_1: Annotated[float, Variable("s", "Its rate")]
-    x_2: Annotated[float, Variable("s2", "Response of the second section")]
-    v_2: Annotated[float, Variable("s", "Its rate")]
-    x_3: Annotated[float, Variable("s2", "Response of the third section")]
-    v_3: Annotated[float, Variable("s", "Its rate")]
+    y_1: Annotated[float, Variable("rad", "First section's part of the angle")]
+    z_1: Annotated[
+        float, Variable("rad/s", "Its rate, less the command's share, and its damping times itself")
+    ]
+    y_2: Annotated[float, Variable("rad", "Second section's part of the angle")]
+    z_2: Annotated[
+        float, Variable("rad/s", "Its rate, less the command's share, and its damping times itself")
+    ]
+    y_3: Annotated[float, Variable("rad", "Third section's part of the angle")]
+    z_3: Annotated[
+        float, Variable("rad/s", "Its rate, less the command's share, and its damping times itself")
+    ]
     past: Annotated[float, Variable("1", "Command before the start")]
     place: Annotated[float, Variable("1", "Place of the newest command in the ring")]
     steps: Annotated[float, Variable("1", "Steps made")]
@@ -66,13 +72,17 @@ class Parameters(NamedTuple):
     delay: Annotated[float, Variable("s", "Transport delay", 0.0, 0.0, 1e6, source=FITTED)]
     theta_0: Annotated[float, Variable("rad", "Angle at which the sections stand at 0", 0.0, -1e9, 1e9, display="deg", source="starts where the log does")]  # fmt: skip
     u_0: Annotated[float, Variable("1", "Command at which it stands", 0.0, -100.0, 100.0, source="off: at none")]  # fmt: skip
-    x_0: Annotated[float, Variable("s2", "First section's response at the start", 0.0, -1e9, 1e9, source="off: starts at rest")]  # fmt: skip
-    v_0: Annotated[float, Variable("s", "Its rate at the start", 0.0, -1e9, 1e9, source="off: starts at rest")]  # fmt: skip
+    theta_1: Annotated[float, Variable("rad", "First section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
+    omega_1: Annotated[float, Variable("rad/s", "First section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
+    theta_2: Annotated[float, Variable("rad", "Second section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
+    omega_2: Annotated[float, Variable("rad/s", "Second section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
+    theta_3: Annotated[float, Variable("rad", "Third section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
+    omega_3: Annotated[float, Variable("rad/s", "Third section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
     settled: Annotated[float, Variable("1", "1: the first command has always been there; 0: there was none", 0.0, 0.0, 1.0, source="off: starts at rest")]  # fmt: skip
 
 
 class Coefficients(NamedTuple):
-    """Step, and the responses of each section to a command held over it."""
+    """Step, and of each section the response to a command of 1 held over it, without b1, and its rate."""
 
     h: float
     s_1: float
@@ -92,11 +102,22 @@ def resting(command: float, a0: float) -> float:
 
 
 @equation
+def began(
+    y: float, rate: float, past: float, b1: float, b0: float, a1: float, a0: float
+) -> tuple[float, float]:
+    """A section that stands on a command and has besides a part of the angle that moves by itself."""
+    x = resting(past, a0)
+    return (y + b0 * x, rate + a1 * y + (a1 * b0 - a0 * b1) * x)
+
+
+@equation
 def start(u: Input, p: Parameters) -> State:
-    """At rest, or settled on the first command."""
+    """In motion as it began, or settled on the first command."""
     past = p.settled * (u.command - p.u_0)
-    x_1, x_2, x_3 = resting(past, p.a0_1), resting(past, p.a0_2), resting(past, p.a0_3)
-    return State(p.x_0 + x_1, p.v_0, x_2, 0.0, x_3, 0.0, past, 0.0, 0.0)
+    y_1, z_1 = began(p.theta_1, p.omega_1, past, p.b1_1, p.b0_1, p.a1_1, p.a0_1)
+    y_2, z_2 = began(p.theta_2, p.omega_2, past, p.b1_2, p.b0_2, p.a1_2, p.a0_2)
+    y_3, z_3 = began(p.theta_3, p.omega_3, past, p.b1_3, p.b0_3, p.a1_3, p.a0_3)
+    return State(y_1, z_1, y_2, z_2, y_3, z_3, past, 0.0, 0.0)
 
 
 @equation
@@ -110,12 +131,12 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 
 @equation
 def advanced(
-    x: float, v: float, command: float, a1: float, a0: float, s: float, r: float
+    y: float, z: float, command: float, b1: float, b0: float, a1: float, a0: float, s: float, r: float
 ) -> tuple[float, float]:
-    """Response of a section and its rate after a step with a held command; s and r are those to a command of 1 from rest."""
+    """A section after a step with a held command; s is the response x to a command of 1 from rest without b1, r its rate."""
     return (
-        x + r * v + s * (command - a0 * x),
-        v - a1 * r * v - a0 * s * v + r * (command - a0 * x),
+        (1.0 - a0 * s - a1 * r) * y + r * z + (r * b1 + s * b0) * command,
+        (1.0 - a0 * s) * z - a0 * r * y + ((r + a1 * s) * b0 - a0 * s * b1) * command,
     )
 
 
@@ -143,18 +164,16 @@ def step(x: State, u: Input, m: Any, p: Parameters, c: Coefficients) -> State:
             b = b + 16384
         older = m.ring[b]
     late = (1.0 - part) * newer + part * older
-    x_1, v_1 = advanced(x.x_1, x.v_1, late, p.a1_1, p.a0_1, c.s_1, c.r_1)
-    x_2, v_2 = advanced(x.x_2, x.v_2, late, p.a1_2, p.a0_2, c.s_2, c.r_2)
-    x_3, v_3 = advanced(x.x_3, x.v_3, late, p.a1_3, p.a0_3, c.s_3, c.r_3)
-    return State(x_1, v_1, x_2, v_2, x_3, v_3, x.past, float(i), count)
+    y_1, z_1 = advanced(x.y_1, x.z_1, late, p.b1_1, p.b0_1, p.a1_1, p.a0_1, c.s_1, c.r_1)
+    y_2, z_2 = advanced(x.y_2, x.z_2, late, p.b1_2, p.b0_2, p.a1_2, p.a0_2, c.s_2, c.r_2)
+    y_3, z_3 = advanced(x.y_3, x.z_3, late, p.b1_3, p.b0_3, p.a1_3, p.a0_3, c.s_3, c.r_3)
+    return State(y_1, z_1, y_2, z_2, y_3, z_3, x.past, float(i), count)
 
 
 @equation
 def output(x: State, u: Input, m: Any, p: Parameters) -> Output:
     """The sum of the sections."""
-    theta = p.theta_0 + p.b0_1 * x.x_1 + p.b1_1 * x.v_1 + p.b0_2 * x.x_2 + p.b1_2 * x.v_2
-    theta = theta + p.b0_3 * x.x_3 + p.b1_3 * x.v_3
-    return Output(theta)
+    return Output(p.theta_0 + x.y_1 + x.y_2 + x.y_3)
 
 
 BLOCK = Block(

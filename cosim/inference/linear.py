@@ -145,27 +145,64 @@ class LinearModel:
         return np.asarray(self.gains @ np.concatenate([driven, free, np.ones((1, u.size))]))
 
     def simulate(self, u: Array, y: Array, h: float) -> Array:
-        """(n,) output on another input (n,) every `h` s, from the initial state of the beginning of its output (n,).
+        """(n,) output on another input (n,) every `h` s, from where its output (n,) begins."""
+        begin = self.beginning(u, y, h)
+        forced, free = self.responses(u, h, begin.settled)
+        return np.asarray(begin.level + forced + begin.states @ free)
+
+    def responses(self, u: Array, h: float, settled: bool) -> tuple[Array, Array]:
+        """(n,) response to an input (n,) that begins, or has always been at its first value, and (m, n) from each state."""
+        sections, count = self.sections.each, u.size
+        forced = [
+            driven_columns(one, u, h, self.length, self.sections.delay, (), (settled,)) for one in sections
+        ]
+        frees = [free(one, count, h) if one is not None else np.empty((0, count)) for one in sections]
+        drive = np.concatenate(forced)
+        return np.asarray(self.gains[: drive.shape[0]] @ drive), np.concatenate(frees)
+
+    def beginning(self, u: Array, y: Array, h: float) -> "Beginning":
+        """Where a record of input and output (n,), every `h` s, begins, by the first part of its output.
 
         Of a record that begins at rest that is only where an integrator stands.
         """
-        at_rest = rests(u, y)
-        driven, free = columns(self.sections, u, h, self.length, rest=(at_rest,))
-        if at_rest and not self.integrates:
-            return np.asarray(self.gains[: driven.shape[0]] @ driven + self.gains[-1])
-        count = driven.shape[0]
-        forced = self.gains[:count] @ driven
-        begin = min(y.size, max(round(BEGINNING * y.size), 4 * (len(free) + 1)))
-        rest = y - forced
-        if at_rest:  # it integrates; a second state would follow the noise of the beginning
-            place = free_columns(self.sections.slowest, u.size, h, self.length, ())[:1]
-            free, rest = place, rest - self.gains[-1]
-        elif not self.integrates:
-            rest = rest - self.gains[-1]
+        settled, level = rests(u, y), float(self.gains[-1])
+        forced, free = self.responses(u, h, settled)
+        states = np.zeros(len(free))
+        if not states.size or (settled and not self.integrates):
+            return Beginning(settled, level, states)
+        # an integrator has no level of its own but where it stands; at rest a second state would follow the noise
+        own = [self.place_of_slowest] if settled else list(range(states.size))
+        columns, rest = free[own], y - forced
+        if settled or not self.integrates:
+            rest = rest - level
         else:
-            free = np.concatenate([free, np.ones((1, u.size))])
-        own, *_ = np.linalg.lstsq(free[:, :begin].T, rest[:begin], rcond=1e-3)
-        return np.asarray(y - rest + own @ free)
+            columns = np.concatenate([columns, np.ones((1, u.size))])
+        first = min(y.size, max(round(BEGINNING * y.size), 4 * (len(columns) + 1)))
+        found, *_ = np.linalg.lstsq(columns[:, :first].T, rest[:first], rcond=1e-3)
+        states[own] = found[: len(own)]
+        return Beginning(settled, float(found[-1]) if len(found) > len(own) else level, states)
+
+    @property
+    def place_of_slowest(self) -> int:
+        """Which of the states, section by section, is the first of the section with the slowest pole."""
+        each = self.sections.each
+        return sum(2 if isinstance(s, tuple) else 1 for s in each[: each.index(self.sections.slowest)])
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """Where a record begins for a linear model.
+
+    Attributes:
+        settled: all but an integrator has settled on the first input.
+        level: output at which the sections stand at 0.
+        states: (m,) of the sections, in their order: of first order what is left of the output, of second order that and its
+            speed over the frequency.
+    """
+
+    settled: bool
+    level: float
+    states: Array = field(repr=False)
 
 
 Section = float | tuple[float, float]  # rate 1/s of a first-order section, or frequency rad/s and damping

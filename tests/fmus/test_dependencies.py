@@ -38,7 +38,6 @@ CANCELS = {
     "continuity": {("p_a", "k_s"), ("p_b", "k_s"), ("p_supply", "k_s")},
     "continuity_physical": {("p_load", "p_s"), ("p_load", "p_t")},
     "mechanical": {("theta", "gap")},
-    "linear_drive": {("theta", f"b1_{k}") for k in (2, 3)},
 }
 
 

@@ -16,9 +16,8 @@ from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.gain import measure, on_command
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.residuals.reference import on_other_windows
+from cosim.diagnosis.residuals.reference import evened, on_other_windows
 from cosim.files import Scratch
-from cosim.inference.beginning import rests
 from cosim.inference.linear import LinearModel
 from cosim.machines.table import MachineTable
 from cosim.machines.wiring import files, write_files
@@ -29,6 +28,12 @@ Array = NDArray[np.float64]
 SECTIONS = 3  # of the FMU, of second order each
 
 
+def lags(model: LinearModel) -> list[tuple[int, int | None]]:
+    """Places of the lags that make a section together, the slowest first; a last one may be alone."""
+    order = sorted(range(len(model.sections.first)), key=model.sections.first.__getitem__)
+    return list(zip_longest(order[::2], order[1::2]))
+
+
 def drive_values(model: LinearModel, factor: float = 1.0) -> dict[str, float]:
     """Parameters of the block `linear_drive` that make it a fitted linear model, SI, but for where it starts.
 
@@ -36,18 +41,18 @@ def drive_values(model: LinearModel, factor: float = 1.0) -> dict[str, float]:
         model: of order 1 to 6.
         factor: the output of the block per signal that was fitted.
     """
-    gains = iter(factor * model.gains)
-    lags = sorted((a, next(gains) * max(a, 1.0 / model.length)) for a in model.sections.first)
+    rates = model.sections.first
+    quick = [max(a, 1.0 / model.length) for a in rates]
+    gains = (factor * model.gains).tolist()
     found = []
-    for (a, top), other in zip_longest(lags[::2], lags[1::2]):
+    for i, k in lags(model):
+        top = gains[i] * quick[i]
         # a lag alone: numerator and denominator with one more root in common
-        b, second = other or (max(a, 1.0 / model.length), 0.0)
-        found.append((top + second, top * b + second * a, a + b, a * b))
-    for w, zeta in model.sections.second:
-        place, rate = next(gains), next(gains)
-        section = (rate * w, place * w * w, 2.0 * zeta * w, w * w)
-        # the slowest section is the block's first, which has a start of its own
-        found.insert(0 if (w, zeta) == model.sections.slowest else len(found), section)
+        b, second = (quick[i], 0.0) if k is None else (rates[k], gains[k] * quick[k])
+        found.append((top + second, top * b + second * rates[i], rates[i] + b, rates[i] * b))
+    for j, (w, zeta) in enumerate(model.sections.second):
+        place, rate = gains[len(rates) + 2 * j : len(rates) + 2 * j + 2]
+        found.append((rate * w, place * w * w, 2.0 * zeta * w, w * w))
     values = {"delay": model.sections.delay, "settled": float(not model.integrates)}
     for k in range(SECTIONS):
         section = found[k] if k < len(found) else (0.0, 0.0, 1.0, 1.0)
@@ -55,40 +60,45 @@ def drive_values(model: LinearModel, factor: float = 1.0) -> dict[str, float]:
     return values
 
 
+def begun(model: LinearModel, states: Array, factor: float) -> dict[str, float]:
+    """Where the sections of the block `linear_drive` start, for (m,) states of the model's; `factor` as `drive_values`."""
+    rates, y = model.sections.first, (factor * states).tolist()
+    found = []
+    for i, k in lags(model):
+        own = [i] if k is None else [i, k]
+        found.append((sum(y[j] for j in own), -sum(rates[j] * y[j] for j in own)))
+    for j, (w, _) in enumerate(model.sections.second):
+        place, speed = y[len(rates) + 2 * j : len(rates) + 2 * j + 2]
+        found.append((place, w * speed))
+    return {
+        f"{n}_{k}": v for k, own in enumerate(found, 1) for n, v in zip(("theta", "omega"), own, strict=True)
+    }
+
+
 def starts(
-    model: LinearModel, values: Mapping[str, float], record: Record, drive: str, signal: str, factor: float
+    model: LinearModel, record: Record, drive: str, signal: str, factor: float
 ) -> list[dict[str, float]]:
-    """Where each log starts, as parameters of the block: at the model's level, or an integrator where it stands.
+    """Where each log starts, as parameters of the block: as the linear model begins it.
 
     Args:
         model: the model.
-        values: its parameters, by `drive_values`.
         record: one log or several.
         drive: the command.
         signal: the output.
         factor: the output of the block per signal.
     """
-    level = factor * float(model.gains[-1])
-    if not model.integrates:
-        return [{"theta_0": level} for _ in record.pieces]
-    slowest = model.sections.slowest
-    fades = slowest if isinstance(slowest, float) else 0.0  # one of second order starts without a speed
-    b1, b0, a1, a0 = (values[f"{n}_1"] for n in ("b1", "b0", "a1", "a0"))
-    # response and rate of the first section that show as 1, and its change as -fades
-    shows = np.array([[b0, b1], [-a0 * b1, b0 - a1 * b1]])
-    begins = np.linalg.solve(shows, [1.0, -fades]) if np.linalg.det(shows) != 0.0 else None
     found = []
     for piece in record.pieces:
-        u, y = piece.signals[drive], piece.signals[signal]
-        first = float(u[0]) if rests(u, y) else 0.0  # on which all but the integrator has settled
-        stands = level + factor * model.settled * first
-        away = factor * float(np.mean(y[: max(1, round(piece.rest / piece.h))])) - stands
-        begin = {"theta_0": stands, "u_0": first}
-        if begins is None:
-            begin["theta_0"] = stands + away
-        else:
-            begin |= {"x_0": away * float(begins[0]), "v_0": away * float(begins[1])}
-        found.append(begin)
+        nobody = np.zeros(piece.time.size, dtype=np.int64)
+        even = evened(piece.signals[drive], piece.signals[signal], piece.time, piece.h, nobody, piece.h)
+        begin = model.beginning(even.u, even.y, piece.h)
+        at = {"theta_0": factor * begin.level, "settled": float(begin.settled and not model.integrates)}
+        if begin.settled and model.integrates:  # all but the integrator has settled on the first command
+            at |= {
+                "theta_0": at["theta_0"] + factor * model.settled * float(even.u[0]),
+                "u_0": float(even.u[0]),
+            }
+        found.append(at | begun(model, begin.states, factor))
     return found
 
 
@@ -131,7 +141,7 @@ def replaced(found: Diagnosis, folder: Path) -> None:
         return
     ((_, factor),) = machine.signals[signal].parts
     values = drive_values(model, 1.0 / factor)
-    begin = starts(model, values, record, machine.drive, signal, 1.0 / factor)
+    begin = starts(model, record, machine.drive, signal, 1.0 / factor)
     drafts = write_linear(machine, signal, values | begin[0], folder / "linear")
     package = drafts["open"]
     after = {signal: factor * run_linear(package, machine, record, begin)}
@@ -139,7 +149,7 @@ def replaced(found: Diagnosis, folder: Path) -> None:
     record_held = record
     if held is not None:
         record_held, first, before = held.record, held.first, found.held_before
-        at = starts(model, values, record_held, machine.drive, signal, 1.0 / factor)
+        at = starts(model, record_held, machine.drive, signal, 1.0 / factor)
         judged = {signal: factor * run_linear(package, machine, record_held, at)}
     gains = measure(record_held, {signal: before[signal]}, judged, found.window, first)
     if not gains or gains[signal].after >= found.gains[signal].after:

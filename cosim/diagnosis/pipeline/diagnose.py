@@ -19,7 +19,7 @@ from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.chain import Known, task_for
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.propagated import propagated
-from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried
+from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried, without
 from cosim.diagnosis.found import Diagnosis, Interrupted
 from cosim.diagnosis.held_out.causes import (
     Held,
@@ -294,10 +294,18 @@ def keep(finding: Finding, kept: tuple[Effect, ...], record: Record, trust: floa
 
 
 def refound(finding: Finding, kept: tuple[Effect, ...], trust: float, done: Steps) -> Trial:
-    """A set of effects fitted in windows, from the finding's fit and from the one with which held-out data judged it."""
-    judged = done.get(key_of(kept))
+    """A set of effects fitted in windows, from the finding's fit and from the one with which held-out data judged it.
+
+    A set explains no less than a part of it does: where it seems to, the search went astray and begins there.
+    """
+    task, judged = finding.task, done.get(key_of(kept))
     begins = [finding.chosen.fit, *([] if judged is None else [judged.fit])]
-    return max((tried(finding.task, kept, trust, fit) for fit in begins), key=lambda t: t.score)
+    best = max((tried(task, kept, trust, fit) for fit in begins), key=lambda t: t.score)
+    for effect in kept:
+        part = without(task, best, effect, finding.null, trust)
+        if part.fit.log_likelihood > best.fit.log_likelihood and not current().over:
+            best = max(best, tried(task, kept, trust, part.fit), key=lambda t: t.score)
+    return best
 
 
 def beside_linear(finding: Finding, record: Record, held: Held | None) -> Finding:
