@@ -70,14 +70,14 @@ class Parameters(NamedTuple):
     a1_3: Annotated[float, Variable("1/s", "Third section: damping", 1.0, 0.0, 1e9, source=FITTED)]
     a0_3: Annotated[float, Variable("1/s2", "Third section: stiffness", 1.0, 0.0, 1e9, source=FITTED)]
     delay: Annotated[float, Variable("s", "Transport delay", 0.0, 0.0, 1e6, source=FITTED)]
-    theta_0: Annotated[float, Variable("rad", "Angle at which the sections stand at 0", 0.0, -1e9, 1e9, display="deg", source="starts where the log does")]  # fmt: skip
+    offset: Annotated[float, Variable("rad", "Angle at which the sections stand at 0", 0.0, -1e9, 1e9, display="deg", source="starts where the log does")]  # fmt: skip
     u_0: Annotated[float, Variable("1", "Command at which it stands", 0.0, -100.0, 100.0, source="off: at none")]  # fmt: skip
-    theta_1: Annotated[float, Variable("rad", "First section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
-    omega_1: Annotated[float, Variable("rad/s", "First section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
-    theta_2: Annotated[float, Variable("rad", "Second section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
-    omega_2: Annotated[float, Variable("rad/s", "Second section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
-    theta_3: Annotated[float, Variable("rad", "Third section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
-    omega_3: Annotated[float, Variable("rad/s", "Third section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
+    start_1: Annotated[float, Variable("rad", "First section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
+    rate_1: Annotated[float, Variable("rad/s", "First section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
+    start_2: Annotated[float, Variable("rad", "Second section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
+    rate_2: Annotated[float, Variable("rad/s", "Second section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
+    start_3: Annotated[float, Variable("rad", "Third section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
+    rate_3: Annotated[float, Variable("rad/s", "Third section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
     settled: Annotated[float, Variable("1", "1: the first command has always been there; 0: there was none", 0.0, 0.0, 1.0, source="off: starts at rest")]  # fmt: skip
 
 
@@ -114,9 +114,9 @@ def began(
 def start(u: Input, p: Parameters) -> State:
     """In motion as it began, or settled on the first command."""
     past = p.settled * (u.command - p.u_0)
-    y_1, z_1 = began(p.theta_1, p.omega_1, past, p.b1_1, p.b0_1, p.a1_1, p.a0_1)
-    y_2, z_2 = began(p.theta_2, p.omega_2, past, p.b1_2, p.b0_2, p.a1_2, p.a0_2)
-    y_3, z_3 = began(p.theta_3, p.omega_3, past, p.b1_3, p.b0_3, p.a1_3, p.a0_3)
+    y_1, z_1 = began(p.start_1, p.rate_1, past, p.b1_1, p.b0_1, p.a1_1, p.a0_1)
+    y_2, z_2 = began(p.start_2, p.rate_2, past, p.b1_2, p.b0_2, p.a1_2, p.a0_2)
+    y_3, z_3 = began(p.start_3, p.rate_3, past, p.b1_3, p.b0_3, p.a1_3, p.a0_3)
     return State(y_1, z_1, y_2, z_2, y_3, z_3, past, 0.0, 0.0)
 
 
@@ -173,7 +173,7 @@ def step(x: State, u: Input, m: Any, p: Parameters, c: Coefficients) -> State:
 @equation
 def output(x: State, u: Input, m: Any, p: Parameters) -> Output:
     """The sum of the sections."""
-    return Output(p.theta_0 + x.y_1 + x.y_2 + x.y_3)
+    return Output(p.offset + x.y_1 + x.y_2 + x.y_3)
 
 
 BLOCK = Block(

@@ -19,6 +19,7 @@ BLOCKS = (
     "mechanical",
     "simplified",
     "linear_drive",
+    "linear_speed",
     "sensor",
     "observer",
     "observer_extended",

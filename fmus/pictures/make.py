@@ -143,6 +143,17 @@ def linear_drive(ax: Axes) -> None:
     axes_cross(ax, "t", "angle")
 
 
+def linear_speed(ax: Axes) -> None:
+    """Speed while the command steps up and back, of a motor with a springy coupling."""
+    t = np.arange(0, 4.0, 5e-3)
+    u = np.where((t > 0.3) & (t < 2.3), 1.0, 0.0)[:, None]
+    ax.plot(t, u, color=INK, lw=1.2, ls="--")
+    swing = {"b0_1": 3.0, "a1_1": 4.0, "a0_1": 4.0, "b0_2": 20.0, "a0_2": 150.0, "a1_2": 2.5, "delay": 0.1}
+    ax.plot(t, play("linear_speed", u, 5e-3, **swing)[:, 0], color=ACCENT, lw=2.4)
+    ax.set_ylim(-0.3, 1.4)
+    axes_cross(ax, "t", "speed")
+
+
 def sensor(ax: Axes) -> None:
     """Reading against angle: a straight line."""
     x = np.linspace(-0.2, 1.0, 3)
@@ -222,6 +233,7 @@ DRAWINGS: dict[str, Callable[[Axes], None]] = {
         mechanical,
         simplified,
         linear_drive,
+        linear_speed,
         sensor,
         observer,
         observer_extended,

@@ -4,15 +4,17 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from cosim.diagnosis.extension.linear import drive_values, starts
 from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.record.record import Record
 from cosim.inference.linear import LinearModel, Sections
-from cosim.logs import Log
+from cosim.logs import Log, load_log
 from cosim.master import Runner
 from cosim.report.deliver import delivered
 from cosim.report.screen import lines
@@ -75,6 +77,44 @@ def test_it_is_said_and_its_package_runs(told: tuple[Diagnosis, Path]) -> None:
     assert np.sqrt(np.mean((run.signals["slew"] - log.signals["slew"]) ** 2)) < 1.2 * NOISE
 
 
+def springy(folder: Path, seed: int) -> Path:
+    """A synthetic log of a motor behind two springy couplings that is measured by its speed, and that moves as it begins."""
+    rng, h = np.random.default_rng(seed), 0.01
+    u = np.repeat(rng.uniform(0.2, 1.0, 32), 125)
+    bottom = np.array([0.4, 1.0])
+    for w, zeta in MODES:
+        bottom = np.polymul(bottom, [1.0 / w**2, 2.0 * zeta / w, 1.0])
+    b, a, _ = cont2discrete(([0.02, -0.1, 90.0], bottom), h)
+    speed = lfilter(np.ravel(b), a, u)[300:] + 0.01 * rng.standard_normal(3700)
+    file = folder / f"{seed}.csv"
+    pd.DataFrame({"t": h * np.arange(3700), "u": u[300:], "speed": speed}).to_csv(file, index=False)
+    return file
+
+
+@pytest.mark.slow
+def test_a_speed_has_a_linear_model_too(tmp_path: Path) -> None:
+    mapping = tmp_path / "motor.toml"
+    mapping.write_text(
+        '[time]\ncolumn = "t"\nunit = "s"\n[signals.u]\ncolumn = "u"\nunit = "1"\n'
+        '[signals.speed]\ncolumn = "speed"\nunit = "rad/s"\n[machine]\ndrive = "electric"\n'
+        'chain = ["dead_zone", "dcv", "continuity", "mechanical"]\ninput = "u"\noutput = "speed"\n'
+    )
+    logs = [load_log(springy(tmp_path, seed), mapping) for seed in (1, 2)]
+    machine = machine_of(None, logs[:1], mapping)
+    found = diagnose(logs[0], model=machine, held_out=logs[1], folder=tmp_path / "drafts")
+    assert not found.causes
+    assert found.in_place is not None
+    assert np.allclose(sorted(found.in_place.sections.second), MODES, rtol=0.03)
+    assert found.gains["speed"].before > 0.1
+    assert found.gains["speed"].after < 0.03  # noise, and a start told by the first part of the log
+    answer = delivered(found, logs[0], tmp_path / "out")
+    assert answer.extended is not None
+    with Runner(Path(answer.extended.ssp)) as runner:
+        run = runner.run(36.99, 0.01, inputs={"u": (logs[0].time, logs[0].signals["u"])}, record=["speed"])
+    left = run.signals["speed"] - logs[0].signals["speed"]
+    assert np.sqrt(np.mean(left**2)) < 0.03
+
+
 @pytest.mark.slow
 def test_without_another_log_windows_judge_that_had_no_share_in_it(tmp_path: Path) -> None:
     found = diagnose(swinging(3, 40.0), calibrate=True, folder=tmp_path)
@@ -104,7 +144,7 @@ def test_the_block_is_the_model(sections: Sections) -> None:
     model = LinearModel(sections, np.concatenate([driven, frees, [0.3]]), h, 5.0, empty, empty)
     module = compose(linear_drive.BLOCK).module
     starts = {n: v.start for n, v in linear_drive.BLOCK.parameters.items()}
-    p = module.Parameters(**starts | drive_values(model) | {"settled": 0.0, "theta_0": 0.3})
+    p = module.Parameters(**starts | drive_values(model) | {"settled": 0.0, "offset": 0.3})
     x = module.start(module.Input(0.0), p)
     m, c = module.begin(x, module.Input(0.0), p, [np.zeros(linear_drive.RING)]), module.coefficients(p, h)
     found = []

@@ -29,6 +29,7 @@ FAR = {
                    "gap": (0.0, 0.1), "e_l": (-0.5, 0.5)},
     "simplified": {"theta_0": (-2.0, 2.0), "omega_0": (-1.0, 1.0), "theta_min": (-2.0, -0.1), "theta_max": (0.1, 2.0)},
     "linear_drive": {"command": (-2.0, 2.0), "u_0": (-2.0, 2.0), "settled": (0.0, 1.0)},
+    "linear_speed": {"command": (-2.0, 2.0), "u_0": (-2.0, 2.0), "settled": (0.0, 1.0)},
     "sensor": {"theta": (-1.0, 1.0), "low": (-1.0, 0.0), "high": (0.0, 1.0)},
     "reference": {"t_switch": (-1.0, 1.0)},
     "controller": {"automatic": (0.0, 1.0), "d_plus": (0.0, 0.5), "d_minus": (0.0, 0.5)},

@@ -39,7 +39,7 @@ def test_exact_for_a_held_command(h: float) -> None:
         b1, b0, a1, a0 = (THREE[f"{n}_{k}"] for n in ("b1", "b0", "a1", "a0"))
         A, B = np.array([[0.0, 1.0], [-a0, -a1]]), np.array([[0.0], [1.0]])
         expected += ramp_response(A, B, [0.0, 0.0], u, h, [True]) @ [b0, b1]
-    found = run(BLOCK, h, u[0], THREE | {"theta_0": 0.2}).play(u[1:])[:, 0]
+    found = run(BLOCK, h, u[0], THREE | {"offset": 0.2}).play(u[1:])[:, 0]
     assert np.abs(found - 0.2 - expected).max() < 1e-12 * (1.0 + np.abs(expected).max())
 
 
@@ -47,6 +47,25 @@ def test_nominally_it_is_the_simplified_drive() -> None:
     u = np.random.default_rng(5).uniform(-1, 1, (200, 1))
     one, other = (run(block, 0.02, u[0]).play(u[1:])[:, 0] for block in (BLOCK, bare("simplified")))
     assert np.abs(one - other).max() < 1e-14
+
+
+def test_the_linear_speed_is_nominally_the_speed_of_that_drive() -> None:
+    u = np.random.default_rng(5).uniform(-1, 1, (200, 1))
+    found = run(bare("linear_speed"), 0.02, u[0]).play(u[1:])[:, 0]
+    simplified = bare("simplified")
+    speed = list(simplified.outputs).index("omega")
+    assert np.abs(found - run(simplified, 0.02, u[0]).play(u[1:])[:, speed]).max() < 1e-14
+
+
+def test_the_linear_speed_has_the_equations_of_the_linear_drive_and_units_one_derivative_on() -> None:
+    speed = bare("linear_speed")
+    one, other = run(BLOCK, 0.01, [0.3], THREE), run(speed, 0.01, [0.3], THREE)
+    u = np.random.default_rng(8).uniform(-1, 1, (100, 1))
+    assert np.array_equal(one.play(u), other.play(u))
+    units = {n: (BLOCK.parameters[n].unit, v.unit) for n, v in speed.parameters.items()}
+    assert units["b0_1"] == ("rad/s2", "rad/s3")
+    assert units["offset"] == ("rad", "rad/s")
+    assert units["a0_1"] == ("1/s2", "1/s2")
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.05, 0.053])
@@ -61,21 +80,21 @@ def test_a_delay_shifts_the_command_straight_between_its_steps(delay: float) -> 
 
 
 def test_settled_it_stands_where_the_first_command_has_brought_it() -> None:
-    still = THREE | {"b0_1": 0.0, "b1_1": 0.0, "theta_0": 0.1, "settled": 1.0, "delay": 0.035}
+    still = THREE | {"b0_1": 0.0, "b1_1": 0.0, "offset": 0.1, "settled": 1.0, "delay": 0.035}
     found = run(BLOCK, 0.01, [0.4], still).play([[0.4]] * 100)[:, 0]
     assert found == pytest.approx(0.1 + 0.4 * (2.0 / 30.0 - 1.0 / 14.0), rel=1e-12)
 
 
 def test_it_stands_at_the_command_that_moves_nothing() -> None:
-    still = THREE | {"theta_0": 0.7, "u_0": 0.4, "delay": 0.02}
+    still = THREE | {"offset": 0.7, "u_0": 0.4, "delay": 0.02}
     assert np.all(run(BLOCK, 0.01, [0.4], still).play([[0.4]] * 50) == 0.7)
     u = np.random.default_rng(7).uniform(-1, 1, (60, 1))
     from_zero = run(BLOCK, 0.01, [0.0], still | {"u_0": 0.0}).play(u)
     assert run(BLOCK, 0.01, [0.4], still).play(u + 0.4) == pytest.approx(from_zero, rel=1e-12)
 
 
-def test_at_rest_it_starts_at_theta_0() -> None:
-    assert np.all(run(BLOCK, 0.01, [0.4], THREE | {"theta_0": 0.7}).play([[0.0]] * 50) == 0.7)
+def test_at_rest_it_starts_at_its_offset() -> None:
+    assert np.all(run(BLOCK, 0.01, [0.4], THREE | {"offset": 0.7}).play([[0.0]] * 50) == 0.7)
 
 
 def test_a_delay_of_more_steps_than_it_remembers_is_that_of_all_it_remembers() -> None:

@@ -72,6 +72,7 @@ INPUTS: dict[str, Rows] = {
     ],
     "simplified": held((0.0, 0.0), (0.2, 1.0), (2.0, -0.5), (4.0, 0.0), (4.5, 0.0)),
     "linear_drive": held((0.0, 0.0), (0.2, 1.0), (2.0, -0.5), (4.0, 0.0), (4.5, 0.0)),
+    "linear_speed": held((0.0, 0.0), (0.2, 1.0), (2.0, -0.5), (4.0, 0.0), (4.5, 0.0)),
     "sensor": [(0.0, 0.0), (2.0, 58 * DEG), (3.0, -3 * DEG)],
     # the measured angle starts away from the model's
     "observer": [

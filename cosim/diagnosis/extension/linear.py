@@ -22,10 +22,12 @@ from cosim.inference.linear import LinearModel
 from cosim.machines.table import MachineTable
 from cosim.machines.wiring import files, write_files
 from cosim.ssp.write import write_as_wired
-from fmus.linear_drive import BLOCK
+from fmus import linear_drive, linear_speed
+from fmus.contract import Block
 
 Array = NDArray[np.float64]
 SECTIONS = 3  # of the FMU, of second order each
+BLOCKS = {"rad": linear_drive.BLOCK, "rad/s": linear_speed.BLOCK}  # by the unit of what they put out
 
 
 def lags(model: LinearModel) -> list[tuple[int, int | None]]:
@@ -35,7 +37,7 @@ def lags(model: LinearModel) -> list[tuple[int, int | None]]:
 
 
 def drive_values(model: LinearModel, factor: float = 1.0) -> dict[str, float]:
-    """Parameters of the block `linear_drive` that make it a fitted linear model, SI, but for where it starts.
+    """Parameters of a linear block, for an angle or a speed, that make it a fitted linear model, SI, without its start.
 
     Args:
         model: of order 1 to 6.
@@ -71,7 +73,7 @@ def begun(model: LinearModel, states: Array, factor: float) -> dict[str, float]:
         place, speed = y[len(rates) + 2 * j : len(rates) + 2 * j + 2]
         found.append((place, w * speed))
     return {
-        f"{n}_{k}": v for k, own in enumerate(found, 1) for n, v in zip(("theta", "omega"), own, strict=True)
+        f"{n}_{k}": v for k, own in enumerate(found, 1) for n, v in zip(("start", "rate"), own, strict=True)
     }
 
 
@@ -92,10 +94,10 @@ def starts(
         nobody = np.zeros(piece.time.size, dtype=np.int64)
         even = evened(piece.signals[drive], piece.signals[signal], piece.time, piece.h, nobody, piece.h)
         begin = model.beginning(even.u, even.y, piece.h)
-        at = {"theta_0": factor * begin.level, "settled": float(begin.settled and not model.integrates)}
+        at = {"offset": factor * begin.level, "settled": float(begin.settled and not model.integrates)}
         if begin.settled and model.integrates:  # all but the integrator has settled on the first command
             at |= {
-                "theta_0": at["theta_0"] + factor * model.settled * float(even.u[0]),
+                "offset": at["offset"] + factor * model.settled * float(even.u[0]),
                 "u_0": float(even.u[0]),
             }
         found.append(at | begun(model, begin.states, factor))
@@ -103,7 +105,7 @@ def starts(
 
 
 def can_replace(found: Diagnosis) -> bool:
-    """True where linear dynamics are missing between the command and an angle, and nothing between them was measured.
+    """True where linear dynamics are missing from the command to an angle or a speed, and nothing between was measured.
 
     In a block's own windows, or in the free run of the whole where nothing is named.
     """
@@ -118,7 +120,7 @@ def can_replace(found: Diagnosis) -> bool:
     if finding.reference is None or not (finding.lacks_linear or of_all):
         return False
     parts = found.machine.signals[signal].parts
-    return len(parts) == 1 and not group.is_speed(signal) and found.machine.wiring.unit(parts[0][0]) == "rad"
+    return len(parts) == 1 and found.machine.wiring.unit(parts[0][0]) in BLOCKS
 
 
 def replaced(found: Diagnosis, folder: Path) -> None:
@@ -142,15 +144,16 @@ def replaced(found: Diagnosis, folder: Path) -> None:
     ((_, factor),) = machine.signals[signal].parts
     values = drive_values(model, 1.0 / factor)
     begin = starts(model, record, machine.drive, signal, 1.0 / factor)
-    drafts = write_linear(machine, signal, values | begin[0], folder / "linear")
+    block = BLOCKS[machine.wiring.unit(machine.signals[signal].parts[0][0])]
+    drafts = write_linear(block, machine, signal, values | begin[0], folder / "linear")
     package = drafts["open"]
-    after = {signal: factor * run_linear(package, machine, record, begin)}
+    after = {signal: factor * run_linear(block, package, machine, record, begin)}
     before, judged, first = found.before, after, None
     record_held = record
     if held is not None:
         record_held, first, before = held.record, held.first, found.held_before
         at = starts(model, record_held, machine.drive, signal, 1.0 / factor)
-        judged = {signal: factor * run_linear(package, machine, record_held, at)}
+        judged = {signal: factor * run_linear(block, package, machine, record_held, at)}
     gains = measure(record_held, {signal: before[signal]}, judged, found.window, first)
     if not gains or gains[signal].after >= found.gains[signal].after:
         return
@@ -160,12 +163,14 @@ def replaced(found: Diagnosis, folder: Path) -> None:
     found.in_place = model
 
 
-def write_linear(machine: Machine, signal: str, values: Mapping[str, float], folder: Path) -> dict[str, Path]:
+def write_linear(
+    block: Block, machine: Machine, signal: str, values: Mapping[str, float], folder: Path
+) -> dict[str, Path]:
     """The open package of a linear drive, with the connectors of the machine's own, and its parameter set."""
     ((port, _),) = machine.signals[signal].parts
     outlet = next((n for n, behind in machine.wiring.outputs.items() if behind == port), signal)
-    table = MachineTable(chain=(BLOCK.name,), input=entry(machine), output=outlet)
-    full = {f"{BLOCK.name}.{n}": v for n, v in values.items()}
+    table = MachineTable(chain=(block.name,), input=entry(machine), output=outlet)
+    full = {f"{block.name}.{n}": v for n, v in values.items()}
     text = f"{machine.name}: a linear model in the place of the blocks, fitted to a log"
     with Scratch("linear_") as scratch:
         content = files(table, full, f"{machine.name}_linear", text, machine.source)
@@ -173,7 +178,7 @@ def write_linear(machine: Machine, signal: str, values: Mapping[str, float], fol
         package = write_as_wired(Path(scratch, f"{machine.name}_linear.ssd"), folder / "extended.ssp")
     return {
         "open": package,
-        "ssv": write_values({BLOCK.name: values}, {BLOCK.name: BLOCK.name}, folder / "extended.ssv"),
+        "ssv": write_values({block.name: values}, {block.name: block.name}, folder / "extended.ssv"),
     }
 
 
@@ -184,12 +189,12 @@ def entry(machine: Machine) -> str:
 
 
 def run_linear(
-    package: Path, machine: Machine, record: Record, begin: Sequence[Mapping[str, float]]
+    block: Block, package: Path, machine: Machine, record: Record, begin: Sequence[Mapping[str, float]]
 ) -> Array:
     """(n,) output of a linear package on the command of each log, from its own start, at the log's samples."""
-    output = f"{BLOCK.name}.{next(iter(BLOCK.outputs))}"
+    output = f"{block.name}.{next(iter(block.outputs))}"
     each = []
     for piece, start in zip(record.pieces, begin, strict=True):
-        own = {f"{BLOCK.name}.{n}": v for n, v in start.items()}
+        own = {f"{block.name}.{n}": v for n, v in start.items()}
         each.append(on_command(package, piece, machine, (entry(machine),), own, [output])[output])
     return np.concatenate(each)

@@ -30,6 +30,7 @@ HELD = (
     "dcv",
     "simplified",
     "linear_drive",
+    "linear_speed",
 )  # blocks whose input is held over a step (docs/design.md)
 HANDED_ON = "driving_pressure"  # slot of a block through which goes what the next one feels
 
