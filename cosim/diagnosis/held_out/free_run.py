@@ -22,7 +22,6 @@ from fmus.contract import Effect
 Array = NDArray[np.float64]
 
 FREE_RUN_ROUNDS = 6  # of a fit, at most
-ROUND_GAINS = 1e-3  # of the sum of squares that a further round must take away
 WALK_ROUNDS = 4  # times that the size of the walk is learned anew, at most
 WALK_SETTLED = 0.95  # of its size, less than which a fit must leave for that to be worth it
 
@@ -52,7 +51,7 @@ def refitted(
     """Trusted parameters and effects fitted to the error over the whole log.
 
     Over a whole log sticking makes the error jagged, with several local minima. The search begins where the fit in windows
-    ends, so that it finds the minimum that the shape of the signal speaks for, and goes on until it gains no more. What is
+    ends, so that it finds the minimum that the shape of the signal speaks for, and goes on until it settles. What is
     left of a real machine's log is mostly what the model lacks and not noise, so parts of the log stand for independent
     repetitions in the intervals (sandwich estimator; Huber 1967, White 1982).
 
@@ -67,10 +66,9 @@ def refitted(
     task = whole(finding.task, size, mask)
     wanted, _ = unknowns(task.model, effects, tolerance)
     found = tried(finding.task, effects, tolerance, near).fit
-    for left in reversed(range(FREE_RUN_ROUNDS)):
-        before = found.log_likelihood if left < FREE_RUN_ROUNDS - 1 else -np.inf
+    for _ in range(FREE_RUN_ROUNDS):
         found = fit(task, placed(wanted, found.values), rounds=20)
-        if found.log_likelihood < before + ROUND_GAINS * abs(before) or current().over:
+        if found.settled or current().over:
             break
     numbers = np.arange(found.count) * FREE_RUN_PARTS // max(found.count, 1)
     return with_sandwich(found, wanted, task.model, numbers)
