@@ -11,6 +11,7 @@ from cosim.anysystem.options import AnyOptions, options_of
 from cosim.compare.mapping import load_mapping
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log
+from cosim.logs.choose import holds
 from cosim.logs.load import load_log, open_source
 from cosim.logs.mapping import Mapping as LogMapping
 from cosim.logs.mapping import SignalColumn, TimeColumn
@@ -192,6 +193,7 @@ def read(
         foreign = plain.model_copy(update={"signals": {own_name(n): c for n, c in plain.signals.items()}})
         targets |= {own_name(n): target for n, target in targets.items()}
     logs = []
+    lacks = lacking_columns(given, foreign)
     for item in given:
         chosen, path = plain, item if isinstance(item, Path) else item.source
         if chosen is None:
@@ -199,9 +201,28 @@ def read(
         whole = isinstance(item, Log) and item.signals.keys() <= chosen.signals.keys() and plain is not None
         if not whole and foreign is not None:
             chosen = foreign
-        log = item if whole and isinstance(item, Log) else load_log(path, chosen)
+        without = lacks.get(path, [])
+        select = [n for n in chosen.signals if n not in without] if without else None
+        log = item if whole and isinstance(item, Log) else load_log(path, chosen, select=select)
         logs.append(_recording(log, chosen, targets, system, options))
+        logs[-1].warnings += [
+            f"there is no column {chosen.signals[n].column!r}: {n.removeprefix('system.')} is taken from the other logs"
+            for n in without
+        ]
     return logs, options, others
+
+
+def lacking_columns(given: Sequence[Path | Log], mapping: LogMapping | None) -> dict[Path, list[str]]:
+    """Signals of a mapping whose columns a file lacks, where another has them: file -> names."""
+    files = [item for item in given if isinstance(item, Path)]
+    if mapping is None or len(given) < 2 or not files:
+        return {}
+    found = {}
+    for path in files:
+        source = open_source(path, mapping)
+        found[path] = {n for n, column in mapping.signals.items() if not holds(source, column)}
+    nowhere = set.intersection(*found.values()) if len(files) == len(given) else set()
+    return {path: sorted(names - nowhere) for path, names in found.items() if names - nowhere}
 
 
 def ends(system: System, port: Port) -> list[tuple[Port, float, float]]:

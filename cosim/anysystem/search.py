@@ -462,6 +462,11 @@ class Search:
             nuisances.append(unknown)
             rows.append({n: (moved[n] - here[n]) / step for n in problem.names})
 
+        def add_each(unknown: Unknown, slope: Mapping[str, Array]) -> None:
+            for own, part in self._each(unknown, slope):
+                nuisances.append(own)
+                rows.append(part)
+
         for drive in model.group.drives:
             name = f"{SHIFT}:{drive.signal}>{drive.port}"
             # half a sample: the slope is then exact for an input that is held over each step. What is true or false, or a
@@ -471,8 +476,8 @@ class Search:
                 moved = [model({**at, name: s}) for s in ((0.5, -0.5) if real else (1.0, 0.0))]
             except SimulationError:
                 continue
-            nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))
-            rows.append({n: moved[0][n] - moved[1][n] for n in problem.names})
+            slope = {n: moved[0][n] - moved[1][n] for n in problem.names}
+            add_each(Unknown(name, -EARLY, EARLY, 1.0, JITTER), slope)
         for signal, quantity in model.drives.items():
             for i in range(len(quantity.slopes)):
                 name = f"{DRIVE}:{signal}:{i}"
@@ -488,8 +493,7 @@ class Search:
                 n: np.gradient(here[n]) if n.partition("#")[0] == signal else np.zeros_like(here[n])
                 for n in problem.names
             }
-            nuisances.append(Unknown(f"{SHIFT}:{signal}", -EARLY, EARLY, 1.0, JITTER))
-            rows.append(shifted)
+            add_each(Unknown(f"{SHIFT}:{signal}", -EARLY, EARLY, 1.0, JITTER), shifted)
         for name, (value, deviation) in self.trusted.items():
             key = f"{PARAMETER}|{name}"
             if any(k == key for k in at):
@@ -550,10 +554,22 @@ class Search:
                 slope = {n: (moved[n] - first[n]) / step for n in self.problem.names}
                 if number == 1 and not self._kept(slope):
                     break
-                found.append(
-                    (Unknown(f"slow:{signal}:{number}", -SURE * size, SURE * size, size, size), slope)
-                )
+                unknown = Unknown(f"slow:{signal}:{number}", -SURE * size, SURE * size, size, size)
+                found += self._each(unknown, slope)
         return found
+
+    def _each(self, unknown: Unknown, slope: Mapping[str, Array]) -> list[tuple[Unknown, dict[str, Array]]]:
+        """A nuisance with its slopes in each log by itself: when a logger reads, and how far a drive is off, differ."""
+        count = len(self.model.segments)
+        if count == 1:
+            return [(unknown, dict(slope))]
+        return [
+            (
+                replace(unknown, name=f"{unknown.name}#{k}"),
+                {n: s if n.endswith(f"#{k}") else np.zeros_like(s) for n, s in slope.items()},
+            )
+            for k in range(count)
+        ]
 
     @staticmethod
     def _kept(slope: Mapping[str, Array]) -> bool:
@@ -564,6 +580,21 @@ class Search:
         )
 
     # The search
+
+    def wrong(self) -> dict[str, str]:
+        """Signals that are systematically wrong without any cause, with words."""
+        residual = self.problem.residuals(self.null.fit.values)
+        return self._wrong(self._told(residual, self.null), residual)
+
+    def contradicts(self, finding: Finding) -> bool:
+        """Whether these logs are explained worse with what was found in others."""
+        here = self.problem.rows(self.null.fit.values)
+        names = {u.name for a in finding.chosen.actions for u in finding.chosen.fit.unknowns}
+        values = {n: v for n, v in finding.chosen.fit.values.items() if n in names}
+        theirs = self.problem.rows({**self.null.fit.values, **values})
+        if here is None or theirs is None:
+            return here is not None
+        return 0.5 * float(theirs @ theirs - here @ here) > CLOSE
 
     def run(self) -> Finding:
         """Causes, rivals, what stays."""
@@ -613,13 +644,16 @@ class Search:
         if self.budget.over:
             self._left_out("what each log says of the estimates")
             return {}
-        logs = [np.full(self.problem.measured[n].size, int(n.rpartition("#")[2])) for n in self.problem.names]
-        numbers = np.concatenate(logs)
+        names, nuisances = self.problem.names, [u.name for u in self.problem.nuisances_shared]
+        logs = [np.full(self.problem.measured[n].size, int(n.rpartition("#")[2])) for n in names]
+        # what is believed of a nuisance of one log counts as that log's
+        own = [int(n.rpartition("#")[2]) if "#" in n else -1 for n in nuisances]
+        numbers = np.concatenate([*logs, np.array(own, dtype=np.int64)])
         fit = best.fit
         with self.problem.whole() if self.on_all else nullcontext():
             self._scored(best)
             fit = best.fit
-            numbers = np.where(self.problem.mask[: numbers.size], numbers, -1)
+            numbers = np.where(self.problem.mask, numbers, -1)
             slopes = self.problem.slopes(fit)
         drawn = drawn_by_logs(slopes, fit.rows, numbers, np.array([u.scale for u in fit.unknowns]))
         if drawn is None:
