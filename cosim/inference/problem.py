@@ -228,6 +228,30 @@ class Problem:
         _, found = self.eliminated(self.whitened(raw)[0], values)
         return {u.name: float(v) for u, v in zip(self._nuisances, found, strict=True)}
 
+    def freed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Log-likelihood that each nuisance would gain were nothing believed of it: a step of Newton, others following."""
+        series = self.model(values)
+        _, inside, information = self._project()
+        rows, found = self.eliminated(
+            self.whitened({n: self.measured[n] - series[n] for n in self.names})[0], values
+        )
+        pulls = inside.T @ rows[self._data]
+        follow = np.array(
+            [u.low < v < u.high for u, v in zip(self._nuisances, found, strict=True)], dtype=bool
+        )
+        gains = {}
+        for k, unknown in enumerate(self._nuisances):
+            if unknown.name in values:
+                continue
+            others = follow.copy()
+            others[k] = False
+            cross = information[others, k]
+            curve = information[k, k] - unknown.prior**-2
+            curve -= float(cross @ np.linalg.solve(information[np.ix_(others, others)], cross))
+            told = curve > 1e-9 * information[k, k]
+            gains[unknown.name] = 0.5 * float(pulls[k]) ** 2 / curve if told else 0.0
+        return gains
+
     def rows(self, values: Mapping[str, float]) -> Array | None:
         """(n + k,) whitened residuals, nuisances eliminated, then these over their priors; None where the model fails."""
         try:

@@ -114,6 +114,24 @@ def test_a_nuisance_of_data_held_out_is_estimated_there_and_sways_no_fit() -> No
     assert made.pull(fit.rows) == pytest.approx(alone.pull(own.rows), rel=1e-9)
 
 
+def test_what_a_nuisance_would_gain_if_nothing_were_believed_of_it_is_what_least_squares_give() -> None:
+    rng, noise = np.random.default_rng(10), 0.01
+    slopes = np.stack([np.sin(T), np.cos(2.0 * T), np.sin(T) + 0.5 * np.cos(5.0 * T)])
+    y = U + np.array([2.0, 0.3, 0.2]) @ slopes + noise * rng.standard_normal(N)
+    made = Problem({"y": y}, {"y": FITTED}, {"y": WINDOW}, model, {"y": 1e-4})
+    made.noise["y"] = Noise(noise**2)
+    believed = [Unknown(f"n{k}", -0.5, 0.5, 1.0, 0.2) for k in range(3)]
+    made.share(believed, {"y": slopes})
+    gains = made.freed({})
+    here = made.fit((), {}).log_likelihood
+    # the first is wanted far beyond its bound; the others stay within theirs when it is free
+    free = [Unknown("n0", -np.inf, np.inf, 1.0, 1e9), *believed[1:]]
+    made.share(free, {"y": slopes})
+    assert gains["n0"] == pytest.approx(made.fit((), {}).log_likelihood - here, rel=0.05)
+    assert gains["n0"] > 100.0 * gains["n1"]
+    assert "n0" not in made.freed({"n0": 0.0})  # it is an unknown of the hypothesis itself
+
+
 @pytest.mark.parametrize(("low", "high"), [(-5.0, 1.1), (1.3, 5.0), (0.999, 1.001)])
 def test_the_model_is_never_run_beyond_the_bounds_of_an_unknown(low: float, high: float) -> None:
     """The estimate ends at a bound: its slope is taken on the other side, over half of a range that is narrower."""
