@@ -340,7 +340,7 @@ def judge(
         return
     found.findings[group.name] = finding
     found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
-    found.notes += at_limits(finding)
+    found.notes += at_limits(finding) + own_steps(finding)
     if finding.unexplained:
         return
     for one in (finding, *healthy):
@@ -412,6 +412,22 @@ def at_limits(finding: Finding) -> list[str]:
     return [
         f"{finding.model.group.name} explains the log only with {' and '.join(finding.bent[:SHOWN])} three deviations "
         f"from what is trusted{other}"
+    ]
+
+
+def own_steps(finding: Finding) -> list[str]:
+    """What to say of a group that stays wrong where nobody can ask how far its solvers are off."""
+    model = finding.model
+    h = min(segment.h for segment in model.segments)
+    fixed = [u for u in model.group.units if len(u.components) == 1 and not model.runs.can_halve(u, h)]
+    if not finding.unexplained or not fixed:
+        return []
+    names = [c for u in fixed for c in u.components]
+    steps = [f"{model.system.components[n].fmu.step_size:g} s" for n in names]
+    return [
+        f"{listed(names)}: steps of {listed(steps)} of {'its' if len(names) == 1 else 'their'} own, which cannot be made "
+        "finer here: what its solver errs by them is among what is unexplained; if the FMU can be exported with a finer "
+        "step, try that"
     ]
 
 
