@@ -64,8 +64,14 @@ class Recording:
     synthetic: bool = False
 
 
-def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
+def named_columns(path: Path, system: System, units: dict[str, str]) -> tuple[LogMapping, list[str]]:
     """A mapping for a log whose columns are called ``component.connector``.
+
+    Args:
+        path: the log.
+        system: the model.
+        units: connectors whose FMU states no unit -> unit in which the first of several logs has them; those of this log
+            are added.
 
     Returns:
         (mapping, headings that are no connector).
@@ -92,6 +98,8 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
         name = own_name(label.name) if not port.component else label.name
         name = str(port) if port.component else name
         found[name] = SignalColumn(column=label.text, unit=unit, text=OWN if own else "")
+        if own and label.unit is not None:
+            found[name] = found[name].model_copy(update={"gain": _as_first(path, label, units, name)})
     if not found:
         raise DataError(
             f"{path}: no column is a connector of the system ({', '.join(connectors(system)[:20])}); found "
@@ -103,6 +111,25 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
         time=clock, signals=found, file=LogMapping.model_fields["file"].default, sha256={}, path=None, model=None,
         compare={}, diagnose={}, machine={}, name="", description="",
     ), others  # fmt: skip
+
+
+def _as_first(path: Path, label: Label, units: dict[str, str], name: str) -> float:
+    """Factor from a log's unit to that of the first log, where only the logs say in which unit a connector is.
+
+    Raises:
+        DataError: the two have different dimensions.
+    """
+    unit = label.unit or "1"
+    first = units.setdefault(name, unit)
+    if first == unit:
+        return 1.0
+    try:
+        return conversion(unit, first)
+    except UsageError:
+        raise DataError(
+            f"{path}: column '{label.text}' is in '{unit}', but in the first log in '{first}', and the FMU states no unit: "
+            "write both in one unit"
+        ) from None
 
 
 def own_name(name: str) -> str:
@@ -193,11 +220,12 @@ def read(
         foreign = plain.model_copy(update={"signals": {own_name(n): c for n, c in plain.signals.items()}})
         targets |= {own_name(n): target for n, target in targets.items()}
     logs = []
+    units: dict[str, str] = {}
     lacks = lacking_columns(given, foreign)
     for item in given:
         chosen, path = plain, item if isinstance(item, Path) else item.source
         if chosen is None:
-            chosen, others = named_columns(path, system)
+            chosen, others = named_columns(path, system, units)
         whole = isinstance(item, Log) and item.signals.keys() <= chosen.signals.keys() and plain is not None
         if not whole and foreign is not None:
             chosen = foreign

@@ -9,7 +9,9 @@ import systems
 
 from benchmarks.systems.truth import Hidden
 from cosim.anysystem.pipeline import measured
-from cosim.anysystem.read import Recording
+from cosim.anysystem.read import Recording, read
+from cosim.anysystem.readings import stale_of
+from cosim.errors import DataError
 from cosim.ssp.read import read_system
 
 GAIN = [Hidden("port.gain", "valve.y", "output", {"gain": 1.15})]
@@ -109,3 +111,34 @@ def test_a_fault_of_all_logs_is_not_one_of_some(native: Path, command, tmp_path:
     assert (cause["effect"], cause["component"], cause["logs"]) == ("port.gain", "valve", [])
     assert (found["verdict"], found["unexplained"]) == ("explained", [])
     assert len(cause["parameters"]["gain"]["per_log"]) == 2
+
+
+def test_a_machine_at_rest_in_one_log_has_no_stale_samples_in_another() -> None:
+    rng = np.random.default_rng(11)
+    moves, rests = np.cumsum(rng.standard_normal(1000)), np.full(500, 2.0)
+    read_there = moves + 0.1 * rng.standard_normal(1000)
+    assert stale_of([read_there, rests], [moves, rests]) is None
+    stale = read_there[np.maximum.accumulate(np.where(rng.random(1000) < 0.2, 0, np.arange(1000)))]
+    found = stale_of([stale, rests], [moves, rests])
+    assert found is not None
+    assert (found.samples, found.share) == (1000, pytest.approx(0.2, abs=0.04))
+    assert list(found.held[1]) == list(range(500))
+
+
+def test_logs_in_different_units_of_a_connector_without_unit_are_brought_to_the_first(
+    native: Path, tmp_path: Path
+) -> None:
+    first = systems.log(tmp_path / "first.csv", GAIN, 3)
+    head, *rows = first.read_text().splitlines()
+    other = tmp_path / "percent.csv"
+    cells = [row.split(",") for row in rows]
+    percent = [",".join([t, repr(100.0 * float(u)), *rest]) for t, u, *rest in cells]
+    other.write_text("\n".join([head.replace("command [1]", "command [%]"), *percent]) + "\n")
+    with read_system(native) as system:
+        (one, two), _, _ = read([first, other], system, None)
+        assert two.signals["command"] == pytest.approx(one.signals["command"], rel=1e-12)
+        alone = read([other], system, None)[0][0]
+        assert alone.signals["command"] == pytest.approx(100.0 * one.signals["command"], rel=1e-12)
+        other.write_text("\n".join([head.replace("command [1]", "command [mm]"), *rows]) + "\n")
+        with pytest.raises(DataError, match=r"'command \[mm\]' is in 'mm', but in the first log in '1'"):
+            read([first, other], system, None)
