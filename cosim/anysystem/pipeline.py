@@ -383,7 +383,7 @@ def in_some_logs(
     theirs, without = of(others).run(), of(healthy)
     if theirs.unexplained or not theirs.named or not without.contradicts(theirs):
         found.notes.append(
-            f"{name}: {said}: what is wrong is in {listed(wrong)} alone"
+            f"{name}: {said}: what is wrong shows in {listed(wrong)} alone"
             + ("" if len(wrong) == 1 else "; diagnose each of these by itself")
         )
         return [finding]
