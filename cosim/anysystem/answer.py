@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.missing import Missing
 from cosim.anysystem.model import place
-from cosim.anysystem.pipeline import AnyDiagnosis
+from cosim.anysystem.pipeline import NO_LOGS, AnyDiagnosis, listed
 from cosim.anysystem.readings import ON, Grid, Stale
 from cosim.anysystem.search import CLOSE, Finding
 from cosim.compare.metrics import fit_percent, rms
@@ -66,8 +66,15 @@ def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | No
         ],
         helpful_signals=list(found.structure.advice),
         nominal=nominal(found),
-        warnings=[*(w for log in found.logs for w in log.warnings), *found.notes],
-        held_out="the logs given to --held-out" if found.held else "every third window of the log",
+        warnings=[
+            *(
+                w if len(found.logs) == 1 or w.startswith(str(log.source)) else f"{log.source.name}: {w}"
+                for log in found.logs
+                for w in log.warnings
+            ),
+            *found.notes,
+        ],
+        held_out=held_out(found),
         refused=[
             RefusedCause(effect=a.words, block=block_of(f, a), why=why)
             for f in found.findings.values()
@@ -82,6 +89,16 @@ def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | No
             "steps of FMUs": str(found.steps),
         },
     )
+
+
+def held_out(found: AnyDiagnosis) -> str:
+    """What takes no part in fits: the logs given for it, windows, or both."""
+    whole = {n: any(not s.fitted.any() for s in f.model.segments) for n, f in found.findings.items()}
+    windows = [n for n, own in whole.items() if not own]
+    if len(windows) == len(whole):
+        return "every third window of the log"
+    rest = f"; of {listed(windows)} every third window" if windows else ""
+    return f"the logs given to --held-out{rest}"
 
 
 def next_experiment(found: AnyDiagnosis, file: Path | None) -> NextExperiment | None:
@@ -103,13 +120,13 @@ def block_of(finding: Finding, action: Action) -> str:
 
 def column_scale(found: AnyDiagnosis, connector: str) -> tuple[str, float, float]:
     """Unit in which people read a connector, and factor and offset of (value - offset) / factor."""
-    column = found.logs[0].columns.get(connector)
+    column = next((log.columns[connector] for log in found.logs if connector in log.columns), None)
     return (column.unit, column.factor, column.offset) if column else ("1", 1.0, 0.0)
 
 
 def unit_at(found: AnyDiagnosis, action: Action) -> tuple[str, float, float]:
     """The same of the port at which an effect acts: as the log has it, or its FMU's unit."""
-    if str(action.port) in found.logs[0].columns:
+    if any(str(action.port) in log.columns for log in found.logs):
         return column_scale(found, str(action.port))
     for finding in found.findings.values():
         for drive in finding.model.group.drives:
@@ -151,6 +168,7 @@ def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
         },
         rivals=rivals,
         indistinguishable_from=alike,
+        logs=[found.logs[k].source.name for k in sorted(found.only.get(group, NO_LOGS)[0])],
     )
 
 
@@ -265,10 +283,10 @@ def judged_signals(found: AnyDiagnosis) -> list[tuple[Finding, str]]:
     return [(f, s) for f in found.findings.values() for s, _ in f.model.group.judged]
 
 
-def series(found: AnyDiagnosis, finding: Finding, connector: str, values: Mapping[str, float]) -> list[Array]:
-    """Residual of a connector in each log."""
+def series(finding: Finding, connector: str, values: Mapping[str, float]) -> list[Array]:
+    """Residual of a connector in each log by which it was judged."""
     left = finding.problem.residuals(values)
-    return [left[place(connector, k)] for k in range(len(found.segments))]
+    return [left[place(connector, k)] for k in range(len(finding.model.segments))]
 
 
 def signals(found: AnyDiagnosis) -> dict[str, Signal]:
@@ -276,8 +294,8 @@ def signals(found: AnyDiagnosis) -> dict[str, Signal]:
     result = {}
     for finding, connector in judged_signals(found):
         unit, scale, _ = column_scale(found, connector)
-        left = np.concatenate(series(found, finding, connector, finding.null.fit.values))
-        measured = np.concatenate([s.signals[connector] for s in found.segments])
+        left = np.concatenate(series(finding, connector, finding.null.fit.values))
+        measured = np.concatenate([s.signals[connector] for s in finding.model.segments])
         result[connector] = Signal(
             rmse=rms(left) / abs(scale),
             fit_percent=fit_percent(measured, measured - left) or 0.0,
@@ -291,7 +309,7 @@ def localisation(found: AnyDiagnosis) -> list[Location]:
     """Groups by how far their residual is above the noise; shares add up to one."""
     rows = []
     for finding, connector in judged_signals(found):
-        left = rms(np.concatenate(series(found, finding, connector, finding.null.fit.values)))
+        left = rms(np.concatenate(series(finding, connector, finding.null.fit.values)))
         floor = finding.floors[connector]
         wrong = bool(finding.named) or connector in finding.unexplained
         weight = max((left / max(floor, 1e-300)) ** 2 - 1.0, 0.0) if wrong else 0.0
@@ -320,12 +338,12 @@ def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
         if not finding.named:
             continue
         before, after = (
-            np.concatenate(series(found, finding, connector, c.fit.values))
+            np.concatenate(series(finding, connector, c.fit.values))
             for c in (finding.null, finding.fitted or finding.chosen)
         )
-        measured = np.concatenate([s.signals[connector] for s in found.segments])
-        out = ~np.concatenate([s.fitted for s in found.segments])
-        windows = np.concatenate([s.windows for s in found.segments])[out]
+        measured = np.concatenate([s.signals[connector] for s in finding.model.segments])
+        out = ~np.concatenate([s.fitted for s in finding.model.segments])
+        windows = np.concatenate([s.windows for s in finding.model.segments])[out]
         numbers_ = np.unique(windows, return_inverse=True)[1]
         squares = [
             np.asarray(np.bincount(numbers_, weights=e[out] ** 2), dtype=float) for e in (after, before)
@@ -350,7 +368,7 @@ def unexplained(found: AnyDiagnosis) -> list[Unexplained]:
         if connector not in finding.unexplained:
             continue
         unit, scale, _ = column_scale(found, connector)
-        left = rms(np.concatenate(series(found, finding, connector, finding.chosen.fit.values)))
+        left = rms(np.concatenate(series(finding, connector, finding.chosen.fit.values)))
         port = dict(finding.model.group.judged)[connector]
         lost = found.missing.get(finding.model.group.name)
         result.append(

@@ -11,7 +11,7 @@ from cosim.anysystem.experiment import write_inputs
 from cosim.anysystem.extend import write_extended
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.page import write_page
-from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system
+from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system, measured
 from cosim.anysystem.read import read
 from cosim.anysystem.start import settable
 from cosim.console import stderr_console, told, warn
@@ -124,7 +124,8 @@ def diagnose_any(
         if others:
             recordings[0].warnings.append(f"no connector of the system, left alone: {', '.join(others)}")
             warn(recordings[0].warnings[-1])
-        for advice in structure(system, sorted(recordings[0].signals)).advice:
+        names = measured(system, recordings, len(held_out))
+        for advice in structure(system, names).advice:
             if not told(advice, 0.0):
                 stderr_console().print(advice, markup=False)
         notes = unlisted(system)
@@ -134,8 +135,7 @@ def diagnose_any(
         read_from = [log.source if isinstance(log, Log) else log for log in (*logs, *held_out)]
         earlier = Earlier(folder, inputs=[*read_from, model])
         with Runs(system) as runs:
-            measured = set.intersection(*(set(recording.signals) for recording in recordings))
-            judged = [group.name for group in cut(system, sorted(measured)) if group.judged]
+            judged = [group.name for group in cut(system, names) if group.judged]
 
             def watch(text: str) -> None:
                 if not told(f"judging {text}", judged.index(text) / len(judged)):

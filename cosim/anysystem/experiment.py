@@ -73,15 +73,25 @@ class Rehearsal:
 
     def __init__(self, found: "AnyDiagnosis", runs: Runs) -> None:
         self.found, self.runs = found, runs
-        first = found.segments[0]
+        first = max(found.segments, key=lambda s: len(s.driving))
         self.h, self.count = first.h, min(first.count, LONGEST)
-        self.log = {n: s[: self.count] for n, s in {**first.signals, **first.driving}.items()}
+        self.log: Series = {}
+        for segment in (
+            first,
+            *found.segments,
+        ):  # what the first lacks comes from another, as far as that goes
+            for n, s in {**segment.signals, **segment.driving}.items():
+                self.log.setdefault(n, np.resize(s, self.count))
         self.groups = [g for g in found.groups if g.name in found.findings]
         judged = {s for g in found.groups for s, _ in g.judged}
         driving = dict.fromkeys(d.signal for g in self.groups for d in g.drives)
         late = [{s for g in self.groups[k:] for s, _ in g.judged} for k in range(len(self.groups))]
         self.looped = any(d.signal in late[k] for k, g in enumerate(self.groups) for d in g.drives)
-        self.outside = {n: first.signals[n] for n in driving if n not in judged}
+        self.outside = {
+            n: next(s.signals[n] for s in (first, *found.segments) if n in s.signals)
+            for n in driving
+            if n not in judged
+        }
         self.allowed = max(FEWEST_RUNS, round(PART * runs.count))
         self.most = runs.count
 

@@ -25,12 +25,12 @@ class Quantity:
     """What drives a group in place of a reading.
 
     Attributes:
-        series: (n,) of each log.
-        slopes: for each number that made it of the reading, (n,) of each log: what one standard deviation of it changes.
+        series: number of a log -> (n,); in the others its reading drives.
+        slopes: for each number that made it of the reading, the same: what one standard deviation of it changes.
     """
 
-    series: list[Array]
-    slopes: list[list[Array]] = field(default_factory=list)
+    series: Mapping[int, Array]
+    slopes: list[dict[int, Array]] = field(default_factory=list)
 
 
 @dataclass
@@ -42,6 +42,7 @@ class Segment:
         h: interval [s].
         signals: measured name -> (n,), in the unit of the FMU's variable.
         driving: the same made smooth, for what they drive.
+        number: of the log.
         fitted: (n,) mask of what fits use.
         windows: (n,) number of the window, over all segments.
     """
@@ -52,6 +53,7 @@ class Segment:
     fitted: NDArray[np.bool_]
     windows: NDArray[np.int64]
     driving: dict[str, Array] = field(default_factory=dict)
+    number: int = 0
 
     @property
     def count(self) -> int:
@@ -242,10 +244,10 @@ class GroupModel:
         if signal in quantities:
             series = quantities[signal]
         elif signal in self.drives:
-            series = self.drives[signal].series[k]
+            series = self.drives[signal].series.get(segment.number, series)
             for i, slope in enumerate(self.drives[signal].slopes):
-                if value := values.get(f"{DRIVE}:{signal}:{i}", 0.0):
-                    series = series + value * slope[k]
+                if (value := values.get(f"{DRIVE}:{signal}:{i}", 0.0)) and segment.number in slope:
+                    series = series + value * slope[segment.number]
         if signal in self.off:
             first, last, size = self.off[signal]
             place = np.arange(series.size) / series.size

@@ -114,13 +114,17 @@ def picture(found: AnyDiagnosis, k: int) -> Picture:
     time = segment.start + segment.h * np.arange(segment.count, dtype=np.float64)
     panels = []
     for finding, connector in judged_signals(found):
+        own = next((i for i, s in enumerate(finding.model.segments) if s.number == k), None)
+        if own is None:
+            continue
+        segment = finding.model.segments[own]
         unit, factor, offset = column_scale(found, connector)
         measured = (segment.signals[connector] - offset) / factor
         layers = [Layer("line", "measured", "measured", *thinned(time, measured))]
-        before = series(found, finding, connector, finding.null.fit.values)[k] / factor
+        before = series(finding, connector, finding.null.fit.values)[own] / factor
         layers.append(Layer("line", "model", "nominal", *thinned(time, measured - before)))
         if finding.named:
-            after = series(found, finding, connector, finding.chosen.fit.values)[k] / factor
+            after = series(finding, connector, finding.chosen.fit.values)[own] / factor
             layers.append(Layer("line", "with the causes", "extended", *thinned(time, measured - after)))
         panels.append(Panel(f"{connector} [{unit}]", layers))
     held = np.flatnonzero(np.diff(np.concatenate([[0], (~segment.fitted).astype(int), [0]])))

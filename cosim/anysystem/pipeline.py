@@ -1,7 +1,7 @@
 """The diagnosis of any system, on one page: cut, drive each group by what was measured, name, ask the neighbours."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ SEARCHED = 0.85  # of the time allowed, until which groups are judged
 AS_GOOD = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
+NO_LOGS: tuple[frozenset[int], frozenset[int]] = (frozenset(), frozenset())
 SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
 
 
@@ -54,6 +55,7 @@ class AnyDiagnosis:
         budget: the time allowed, and what was left out for it.
         stage: what goes on.
         proposal: the next experiment.
+        only: group -> numbers of the logs in which its causes are, where others show that they are not there; and of these.
         missing: group that stays wrong -> where what is missing enters; None where nobody can tell.
         runs, steps: runs of units and communication steps made.
     """
@@ -77,6 +79,7 @@ class AnyDiagnosis:
     stage: str = ""
     proposal: Proposal | None = None
     missing: dict[str, Missing | None] = field(default_factory=dict)
+    only: dict[str, tuple[frozenset[int], frozenset[int]]] = field(default_factory=dict)
 
     def causes(self) -> list[tuple[str, Action]]:
         """Group and cause, the one that explains most first."""
@@ -109,8 +112,79 @@ def segments_of(logs: Sequence[Recording], held: int) -> tuple[list[Segment], li
         windows = np.minimum(np.arange(count) * WINDOWS // count, WINDOWS - 1) + number
         number += WINDOWS
         fitted = np.full(count, k < len(logs) - held) if held else windows % 3 != 1
-        found.append(Segment(float(log.time[0]), h, dict(signals), fitted, windows.astype(np.int64)))
+        found.append(
+            Segment(float(log.time[0]), h, dict(signals), fitted, windows.astype(np.int64), number=k)
+        )
     return found, notes
+
+
+def signals_of(group: CutGroup) -> list[str]:
+    """What drives a group and judges it."""
+    return list(dict.fromkeys([*(d.signal for d in group.drives), *(s for s, _ in group.judged)]))
+
+
+def measured(system: System, logs: Sequence[Recording], held: int) -> list[str]:
+    """The connectors at which the system is cut, of logs that need not have the same columns.
+
+    What any of them has, if each group is then judged by a log that has all its signals; else what one of them has, or all.
+    Of these the cut counts by which most components are judged, with the fewest inputs unknown, in the most groups, by the
+    most samples.
+    """
+    sets = [frozenset(log.signals) for log in logs]
+    fitted = [(s, log.time.size) for s, log in zip(sets, logs, strict=True)][: len(logs) - held]
+    first = sets[0]
+    tried: list[frozenset[str]] = [first.union(*sets), *sets, first.intersection(*sets)]
+
+    def ranked(names: Iterable[str]) -> tuple[int, int, int, int]:
+        groups = [g for g in cut(system, sorted(names)) if g.judged]
+        samples = [sum(n for own, n in fitted if own.issuperset(signals_of(g))) for g in groups]
+        able = [(g, n) for g, n in zip(groups, samples, strict=True) if n]
+        return (
+            sum(len(g.components) for g, _ in able),
+            -sum(len(unmeasured(system, g)) for g, _ in able),
+            len(able),
+            sum(n for _, n in able),
+        )
+
+    return sorted(max(tried, key=ranked))
+
+
+def segments_for(found: AnyDiagnosis, group: CutGroup) -> list[Segment]:
+    """The logs that have all signals of a group; windows of each are held out where none of them is as a whole."""
+    own = [s for s in found.segments if s.signals.keys() >= set(signals_of(group))]
+    return windowed(own) if all(s.fitted.all() for s in own) else own
+
+
+def windowed(segments: Sequence[Segment]) -> list[Segment]:
+    """The same logs, with every third window of each held out."""
+    return [replace(s, fitted=s.windows % 3 != 1) for s in segments]
+
+
+def apart_from(found: AnyDiagnosis) -> list[str]:
+    """What to say of signals that not all logs have."""
+    used = {n for g in found.groups for n in signals_of(g)}
+    notes = []
+    for name in dict.fromkeys(n for log in found.logs for n in log.signals if n not in used):
+        lacking = [log.source.name for log in found.logs if name not in log.signals]
+        if lacking:
+            notes.append(
+                f"{name} is left aside: {listed(lacking)} {'lacks' if len(lacking) == 1 else 'lack'} it"
+            )
+    for log, segment in zip(found.logs, found.segments, strict=True):
+        without = {
+            g.name: lacking
+            for g in found.groups
+            if g.judged and (lacking := [n for n in signals_of(g) if n not in segment.signals])
+        }
+        if without:
+            names = list(dict.fromkeys(n for lacking in without.values() for n in lacking))
+            groups = list(without)
+            notes.append(
+                f"{log.source.name} lacks {listed(names)}: it takes no part where {listed(groups)} "
+                f"{'is' if len(groups) == 1 else 'are'} judged"
+                + ("" if segment.fitted.any() else ", and windows of the others are held out there")
+            )
+    return notes
 
 
 def diagnose_system(
@@ -142,14 +216,13 @@ def diagnose_system(
         DataError: nothing can be judged.
         SimulationError: a component cannot be run as it is.
     """
-    names = set.intersection(*(set(log.signals) for log in logs))
-    if not names:
-        raise DataError("the logs have no connector in common")
+    names = measured(system, logs, held)
     segments, notes = segments_of(logs, held)
-    groups = cut(system, sorted(names))
+    groups = cut(system, names)
     found = AnyDiagnosis(system, list(logs), segments, groups, held=held, notes=notes)
+    found.notes += apart_from(found)
     found.budget = budget or found.budget
-    found.structure = structure(system, sorted(names), tuple(options.trusted))
+    found.structure = structure(system, names, tuple(options.trusted))
     trust = Trust()
     for name, own in options.trusted.items():
         value = value_of(system, name) or 0.0
@@ -160,7 +233,7 @@ def diagnose_system(
     for name in options.free:
         trust.free[name] = value_of(system, name) or 0.0
     for segment in segments:
-        for name in names:
+        for name in segment.signals.keys() & set(names):
             segment.driving[name] = still(segment.signals[name])
     runs.load([unit for group in groups if group.judged for unit in group.units])
     runs.stop = found.budget.end
@@ -219,7 +292,12 @@ def judge(
         )
         return
     watch(group.name)
-    model = GroupModel(group, found.system, runs, found.segments)
+    segments = segments_for(found, group)
+    if not any(segment.fitted.any() for segment in segments):
+        lacks = "held out: the others lack" if segments else "given that has all of"
+        found.unjudged[group.name] = f"no log is {lacks} {', '.join(signals_of(group))}"
+        return
+    model = GroupModel(group, found.system, runs, segments)
     still_inputs = unmeasured(found.system, group)
     stated = stated_inputs(found.system, options)
     model.base = {n: v for n, v in stated.items() if n in still_inputs}
@@ -239,6 +317,7 @@ def judge(
     doubted = doubtful(found, search)
     heard(found, search, doubted)
     if model.drives:
+        model.segments = known_in(found, model, doubted)
         search = Search(model, trust, options.exclude, options.causes, found.budget)
     finding = search.run()
     if (
@@ -246,6 +325,7 @@ def judge(
     ):  # the group's own causes may have swayed it: ask it again with them
         search, finding = asked_again(found, search, finding, doubted, trust, options)
     search, finding = driven_by_itself(found, search, finding, trust, options)
+    finding, *healthy = in_some_logs(found, search, finding, trust, options)
     if group.source and len(found.groups) > 1 and finding.unexplained and not finding.named:
         found.unjudged[group.name] = (
             "nothing enters it, and the log holds something else than it plays: taken as given"
@@ -260,12 +340,64 @@ def judge(
         return
     found.findings[group.name] = finding
     found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
-    found.notes += at_limits(finding)
+    found.notes += at_limits(finding) + own_steps(finding)
     if finding.unexplained:
         return
-    for signal, _ in group.judged:
-        for segment, series in zip(found.segments, behind(finding, signal), strict=True):
-            segment.driving[signal] = series
+    for one in (finding, *healthy):
+        for signal, _ in group.judged:
+            for segment, series in zip(one.model.segments, behind(one, signal), strict=True):
+                segment.driving[signal] = series
+
+
+def in_some_logs(
+    found: AnyDiagnosis, search: Search, finding: Finding, trust: Trust, options: AnyOptions
+) -> list[Finding]:
+    """What is wrong in some logs alone, where all of them together have no explanation and others show nothing wrong.
+
+    A machine may have been changed, repaired or broken between two logs. Those that show nothing wrong must speak against
+    the cause: else it is in all.
+
+    Returns:
+        The finding of these logs, and that of the others without a cause; `finding` alone if none of this is so.
+    """
+    segments, name = search.model.segments, search.model.group.name
+    if len(segments) < 2 or not finding.unexplained or found.budget.over:
+        return [finding]
+
+    def of(own: Sequence[Segment]) -> Search:
+        mixed = any(s.fitted.any() for s in own) and not all(s.fitted.all() for s in own)
+        return Search(
+            like(found, search.model, own if mixed else windowed(own)),
+            trust,
+            options.exclude,
+            options.causes,
+            found.budget,
+        )
+
+    healthy = [s for s in segments if not of([s]).wrong()]
+    others = [s for s in segments if all(s is not h for h in healthy)]
+    if not healthy or not others:
+        return [finding]
+    wrong, right = ([found.logs[s.number].source.name for s in own] for own in (others, healthy))
+    said = f"{listed(right)} {'shows' if len(right) == 1 else 'show'} nothing wrong"
+    theirs, without = of(others).run(), of(healthy)
+    if theirs.unexplained or not theirs.named or not without.contradicts(theirs):
+        found.notes.append(
+            f"{name}: {said}: what is wrong shows in {listed(wrong)} alone"
+            + ("" if len(wrong) == 1 else "; diagnose each of these by itself")
+        )
+        return [finding]
+    found.only[name] = frozenset(s.number for s in others), frozenset(s.number for s in healthy)
+    found.notes.append(
+        f"{listed([a.words for a in theirs.named])}: in {listed(wrong)} alone; {said} and "
+        f"{'contradicts' if len(right) == 1 else 'contradict'} it"
+    )
+    return [theirs, Finding(without.model, without.problem, without.null, without.null)]
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words as a sentence lists them."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def at_limits(finding: Finding) -> list[str]:
@@ -280,6 +412,22 @@ def at_limits(finding: Finding) -> list[str]:
     return [
         f"{finding.model.group.name} explains the log only with {' and '.join(finding.bent[:SHOWN])} three deviations "
         f"from what is trusted{other}"
+    ]
+
+
+def own_steps(finding: Finding) -> list[str]:
+    """What to say of a group that stays wrong where nobody can ask how far its solvers are off."""
+    model = finding.model
+    h = min(segment.h for segment in model.segments)
+    fixed = [u for u in model.group.units if len(u.components) == 1 and not model.runs.can_halve(u, h)]
+    if not finding.unexplained or not fixed:
+        return []
+    names = [c for u in fixed for c in u.components]
+    steps = [f"{model.system.components[n].fmu.step_size:g} s" for n in names]
+    return [
+        f"{listed(names)}: steps of {listed(steps)} of {'its' if len(names) == 1 else 'their'} own, which cannot be made "
+        "finer here: what its solver errs by them is among what is unexplained; if the FMU can be exported with a finer "
+        "step, try that"
     ]
 
 
@@ -361,6 +509,24 @@ def doubtful(found: AnyDiagnosis, search: Search) -> Doubted:
     return doubted
 
 
+def known_in(found: AnyDiagnosis, model: GroupModel, doubted: Doubted) -> list[Segment]:
+    """The logs of which it is known what drives a group, where a reading is off: those by which that was judged."""
+    judges = {signal: found.only.get(name, NO_LOGS)[1] for name, _, signal, _ in doubted}
+    known = [
+        s
+        for s in model.segments
+        if all(s.number in q.series or s.number in judges.get(n, ()) for n, q in model.drives.items())
+    ]
+    if len(known) == len(model.segments) or not any(s.fitted.any() for s in known):
+        return model.segments
+    others = [found.logs[s.number].source.name for s in model.segments if all(s is not k for k in known)]
+    found.notes.append(
+        f"{listed(others)}: no part where {model.group.name} is judged: {listed(list(model.drives))} is read wrongly, and "
+        "what it should be is known of the other logs only"
+    )
+    return windowed(known) if all(s.fitted.all() for s in known) else known
+
+
 def heard(found: AnyDiagnosis, search: Search, doubted: Doubted) -> None:
     """Ask whether it is the reading that is off: then the quantity before the effect drives the group from here on."""
     for name, action, signal, series in doubted:
@@ -372,9 +538,9 @@ def heard(found: AnyDiagnosis, search: Search, doubted: Doubted) -> None:
             search.model.drives[signal] = series
 
 
-def like(found: AnyDiagnosis, model: GroupModel) -> GroupModel:
-    """A model of the same group, driven by the same."""
-    other = GroupModel(model.group, found.system, model.runs, found.segments)
+def like(found: AnyDiagnosis, model: GroupModel, segments: Sequence[Segment] | None = None) -> GroupModel:
+    """A model of the same group, driven by the same, of these logs or the same."""
+    other = GroupModel(model.group, found.system, model.runs, segments or model.segments)
     other.base, other.drives, other.differs = dict(model.base), dict(model.drives), model.differs
     other.coarse = model.coarse
     return other
@@ -412,16 +578,17 @@ def driven_by_itself(
     near = search.model.own - {s for s, _ in search.model.group.judged if search.leaves(s, begun) > AS_GOOD}
     if not near or found.budget.over or not (finding.named or finding.unexplained):
         return search, finding
-    before = [dict(segment.driving) for segment in found.segments]
+    segments = search.model.segments
+    before = [dict(segment.driving) for segment in segments]
     for signal in near:
-        for segment, series in zip(found.segments, behind(finding, signal, begun), strict=True):
+        for segment, series in zip(segments, behind(finding, signal, begun), strict=True):
             segment.driving[signal] = series
     other = Search(like(found, search.model), trust, options.exclude, options.causes, found.budget)
     theirs = other.run()
     if worth(theirs) > worth(finding) - CLOSE:
         return other, theirs
-    for segment, driving in zip(found.segments, before, strict=True):
-        segment.driving = driving
+    for segment, driving in zip(segments, before, strict=True):
+        segment.driving.update(driving)
     return search, finding
 
 
@@ -455,7 +622,7 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
                 user.named or user.unexplained
             ) and not found.budget.over:  # it may have taken the reading's fault for its own
                 tries = []
-                for quantity in (series, undone(found, finding, action, signal)):
+                for quantity in (series, undone(finding, action, signal)):
                     if quantity is not None:
                         model = like(found, user.model)
                         model.drives[signal] = quantity
@@ -537,9 +704,10 @@ def before_effect(finding: Finding, action: Action, signal: str) -> Quantity:
     effect = f"{action.effect}|{action.port}|"
     before = {n: v for n, v in fit.values.items() if not n.startswith(effect)}
     own = [u.name for u in fit.unknowns if u.name.startswith(effect)]
-    series: list[Array] = []
-    slopes: list[list[Array]] = [[] for _ in own]
+    series: dict[int, Array] = {}
+    slopes: list[dict[int, Array]] = [{} for _ in own]
     for k, reading in enumerate(behind(finding, signal)):
+        number = finding.model.segments[k].number
         ports = finding.model.ports(fit.values, k)
         whole = ports[signal]
         if action.where == "sensor":
@@ -548,23 +716,23 @@ def before_effect(finding: Finding, action: Action, signal: str) -> Quantity:
         else:
             pure = finding.model.ports(before, k)[signal]
         # what the model's own slow errors and its timing make out, but not the effect
-        series.append(pure - whole + reading)
+        series[number] = pure - whole + reading
         for i, name in enumerate(own):
             moved = finding.model.ports({**fit.values, name: fit.values[name] + fit.deviation(name)}, k)[
                 signal
             ]
-            slopes[i].append(whole - moved)
+            slopes[i][number] = whole - moved
     return Quantity(series, slopes)
 
 
-def undone(found: AnyDiagnosis, finding: Finding, action: Action, signal: str) -> Quantity | None:
+def undone(finding: Finding, action: Action, signal: str) -> Quantity | None:
     """What drives by a reading, with an effect taken off it that can be undone sample by sample; None for others."""
     values = finding.chosen.fit.values
-    driving = [segment.driving.get(signal, segment.signals[signal]) for segment in found.segments]
+    driving = {s.number: s.driving.get(signal, s.signals[signal]) for s in finding.model.segments}
     if action.effect == "port.offset":
-        return Quantity([series - values[action.key("offset")] for series in driving])
+        return Quantity({k: series - values[action.key("offset")] for k, series in driving.items()})
     if action.effect == "port.gain" and abs(gain := values[action.key("gain")]) > LEAST_GAIN:
-        return Quantity([series / gain for series in driving])
+        return Quantity({k: series / gain for k, series in driving.items()})
     return None
 
 

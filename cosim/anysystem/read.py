@@ -11,6 +11,7 @@ from cosim.anysystem.options import AnyOptions, options_of
 from cosim.compare.mapping import load_mapping
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log
+from cosim.logs.choose import holds
 from cosim.logs.load import load_log, open_source
 from cosim.logs.mapping import Mapping as LogMapping
 from cosim.logs.mapping import SignalColumn, TimeColumn
@@ -63,8 +64,14 @@ class Recording:
     synthetic: bool = False
 
 
-def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
+def named_columns(path: Path, system: System, units: dict[str, str]) -> tuple[LogMapping, list[str]]:
     """A mapping for a log whose columns are called ``component.connector``.
+
+    Args:
+        path: the log.
+        system: the model.
+        units: connectors whose FMU states no unit -> unit in which the first of several logs has them; those of this log
+            are added.
 
     Returns:
         (mapping, headings that are no connector).
@@ -91,6 +98,8 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
         name = own_name(label.name) if not port.component else label.name
         name = str(port) if port.component else name
         found[name] = SignalColumn(column=label.text, unit=unit, text=OWN if own else "")
+        if own and label.unit is not None:
+            found[name] = found[name].model_copy(update={"gain": _as_first(path, label, units, name)})
     if not found:
         raise DataError(
             f"{path}: no column is a connector of the system ({', '.join(connectors(system)[:20])}); found "
@@ -102,6 +111,25 @@ def named_columns(path: Path, system: System) -> tuple[LogMapping, list[str]]:
         time=clock, signals=found, file=LogMapping.model_fields["file"].default, sha256={}, path=None, model=None,
         compare={}, diagnose={}, machine={}, name="", description="",
     ), others  # fmt: skip
+
+
+def _as_first(path: Path, label: Label, units: dict[str, str], name: str) -> float:
+    """Factor from a log's unit to that of the first log, where only the logs say in which unit a connector is.
+
+    Raises:
+        DataError: the two have different dimensions.
+    """
+    unit = label.unit or "1"
+    first = units.setdefault(name, unit)
+    if first == unit:
+        return 1.0
+    try:
+        return conversion(unit, first)
+    except UsageError:
+        raise DataError(
+            f"{path}: column '{label.text}' is in '{unit}', but in the first log in '{first}', and the FMU states no unit: "
+            "write both in one unit"
+        ) from None
 
 
 def own_name(name: str) -> str:
@@ -192,16 +220,37 @@ def read(
         foreign = plain.model_copy(update={"signals": {own_name(n): c for n, c in plain.signals.items()}})
         targets |= {own_name(n): target for n, target in targets.items()}
     logs = []
+    units: dict[str, str] = {}
+    lacks = lacking_columns(given, foreign)
     for item in given:
         chosen, path = plain, item if isinstance(item, Path) else item.source
         if chosen is None:
-            chosen, others = named_columns(path, system)
+            chosen, others = named_columns(path, system, units)
         whole = isinstance(item, Log) and item.signals.keys() <= chosen.signals.keys() and plain is not None
         if not whole and foreign is not None:
             chosen = foreign
-        log = item if whole and isinstance(item, Log) else load_log(path, chosen)
+        without = lacks.get(path, [])
+        select = [n for n in chosen.signals if n not in without] if without else None
+        log = item if whole and isinstance(item, Log) else load_log(path, chosen, select=select)
         logs.append(_recording(log, chosen, targets, system, options))
+        logs[-1].warnings += [
+            f"there is no column {chosen.signals[n].column!r}: {n.removeprefix('system.')} is taken from the other logs"
+            for n in without
+        ]
     return logs, options, others
+
+
+def lacking_columns(given: Sequence[Path | Log], mapping: LogMapping | None) -> dict[Path, list[str]]:
+    """Signals of a mapping whose columns a file lacks, where another has them: file -> names."""
+    files = [item for item in given if isinstance(item, Path)]
+    if mapping is None or len(given) < 2 or not files:
+        return {}
+    found = {}
+    for path in files:
+        source = open_source(path, mapping)
+        found[path] = {n for n, column in mapping.signals.items() if not holds(source, column)}
+    nowhere = set.intersection(*found.values()) if len(files) == len(given) else set()
+    return {path: sorted(names - nowhere) for path, names in found.items() if names - nowhere}
 
 
 def ends(system: System, port: Port) -> list[tuple[Port, float, float]]:

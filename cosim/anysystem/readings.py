@@ -69,19 +69,30 @@ def grid_of(series: list[Array]) -> Grid | None:
     return Grid(step, whole.size) if float(np.max(np.abs(ratio - np.round(ratio)))) < ON else None
 
 
+def _tells(kept: Array, speed: Array, repeats: NDArray[np.bool_]) -> bool:
+    """Whether repeated samples of a log are no accident: its other samples are noisy, or its model moves meanwhile."""
+    if not repeats.any():
+        return False
+    if kept.size and white(kept) > NOISY * float(np.std(kept)):
+        return True
+    return bool(np.median(speed[repeats]) > 0.5 * np.median(speed) > 0.0)
+
+
 def stale_of(series: list[Array], model: list[Array]) -> Stale | None:
     """Repeated samples of a reading that is noisy, or whose model moves meanwhile."""
     repeats = [np.concatenate([[False], np.diff(s) == 0.0]) for s in series]
-    count = sum(r.size for r in repeats)
+    speed = [np.abs(np.diff(m, prepend=m[:1])) for m in model]
+    for s, own, v in zip(series, repeats, speed, strict=True):
+        if not _tells(s[~own], v, own):  # a machine at rest in one log says nothing of its sensor in another
+            own[:] = False
+    count = sum(r.size for r in repeats if r.any())
+    if not count:
+        return None
     share = sum(int(r.sum()) for r in repeats) / count
     if not STALE < share < 0.9:
         return None
     kept = np.concatenate([s[~r] for s, r in zip(series, repeats, strict=True)])
-    noisy = white(kept) > NOISY * float(np.std(kept))
-    speed = [np.abs(np.diff(m, prepend=m[:1])) for m in model]
-    moving = np.median(np.concatenate([v[r] for v, r in zip(speed, repeats, strict=True)]))
-    usual = np.median(np.concatenate(speed))
-    if np.unique(kept).size < 0.5 * kept.size or not (noisy or moving > 0.5 * usual > 0.0):
+    if np.unique(kept).size < 0.5 * kept.size:
         return None
     held = tuple(np.maximum.accumulate(np.where(r, 0, np.arange(r.size))) for r in repeats)
     return Stale(held, share, count)

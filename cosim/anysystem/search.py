@@ -65,6 +65,8 @@ UNDONE = (
 HORIZONS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of a log: where such a parameter is fitted first
 HORIZON_STEPS = 6  # of each of these fits
 OFF_STEP = 0.01  # of a parameter: where the first of them begins
+SEARCHING = 0.8  # of the time that is left: what was found is then decided upon, with its last estimate
+LOOKED = 0.5  # of the time that is left: candidates are looked at before the best of them are fitted
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
@@ -87,6 +89,25 @@ class Candidate:
     fit: Fit
     price: float
     score: float = 0.0
+
+
+@dataclass
+class Look:
+    """What was seen of a cause beside others.
+
+    Attributes:
+        base: the others.
+        rest: what they leave, whitened.
+        changes: what each start changes of it.
+        starts: where a fit may begin, with what it promises.
+        fitted: those from which one was made.
+    """
+
+    base: Candidate
+    rest: Array
+    changes: list[Array] = field(default_factory=list)
+    starts: list[tuple[float, dict[str, float]]] = field(default_factory=list)
+    fitted: list[dict[str, float]] = field(default_factory=list)
 
 
 @dataclass
@@ -462,6 +483,11 @@ class Search:
             nuisances.append(unknown)
             rows.append({n: (moved[n] - here[n]) / step for n in problem.names})
 
+        def add_each(unknown: Unknown, slope: Mapping[str, Array]) -> None:
+            for own, part in self._each(unknown, slope):
+                nuisances.append(own)
+                rows.append(part)
+
         for drive in model.group.drives:
             name = f"{SHIFT}:{drive.signal}>{drive.port}"
             # half a sample: the slope is then exact for an input that is held over each step. What is true or false, or a
@@ -471,8 +497,8 @@ class Search:
                 moved = [model({**at, name: s}) for s in ((0.5, -0.5) if real else (1.0, 0.0))]
             except SimulationError:
                 continue
-            nuisances.append(Unknown(name, -EARLY, EARLY, 1.0, JITTER))
-            rows.append({n: moved[0][n] - moved[1][n] for n in problem.names})
+            slope = {n: moved[0][n] - moved[1][n] for n in problem.names}
+            add_each(Unknown(name, -EARLY, EARLY, 1.0, JITTER), slope)
         for signal, quantity in model.drives.items():
             for i in range(len(quantity.slopes)):
                 name = f"{DRIVE}:{signal}:{i}"
@@ -488,8 +514,7 @@ class Search:
                 n: np.gradient(here[n]) if n.partition("#")[0] == signal else np.zeros_like(here[n])
                 for n in problem.names
             }
-            nuisances.append(Unknown(f"{SHIFT}:{signal}", -EARLY, EARLY, 1.0, JITTER))
-            rows.append(shifted)
+            add_each(Unknown(f"{SHIFT}:{signal}", -EARLY, EARLY, 1.0, JITTER), shifted)
         for name, (value, deviation) in self.trusted.items():
             key = f"{PARAMETER}|{name}"
             if any(k == key for k in at):
@@ -550,10 +575,22 @@ class Search:
                 slope = {n: (moved[n] - first[n]) / step for n in self.problem.names}
                 if number == 1 and not self._kept(slope):
                     break
-                found.append(
-                    (Unknown(f"slow:{signal}:{number}", -SURE * size, SURE * size, size, size), slope)
-                )
+                unknown = Unknown(f"slow:{signal}:{number}", -SURE * size, SURE * size, size, size)
+                found += self._each(unknown, slope)
         return found
+
+    def _each(self, unknown: Unknown, slope: Mapping[str, Array]) -> list[tuple[Unknown, dict[str, Array]]]:
+        """A nuisance with its slopes in each log by itself: when a logger reads, and how far a drive is off, differ."""
+        count = len(self.model.segments)
+        if count == 1:
+            return [(unknown, dict(slope))]
+        return [
+            (
+                replace(unknown, name=f"{unknown.name}#{k}"),
+                {n: s if n.endswith(f"#{k}") else np.zeros_like(s) for n, s in slope.items()},
+            )
+            for k in range(count)
+        ]
 
     @staticmethod
     def _kept(slope: Mapping[str, Array]) -> bool:
@@ -565,6 +602,21 @@ class Search:
 
     # The search
 
+    def wrong(self) -> dict[str, str]:
+        """Signals that are systematically wrong without any cause, with words."""
+        residual = self.problem.residuals(self.null.fit.values)
+        return self._wrong(self._told(residual, self.null), residual)
+
+    def contradicts(self, finding: Finding) -> bool:
+        """Whether these logs are explained worse with what was found in others."""
+        here = self.problem.rows(self.null.fit.values)
+        names = {u.name for a in finding.chosen.actions for u in finding.chosen.fit.unknowns}
+        values = {n: v for n, v in finding.chosen.fit.values.items() if n in names}
+        theirs = self.problem.rows({**self.null.fit.values, **values})
+        if here is None or theirs is None:
+            return here is not None
+        return 0.5 * float(theirs @ theirs - here @ here) > CLOSE
+
     def run(self) -> Finding:
         """Causes, rivals, what stays."""
         finding = Finding(
@@ -574,30 +626,31 @@ class Search:
         finding.before = self._told(residual, self.null)
         best, pool = self.null, [self.null]
         singles: list[Candidate] = []
-        for count in range(1, self.most + 1):
-            if not self._systematic(best, count):
-                break
-            if self.budget.over:
-                self._left_out("any cause" if count == 1 else f"a cause number {count}")
-                break
-            found: list[Candidate] = []
-            for base in pool[:KEPT]:
-                found += self._stage(base)
-            found = self._unique(found)
-            self.tried += found
-            if not found:
-                break
-            found = self._relearned(found, [best, *singles])
-            if count == 1:
-                singles = found
-            richer = found[0]
-            poorer = self._scored(best)
-            if richer.score < poorer.score + NAMED:
-                break
-            rows = self._rms(best.fit), self._rms(richer.fit)
-            if count > 1 and min(b / max(a, 1e-300) for a, b in zip(*rows, strict=True)) > WORTH:
-                break
-            best, pool = richer, found
+        with self.budget.part(SEARCHING):
+            for count in range(1, self.most + 1):
+                if not self._systematic(best, count):
+                    break
+                if self.budget.over:
+                    self._left_out("any cause" if count == 1 else f"a cause number {count}")
+                    break
+                found: list[Candidate] = []
+                for base in pool[:KEPT]:
+                    found += self._stage(base)
+                found = self._unique(found)
+                self.tried += found
+                if not found:
+                    break
+                found = self._relearned(found, [best, *singles])
+                if count == 1:
+                    singles = found
+                richer = found[0]
+                poorer = self._scored(best)
+                if richer.score < poorer.score + NAMED:
+                    break
+                rows = self._rms(best.fit), self._rms(richer.fit)
+                if count > 1 and min(b / max(a, 1e-300) for a, b in zip(*rows, strict=True)) > WORTH:
+                    break
+                best, pool = richer, found
         if self.learned:  # a stage that failed has learned its own
             self._settle(best)
             for other in singles:
@@ -613,13 +666,16 @@ class Search:
         if self.budget.over:
             self._left_out("what each log says of the estimates")
             return {}
-        logs = [np.full(self.problem.measured[n].size, int(n.rpartition("#")[2])) for n in self.problem.names]
-        numbers = np.concatenate(logs)
+        names, nuisances = self.problem.names, [u.name for u in self.problem.nuisances_shared]
+        logs = [np.full(self.problem.measured[n].size, int(n.rpartition("#")[2])) for n in names]
+        # what is believed of a nuisance of one log counts as that log's
+        own = [int(n.rpartition("#")[2]) if "#" in n else -1 for n in nuisances]
+        numbers = np.concatenate([*logs, np.array(own, dtype=np.int64)])
         fit = best.fit
         with self.problem.whole() if self.on_all else nullcontext():
             self._scored(best)
             fit = best.fit
-            numbers = np.where(self.problem.mask[: numbers.size], numbers, -1)
+            numbers = np.where(self.problem.mask, numbers, -1)
             slopes = self.problem.slopes(fit)
         drawn = drawn_by_logs(slopes, fit.rows, numbers, np.array([u.scale for u in fit.unknowns]))
         if drawn is None:
@@ -699,74 +755,107 @@ class Search:
         return any(size > ABOVE * self._white(signal) for (signal, _), size in sizes)
 
     def _stage(self, base: Candidate) -> list[Candidate]:
-        """The set with each promising cause more."""
-        problem = self.problem
-        rest = problem.rows(base.fit.values)
+        """The set with each promising cause more: all are looked at, the best are fitted, and then what is dear is tried."""
+        rest = self.problem.rows(base.fit.values)
         if rest is None:
             return []
-        inside = problem.mask
+        looks: dict[Action, Look] = {}
+        followed: list[Action] = []
+        gains = self._at_first_sight(base)
+        with self.budget.part(LOOKED):
+            for action in self._most_likely_first(gains):
+                if action in base.actions or self._twice(action, base.actions):
+                    continue
+                if action.effect != PARAMETER and not acts(action.effect, self.reach(action)):
+                    self.sizes[action] = 0.0
+                    continue
+                if self.budget.over:
+                    self._left_out(action.effect)
+                    continue
+                look = Look(base, rest)
+                self._look(action, look)
+                looks[action] = look
+                # nobody follows what nobody sees
+                if (
+                    action.effect == PARAMETER
+                    and any(0.5 * float(c @ c) > NAMED for c in look.changes)
+                    and (self._loses_step(action) or self._other_optima(look.changes))
+                ):
+                    followed.append(action)
+        found = self._best_fitted(base, looks, {})
+        if followed:
+            early = self._at_first_sight(base, HORIZONS[1])
+            followed.sort(key=lambda a: -max(gains.get(a, 0.0), early.get(a, 0.0)))
+            with self.budget.part(LOOKED):
+                for action in followed:
+                    if self.budget.over:
+                        self._left_out(f"{action.effect} followed from the first part of the log")
+                        continue
+                    self._reached(action, self._kept_in_step(base, action), looks[action])
+            found = self._best_fitted(base, looks, found)
+        ordered = sorted(found.values(), key=lambda c: -c.score)
+        return [self._both_sides(c) if k < KEPT else c for k, c in enumerate(ordered)]
+
+    def _at_first_sight(self, base: Candidate, part: float = 1.0) -> dict[Action, float]:
+        """Log-likelihood that each trusted parameter would gain by its slope alone, in the first part of the log."""
+        counts = {n: max(round(part * m.size), 1) for n, m in self.problem.measured.items()}
+        with self.problem.first(counts) if part < 1.0 else nullcontext():
+            freed = self.problem.freed(base.fit.values)
+        names = {f"{PARAMETER}|{n}": Action(PARAMETER, Port(*n.split(".", 1))) for n in self.trusted}
+        return {names[n]: gain for n, gain in freed.items() if n in names}
+
+    def _most_likely_first(self, gains: Mapping[Action, float]) -> list[Action]:
+        """All candidates: parameters whose slopes promise something, the best first; effects at ports; other parameters."""
+        rank = {a: (0, -g) if (g := gains.get(a, 0.0)) > NAMED else (2, -g) for a in gains}
+        return sorted(self.candidates(), key=lambda a: rank.get(a, (2 if a.effect == PARAMETER else 1, 0.0)))
+
+    def _reached(self, action: Action, start: dict[str, float], look: Look) -> float:
+        """What a start reaches as it is; kept with how far its shape goes along with what is left."""
+        inside = self.problem.mask
+        rows = self.problem.rows({**look.base.fit.values, **start})
+        if rows is None:
+            return 0.0
+        change = (look.rest - rows)[inside]
+        with np.errstate(over="ignore"):  # a start that makes a model run away
+            size = float(change @ change)
+        if not np.isfinite(size):
+            return 0.0
+        look.changes.append(change)
+        if not look.base.actions:
+            self.sizes[action] = max(self.sizes.get(action, 0.0), 0.5 * size)
+        if size <= 0.0:
+            return 0.0
+        along = float(change @ look.rest[inside])
+        reached = along - 0.5 * size
+        drop = max(0.5 * along * abs(along) / size, reached)
+        if drop > 0.0:
+            look.starts.append((drop, start))
+        return reached
+
+    def _look(self, action: Action, look: Look) -> None:
+        """What a cause does from where its search would begin, and which of its sides do more."""
+        limits = self._sides(action)
+        nothing = self._off(action) if limits else {}
+        both = dict(nothing)
+        for name, values in limits.items():
+            reached = [self._reached(action, {**nothing, name: value}, look) for value in values]
+            if max(reached) > 0.0:
+                both[name] = values[int(np.argmax(reached))]
+        if sum(both[n] != nothing[n] for n in limits) > 1:
+            self._reached(action, both, look)
+        for start in () if limits else self.begins(action):
+            self._reached(action, start, look)
+
+    def _best_fitted(
+        self, base: Candidate, looks: Mapping[Action, Look], before: Mapping[Action, Candidate]
+    ) -> dict[Action, Candidate]:
+        """Fits of those that promise most; those that were fitted before stay, with what better starts give."""
         ranked: list[tuple[float, Action, list[dict[str, float]]]] = []
-        for action in self.candidates():
-            if action in base.actions or self._twice(action, base.actions):
-                continue
-            if action.effect != PARAMETER and not acts(action.effect, self.reach(action)):
-                self.sizes[action] = 0.0
-                continue
-            if self.budget.over:
-                self._left_out(action.effect)
-                continue
-            own: list[tuple[float, dict[str, float]]] = []
-            changes: list[Array] = []
-
-            def look(
-                action: Action,
-                start: dict[str, float],
-                own: list[tuple[float, dict[str, float]]] = own,
-                changes: list[Array] = changes,
-            ) -> float:
-                """What a start reaches as it is; kept with how far its shape goes along with what is left."""
-                rows = problem.rows({**base.fit.values, **start})
-                if rows is None:
-                    return 0.0
-                change = (rest - rows)[inside]
-                with np.errstate(over="ignore"):  # a start that makes a model run away
-                    size = float(change @ change)
-                if not np.isfinite(size):
-                    return 0.0
-                changes.append(change)
-                if not base.actions:
-                    self.sizes[action] = max(self.sizes.get(action, 0.0), 0.5 * size)
-                if size <= 0.0:
-                    return 0.0
-                along = float(change @ rest[inside])
-                reached = along - 0.5 * size
-                drop = max(0.5 * along * abs(along) / size, reached)
-                if drop > 0.0:
-                    own.append((drop, start))
-                return reached
-
-            limits = self._sides(action)
-            nothing = self._off(action) if limits else {}
-            both = dict(nothing)
-            for name, values in limits.items():
-                reached = [look(action, {**nothing, name: value}) for value in values]
-                if max(reached) > 0.0:
-                    both[name] = values[int(np.argmax(reached))]
-            if sum(both[n] != nothing[n] for n in limits) > 1:
-                look(action, both)
-            for start in () if limits else self.begins(action):
-                look(action, start)
-            if (
-                action.effect == PARAMETER
-                and any(0.5 * float(c @ c) > NAMED for c in changes)  # nobody follows what nobody sees
-                and (self._loses_step(action) or self._other_optima(changes))
-            ):
-                look(action, self._kept_in_step(base, action))
-            if own:
-                own.sort(key=lambda item: -item[0])
+        for action, look in looks.items():
+            if look.starts:
+                own = sorted(look.starts, key=lambda item: -item[0])
                 ranked.append((own[0][0], action, [start for _, start in own[: self._tries(action)]]))
         ranked.sort(key=lambda item: -item[0])
-        found: list[Candidate] = []
         chosen = [r for r in ranked[:SCREENED] if r[0] >= max(2.0, 0.02 * ranked[0][0])]
         known = {action.effect for _, action, _ in chosen}
         for item in ranked[SCREENED:]:  # one effect at many places shall not keep the others out
@@ -777,15 +866,20 @@ class Search:
             ):
                 chosen.append(item)
                 known.add(item[1].effect)
+        found = dict(before)
         for _, action, begins in chosen:
+            fresh = [start for start in begins if start not in looks[action].fitted]
+            if not fresh:
+                continue
             if found and self.budget.over:
                 self._left_out(f"{action.effect} by a fit")
                 continue
-            fits = [fit for start in begins if (fit := self._fitted(base, action, start)) is not None]
+            looks[action].fitted += fresh
+            fits = [fit for start in fresh if (fit := self._fitted(base, action, start)) is not None]
+            fits += [before[action]] if action in before else []
             if fits:
-                found.append(max(fits, key=lambda c: c.score))
-        found.sort(key=lambda c: -c.score)
-        return [self._both_sides(c) if k < KEPT else c for k, c in enumerate(found)]
+                found[action] = max(fits, key=lambda c: c.score)
+        return found
 
     def _loses_step(self, action: Action) -> bool:
         """Whether what a parameter changes grows along the log: a free oscillation that gets out of step, a ball's bounces.
@@ -1346,9 +1440,11 @@ class Search:
         """
         found: dict[Action, dict[str, float]] = {}
         here = best.fit.rows
-        for action, size in self.sizes.items():
-            if size > FAINT * NAMED or any(
-                a.port == action.port and a.effect == action.effect for a in best.actions
+        for action in self.candidates():
+            if (
+                (size := self.sizes.get(action)) is None
+                or size > FAINT * NAMED
+                or any(a.port == action.port and a.effect == action.effect for a in best.actions)
             ):
                 continue
             if self.budget.over:

@@ -45,6 +45,16 @@ class Budget:
         return self.ended or self._clock() >= self._begin + self.seconds
 
     @contextmanager
+    def part(self, share: float) -> Iterator[None]:
+        """What runs within this context may take this share of what is left to its stage."""
+        until, now = self._until, self._clock()
+        self._until = min(until, now + share * max(until - now, 0.0))
+        try:
+            yield
+        finally:
+            self._until = until
+
+    @contextmanager
     def searching(self) -> Iterator[None]:
         """Within this context all that runs ends soon once the time is over, with the best so far."""
         self._searching = True

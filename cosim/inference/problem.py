@@ -2,7 +2,8 @@
 
 A model is a function of named values to named series. Small unknowns that every hypothesis shares (nuisances, such as the
 moment within a sampling interval at which an input acted) enter by their slopes and are eliminated from each residual by
-linear least squares with their priors (variable projection: Golub and Pereyra 1973).
+linear least squares with their priors (variable projection: Golub and Pereyra 1973). Those that show in held-out data alone
+are estimated there, beside the others, which are not.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -103,6 +104,7 @@ class Problem:
         self.mask, self.windows = self._data, self._numbers
         self._slopes: dict[str, Array] = {n: np.zeros((0, self.measured[n].size)) for n in self.names}
         self._nuisances: tuple[Unknown, ...] = ()
+        self._elsewhere: Mask = np.zeros(0, dtype=bool)  # nuisances that show in held-out data alone
         self._projected: tuple[Array, Array, Array] | None = None
 
     # Nuisances and noise
@@ -111,8 +113,17 @@ class Problem:
         """Nuisances (k) with the slopes (k, n) of each signal, per unit of the nuisance."""
         self._nuisances, self._slopes, self._projected = tuple(nuisances), dict(slopes), None
         more = len(self._nuisances)
-        self.mask = np.concatenate([self._data, np.ones(more, dtype=bool)])
-        self.windows = np.concatenate([self._numbers, np.zeros(more, dtype=np.int64)])
+        shown = np.concatenate([self._slopes[n] for n in self.names], axis=1) != 0.0
+        self._elsewhere = np.logical_and(shown.any(axis=1), ~shown[:, self._data].any(axis=1))
+        self.mask = np.concatenate([self._data, ~self._elsewhere])
+        first = shown.argmax(axis=1) if more else np.zeros(0, dtype=np.int64)
+        own = np.where(self._elsewhere, self._numbers[first], 0)
+        self.windows = np.concatenate([self._numbers, own])
+
+    @property
+    def nuisances_shared(self) -> tuple[Unknown, ...]:
+        """The nuisances, in the order of their rows."""
+        return self._nuisances
 
     def hand_nuisances(self, other: "Problem") -> None:
         """Give the nuisances to a problem of some of the same signals."""
@@ -131,7 +142,10 @@ class Problem:
         parts = []
         for name in self.names:
             rows = np.atleast_2d(series[name])
-            parts.append(self.noise[name].whiten(rows))
+            white, some = np.zeros(rows.shape), rows.any(axis=1)
+            if some.any():  # nothing stays nothing, and of several logs a nuisance mostly is in one
+                white[some] = self.noise[name].whiten(rows[some])
+            parts.append(white)
         return np.concatenate(parts, axis=1)
 
     def _project(self) -> tuple[Array, Array, Array]:
@@ -164,7 +178,14 @@ class Problem:
                 break
             rest = wanted[free] - information[np.ix_(free, ~free)] @ found[~free]
             found[free] = np.linalg.solve(information[np.ix_(free, free)], rest)
-        return rows - slopes @ found, found
+        rest = rows - slopes @ found
+        if not self._elsewhere.any():
+            return rest, found
+        own = slopes[:, self._elsewhere]
+        priors = np.array([u.prior for u in self._nuisances])[self._elsewhere]
+        theirs = np.linalg.solve(own.T @ own + np.diag(priors**-2), own.T @ rest)
+        found[self._elsewhere] = np.clip(theirs, low[self._elsewhere], high[self._elsewhere])
+        return rest - own @ found[self._elsewhere], found
 
     def _judged(self, series: Mapping[str, Array], values: Mapping[str, float]) -> Array:
         """Rows of a model's series: residuals, then how far the nuisances are from what is believed of them."""
@@ -206,6 +227,30 @@ class Problem:
         raw = {n: self.measured[n] - series[n] for n in self.names}
         _, found = self.eliminated(self.whitened(raw)[0], values)
         return {u.name: float(v) for u, v in zip(self._nuisances, found, strict=True)}
+
+    def freed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Log-likelihood that each nuisance would gain were nothing believed of it: a step of Newton, others following."""
+        series = self.model(values)
+        _, inside, information = self._project()
+        rows, found = self.eliminated(
+            self.whitened({n: self.measured[n] - series[n] for n in self.names})[0], values
+        )
+        pulls = inside.T @ rows[self._data]
+        follow = np.array(
+            [u.low < v < u.high for u, v in zip(self._nuisances, found, strict=True)], dtype=bool
+        )
+        gains = {}
+        for k, unknown in enumerate(self._nuisances):
+            if unknown.name in values:
+                continue
+            others = follow.copy()
+            others[k] = False
+            cross = information[others, k]
+            curve = information[k, k] - unknown.prior**-2
+            curve -= float(cross @ np.linalg.solve(information[np.ix_(others, others)], cross))
+            told = curve > 1e-9 * information[k, k]
+            gains[unknown.name] = 0.5 * float(pulls[k]) ** 2 / curve if told else 0.0
+        return gains
 
     def rows(self, values: Mapping[str, float]) -> Array | None:
         """(n + k,) whitened residuals, nuisances eliminated, then these over their priors; None where the model fails."""
@@ -364,5 +409,5 @@ class Problem:
         return replace(found, gain=found.gain + self.pull(poorer) - self.pull(richer))
 
     def pull(self, rows: Array) -> float:
-        """Log-likelihood that rows (n + k,) lose for how far they bend what is believed of the nuisances."""
-        return 0.5 * float(np.sum(rows[self._data.size :] ** 2))
+        """Log-likelihood that rows (n + k,) lose for how far they bend what is believed of the fitted nuisances."""
+        return 0.5 * float(np.sum(rows[self._data.size :][~self._elsewhere] ** 2))

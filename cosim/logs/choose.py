@@ -216,6 +216,17 @@ def _gain(source: Source, name: str, gain: float | str) -> float:
     return source.constants[gain]
 
 
+def holds(source: Source, column: SignalColumn) -> bool:
+    """Whether a file has the column of a mapping's signal, and the one that is taken off it."""
+    try:
+        for one in (column.column, column.minus):
+            if one is not None:
+                _find(source, one, "")
+    except DataError:
+        return False
+    return True
+
+
 def _find(source: Source, column: Column, name: str) -> int:
     if isinstance(column, tuple):
         there = [heading for heading in column if any(label.called(heading) for label in source.labels)]

@@ -29,13 +29,18 @@ def log(
     seed: int,
     columns: Sequence[str] = ("command", "valve.y", "plant.y"),
     values=VALUES,
+    every: int = 1,
 ) -> Path:
-    """A log of the system with these columns, ``component.connector [1]``."""
+    """A log of the system with these columns, ``component.connector [1]``, of this many steps each."""
     rng = np.random.default_rng(seed)
-    true = simulate(KINDS, values, WIRES, {"command": command(rng)}, H, hidden)
-    signals = read(true, hidden, H, 0.01, rng)
+    drive = command(rng)
+    if every > 1:  # what a slow logger sees of a command is what it takes between its samples
+        slow = np.arange(0, COUNT, every)
+        drive = np.interp(np.arange(COUNT), slow, drive[slow])
+    true = simulate(KINDS, values, WIRES, {"command": drive}, H, hidden)
+    signals = {n: s[::every] for n, s in read(true, hidden, H, 0.01, rng).items()}
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["time [s]", *(f"{n} [1]" for n in columns)])
-        writer.writerows(zip(H * np.arange(COUNT), *(signals[n] for n in columns), strict=True))
+        writer.writerows(zip(H * np.arange(0, COUNT, every), *(signals[n] for n in columns), strict=True))
     return path

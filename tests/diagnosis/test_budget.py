@@ -37,6 +37,21 @@ def test_a_stage_ends_when_its_share_is_gone() -> None:
     assert not budget.over
 
 
+def test_a_part_of_what_is_left_to_a_stage_may_be_taken() -> None:
+    now = [0.0]
+    budget = Budget(100.0, clock=lambda: now[0])
+    budget.allow(0.5)
+    now[0] += 10.0
+    with budget.part(0.25):  # of the 40 s that are left
+        now[0] += 9.0
+        assert not budget.over
+        now[0] += 2.0
+        assert budget.over
+    assert not budget.over
+    now[0] += 30.0
+    assert budget.over
+
+
 def test_without_a_span_nothing_is_over() -> None:
     budget = Budget()
     budget.allow(0.0001)

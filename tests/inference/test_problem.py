@@ -85,6 +85,53 @@ def test_nuisances_beside_one_at_its_bound_are_those_of_bounded_least_squares() 
     assert prior * made.rows({})[-3:] == pytest.approx(best, abs=1e-6)
 
 
+def test_a_nuisance_of_data_held_out_is_estimated_there_and_sways_no_fit() -> None:
+    """Two logs, the second held out: each is read late by a share of a sample of its own."""
+    rng, noise = np.random.default_rng(9), 1e-3
+    names, shifts = ("y", "z"), (0.2, -0.6)
+    data = {
+        n: 1.2 * np.interp(T - 0.01 * s, T, U) + noise * rng.standard_normal(N)
+        for n, s in zip(names, shifts, strict=True)
+    }
+    fitted = {"y": np.ones(N, dtype=bool), "z": np.zeros(N, dtype=bool)}
+    both = lambda values: dict.fromkeys(names, model(values)["y"])  # noqa: E731
+    made = Problem(data, fitted, {"y": WINDOW, "z": WINDOW + 30}, both, dict.fromkeys(names, 1e-4))
+    alone = Problem({"y": data["y"]}, {"y": fitted["y"]}, {"y": WINDOW}, model, {"y": 1e-4})
+    slope, none = -1.2 * np.gradient(U)[None], np.zeros((1, N))
+    late = [Unknown(f"late#{k}", -1.0, 1.0, 1.0, 0.7) for k in range(2)]
+    for one, shared, slopes in (
+        (made, late, {"y": np.concatenate([slope, none]), "z": np.concatenate([none, slope])}),
+        (alone, late[:1], {"y": slope}),
+    ):
+        for n in slopes:
+            one.noise[n] = Noise(noise**2)
+        one.share(shared, slopes)
+    fit, own = made.fit([GAIN], {"gain": 1.0}), alone.fit([GAIN], {"gain": 1.0})
+    assert fit.values["gain"] == pytest.approx(own.values["gain"], rel=1e-9)
+    assert fit.log_likelihood == pytest.approx(own.log_likelihood, rel=1e-9)
+    assert list(made.nuisances(fit.values).values()) == pytest.approx(shifts, abs=0.05)
+    assert np.std(made.residuals(fit.values)["z"]) == pytest.approx(noise, rel=0.1)
+    assert made.pull(fit.rows) == pytest.approx(alone.pull(own.rows), rel=1e-9)
+
+
+def test_what_a_nuisance_would_gain_if_nothing_were_believed_of_it_is_what_least_squares_give() -> None:
+    rng, noise = np.random.default_rng(10), 0.01
+    slopes = np.stack([np.sin(T), np.cos(2.0 * T), np.sin(T) + 0.5 * np.cos(5.0 * T)])
+    y = U + np.array([2.0, 0.3, 0.2]) @ slopes + noise * rng.standard_normal(N)
+    made = Problem({"y": y}, {"y": FITTED}, {"y": WINDOW}, model, {"y": 1e-4})
+    made.noise["y"] = Noise(noise**2)
+    believed = [Unknown(f"n{k}", -0.5, 0.5, 1.0, 0.2) for k in range(3)]
+    made.share(believed, {"y": slopes})
+    gains = made.freed({})
+    here = made.fit((), {}).log_likelihood
+    # the first is wanted far beyond its bound; the others stay within theirs when it is free
+    free = [Unknown("n0", -np.inf, np.inf, 1.0, 1e9), *believed[1:]]
+    made.share(free, {"y": slopes})
+    assert gains["n0"] == pytest.approx(made.fit((), {}).log_likelihood - here, rel=0.05)
+    assert gains["n0"] > 100.0 * gains["n1"]
+    assert "n0" not in made.freed({"n0": 0.0})  # it is an unknown of the hypothesis itself
+
+
 @pytest.mark.parametrize(("low", "high"), [(-5.0, 1.1), (1.3, 5.0), (0.999, 1.001)])
 def test_the_model_is_never_run_beyond_the_bounds_of_an_unknown(low: float, high: float) -> None:
     """The estimate ends at a bound: its slope is taken on the other side, over half of a range that is narrower."""

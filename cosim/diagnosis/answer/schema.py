@@ -63,7 +63,10 @@ class Rival(Model):
 
 
 class NamedCause(Model):
-    """A named cause; `component` and what follows it: where, in a system of any FMUs."""
+    """A named cause; `component` and what follows it: where, in a system of any FMUs.
+
+    `logs`: the files in which it is, where others of the same system contradict it; empty where it is in all.
+    """
 
     effect: str
     block: str
@@ -75,6 +78,7 @@ class NamedCause(Model):
     evidence: dict[str, float]
     rivals: list[Rival]
     indistinguishable_from: list[str]
+    logs: list[str] = []
 
 
 class RefusedCause(Model):
