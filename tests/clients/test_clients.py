@@ -72,11 +72,16 @@ def packages(tmp_path_factory):
     return written | {"extended": extended, "bound": write_archive(mixed, folder / "bound.ssp")}
 
 
+def installed(name):
+    """A client, where it is installed."""
+    if importlib.util.find_spec(MODULES[name]) is None:
+        pytest.skip(f"{MODULES[name]} is not installed: pip install 'slew-cosim[clients]'")
+    return name
+
+
 @pytest.fixture(params=MODULES)
 def engine(request):
-    if importlib.util.find_spec(MODULES[request.param]) is None:
-        pytest.skip(f"{MODULES[request.param]} is not installed: pip install 'slew-cosim[clients]'")
-    return request.param
+    return installed(request.param)
 
 
 def largest_difference(engine, found, expected, signals):
