@@ -44,6 +44,7 @@ TESTS = {
     "fmus/mechanical.py": tuple(
         f"{FMUS}{name}.py" for name in ("mechanical", "friction", "friction_forms", "travel_ends")
     ),
+    "fmus/ring.py": (f"{FMUS}ring.py",),
     "fmus/sensor.py": (f"{FMUS}sensor.py",),
 }
 TURNED: dict[type[ast.cmpop], type[ast.cmpop]] = {

@@ -129,7 +129,8 @@ class HeldError(Exception):
 def held(lock: Path) -> Iterator[None]:
     """A file that one process at a time holds: its end or a kill lets go of it.
 
-    Where the file system knows no locks the block runs all the same.
+    Where the file system knows no locks the block runs all the same. Of our own, because the library filelock does not
+    say who holds a lock, and leaves its file behind.
 
     Raises:
         HeldError: another process holds it.

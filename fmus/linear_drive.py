@@ -11,8 +11,8 @@ from typing import Annotated, Any, NamedTuple
 
 from fmus.contract import Block, Buffer, Variable, equation
 from fmus.linear import held_pair
+from fmus.ring import RING, ago
 
-RING = 16384  # steps that the longest delay may have
 FITTED = "off: the diagnosis fits it to a log"
 
 
@@ -143,27 +143,10 @@ def advanced(
 @equation
 def step(x: State, u: Input, m: Any, p: Parameters, c: Coefficients) -> State:
     """One step of length c.h."""
-    i = int(x.place) + 1
-    if i >= 16384:
-        i = 0
+    i = (int(x.place) + 1) % 16384
     m.ring[i] = u.command - p.u_0
     count = x.steps + 1.0
-    back = min(p.delay / c.h, 16380.0)
-    n = int(back)
-    part = back - n
-    newer = x.past
-    if n < count:
-        a = i - n
-        if a < 0:
-            a = a + 16384
-        newer = m.ring[a]
-    older = x.past
-    if n + 1 < count:
-        b = i - n - 1
-        if b < 0:
-            b = b + 16384
-        older = m.ring[b]
-    late = (1.0 - part) * newer + part * older
+    late = ago(p.delay / c.h, i, count, x.past, m)
     y_1, z_1 = advanced(x.y_1, x.z_1, late, p.b1_1, p.b0_1, p.a1_1, p.a0_1, c.s_1, c.r_1)
     y_2, z_2 = advanced(x.y_2, x.z_2, late, p.b1_2, p.b0_2, p.a1_2, p.a0_2, c.s_2, c.r_2)
     y_3, z_3 = advanced(x.y_3, x.z_3, late, p.b1_3, p.b0_3, p.a1_3, p.a0_3, c.s_3, c.r_3)
@@ -182,5 +165,5 @@ BLOCK = Block(
     module=sys.modules[__name__],
     reads={"command": "held"},
     memory={"ring": Buffer(RING, "Past commands")},
-    helpers=(held_pair,),
+    helpers=(held_pair, ago),
 )

@@ -11,7 +11,8 @@ from typing import Annotated, Any, NamedTuple
 from fmus import linear_drive
 from fmus.contract import Block, Buffer, Variable, equation, fields
 from fmus.linear import held_pair
-from fmus.linear_drive import RING, Coefficients, Input, advanced, began, coefficients, resting, start, step
+from fmus.linear_drive import Coefficients, Input, advanced, began, coefficients, resting, start, step
+from fmus.ring import RING, ago
 
 FASTER = {"rad": "rad/s", "rad/s": "rad/s2", "rad/s2": "rad/s3"}
 TOP, LAG = (
@@ -63,5 +64,5 @@ BLOCK = Block(
     module=sys.modules[__name__],
     reads={"command": "held"},
     memory={"ring": Buffer(RING, "Past commands")},
-    helpers=(held_pair, resting, began, start, coefficients, advanced, step),
+    helpers=(held_pair, ago, resting, began, start, coefficients, advanced, step),
 )

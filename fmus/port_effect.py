@@ -10,8 +10,7 @@ import sys
 from typing import Annotated, Any, NamedTuple
 
 from fmus.contract import UNBOUNDED, Block, Buffer, Variable, equation
-
-RING = 16384  # steps that the longest delay may have
+from fmus.ring import RING, ago
 
 
 class Input(NamedTuple):
@@ -105,28 +104,12 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 def step(x: State, u: Input, m: Any, p: Parameters, c: Coefficients) -> State:
     """One step: straight lines between samples."""
     y = p.gain * u.u + p.offset
-    i = int(x.place)
-    if x.steps == 0.0:
-        m.ring[i] = x.first
-    i = i + 1
-    if i >= 16384:
-        i = 0
+    i = (int(x.place) + 1) % 16384
     m.ring[i] = y
     count = x.steps + 1.0
     late = y
     if p.delay > 0.0:
-        back = min(p.delay / c.h, 16380.0)
-        n = int(back)
-        part = back - n
-        late = x.first
-        if back < count:
-            a = i - n
-            if a < 0:
-                a = a + 16384
-            b = a - 1
-            if b < 0:
-                b = b + 16384
-            late = (1.0 - part) * m.ring[a] + part * m.ring[b]
+        late = ago(p.delay / c.h, i, count, x.first, m)
     slow = late
     if p.lag > 0.0:
         z = c.h / p.lag
@@ -153,4 +136,5 @@ BLOCK = Block(
     module=sys.modules[__name__],
     reads={"u": "line"},
     memory={"ring": Buffer(RING, "Past values of the signal")},
+    helpers=(ago,),
 )

@@ -9,6 +9,8 @@ are the same bit for bit (tests/fmus/test_specialise.py).
 
 import ast
 import copy
+from dataclasses import dataclass, field
+from functools import lru_cache
 from textwrap import indent
 
 from fmus.compose import Composed
@@ -58,7 +60,22 @@ def flat_text(composed: Composed) -> str:
     Raises:
         ValueError: an equation uses a named tuple in a way that cannot be flattened; the message names it.
     """
-    return _Flat(composed).text()
+    block = composed.block
+    inputs = tuple((name, variable.kind) for name, variable in block.inputs.items())
+    return _made(_Woven((composed.source, inputs, tuple(composed.outputs), composed.direct), composed))
+
+
+@dataclass(frozen=True)
+class _Woven:
+    """A composed block, equal to any other of the same text: other start values change nothing of it."""
+
+    known_by: tuple[object, ...]
+    composed: Composed = field(compare=False)
+
+
+@lru_cache(maxsize=256)
+def _made(woven: _Woven) -> str:
+    return _Flat(woven.composed).text()
 
 
 class _Flat:

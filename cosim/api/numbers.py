@@ -1,15 +1,21 @@
 """Identifications as they are asked for by `cosim identify`: files, and numbers with units as texts.
 
-Each function is the command of its name, so its arguments carry what the command's help says of them.
+Each function is the command of its name, so its arguments carry what the command's help says of them; all but the log are
+given by name. What several of them ask for stands once, in `Part`, `Known` and `Between`.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 
 import typer
 
+from cosim.options import spelled_out
+
 if TYPE_CHECKING:
     from cosim.identify.answer import Answer
+    from cosim.identify.run import Channel
+    from cosim.logs import Log
 
 LogFile = Annotated[
     Path, typer.Argument(help="The log: .csv, .mat, .parquet, .mf4, .tdms or .xlsx.", metavar="LOG")
@@ -17,59 +23,93 @@ LogFile = Annotated[
 LogFiles = Annotated[
     list[Path], typer.Argument(help="One log or several, fitted together.", metavar="LOG...")
 ]
-MappingFile = Annotated[
-    Path | None, typer.Option(help="Mapping file (TOML) for a log with other names.", metavar="FILE")
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="Number taken as known, such as 'compensator.d_plus=0'; repeatable."),
-]
-Filter = Annotated[
-    str | None,
-    typer.Option(
-        "--filter", help="Low-pass on command and response alike (Butterworth, order 2), such as '50 Hz'."
-    ),
-]
-From = Annotated[str | None, typer.Option("--from", help="Use the log from this time on, such as '10 s'.")]
-To = Annotated[str | None, typer.Option("--to", help="Use the log up to this time.")]
-Block = Annotated[
-    str | None, typer.Option(help="dcv, continuity, mechanical or simplified [default: simplified].")
-]
-Input = Annotated[str | None, typer.Option("--input", help="Input signal, instead of a block.")]
-Output = Annotated[str | None, typer.Option("--output", help="Output signal, instead of a block.")]
-Linear = Annotated[
-    bool,
-    typer.Option("--linear", help="Take u as it is, without compensator and dead zone, as the source does."),
-]
 
 
-def everything(
-    log: LogFile,
-    mapping: MappingFile = None,
-    settings: Settings = None,
-    cutoff: Filter = None,
-    start: From = None,
-    stop: To = None,
-) -> "Answer":
-    """Dead zone, valve, pressure and mechanics from one log, and one .ssv for the model."""
+class Part(TypedDict, total=False):
+    """How a log is read, and the part of it that is used."""
+
+    mapping: Annotated[
+        Path | None, typer.Option(help="Mapping file (TOML) for a log with other names.", metavar="FILE")
+    ]
+    start: Annotated[
+        str | None, typer.Option("--from", help="Use the log from this time on, such as '10 s'.")
+    ]
+    stop: Annotated[str | None, typer.Option("--to", help="Use the log up to this time.")]
+
+
+class Known(Part, total=False):
+    """What is known beside the log."""
+
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Number taken as known, such as 'compensator.d_plus=0'; repeatable."),
+    ]
+    cutoff: Annotated[
+        str | None,
+        typer.Option(
+            "--filter",
+            help="Low-pass on command and response alike (Butterworth, order 2), such as '50 Hz'.",
+        ),
+    ]
+
+
+class Between(Known, total=False):
+    """From which signal to which."""
+
+    block: Annotated[
+        str | None, typer.Option(help="dcv, continuity, mechanical or simplified [default: simplified].")
+    ]
+    source: Annotated[str | None, typer.Option("--input", help="Input signal, instead of a block.")]
+    target: Annotated[str | None, typer.Option("--output", help="Output signal, instead of a block.")]
+    linear: Annotated[
+        bool,
+        typer.Option(
+            "--linear", help="Take u as it is, without compensator and dead zone, as the source does."
+        ),
+    ]
+
+
+def _read(log: Path, of: Part) -> "Log":
+    from cosim.identify.texts import load
+
+    return load(log, of.get("mapping"), of.get("start"), of.get("stop"))
+
+
+def _all(logs: Iterable[Path], of: Part) -> list["Log"]:
+    return [_read(log, of) for log in logs]
+
+
+def _taken(of: Known) -> tuple[dict[str, float], float | None]:
+    """The numbers taken as known, and the low-pass [Hz]."""
     from cosim.identify.nominal import nominal
+    from cosim.identify.texts import quantity
+
+    return nominal(of.get("settings") or []), quantity(of.get("cutoff"), "Hz", "--filter")
+
+
+def _channel(of: Between) -> "Channel":
+    from cosim.identify.run import channel
+
+    _, cutoff = _taken(of)
+    return channel(of.get("block"), of.get("source"), of.get("target"), of.get("linear", False), cutoff)
+
+
+@spelled_out
+def everything(log: LogFile, **of: Unpack[Known]) -> "Answer":
+    """Dead zone, valve, pressure and mechanics from one log, and one .ssv for the model."""
     from cosim.identify.run_design import all_answer
-    from cosim.identify.texts import load, quantity
 
-    known = nominal(settings or [])
-    return all_answer(load(log, mapping, start, stop), known, quantity(cutoff, "Hz", "--filter"))
+    return all_answer(_read(log, of), *_taken(of))
 
 
+@spelled_out
 def dead_zone(
     log: LogFile,
+    *,
     response: Annotated[
         str | None, typer.Option(help="spool, p_load or slew [default: the first of these in the log].")
     ] = None,
-    mapping: MappingFile = None,
-    settings: Settings = None,
-    cutoff: Filter = None,
-    start: From = None,
-    stop: To = None,
+    **of: Unpack[Known],
 ) -> "Answer":
     """Break points and slopes of the valve's dead zone, best from a slow ramp.
 
@@ -78,22 +118,18 @@ def dead_zone(
     """
     from cosim.errors import UsageError
     from cosim.identify.dead_zone import RESPONSES
-    from cosim.identify.nominal import nominal
     from cosim.identify.run import dead_zone_answer
-    from cosim.identify.texts import load, quantity
 
     if response is not None and response not in RESPONSES:
         raise UsageError(f"--response '{response}': choose {', '.join(RESPONSES)}")
-    known = nominal(settings or [])
-    loaded = load(log, mapping, start, stop)
-    return dead_zone_answer(loaded, known, response, quantity(cutoff, "Hz", "--filter"))
+    known, cutoff = _taken(of)
+    return dead_zone_answer(_read(log, of), known, response, cutoff)
 
 
+@spelled_out
 def transfer_function(
     logs: LogFiles,
-    block: Block = None,
-    source: Input = None,
-    target: Output = None,
+    *,
     order: Annotated[
         list[str] | None,
         typer.Option(
@@ -104,31 +140,23 @@ def transfer_function(
         int | None, typer.Option(help="Poles at 0 among them [default: 1 to the slew angle, else 0].")
     ] = None,
     delay: Annotated[bool, typer.Option("--delay", help="With a transport delay.")] = False,
-    linear: Linear = False,
-    mapping: MappingFile = None,
-    settings: Settings = None,
-    cutoff: Filter = None,
-    start: From = None,
-    stop: To = None,
+    **of: Unpack[Between],
 ) -> "Answer":
     """Transfer functions fitted to logs: a table of candidates, and the one to use, by BIC and held-out fit."""
-    from cosim.identify.nominal import nominal
-    from cosim.identify.run import channel, transfer_function_answer
-    from cosim.identify.texts import load, quantity, structure
+    from cosim.identify.run import transfer_function_answer
+    from cosim.identify.texts import structure
 
-    chosen = channel(block, source, target, linear, quantity(cutoff, "Hz", "--filter"))
+    chosen = _channel(of)
     at_zero = chosen.integrators if integrators is None else integrators
     structures = [structure(text, at_zero, delay) for text in order or []]
-    known = nominal(settings or [])
-    loaded = [load(log, mapping, start, stop) for log in logs]
-    return transfer_function_answer(loaded, chosen, structures, known)
+    known, _ = _taken(of)
+    return transfer_function_answer(_all(logs, of), chosen, structures, known)
 
 
+@spelled_out
 def frf(
     logs: LogFiles,
-    block: Block = None,
-    source: Input = None,
-    target: Output = None,
+    *,
     method: Annotated[str, typer.Option(help="stepped (sines, period by period) or welch.")] = "stepped",
     extremes: Annotated[
         bool, typer.Option("--extremes", help="Amplitude from the extremes, as (4.12) prints it.")
@@ -144,20 +172,13 @@ def frf(
     ] = False,
     smooth_order: Annotated[int, typer.Option(help="Its order.")] = 11,
     smooth_window: Annotated[int, typer.Option(help="Its window, in points.")] = 25,
-    linear: Linear = False,
-    mapping: MappingFile = None,
-    settings: Settings = None,
-    cutoff: Filter = None,
-    start: From = None,
-    stop: To = None,
+    **of: Unpack[Between],
 ) -> "Answer":
     """Frequency response with its uncertainty, from stepped sines or by Welch's method, and a fit to it."""
-    from cosim.identify.nominal import nominal
-    from cosim.identify.run import channel
     from cosim.identify.run_frf import FrfRequest, frf_answer
-    from cosim.identify.texts import angular, load, quantity, structure
+    from cosim.identify.texts import angular, quantity, structure
 
-    chosen = channel(block, source, target, linear, quantity(cutoff, "Hz", "--filter"))
+    chosen = _channel(of)
     wanted = FrfRequest(
         method=method,
         amplitude="extremes" if extremes else "least squares",
@@ -167,14 +188,14 @@ def frf(
         high=float("inf") if high is None else angular(high, "--high"),
         smooth=(smooth_order, smooth_window) if smooth else None,
     )
-    known = nominal(settings or [])
-    loaded = [load(log, mapping, start, stop) for log in logs]
-    return frf_answer(loaded, chosen, known, wanted)
+    known, _ = _taken(of)
+    return frf_answer(_all(logs, of), chosen, known, wanted)
 
 
+@spelled_out
 def mechanics(
     log: LogFile,
-    mapping: MappingFile = None,
+    *,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", help="Number taken as known, such as 'mechanical.r=120 mm'; repeatable."),
@@ -185,8 +206,7 @@ def mechanics(
             help="Compare up to this frequency, such as '10 Hz' [default: as far as torque and motion cohere]."
         ),
     ] = None,
-    start: From = None,
-    stop: To = None,
+    **of: Unpack[Part],
 ) -> "Answer":
     """Inertia, viscous and dry friction and a constant load from load pressure (or torque) and angle (4.27).
 
@@ -195,16 +215,17 @@ def mechanics(
     """
     from cosim.diagnosis.model.choice import machine_of
     from cosim.identify.run_mechanics import mechanics_answer
-    from cosim.identify.texts import load, quantity
+    from cosim.identify.texts import quantity
 
-    loaded = load(log, mapping, start, stop)
-    machine = machine_of(None, loaded, mapping)
+    loaded = _read(log, of)
+    machine = machine_of(None, loaded, of.get("mapping"))
     return mechanics_answer(loaded, machine, settings or [], quantity(highest, "Hz", "--highest"))
 
 
+@spelled_out
 def drive(
     logs: LogFiles,
-    mapping: MappingFile = None,
+    *,
     command: Annotated[
         str | None, typer.Option(help="Signal that commands [default: the machine's input, or u].")
     ] = None,
@@ -214,8 +235,7 @@ def drive(
             help="Angle, position, speed or flow that answers [default: the machine's output, or slew]."
         ),
     ] = None,
-    start: From = None,
-    stop: To = None,
+    **of: Unpack[Part],
 ) -> "Answer":
     """Static curve of a drive, speed against command: dead zone, slope and top speed of either side.
 
@@ -223,42 +243,37 @@ def drive(
     from how much they differ, and hold for the next one.
     """
     from cosim.identify.run_drive import drive_answer
-    from cosim.identify.texts import load
     from cosim.logs import load_mapping
 
+    mapping = of.get("mapping")
     plain = load_mapping(mapping) if mapping is not None else None
-    loaded = [load(log, mapping, start, stop) for log in logs]
-    return drive_answer(loaded, plain, command, motion)
+    return drive_answer(_all(logs, of), plain, command, motion)
 
 
+@spelled_out
 def observer(
     log: Annotated[
         Path | None, typer.Argument(help="Log to take the drive from [default: (4.15)].", metavar="LOG")
     ] = None,
+    *,
     pole: Annotated[
         list[float] | None,
         typer.Option(help="Pole of the observer in 1/s; twice [default: -3 and -1.5 times the drive's]."),
     ] = None,
-    mapping: MappingFile = None,
-    settings: Settings = None,
-    cutoff: Filter = None,
-    start: From = None,
-    stop: To = None,
+    **of: Unpack[Known],
 ) -> "Answer":
     """State space, controllability, observability, root locus, and the observer's gain from its poles."""
-    from cosim.identify.nominal import nominal
     from cosim.identify.run_design import observer_answer
-    from cosim.identify.texts import load, quantity
 
-    known = nominal(settings or [])
-    loaded = None if log is None else load(log, mapping, start, stop)
-    return observer_answer(loaded, known, pole or [], quantity(cutoff, "Hz", "--filter"))
+    known, cutoff = _taken(of)
+    return observer_answer(None if log is None else _read(log, of), known, pole or [], cutoff)
 
 
 def scaling(
     log: Annotated[
         Path | None, typer.Argument(help="Log in volts, to write a mapping for.", metavar="LOG")
     ] = None,
+    *,
     point: Annotated[
         list[str] | None,
         typer.Option(help="Measured point, such as 'spool=3.248 V:2.6 mm'; two or more a signal."),
@@ -280,6 +295,7 @@ def scaling(
 
 
 def linearisation(
+    *,
     start_a: Annotated[str, typer.Option(help="Voltage at which the spool starts towards A.")] = "0.15 V",
     start_b: Annotated[str, typer.Option(help="The same towards B.")] = "-0.24 V",
     point: Annotated[
@@ -300,6 +316,7 @@ def linearisation(
 
 
 def kalman(
+    *,
     disturbance: Annotated[
         str, typer.Option(help="Standard deviation of the torque that the model lacks; 0: none.")
     ] = "100 N.m",
@@ -344,6 +361,7 @@ def markers(
         Path,
         typer.Argument(help="Record of marker positions: time, NAME_x, NAME_y, NAME_z.", metavar="RECORD"),
     ],
+    *,
     models: Annotated[
         Path, typer.Option(help="Two marker models, .toml or .json; the first counts below 12 deg.")
     ],
@@ -371,6 +389,7 @@ def markers(
 
 def experiment(
     name: Annotated[str, typer.Argument(help="slew, dcv, ramp or sine.")],
+    *,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="CSV to write: the command u, one value a millisecond.")
     ],

@@ -48,8 +48,10 @@ def carry_out(job: Job, runs: Sequence[Run], crew: Crew, store: Store, advance: 
     try:
         _Loop(job, runs, crew, store, advance).run()
     finally:
-        store.flush()
-        crew.close()
+        try:
+            store.flush()
+        finally:  # a signal may strike, or the disk be full, as it is flushed
+            crew.close()
     return clock.monotonic() - begun
 
 

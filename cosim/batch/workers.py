@@ -16,7 +16,6 @@ import threading
 import time as clock
 import weakref
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from concurrent.futures import process as pools
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
@@ -106,7 +105,7 @@ class _Lane:
         if self.pool is None:
             # a process that is told half of how it begins prints a traceback, and half a folder of Python's stays
             with uninterrupted():
-                begun = ((folder, get_temp_dir()), dict(os.environ))
+                begun = ((folder, get_temp_dir()), dict(os.environ), GONE)
                 self.pool = ProcessPoolExecutor(
                     1, mp_context=_context(job.task), initializer=_begin, initargs=begun
                 )
@@ -197,10 +196,9 @@ class Processes:
             for lane in self._lanes:
                 lane.retire(at_once=lane.future is not None)
             for lane in self._lanes:
+                # Python wakes those that are left as it ends, and a pipe that one closes just then is a traceback
                 for thread in list(lane.ending):
                     thread.join(GONE)
-                    # Python would wake it as it ends, and a pipe that the thread closes just then is a traceback
-                    pools._threads_wakeups.pop(thread, None)
             self._folder.cleanup()
 
     def _replace(self, lane: _Lane) -> None:
@@ -274,12 +272,13 @@ def _gone(pid: int | None, within: float) -> bool:
     return pid is None or not psutil.pid_exists(pid)
 
 
-def _begin(folders: tuple[str, ...], environment: dict[str, str]) -> None:
+def _begin(folders: tuple[str, ...], environment: dict[str, str], gone: float) -> None:
     """First thing in a process: Ctrl-C is the parent's to handle, and without the parent there is nothing to do.
 
     Args:
         folders: for its temporary files, and others that go when the parent is killed.
         environment: of the parent now; what it is forked from may have had another.
+        gone: s until a parent that was killed is gone.
     """
     os.environ.clear()
     os.environ.update(environment)
@@ -293,7 +292,7 @@ def _begin(folders: tuple[str, ...], environment: dict[str, str]) -> None:
         def follow() -> None:
             wait([parent.sentinel])
             # given up by a parent that lives, since what forked this one is gone: the folders are others' too
-            if _gone(parent.pid, GONE):
+            if _gone(parent.pid, gone):
                 for folder in folders:
                     shutil.rmtree(folder, ignore_errors=True)
             os._exit(1)

@@ -47,7 +47,7 @@ def register(app: typer.Typer) -> None:
 def _command(identify: Callable[..., Any], end: Callable[..., None]) -> Callable[..., None]:
     """The command that takes the arguments of `identify` and those of `end` after the result, which ends it."""
     own = inspect.signature(identify)
-    ending = list(inspect.signature(end).parameters.values())[1:]
+    ending = [p.replace(kind=p.KEYWORD_ONLY) for p in list(inspect.signature(end).parameters.values())[1:]]
 
     def command(**given: Any) -> None:
         options = {p.name: given.pop(p.name) for p in ending}

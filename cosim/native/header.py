@@ -3,7 +3,7 @@
 from cosim.native import exchange
 from cosim.native.glue import Glue
 from cosim.native.kinds import c_name, real_text
-from cosim.native.model import HELD, Model, buffers, inner_inputs, numbers, room
+from cosim.native.model import Model, buffers, inner_inputs, numbers, room
 
 
 def header(model: Model, guid: str, fmi: str = "2.0") -> str:
@@ -71,9 +71,8 @@ def read_as(model: Model, name: str) -> str:
     fed = [
         (model.part(w.target[0]).composed.block, w.target[1]) for w in model.wires if w.source == ("", name)
     ]
-    if all(own in HELD.get(block.name, ()) for block, own in fed):
-        return "AS_HELD"
-    return "AT_START" if all(block.reads.get(own) == "start" for block, own in fed) else "AT_END"
+    ways = {block.reads.get(own) for block, own in fed}
+    return "AS_HELD" if ways <= {"held"} else "AT_START" if ways == {"start"} else "AT_END"
 
 
 def structs(model: Model) -> list[str]:

@@ -11,14 +11,6 @@ from fmus.contract import Buffer, Variable
 from fmus.dependencies import at_start, through
 from fmus.describe import table
 
-# inputs that the equations hold over a step; all others reach their value at the step's end
-HELD = {
-    "dcv": ("demand",),
-    "simplified": ("command",),
-    "linear_drive": ("command",),
-    "linear_speed": ("command",),
-    "observer": ("u",),
-}
 Row = tuple[str, str, Variable]  # name, causality, declaration
 
 

@@ -13,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import cosim
+from cosim.api import numbers
 from cosim.api.results import BatchResult, ComparisonResult, DiagnosisResult, IdentificationResult
 from cosim.errors import DataError, UsageError
 from cosim.logs.write import write_log
@@ -302,3 +303,12 @@ def test_dynamics_are_identified_of_a_block_or_between_two_signals():
         cosim.identify(log, "mechanics", block="dcv")
     with pytest.raises(UsageError, match="nothing called 'frff' is identified"):
         cosim.identify(log, "frff")
+
+
+def test_what_several_identifications_ask_for_is_in_the_signature_of_each_and_goes_by_name():
+    for function in (numbers.frf, numbers.transfer_function):
+        own = inspect.signature(function).parameters
+        assert [n for n, p in own.items() if p.kind is not inspect.Parameter.KEYWORD_ONLY] == ["logs"]
+        assert (own["block"].default, own["mapping"].default, own["linear"].default) == (None, None, False)
+    with pytest.raises(TypeError, match="mappin"):
+        numbers.everything(TOP / "examples" / "synthetic_demo.csv", mappin=None)

@@ -33,7 +33,9 @@ import xarray as xr  # noqa: E402
 from cosim.batch.cases import plan_batch  # noqa: E402
 from cosim.batch.conduct import conduct  # noqa: E402
 from cosim.batch.plan import Plan  # noqa: E402
+from cosim.batch.store import Store  # noqa: E402
 from cosim.batch.workers import Processes, SharedContext, _gone, how_it_ended  # noqa: E402
+from cosim.errors import UsageError  # noqa: E402
 from tests.batch.asked import plan  # noqa: E402
 
 MIB = 2.0**20
@@ -71,8 +73,11 @@ def test_a_process_that_dies_between_two_runs_is_replaced(
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing stands between")
 def test_without_the_process_that_forks_them_others_take_over_and_what_is_given_up_removes_nothing(
-    rogue: Path, tmp_path: Path
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(
+        "cosim.batch.workers.GONE", 0.5
+    )  # s, of 5: what is given up waits so long before it ends
     batch = plan_batch(plan(rogue, sweep={"r.k": "1,2,3"}), tmp_path)
     crew = Processes(1, 1e12)
     try:
@@ -178,28 +183,29 @@ def test_no_thread_of_a_pool_is_left_that_closes_its_pipes_while_python_ends(
     assert not any(thread.is_alive() for lane in crew._lanes for thread in lane.ending)
 
 
-def test_python_wakes_no_thread_of_a_pool_that_takes_long_to_end(
-    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("error", [KeyboardInterrupt, UsageError("the disk is full")])
+def test_no_process_or_thread_is_left_where_the_results_cannot_be_flushed(
+    rogue: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException | type[BaseException]
 ) -> None:
-    closes = process._ExecutorManagerThread.join_executor_internals  # type: ignore[attr-defined]
-    go_on = threading.Event()
+    """A signal strikes there too: Python ended with the pools open, and woke threads that closed their pipes just then."""
+    crews: list[Processes] = []
 
-    def late(thread: threading.Thread) -> None:
-        go_on.wait(60.0)
-        closes(thread)
+    def crew(*words: Any) -> Processes:
+        crews.append(Processes(*words))
+        return crews[-1]
 
-    monkeypatch.setattr(process._ExecutorManagerThread, "join_executor_internals", late)  # type: ignore[attr-defined]
-    batch = plan_batch(plan(rogue, sweep={"r.k": "1"}), tmp_path)
-    crew = Processes(1, 1e12)
-    crew.settle(crew.submit(batch.job, batch.runs))
-    with monkeypatch.context() as patched:
-        patched.setattr("cosim.batch.workers.GONE", 0.1)
-        crew.close()
-    (thread,) = (thread for lane in crew._lanes for thread in lane.ending)
-    woken = list(process._threads_wakeups)  # type: ignore[attr-defined]
-    go_on.set()
-    thread.join(60.0)
-    assert thread not in woken
+    def struck(store: Store) -> None:
+        raise error
+
+    monkeypatch.setattr("cosim.batch.workers.Processes", crew)
+    monkeypatch.setattr(Store, "flush", struck)
+    before = set(multiprocessing.active_children())
+    with pytest.raises(error if isinstance(error, type) else type(error)):
+        conduct(plan(rogue, sweep={"r.k": "1,2"}, workers=2), tmp_path / "b")
+    (used,) = crews
+    assert not any(lane.pool for lane in used._lanes)
+    assert not any(thread.is_alive() for lane in used._lanes for thread in lane.ending)
+    assert set(multiprocessing.active_children()) <= before
 
 
 def test_a_process_ends_that_was_begun_as_a_signal_came(

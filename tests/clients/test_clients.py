@@ -72,11 +72,16 @@ def packages(tmp_path_factory):
     return written | {"extended": extended, "bound": write_archive(mixed, folder / "bound.ssp")}
 
 
+def installed(name):
+    """A client, where it is installed."""
+    if importlib.util.find_spec(MODULES[name]) is None:
+        pytest.skip(f"{MODULES[name]} is not installed: pip install 'slew-cosim[clients]'")
+    return name
+
+
 @pytest.fixture(params=MODULES)
 def engine(request):
-    if importlib.util.find_spec(MODULES[request.param]) is None:
-        pytest.skip(f"{MODULES[request.param]} is not installed: pip install 'slew-cosim[clients]'")
-    return request.param
+    return installed(request.param)
 
 
 def largest_difference(engine, found, expected, signals):
@@ -93,10 +98,16 @@ def largest_difference(engine, found, expected, signals):
     return worst
 
 
-# every client runs the drive and the loop around it in every run, and each other system runs in one of them; the others
-# with the slow tests
-EVERYWHERE = ("full_order", "position_loop_observer")
-QUICK = {"physical": "fmpy", "full_order_extended": "ecos", "simplified": "libcosim", "position_loop": "fmpy"}
+# every client runs the loop around the drive in every run, with changed parameters the drive alone too; each other system
+# runs in one of them, and in the others with the slow tests
+EVERYWHERE = ("position_loop_observer",)
+QUICK = {
+    "full_order": "fmucontainer",
+    "physical": "fmpy",
+    "full_order_extended": "ecos",
+    "simplified": "libcosim",
+    "position_loop": "fmpy",
+}
 AGREE = [
     pytest.param(e, s, marks=() if s in EVERYWHERE or QUICK[s] == e else pytest.mark.slow, id=f"{e}-{s}")
     for e in MODULES

@@ -104,7 +104,7 @@ def test_what_is_known_too_well_is_rounded_and_a_speed_is_no_speed_of_itself(tmp
 
 def test_a_force_is_no_command(tmp_path):
     found, log = diagnosed(tmp_path)
-    bare = replace(found.groups[-1], stages=(("mechanical", "mechanical"),))
+    bare = replace(found.groups[-1], stages=(("mechanical", "mechanical"),), held=False)
     found.groups = (bare,)
     assert curve_of(found, log) is None
     assert drive.picture(Material(Answer.model_construct(drive_curve=None), 0.05, {}, {})) is None

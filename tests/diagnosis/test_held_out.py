@@ -464,8 +464,8 @@ def test_held_out_data_decide_between_a_cause_and_a_rival_that_fits_as_well(
 def test_of_two_that_explain_the_fitted_log_alike_the_held_out_log_takes_the_one_it_bears_out() -> None:
     """In a log of steps the play of a valve does what an overlap does; a log that goes back and forth shows which it is."""
     steps, back_and_forth = (
-        as_log(make_log(shape, 24.0, ["dead_zone.mismatch"], seed=seed))
-        for shape, seed in (("steps", 2801), ("mixed", 2901))
+        as_log(make_log(shape, seconds, ["dead_zone.mismatch"], seed=seed))
+        for shape, seconds, seed in (("steps", 16.0, 2801), ("mixed", 21.0, 2901))
     )
     found = diagnose(steps, model=only("dcv"), held_out=back_and_forth)
     assert [c.effect.name for c in found.causes] == ["dead_zone.mismatch"]

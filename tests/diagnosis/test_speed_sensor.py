@@ -32,7 +32,7 @@ def files(
     folder: Path, columns: tuple[str, ...], *hidden: str, bias: float = 0.0, seed: int = 5
 ) -> tuple[Path, Path]:
     """A synthetic log with a gyroscope, as files."""
-    run = make_log("steps", 14.0, hidden, seed=seed, settings=off(seed, *hidden))
+    run = make_log("steps", 10.0, hidden, seed=seed, settings=off(seed, *hidden))
     gyro = run.true["omega"] + bias + NOISE * np.random.default_rng(seed).standard_normal(run.time.size)
     values = {n: gyro if n == "slew_rate" else getattr(run, n) for n in columns}
     log, mapping = folder / "log.csv", folder / "map.toml"

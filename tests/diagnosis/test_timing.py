@@ -45,7 +45,7 @@ def coarse(u: Array, h: float, changed: dict[str, float]) -> dict[str, Array]:
 
 def computed(changed: dict[str, float], seed: int) -> Log:
     """A log of the coarse drive, with the rig's command and noise."""
-    run = make_log("mixed", 21.0, [], seed=seed, settings=off(seed))
+    run = make_log("steps", 14.0, [], seed=seed, settings=off(seed))
     log, true = as_log(run), run.true
     own = coarse(log.signals["u"], log.step, off(seed) | changed)
     supply = nominal_value("continuity.p_s")

@@ -12,7 +12,7 @@ from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.record.record import Record
 
 H = 1e-3
-TIME = np.arange(8001) * H
+TIME = np.arange(4001) * H
 COMMAND = 0.8 * np.sin(2.0 * TIME) * (TIME > 0.5) + 0.1 * np.sign(np.sin(9.0 * TIME))
 START = {"mechanical.theta_0": 0.3}
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
+from cosim.inference import noise as noise_module
 from cosim.inference.noise import Noise, correlation_times, quietest
 from cosim.inference.spectrum import LOWEST, bands, learn
 from cosim.rig import Noise as RigNoise
@@ -44,6 +45,28 @@ def test_the_factor_that_is_kept_is_that_of_the_places_asked_for() -> None:
         expected = np.linalg.solve(np.linalg.cholesky(dense(noise, places)), rows.T).T
         np.testing.assert_allclose(noise.whiten(rows, places), expected, rtol=0.0, atol=1e-9)
     assert np.array_equal(noise.whiten(rows), noise.whiten(rows, spread[0]))
+
+
+def test_a_factor_is_made_once_for_the_places_of_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[int] = []
+    factored = noise_module._factored
+
+    def counted(gaps: np.ndarray, *words: object) -> object:
+        made.append(gaps.size)
+        return factored(gaps, *words)
+
+    monkeypatch.setattr(noise_module, "_factored", counted)
+    noise, places, rows = Noise(0.5, (9.0,), (1.0,)), np.arange(0, 80, 2), np.ones((1, 40))
+    for _ in range(3):
+        noise.whiten(rows, places)
+    assert made == [40]
+
+
+def test_a_computed_signal_is_as_quiet_as_a_part_of_its_steps() -> None:
+    pace = 2.0 * np.pi * 8.0 / 4000.0  # whole turns
+    signal = np.sin(pace * np.arange(4001))
+    step = pace * np.sqrt(0.5)  # root mean square of its differences
+    assert quietest(signal) == pytest.approx(noise_module.COMPUTED * step, rel=1e-3)
 
 
 def test_what_is_left_out_of_the_whitening_hardly_matters() -> None:

@@ -23,7 +23,7 @@ COMPILERS = {
 }
 
 
-@pytest.fixture(params=COMPILERS)
+@pytest.fixture(params=[pytest.param(c, marks=pytest.mark.slow if c == "clang++" else ()) for c in COMPILERS])
 def command(request) -> tuple[str, ...]:
     """A compiler's command."""
     if shutil.which(request.param) is None:

@@ -11,13 +11,14 @@ from test_clients import (  # the tests themselves, with this module's packages
     CHANGED,
     SIGNALS,
     command,
-    engine,
+    installed,
     test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_the_others,
     test_nominal_and_extended_model_do_not_mix_in_one_process,
     test_system_agrees_with_the_blocks_under_the_master_s_scheme,
 )
 from typer.testing import CliRunner, Result
 
+from benchmarks.engines import MODULES
 from cosim.cli import make_app
 from cosim.errors import ModelError, UsageError
 from cosim.master import Runner
@@ -30,12 +31,19 @@ from cosim.ssp.write import write_archive, write_ssp
 from fmus import registry
 
 __all__ = [
-    "engine",
     "test_bindings_are_honoured_by_ecos_and_libcosim_and_ignored_by_the_others",
     "test_nominal_and_extended_model_do_not_mix_in_one_process",
     "test_system_agrees_with_the_blocks_under_the_master_s_scheme",
 ]
 FULL = ssp_folder() / "full_order.ssd"
+# with FMUs of Python every client runs these in every run: here one that obeys bindings, and one that makes one FMU of all
+QUICK = ("ecos", "fmucontainer")
+
+
+@pytest.fixture(params=[pytest.param(e, marks=() if e in QUICK else pytest.mark.slow) for e in MODULES])
+def engine(request) -> str:
+    """A client."""
+    return installed(request.param)
 
 
 @pytest.fixture(scope="session")

@@ -48,8 +48,9 @@ def ran(command: list[str], seed: int, calls: int) -> None:
     assert "runtime error" not in done.stderr
 
 
-@pytest.mark.parametrize("which", ["mechanical", "full_order"])
+@pytest.mark.parametrize("which", [pytest.param("mechanical", marks=pytest.mark.slow), "full_order"])
 def test_some_calls_in_any_order_do_no_harm(fmu_files, chains, sanitizers, tmp_path, which) -> None:
+    """The chain holds the mechanics; a block by itself is called in any order below, by FMI 3."""
     ran(built(chains.get(which) or fmu_files[which], sanitizers, tmp_path), 1, CALLS)
 
 

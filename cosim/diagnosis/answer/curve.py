@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from cosim.diagnosis.answer.schema import DriveCurve
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.model.cut import HELD
 from cosim.diagnosis.model.groups import Group
 from cosim.errors import DataError
 from cosim.identify.drive_curve import drive_curve
@@ -19,7 +18,7 @@ from cosim.logs import Log, listed
 def integrating(found: Diagnosis) -> Group | None:
     """The group that goes from the command to an angle or a position in one, if there is one."""
     for group in found.groups:
-        if group.moves and group.drive == found.machine.drive and group.stages[0][1] in HELD:
+        if group.moves and group.drive == found.machine.drive and group.held:
             return group
     return None
 

@@ -25,13 +25,6 @@ from cosim.ssp.system import Port
 from cosim.ssp.write import STIMULUS
 from fmus import registry
 
-HELD = (
-    "dead_zone",
-    "dcv",
-    "simplified",
-    "linear_drive",
-    "linear_speed",
-)  # blocks whose input is held over a step (docs/design.md)
 HANDED_ON = "driving_pressure"  # slot of a block through which goes what the next one feels
 
 
@@ -288,7 +281,8 @@ def group_of(
         tuple(stages),
         drive,
         tuple(observed),
-        held=stages[0][1] in HELD,
+        # a static block hands a command on as it comes
+        held=set(registry.block(stages[0][1]).reads.values()) <= {"held", "instant"},
         moves=moves,
         upstream_slot=slot,
         trusted=own,
