@@ -20,6 +20,7 @@ from cosim.logs.mapping import Mapping
 from cosim.report.earlier import COMPARED, Earlier, keep_logs
 from cosim.request import parameters
 from cosim.ssp.archive import scratch_folder
+from cosim.ssp.read import read_system
 from cosim.units import parse_quantity
 
 DEFAULT_MODEL = "full_order"
@@ -194,7 +195,14 @@ def _source(
 
         made = made_for(mapping, log)
         return build_wiring(made.ssd, made.ssd.parent), made.table
-    return open_model(*_reference(model, names, table)), table
+    source = open_model(*_reference(model, names, table))
+    if mapping is not None and names is not None and names.machine:
+        from cosim.machines import in_package
+
+        with read_system(source) as system:
+            signals = in_package(system, mapping, log)
+        table = table.model_copy(update={"signals": {**table.signals, **signals}})
+    return source, table
 
 
 def _reference(model: str | None, mapping: Mapping | None, table: CompareTable) -> tuple[str, Path | None]:

@@ -3,7 +3,7 @@
 This package knows files, blocks and logs; diagnosis, comparison and simulation are its clients.
 """
 
-from cosim.machines.make import Made, made_for, write_machine
+from cosim.machines.make import Made, in_package, made_for, write_machine
 from cosim.machines.table import MachineTable, machine_table
 
-__all__ = ["MachineTable", "Made", "machine_table", "made_for", "write_machine"]
+__all__ = ["MachineTable", "Made", "in_package", "machine_table", "made_for", "write_machine"]

@@ -21,6 +21,7 @@ from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_tab
 from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
 from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
+from cosim.ssp.system import System
 from cosim.units import parse_quantity, parse_unit
 from fmus import registry
 
@@ -241,6 +242,33 @@ def stands_for(machine: MachineTable, unit: str) -> str | None:
     if unit == "Pa" and machine.forced:
         return "1 Pa/N" if machine.motion == "travel" else "1 Pa/(N.m)"
     return None if shown is None else f"1 {unit}/({shown})"
+
+
+def in_package(system: System, mapping: Path, log: Log) -> dict[str, Target]:
+    """What a machine's input and output stand for in a package made of it, where the two differ in kind.
+
+    Its connectors have the blocks' units: a travel in m is an angle in rad there.
+
+    Args:
+        system: the package, such as the extended model of a diagnosis.
+        mapping: the machine's mapping file.
+        log: a log read with it.
+    """
+    plain, given = load_mapping(mapping)
+    machine = machine_table(plain.machine, mapping)
+    units = {n: item.unit for n, item in system.inputs.items()}
+    units |= {n: system.variable(port).unit for n, port in system.outputs.items()}
+    found = {}
+    for name in (machine.input, machine.output):
+        if name in units and name in log.units and name not in given.signals:
+            factor = stands_for(machine, units[name])
+            # a package of their own may have the motion's unit
+            if (
+                factor is not None
+                and parse_unit(log.units[name]).dimensionality != parse_unit(units[name]).dimensionality
+            ):
+                found[name] = Target(variable=name, factor=factor)
+    return found
 
 
 def gains_of(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, float]:
