@@ -16,6 +16,7 @@ from cosim.logs.load import load_log, open_source
 from cosim.logs.mapping import Mapping as LogMapping
 from cosim.logs.mapping import SignalColumn, TimeColumn
 from cosim.logs.source import Label
+from cosim.machines import in_package
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
 from cosim.ssp.quantities import UnitDefinition, contradiction, definition, of_reading
 from cosim.ssp.system import Port, System
@@ -199,8 +200,9 @@ def read(
         plain, table = load_mapping(mapping)
         options = options_of(plain.diagnose, mapping)
         lacking = []
+        stated = {**table.signals, **in_package(system, mapping)}
         for name in plain.signals:
-            target = table.signals.get(name)
+            target = stated.get(name)
             targets[name] = (target.variable if target else name, target.factor if target else None)
             try:
                 port_of(system, targets[name][0])

@@ -200,7 +200,7 @@ def _source(
         from cosim.machines import in_package
 
         with read_system(source) as system:
-            signals = in_package(system, mapping, log)
+            signals = in_package(system, mapping)
         table = table.model_copy(update={"signals": {**table.signals, **signals}})
     return source, table
 

@@ -244,31 +244,34 @@ def stands_for(machine: MachineTable, unit: str) -> str | None:
     return None if shown is None else f"1 {unit}/({shown})"
 
 
-def in_package(system: System, mapping: Path, log: Log) -> dict[str, Target]:
+def in_package(system: System, mapping: Path) -> dict[str, Target]:
     """What a machine's input and output stand for in a package made of it, where the two differ in kind.
 
     Its connectors have the blocks' units: a travel in m is an angle in rad there.
 
     Args:
         system: the package, such as the extended model of a diagnosis.
-        mapping: the machine's mapping file.
-        log: a log read with it.
+        mapping: the machine's mapping file; of one without ``[machine]`` nothing is known.
     """
     plain, given = load_mapping(mapping)
+    if not plain.machine:
+        return {}
     machine = machine_table(plain.machine, mapping)
     units = {n: item.unit for n, item in system.inputs.items()}
     units |= {n: system.variable(port).unit for n, port in system.outputs.items()}
     found = {}
     for name in (machine.input, machine.output):
-        if name in units and name in log.units and name not in given.signals:
-            factor = stands_for(machine, units[name])
-            # a package of their own may have the motion's unit
-            if (
-                factor is not None
-                and parse_unit(log.units[name]).dimensionality != parse_unit(units[name]).dimensionality
-            ):
+        if name in units and name in plain.signals and name not in given.signals:
+            own, factor = plain.signals[name].unit, stands_for(machine, units[name])
+            # a package of somebody's own may have the motion's unit
+            if factor is not None and (own is None or not same_kind(own, units[name])):
                 found[name] = Target(variable=name, factor=factor)
     return found
+
+
+def same_kind(one: str, other: str) -> bool:
+    """True if one unit can be converted into another."""
+    return bool(parse_unit(one).dimensionality == parse_unit(other).dimensionality)
 
 
 def gains_of(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, float]:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from cosim.cli import main
+from cosim.machines import in_package
 from cosim.request import model_path
+from cosim.ssp.read import read_system
 
 MACHINE = """
 name = "small drive"
@@ -68,6 +70,25 @@ def test_compare_and_simulate_make_it_by_themselves(capsys, files):
     code, out, _ = run(capsys, "simulate", mapping, "--input", log, "--json")
     assert code == 0
     assert json.loads(out)["model"] == "small_drive"
+
+
+def test_a_travel_is_compared_with_a_package_of_its_machine(capsys, files, tmp_path):
+    """Such as the extended model of a diagnosis, whose connectors have the blocks' units."""
+    mapping, log = files
+    text = MACHINE.replace("slew = ", "travel = ").replace('"rad"', '"mm"')
+    mapping.write_text(text + 'motion = "travel"\noutput = "travel"\n')
+    assert run(capsys, "machine", mapping, "--log", log, "--out", tmp_path / "out")[0] == 0
+    found = []
+    for model in ([], ["--model", tmp_path / "out" / "small_drive.ssp"]):
+        code, out, err = run(capsys, "compare", log, "--mapping", mapping, *model, "--json")
+        assert code == 0, err
+        found.append(json.loads(out)["signals"]["travel"])
+    assert found[0]["fit_percent"] > 95.0
+    assert found[1]["fit_percent"] == pytest.approx(found[0]["fit_percent"], rel=1e-6)
+    with read_system(tmp_path / "out" / "small_drive.ssp") as system:
+        assert in_package(system, mapping)["travel"].factor == "1 rad/(m)"
+        mapping.write_text(MACHINE)
+        assert in_package(system, mapping) == {}
 
 
 def test_a_machine_of_another_log_does_not_take_the_place_of_the_first(files, tmp_path):
