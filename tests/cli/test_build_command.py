@@ -48,7 +48,7 @@ def test_plays_the_command_of_a_log(capsys, tmp_path):
     log.write_text("time [ms],u [%],slew [deg]\n5,10,0\n6,20,0\n7,-30,0.1\n8,-30,0.1\n")
     code, out, _ = run(capsys, "--out", tmp_path / "out", "--with-stimulus", log)
     assert code == 0
-    assert "22 files" in out
+    assert f"{len(BLOCKS) + 2 * len(SYSTEMS) + len(CLOSED)} files" in out
     rows = played(tmp_path / "out" / "ssp" / "full_order.ssp")
     np.testing.assert_allclose(rows[:, 0], [0.0, 1e-3, 2e-3, 3e-3], rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(rows[:, 1], [0.1, 0.2, -0.3, -0.3], rtol=1e-15)
