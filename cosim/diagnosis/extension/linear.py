@@ -63,7 +63,7 @@ def drive_values(model: LinearModel, factor: float = 1.0) -> dict[str, float]:
 
 
 def begun(model: LinearModel, states: Array, factor: float) -> dict[str, float]:
-    """Where the sections of the block `linear_drive` start, for (m,) states of the model's; `factor` as `drive_values`."""
+    """Where the sections of a linear block start, for (m,) states of the model's; `factor` as `drive_values`."""
     rates, y = model.sections.first, (factor * states).tolist()
     found = []
     for i, k in lags(model):
@@ -91,8 +91,8 @@ def starts(
     """
     found = []
     for piece in record.pieces:
-        nobody = np.zeros(piece.time.size, dtype=np.int64)
-        even = evened(piece.signals[drive], piece.signals[signal], piece.time, piece.h, nobody, piece.h)
+        one = np.zeros(piece.time.size, dtype=np.int64)  # window for all
+        even = evened(piece.signals[drive], piece.signals[signal], piece.time, piece.h, one, piece.h)
         begin = model.beginning(even.u, even.y, piece.h)
         at = {"offset": factor * begin.level, "settled": float(begin.settled and not model.integrates)}
         if begin.settled and model.integrates:  # all but the integrator has settled on the first command
