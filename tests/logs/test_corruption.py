@@ -85,7 +85,7 @@ def binary_logs(tmp_path_factory):
     return {suffix: write_log(log, folder / f"log{suffix}").read_bytes() for suffix in (".mat", ".parquet")}
 
 
-@settings(quick, max_examples=60)
+@settings(quick, max_examples=30)
 @given(st.data(), st.sampled_from([".mat", ".parquet"]))
 def test_a_damaged_binary_file_never_raises_anything_else(binary_logs, data, suffix):
     content = bytearray(binary_logs[suffix])

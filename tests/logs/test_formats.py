@@ -392,13 +392,13 @@ def test_no_bit_of_our_parquet_changes_in_silence(reference, tmp_path):
     assert_same(load_log(path), reference)
     size = path.stat().st_size
     refused = 0
-    for at in np.linspace(4, size - 9, 60, dtype=int):
+    for at in np.linspace(4, size - 9, 30, dtype=int):
         try:
             assert_same(load_log(flipped(path, at)), reference)  # statistics, which nobody reads
         except DataError:
             refused += 1
         flipped(path, at)
-    assert refused > 55
+    assert refused > 27
 
 
 def test_page_checksums_of_others_are_checked(tmp_path):
