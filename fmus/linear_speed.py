@@ -9,9 +9,9 @@ from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
 from fmus import linear_drive
-from fmus.contract import Block, Buffer, Variable, equation, fields
+from fmus.contract import Block, Buffer, Variable, fields
 from fmus.linear import held_pair
-from fmus.linear_drive import Coefficients, Input, advanced, began, coefficients, resting, start, step
+from fmus.linear_drive import Coefficients, Input, advanced, began, coefficients, output, resting, start, step
 from fmus.ring import RING, ago
 
 FASTER = {"rad": "rad/s", "rad/s": "rad/s2", "rad/s2": "rad/s3"}
@@ -52,17 +52,11 @@ State = faster(linear_drive.State)
 Parameters = faster(linear_drive.Parameters)
 
 
-@equation
-def output(x: Any, u: Input, m: Any, p: Any) -> Output:
-    """The sum of the sections."""
-    return Output(p.offset + x.y_1 + x.y_2 + x.y_3)
-
-
 BLOCK = Block(
     name="linear_speed",
     title="Linear drive of free order: command to speed as a log shows it",
     module=sys.modules[__name__],
     reads={"command": "held"},
     memory={"ring": Buffer(RING, "Past commands")},
-    helpers=(held_pair, ago, resting, began, start, coefficients, advanced, step),
+    helpers=(held_pair, ago, resting, began, start, coefficients, advanced, step, output),
 )

@@ -1,11 +1,8 @@
 /* An FMI 2.0 slave with one output: KIND says which equation. Inputs are held over a step, which RK4 makes in four parts. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-typedef void *Component;
-typedef unsigned int Reference;
-typedef int Status;
+#include "slave.h"
 
 enum { LAG, SECOND, SATURATING, DAMPED, SUM, STIFFENING };
 enum { Y, U, V, K, T, W, ZETA, C, COUNT };
@@ -33,11 +30,6 @@ Component fmi2Instantiate(const char *n, int t, const char *g, const char *r, co
     start(p);
     return p;
 }
-void fmi2FreeInstance(Component c) { free(c); }
-Status fmi2SetupExperiment(Component c, int d, double tol, double begin, int s, double stop) { return 0; }
-Status fmi2EnterInitializationMode(Component c) { return 0; }
-Status fmi2ExitInitializationMode(Component c) { return 0; }
-Status fmi2Terminate(Component c) { return 0; }
 Status fmi2Reset(Component c) { start(c); return 0; }
 Status fmi2GetReal(Component c, const Reference r[], size_t n, double v[]) {
     for (size_t i = 0; i < n; i++) v[i] = r[i] == Y ? ((Part *)c)->x[0] : ((Part *)c)->r[r[i]];
@@ -61,14 +53,3 @@ Status fmi2DoStep(Component c, double t, double step, int f) {
     }
     return 0;
 }
-#define NONE(name, ...) Status name(__VA_ARGS__) { return 3; }
-NONE(fmi2SetInteger, Component c) NONE(fmi2GetInteger, Component c) NONE(fmi2SetBoolean, Component c)
-NONE(fmi2GetBoolean, Component c) NONE(fmi2SetString, Component c) NONE(fmi2GetString, Component c)
-NONE(fmi2SetDebugLogging, Component c) NONE(fmi2CancelStep, Component c) NONE(fmi2GetFMUstate, Component c)
-NONE(fmi2SetFMUstate, Component c) NONE(fmi2FreeFMUstate, Component c) NONE(fmi2SerializedFMUstateSize, Component c)
-NONE(fmi2SerializeFMUstate, Component c) NONE(fmi2DeSerializeFMUstate, Component c)
-NONE(fmi2GetDirectionalDerivative, Component c) NONE(fmi2SetRealInputDerivatives, Component c)
-NONE(fmi2GetRealOutputDerivatives, Component c) NONE(fmi2GetStatus, Component c) NONE(fmi2GetRealStatus, Component c)
-NONE(fmi2GetIntegerStatus, Component c) NONE(fmi2GetBooleanStatus, Component c) NONE(fmi2GetStringStatus, Component c)
-const char *fmi2GetTypesPlatform(void) { return "default"; }
-const char *fmi2GetVersion(void) { return "2.0"; }

@@ -68,21 +68,26 @@ def inputs_of(kind: str) -> tuple[str, ...]:
     return ("u", "v2") if kind == "sum" else ("u",)
 
 
-def description(kind: str, name: str) -> str:
-    """The model description of a native part."""
+def described(name: str, inputs: Mapping[str, int], parameters: Mapping[str, tuple[int, float]]) -> str:
+    """The model description of a native slave with the output ``y``.
+
+    Args:
+        name: of the model.
+        inputs: name -> value reference.
+        parameters: name -> value reference and start.
+    """
     rows = [
         '<ScalarVariable name="y" valueReference="0" causality="output" initial="calculated"><Real/></ScalarVariable>'
     ]
-    for k, name_ in enumerate(inputs_of(kind)):
-        rows.append(
-            f'<ScalarVariable name="{name_}" valueReference="{k + 1}" causality="input"><Real start="0.0"/></ScalarVariable>'
-        )
-    for p in USES[kind]:
-        value = 0.5 if p == "ZETA" else 1.0
-        rows.append(
-            f'<ScalarVariable name="{p}" valueReference="{NUMBERS[p]}" causality="parameter" variability="fixed">'
-            f'<Real start="{value}"/></ScalarVariable>'
-        )
+    rows += [
+        f'<ScalarVariable name="{n}" valueReference="{k}" causality="input"><Real start="0.0"/></ScalarVariable>'
+        for n, k in inputs.items()
+    ]
+    rows += [
+        f'<ScalarVariable name="{n}" valueReference="{k}" causality="parameter" variability="fixed">'
+        f'<Real start="{value}"/></ScalarVariable>'
+        for n, (k, value) in parameters.items()
+    ]
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="{{{name}}}" numberOfEventIndicators="0">
 <CoSimulation modelIdentifier="{name}" canHandleVariableCommunicationStepSize="true"/>
@@ -93,26 +98,32 @@ def description(kind: str, name: str) -> str:
 """
 
 
+def library(source: Path, folder: Path, *defined: str) -> Path:
+    """Compile a slave that includes ``slave.h``; `defined` as ``KIND=LAG``."""
+    target = folder / f"{source.stem}{fmpy.sharedLibraryExtension}"
+    flags = ["-shared", "-fPIC", "-O2", f"-I{HERE}", *(f"-D{text}" for text in defined)]
+    subprocess.run(
+        [str(COMPILER), *flags, "-o", str(target), str(source), "-lm"], check=True, capture_output=True
+    )
+    return target
+
+
+def packed(folder: Path, name: str, description: str, binary: Path) -> Path:
+    """``folder/NAME.fmu`` of a description and a library."""
+    target = folder / f"{name}.fmu"
+    with zipfile.ZipFile(target, "w") as archive:
+        archive.writestr("modelDescription.xml", description)
+        archive.writestr(f"binaries/{fmpy.platform}/{name}{binary.suffix}", binary.read_bytes())
+    return target
+
+
 def native(kind: str, folder: Path) -> Path:
     """Compile ``folder/part_KIND.fmu``."""
-    name, target = f"part_{kind}", folder / f"part_{kind}.fmu"
-    library = folder / f"{name}{fmpy.sharedLibraryExtension}"
-    command = [
-        str(COMPILER),
-        "-shared",
-        "-fPIC",
-        "-O2",
-        f"-DKIND={kind.upper()}",
-        "-o",
-        str(library),
-        str(HERE / "part.c"),
-        "-lm",
-    ]
-    subprocess.run(command, check=True, capture_output=True)
-    with zipfile.ZipFile(target, "w") as archive:
-        archive.writestr("modelDescription.xml", description(kind, name))
-        archive.writestr(f"binaries/{fmpy.platform}/{library.name}", library.read_bytes())
-    return target
+    name = f"part_{kind}"
+    inputs = {n: k + 1 for k, n in enumerate(inputs_of(kind))}
+    parameters = {p: (NUMBERS[p], 0.5 if p == "ZETA" else 1.0) for p in USES[kind]}
+    binary = library(HERE / "part.c", folder, f"KIND={kind.upper()}")
+    return packed(folder, name, described(name, inputs, parameters), binary)
 
 
 def python(kind: str, folder: Path) -> Path:

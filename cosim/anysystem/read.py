@@ -200,7 +200,7 @@ def read(
         plain, table = load_mapping(mapping)
         options = options_of(plain.diagnose, mapping)
         lacking = []
-        stated = {**table.signals, **in_package(system, mapping)}
+        stated = {**table.signals, **in_package(system, plain, table)}
         for name in plain.signals:
             target = stated.get(name)
             targets[name] = (target.variable if target else name, target.factor if target else None)

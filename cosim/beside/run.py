@@ -196,12 +196,13 @@ def _source(
         made = made_for(mapping, log)
         return build_wiring(made.ssd, made.ssd.parent), made.table
     source = open_model(*_reference(model, names, table))
-    if mapping is not None and names is not None and names.machine:
+    if names is not None and names.machine:
         from cosim.machines import in_package
 
         with read_system(source) as system:
-            signals = in_package(system, mapping)
-        table = table.model_copy(update={"signals": {**table.signals, **signals}})
+            table = table.model_copy(
+                update={"signals": {**table.signals, **in_package(system, names, table)}}
+            )
     return source, table
 
 

@@ -146,17 +146,18 @@ class LinearModel:
 
     def simulate(self, u: Array, y: Array, h: float) -> Array:
         """(n,) output on another input (n,) every `h` s, from where its output (n,) begins."""
-        begin = self.beginning(u, y, h)
-        forced, free = self.responses(u, h, begin.settled)
+        settled = rests(u, y)
+        forced, free = self.responses(u, h, settled)
+        begin = self._begun(settled, forced, free, y)
         return np.asarray(begin.level + forced + begin.states @ free)
 
     def responses(self, u: Array, h: float, settled: bool) -> tuple[Array, Array]:
         """(n,) response to an input (n,) that begins, or has always been at its first value, and (m, n) from each state."""
-        sections, count = self.sections.each, u.size
+        sections = self.sections.each
         forced = [
             driven_columns(one, u, h, self.length, self.sections.delay, (), (settled,)) for one in sections
         ]
-        frees = [free(one, count, h) if one is not None else np.empty((0, count)) for one in sections]
+        frees = [free_columns(one, u.size, h, self.length, ()) for one in sections]
         drive = np.concatenate(forced)
         return np.asarray(self.gains[: drive.shape[0]] @ drive), np.concatenate(frees)
 
@@ -165,8 +166,12 @@ class LinearModel:
 
         Of a record that begins at rest that is only where an integrator stands.
         """
-        settled, level = rests(u, y), float(self.gains[-1])
-        forced, free = self.responses(u, h, settled)
+        settled = rests(u, y)
+        return self._begun(settled, *self.responses(u, h, settled), y)
+
+    def _begun(self, settled: bool, forced: Array, free: Array, y: Array) -> "Beginning":
+        """The same by the `responses`."""
+        level = float(self.gains[-1])
         states = np.zeros(len(free))
         if not states.size or (settled and not self.integrates):
             return Beginning(settled, level, states)
@@ -176,7 +181,7 @@ class LinearModel:
         if settled or not self.integrates:
             rest = rest - level
         else:
-            columns = np.concatenate([columns, np.ones((1, u.size))])
+            columns = np.concatenate([columns, np.ones((1, y.size))])
         first = min(y.size, max(round(BEGINNING * y.size), 4 * (len(columns) + 1)))
         found, *_ = np.linalg.lstsq(columns[:, :first].T, rest[:first], rcond=1e-3)
         states[own] = found[: len(own)]

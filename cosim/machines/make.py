@@ -244,19 +244,19 @@ def stands_for(machine: MachineTable, unit: str) -> str | None:
     return None if shown is None else f"1 {unit}/({shown})"
 
 
-def in_package(system: System, mapping: Path) -> dict[str, Target]:
+def in_package(system: System, plain: Mapping, given: CompareTable) -> dict[str, Target]:
     """What a machine's input and output stand for in a package made of it, where the two differ in kind.
 
     Its connectors have the blocks' units: a travel in m is an angle in rad there.
 
     Args:
         system: the package, such as the extended model of a diagnosis.
-        mapping: the machine's mapping file; of one without ``[machine]`` nothing is known.
+        plain: the machine's mapping; of one without ``[machine]`` nothing is known.
+        given: what it says its signals stand for.
     """
-    plain, given = load_mapping(mapping)
-    if not plain.machine:
+    if not plain.machine or plain.path is None:
         return {}
-    machine = machine_table(plain.machine, mapping)
+    machine = machine_table(plain.machine, plain.path)
     units = {n: item.unit for n, item in system.inputs.items()}
     units |= {n: system.variable(port).unit for n, port in system.outputs.items()}
     found = {}

@@ -1,15 +1,12 @@
 """One faulty parameter among thirty that are trusted is named, also where time is short: the likely ones are tried first."""
 
-import subprocess
-import zipfile
 from pathlib import Path
 
-import fmpy
 import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from benchmarks.systems.parts import COMPILER
+from benchmarks.systems import parts
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.pipeline import diagnose_system
 from cosim.anysystem.read import Column, Recording
@@ -27,37 +24,16 @@ VALUES = {
 
 def build(folder: Path) -> None:
     """``many.fmu``."""
-    rows = [
-        '<ScalarVariable name="y" valueReference="0" causality="output" initial="calculated"><Real/></ScalarVariable>',
-        '<ScalarVariable name="u" valueReference="1" causality="input"><Real start="0.0"/></ScalarVariable>',
-    ]
-    rows += [
-        f'<ScalarVariable name="{name}" valueReference="{k + 2}" causality="parameter" variability="fixed">'
-        f'<Real start="{value}"/></ScalarVariable>'
-        for k, (name, value) in enumerate(VALUES.items())
-    ]
-    description = f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="many" guid="{{many}}" numberOfEventIndicators="0">
-<CoSimulation modelIdentifier="many" canHandleVariableCommunicationStepSize="true"/>
-<ModelVariables>{"".join(rows)}</ModelVariables>
-<ModelStructure><Outputs><Unknown index="1" dependencies=""/></Outputs>
-<InitialUnknowns><Unknown index="1" dependencies=""/></InitialUnknowns></ModelStructure>
-</fmiModelDescription>
-"""
-    library = folder / f"many{fmpy.sharedLibraryExtension}"
-    source = Path(__file__).with_name("many.c")
-    starts = "-DSTARTS=" + ",".join(map(repr, VALUES.values()))
-    command = [str(COMPILER), "-shared", "-fPIC", "-O2", starts, "-o", str(library), str(source)]
-    subprocess.run(command, check=True, capture_output=True)
-    with zipfile.ZipFile(folder / "many.fmu", "w") as archive:
-        archive.writestr("modelDescription.xml", description)
-        archive.writestr(f"binaries/{fmpy.platform}/{library.name}", library.read_bytes())
+    parameters = {name: (k + 2, value) for k, (name, value) in enumerate(VALUES.items())}
+    starts = "STARTS=" + ",".join(map(repr, VALUES.values()))
+    binary = parts.library(Path(__file__).with_name("many.c"), folder, starts)
+    parts.packed(folder, "many", parts.described("many", {"u": 1}, parameters), binary)
 
 
 @pytest.fixture(scope="module")
 def many(made_once) -> Path:
     """The FMU."""
-    if COMPILER is None:
+    if parts.COMPILER is None:
         pytest.skip("no C compiler")
     return made_once("many_parameters", build) / "many.fmu"
 

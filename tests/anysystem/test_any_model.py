@@ -170,9 +170,7 @@ def test_an_fmu_that_cannot_run_at_all_ends_with_its_name_and_exit_code_4(comman
         .replace("double h = step / 4;", "double h = step / 4; if (t > 1) abort();")
     )
     (tmp_path / "broken.c").write_text(source)
-    target = tmp_path / "broken.so"
-    build = ["-shared", "-fPIC", "-DKIND=LAG", "-o", str(target), str(tmp_path / "broken.c"), "-lm"]
-    subprocess.run([parts.COMPILER, *build], check=True)
+    target = parts.library(tmp_path / "broken.c", tmp_path, "KIND=LAG")
     with zipfile.ZipFile(fmu, "w") as archive:
         for name, content in entries.items():
             archive.writestr(name, target.read_bytes() if name == library else content)

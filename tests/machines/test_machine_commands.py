@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.cli import main
+from cosim.compare import load_mapping
 from cosim.machines import in_package
 from cosim.request import model_path
 from cosim.ssp.read import read_system
@@ -86,9 +87,9 @@ def test_a_travel_is_compared_with_a_package_of_its_machine(capsys, files, tmp_p
     assert found[0]["fit_percent"] > 95.0
     assert found[1]["fit_percent"] == pytest.approx(found[0]["fit_percent"], rel=1e-6)
     with read_system(tmp_path / "out" / "small_drive.ssp") as system:
-        assert in_package(system, mapping)["travel"].factor == "1 rad/(m)"
+        assert in_package(system, *load_mapping(mapping))["travel"].factor == "1 rad/(m)"
         mapping.write_text(MACHINE)
-        assert in_package(system, mapping) == {}
+        assert in_package(system, *load_mapping(mapping)) == {}
 
 
 def test_a_machine_of_another_log_does_not_take_the_place_of_the_first(files, tmp_path):
