@@ -151,12 +151,14 @@ def _load_comparator(job: Job, run: Run, kept: Loaded) -> None:
     from cosim.batch.twin import Twin
     from cosim.compare import Comparator, CompareTable, load_mapping
     from cosim.logs import load_log
+    from cosim.machines import table_in_package
 
     names, table = (None, CompareTable())
     if job.mapping is not None:
         names, table = load_mapping(_present(job.mapping))
     log = load_log(_present(_log(job, run)), names)
     source = _present(job.models[run.model].file)
+    table = table_in_package(source, names, table)
     comparator: Any = kept.stack.enter_context(Comparator(log, source, table=table, step=job.log_step))
     comparator.notes.extend(log.warnings)
     if job.engine == "compiled":

@@ -20,7 +20,6 @@ from cosim.logs.mapping import Mapping
 from cosim.report.earlier import COMPARED, Earlier, keep_logs
 from cosim.request import parameters
 from cosim.ssp.archive import scratch_folder
-from cosim.ssp.read import read_system
 from cosim.units import parse_quantity
 
 DEFAULT_MODEL = "full_order"
@@ -195,15 +194,10 @@ def _source(
 
         made = made_for(mapping, log)
         return build_wiring(made.ssd, made.ssd.parent), made.table
-    source = open_model(*_reference(model, names, table))
-    if names is not None and names.machine:
-        from cosim.machines import in_package
+    from cosim.machines import table_in_package
 
-        with read_system(source) as system:
-            table = table.model_copy(
-                update={"signals": {**table.signals, **in_package(system, names, table)}}
-            )
-    return source, table
+    source = open_model(*_reference(model, names, table))
+    return source, table_in_package(source, names, table)
 
 
 def _reference(model: str | None, mapping: Mapping | None, table: CompareTable) -> tuple[str, Path | None]:

@@ -36,7 +36,7 @@ _INPUT = (
     r"|\b(motor|anker|armature) ?(spannung|volt)"
 )
 # what was asked for, not what was measured
-_REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|demand|\bset\b|gewenst"
+_REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|\bdes$|demand|\bset\b|gewenst"
 _ANGLE = (
     r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
     r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
@@ -65,16 +65,17 @@ _SPEED = (
 )
 _NO_MOTION = (
     rf"{_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_PRESSURE}|spool|schieber|valve|ventil|torque|moment|force|kraft"
+    r"|\berr(or)?\b|fehler|abweich"  # what is amiss
 )
 # what a controller reports of itself in steps: no command either
 _STATE = (
-    r"status|\bstate\b|zustand|\bflag|enable|freigabe|alarm|error|fehler|fault|\bdigital\b|\bbit\b|\bmode\b|limit switch"
-    r"|endschalter|trigger"
+    r"status|\bstate\b|zustand|\bflag|enable|freigabe|alarm|\berr\b|error|fehler|fault|\bdigital\b|\bbit\b|\bmode\b"
+    r"|limit switch|endschalter|trigger"
 )
 # what drives an axis where it is measured and no command is
 _FRICTION = r"friction|reib|constant|\bmax|\bmin|limit|sensor"
 _TORQUE, _FORCE = (
-    r"torque|drehmoment|\bmoment|couple\b|coppia|\bpar\b|vaanto|\btau\b",
+    r"torque|drehmoment|\bmoment|couple\b|coppia|\bpar\b|vaanto|\btau\b|\btrq\b|\btor\b",
     r"force|kraft|fuerza|forza|forca\b|\bvoima",
 )
 _MEASURED = rf"{_PRESSURE}|spool|temper|{_TORQUE}|{_FORCE}"  # neither a command nor a motion
@@ -91,7 +92,8 @@ DRIVERS: dict[str, tuple[str, str]] = {
     "force": (rf"^(?=.*({_FORCE}))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_FRICTION}))", "N"),
 }
 AT_ONCE = ("speed", "flow")  # what follows a command itself; of others it is the rate of change
-RAW = ("V", "mV", "A", "mA")  # of a command: needs a gain
+ELECTRIC = ("V", "mV", "A", "mA")
+RAW = (*ELECTRIC, "us")  # of a command: needs a gain; a servo's pulse in us
 OPPOSITE = (  # words by which the two columns of a command differ that has one for each direction
     ({"up"}, {"down", "dn"}),
     ({"in"}, {"out"}),
@@ -275,6 +277,11 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         if "u" not in made and (driver := driven_by([c for c in free if c.index not in taken], made)):
             made[driver[0]] = _guess(*driver)
             taken.add(driver[1].index)
+            if driver[0] == "torque" and "travel" in made:
+                place = made.pop("travel")
+                made["slew"] = _guess(
+                    "slew", place.column, f"{place.why.split(';')[0]}, and a torque turns it"
+                )
         for signal, column, why in by_cause([c for c in free if c.index not in taken], made):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
@@ -536,7 +543,7 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
     ]
     if "u" not in made and len(commands) == 1:
         told.append(("u", commands[0], "it is the only column that moves in steps, as a command does"))
-    electric = [c for c in moving if c.unit in RAW]
+    electric = [c for c in moving if c.unit in ELECTRIC]
     if "u" not in made and len(commands) != 1 and len(electric) == 1:
         told.append(("u", electric[0], "it is the only voltage or current"))
     pressures = [c for c in free if c.unit is not None and _convertible(c.unit, "Pa")]
@@ -594,28 +601,30 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
     told: list[tuple[str, Column, str]] = []
     motion = next((made[signal] for signal in ("slew", *MOTIONS) if signal in made), None)
     command = made["u"].column if "u" in made else None
+    asked = [c for c in left if _demand(c)]
+    alone = command is None and motion is None and len(asked) == 1
+    if alone:
+        command = asked[0]
+        left.remove(command)
     if command is None and motion is not None and not (motion.column.missing or set(DRIVERS) & set(made)):
         shown = motion.column
         rate = motion.signal not in AT_ONCE
+        # a measured speed is the rate of change of a place by itself, and no command
         able = [
             c
             for c in left
-            if not _names_other(c)
+            if not (_names_other(c) or _shows_motion(c))
             and (c.unit in (None, "1", "%", *RAW) or (c.unit == shown.unit and not rate and _asked(c)))
         ]
-        fitting = [
-            (following(c, shown, rate), -c.index, c) for c in able if c.values.size == shown.values.size
-        ]
-        likely = [item for item in fitting if abs(item[0]) > DRIVEN]
-        if likely:
-            what = f"the rate of change of {_called(shown)}" if rate else _called(shown)
-            told.append(
-                (
-                    "u",
-                    max(likely, key=lambda item: item[:2])[2],
-                    f"{what} follows it, as a motion does its command",
-                )
-            )
+        for likely in (able, asked):
+            fitting = [
+                (following(c, shown, rate), -c.index, c) for c in likely if c.values.size == shown.values.size
+            ]
+            most = max(fitting, key=lambda item: item[:2], default=None)
+            if most is not None and abs(most[0]) > DRIVEN:
+                what = f"the rate of change of {_called(shown)}" if rate else _called(shown)
+                told.append(("u", most[2], f"{what} follows it, as a motion does its command"))
+                break
     elif command is not None and motion is None and not command.missing:
         able = [
             c
@@ -643,6 +652,10 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
                 f"its rate of change follows {_called(command)}" if rate else f"it follows {_called(command)}"
             )
             others = f" (as {len(also)} more {'do' if len(also) > 1 else 'does'})" if also else ""
+            if alone:
+                told.append(
+                    ("u", command, f"no command was found, and {_called(command)} is what was asked for")
+                )
             told.append((signal, column, f"{why}, as {'an angle' if rate else 'a speed'} does{others}"))
     return told
 
@@ -656,31 +669,40 @@ def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, 
     if motion is None or motion.signal == "flow":
         return None
     linear = motion.signal == "travel" or _convertible(motion.unit, "m/s")
-    signal = "force" if linear else "torque"
-    said, unit = DRIVERS[signal]
-    able = [
-        c
-        for c in free
-        if not c.constant
-        and re.search(said, plain(c.label.short))
-        and (c.unit in (None, "1", "%") or _convertible(c.unit, unit))
-    ]
-    own = set(_words(motion.column))
-    of_axis = [c for c in able if own & set(_words(c))]
-    chosen = able if len(able) == 1 else of_axis
-    if len(chosen) != 1:
-        return None
-    return (
-        signal,
-        chosen[0],
-        f"no command was found, and its name ('{chosen[0].label.short}') is that of what drives the axis",
-    )
+    # a place without a unit may be an angle
+    for signal in (
+        ("force", "torque")
+        if motion.signal == "travel" and motion.column.unit is None
+        else (("force",) if linear else ("torque",))
+    ):
+        said, unit = DRIVERS[signal]
+        able = [
+            c
+            for c in free
+            if not c.constant
+            and re.search(said, plain(c.label.short))
+            and (c.unit in (None, "1", "%") or _convertible(c.unit, unit))
+        ]
+        own = set(_words(motion.column))
+        of_axis = [c for c in able if own & set(_words(c))]
+        chosen = able if len(able) == 1 else of_axis
+        if len(chosen) == 1:
+            named = f"its name ('{chosen[0].label.short}') is that of what drives the axis"
+            return signal, chosen[0], f"no command was found, and {named}"
+    return None
 
 
 def _names_other(column: Column) -> bool:
     """Whether a name says that a column is neither a command nor a motion, or what was asked for or reckoned."""
     said = rf"{_REFERENCE}|{_ESTIMATE}|{_MEASURED}|{_STATE}"
     return bool(re.search(said, plain(column.label.short)))
+
+
+def _demand(column: Column) -> bool:
+    """Whether a name says that a column was asked for, and not as a place: an axis runs on as long as a command lasts."""
+    said = plain(column.label.short)
+    other = rf"{_ESTIMATE}|{_MEASURED}|{_STATE}|{_POSITION}|{_ANGLE}"
+    return bool(re.search(_REFERENCE, said)) and not re.search(other, said)
 
 
 def _asked(column: Column) -> bool:

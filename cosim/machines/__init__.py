@@ -3,7 +3,15 @@
 This package knows files, blocks and logs; diagnosis, comparison and simulation are its clients.
 """
 
-from cosim.machines.make import Made, in_package, made_for, write_machine
+from cosim.machines.make import Made, in_package, made_for, table_in_package, write_machine
 from cosim.machines.table import MachineTable, machine_table
 
-__all__ = ["MachineTable", "Made", "in_package", "machine_table", "made_for", "write_machine"]
+__all__ = [
+    "MachineTable",
+    "Made",
+    "in_package",
+    "machine_table",
+    "made_for",
+    "table_in_package",
+    "write_machine",
+]

@@ -21,6 +21,7 @@ from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_tab
 from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
 from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
+from cosim.ssp.read import read_system
 from cosim.ssp.system import System
 from cosim.units import parse_quantity, parse_unit
 from fmus import registry
@@ -267,6 +268,14 @@ def in_package(system: System, plain: Mapping, given: CompareTable) -> dict[str,
             if factor is not None and (own is None or not same_kind(own, units[name])):
                 found[name] = Target(variable=name, factor=factor)
     return found
+
+
+def table_in_package(source: Path, plain: Mapping | None, given: CompareTable) -> CompareTable:
+    """What signals stand for in the package of a file, with what a machine's stand for there (`in_package`)."""
+    if plain is None or not plain.machine:
+        return given
+    with read_system(source) as system:
+        return given.model_copy(update={"signals": {**given.signals, **in_package(system, plain, given)}})
 
 
 def same_kind(one: str, other: str) -> bool:

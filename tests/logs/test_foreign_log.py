@@ -726,6 +726,35 @@ def test_a_demanded_speed_drives_where_nothing_else_was_logged(write):
     assert made["u"].gain == pytest.approx(1.0 / np.degrees(2.0 * u.max()), rel=1e-3)
 
 
+def test_what_was_asked_for_drives_a_speed_without_a_name(write):
+    """A wheel with a loop of its own, whose columns are a reference and readings that are called nothing."""
+    time, u, w, _ = motor_table().T
+    rng = np.random.default_rng(5)
+    wheels = [w + rng.normal(size=w.size), w + 2.0 * rng.normal(size=w.size)]
+    path = write("t,reference,w1,w2\n" + rows(np.column_stack([time, 2.0 * u, *wheels])))
+    made = guesses(overview(path), machine=True)
+    assert {name: g.column.label.text for name, g in made.items()} == {"u": "reference", "speed": "w1"}
+    assert "what was asked for" in made["u"].why
+    still = write("t,reference,w1\n" + rows(np.column_stack([time, u, rng.normal(size=w.size)])))
+    assert not guesses(overview(still), machine=True), "nothing follows it"
+
+
+def test_a_measured_speed_is_no_command_and_a_place_beside_a_torque_is_an_angle(write):
+    """An actuator's record: demands that are constant, torque, place and speed, and what is amiss."""
+    time, u, w, _ = motor_table().T
+    place = np.cumsum(w) / 100.0
+    zero = np.full(time.size, 0.7)
+    path = write(
+        "t,torDes,posDes,torAct,posAct,velAct,velErr,posErr\n"
+        + rows(np.column_stack([time, u, zero, u + 0.1 * np.sin(time), place, w, -w, zero - place]))
+    )
+    made = guesses(overview(path), machine=True)
+    assert {name: g.column.label.text for name, g in made.items()} == {"torque": "torAct", "slew": "posAct"}
+    # without a torque nothing drives it: its own speed is the rate of change of the place by itself
+    path = write("t,posAct,velAct\n" + rows(np.column_stack([time, place, w])))
+    assert "u" not in guesses(overview(path), machine=True)
+
+
 def test_what_falls_back_by_itself_is_a_speed(write):
     """A slow motor: its rate of change follows the command as well, and only a place stays where it is."""
     time, u, w, _ = motor_table().T

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cosim.cli import main
@@ -86,6 +87,13 @@ def test_a_travel_is_compared_with_a_package_of_its_machine(capsys, files, tmp_p
         found.append(json.loads(out)["signals"]["travel"])
     assert found[0]["fit_percent"] > 95.0
     assert found[1]["fit_percent"] == pytest.approx(found[0]["fit_percent"], rel=1e-6)
+    package, many = tmp_path / "out" / "small_drive.ssp", tmp_path / "many"
+    code, out, err = run(
+        capsys, "batch", log, "--mapping", mapping, "--model", package, "--workers", 1, "--out", many
+    )
+    assert code == 0, out + err
+    scores = pd.read_parquet(many / "runs.parquet").iloc[0]
+    assert scores["travel fit [%]"] == pytest.approx(found[0]["fit_percent"], rel=1e-6)
     with read_system(tmp_path / "out" / "small_drive.ssp") as system:
         assert in_package(system, *load_mapping(mapping))["travel"].factor == "1 rad/(m)"
         mapping.write_text(MACHINE)
