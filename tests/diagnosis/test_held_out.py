@@ -310,7 +310,7 @@ def test_a_limit_that_held_out_readings_pass_is_not_sure(monkeypatch) -> None:
     beyond = Passed("slew", 0.3, 0.4, False)
     monkeypatch.setattr(held_out, "passed", lambda task, effect, *_: [beyond] if effect is STOP else [])
     assert step((STOP, COULOMB)).unsure == (STOP.name,)
-    told = turned_down(Refused(STOP, "mechanical", "slew", 5.0, 1.0, 0.5, False, passed=(beyond,)))
+    told = turned_down(Refused(STOP, "mechanical", "slew", 5.0, 1.0, 0.5, False, passed=(beyond,)), ())
     assert told.why.endswith("pass the limit: slew reaches 22.92 deg, and it would end at 17.19")
 
 
@@ -324,8 +324,14 @@ def test_a_limit_that_held_out_readings_pass_is_not_sure(monkeypatch) -> None:
 )
 def test_how_an_error_changes_shows(with_it, told) -> None:
     """ "rises from 15.6610503 to 15.6610503" says nothing: what six digits do not tell apart stays as it is."""
-    error = turned_down(Refused(COULOMB, "mechanical", "slew", 5.0, 0.2732324560, with_it))
+    error = turned_down(Refused(COULOMB, "mechanical", "slew", 5.0, 0.2732324560, with_it), ())
     assert told in error.why
+
+
+def test_what_would_stand_in_place_of_a_cause_is_said_of_named_ones_only() -> None:
+    item = Refused(BACKLASH, "mechanical", "slew", 0.5, 0.1, 0.2, instead=COULOMB.name)
+    assert turned_down(item, {COULOMB.name}).why.startswith(f"in place of {COULOMB.name} it explains")
+    assert f"as {COULOMB.name} does, which is not named either" in turned_down(item, ()).why
 
 
 def test_a_set_that_the_search_has_fitted_is_judged_from_there(monkeypatch) -> None:

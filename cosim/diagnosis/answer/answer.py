@@ -66,6 +66,7 @@ def answer(
     whole = len(logs) > 1 or not diagnosis.spans or not is_part(diagnosis.spans[0], logs[0])
     measured = {*diagnosis.record.signals} | ({"slew_external"} if diagnosis.tracker else set())
     apart = isolability(diagnosis.machine.groups, measured)
+    told = {cause.effect.name for cause in diagnosis.causes}
     return Answer(
         verdict=diagnosis.verdict,  # type: ignore[arg-type]
         synthetic=all(one.synthetic for one in logs),
@@ -87,7 +88,7 @@ def answer(
         advice=advice(diagnosis),
         held_out=held_out(diagnosis),
         held_out_from=held_from(diagnosis),
-        refused=[turned_down(item) for item in diagnosis.refused],
+        refused=[turned_down(item, told) for item in diagnosis.refused],
         data=[
             DataFinding(signal=d.signal, finding=d.finding, remedy=d.remedy, factor=d.factor)
             for d in diagnosis.data

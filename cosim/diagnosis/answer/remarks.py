@@ -1,6 +1,6 @@
 """What the answer says besides its figures: warnings, what was held out or refused, and what was not judged."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,8 +134,8 @@ def changed(one: float, other: float, unit: str) -> str:
     return f"stays at {one:.4g} {unit}"
 
 
-def turned_down(item: Refused) -> RefusedCause:
-    """A refused cause in display units."""
+def turned_down(item: Refused, named: Collection[str]) -> RefusedCause:
+    """A refused cause in display units, beside those that are named in the end."""
     unit, scale = shown(item.signal)
     without, with_it = item.without * scale, item.with_it * scale
     where = "in a free run over them" if item.in_fitted else "on held-out data"
@@ -144,10 +144,10 @@ def turned_down(item: Refused) -> RefusedCause:
     error = f"{where} the error of {item.signal} {way} with it{chance}"
     why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
     if item.instead:
-        why = (
-            f"in place of {item.instead} it explains the fitted data alike ({item.gain:+.1f} in log-likelihood, less the "
-            f"price of its parameters), but {error}"
-        )
+        alike = f"({item.gain:+.1f} in log-likelihood, less the price of its parameters)"
+        why = f"in place of {item.instead} it explains the fitted data alike {alike}, but {error}"
+        if item.instead not in named:
+            why = f"it explains the fitted data as {item.instead} does, which is not named either {alike}, but {error}"
     elif item.passed:
         beyond = item.passed[0]
         unit, scale = shown(beyond.signal)
