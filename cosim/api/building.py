@@ -135,8 +135,12 @@ def export(
     stop_time: str | None = None,
     overwrite: bool = False,
     equations: bool = False,
+    blocks: str = "fmu",
 ) -> list[Path]:
     """Write a system for a tool that cannot read an SSP.
+
+    A system by name is exported with native FMUs where there is a C compiler; a package with those that it has, unless
+    S-functions need native ones in their place.
 
     Args:
         tool: simulink or modelica.
@@ -149,23 +153,51 @@ def export(
         stop_time: such as ``"20 s"``; by default the system's, or 10 s.
         overwrite: write into a folder that holds files.
         equations: of Modelica: the blocks as equations, without FMUs.
+        blocks: of Simulink: ``fmu`` or ``s-function``.
 
     Raises:
         UsageError, ModelError: the request or the model is bad.
+        MissingCompilerError: S-functions need native FMUs, and there is no C compiler.
     """
+    from cosim.api.simulating import native_or_not
     from cosim.export import prepare, write_modelica, write_simulink
     from cosim.request import model_path, parameters, seconds
     from cosim.ssp.read import read_system
 
-    write = write_simulink if tool == "simulink" else partial(write_modelica, equations=equations)
+    write = (
+        partial(write_simulink, blocks=blocks)
+        if tool == "simulink"
+        else partial(write_modelica, equations=equations)
+    )
     step = seconds(step_size, "--step-size") if step_size else None
     stop = seconds(stop_time, "--stop-time") if stop_time else None
-    with read_system(model_path(model, with_input=open_package)) as system:
+    path = model_path(model, with_input=open_package)
+    native = not equations and _to_be_native(path, by_name=not Path(model).suffix, must=blocks != "fmu")
+    with native_or_not(path, native) as file, read_system(file) as system:
         values = parameters(system, list(parameter_sets), list(settings))
         prepared = prepare(system, values, step, stop)
         for note in system.notes:
             console.warn(note)
         return write(prepared, out, overwrite)
+
+
+def _to_be_native(path: Path, by_name: bool, must: bool) -> bool:
+    """Whether an export takes native FMUs in place of a package's Python ones."""
+    from cosim.native.build import MissingCompilerError, compiler
+    from cosim.ssp.read import read_system
+
+    with read_system(path) as system:
+        if all(component.fmu.module is None for component in system.components.values()):
+            return False
+    if by_name and not must:
+        try:
+            compiler()
+        except MissingCompilerError:
+            console.warn(
+                "there is no C compiler, so the FMUs exported are those that need Python on the host"
+            )
+            return False
+    return by_name or must
 
 
 def machine_model(mapping: Path, out: Path, log: Path | None = None) -> dict[str, Any]:

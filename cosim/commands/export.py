@@ -45,11 +45,19 @@ def export_simulink(
     step_size: StepSize = None,
     stop_time: StopTime = None,
     overwrite: Overwrite = False,
+    blocks: Annotated[
+        str,
+        typer.Option(
+            help="fmu: Simulink imports each FMU. s-function: each is an S-function in C, which mex compiles.",
+            metavar="KIND",
+        ),
+    ] = "fmu",
     as_json: AsJson = False,
 ) -> None:
     """Write a MATLAB script that builds the system in Simulink from its FMUs.
 
-    Run in MATLAB, build_<model> makes <model>.slx with a block for each FMU, its parameters, wires and logged outputs.
+    Run in MATLAB, build_<model> makes <model>.slx with a block for each FMU, its parameters, wires and logged outputs. With
+    --blocks s-function it needs no FMU import, and the numbers are ours to the last digit.
     """
     from cosim.api import building
 
@@ -63,6 +71,7 @@ def export_simulink(
         step_size=step_size,
         stop_time=stop_time,
         overwrite=overwrite,
+        blocks=blocks,
     )
     _tell(files, f"in MATLAB: cd('{out.absolute()}'); {files[0].stem}", as_json)
 

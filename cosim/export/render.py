@@ -1,4 +1,4 @@
-"""Templates of the exports: jinja2 with delimiters that neither MATLAB nor Modelica uses."""
+"""Templates of the exports: jinja2 with delimiters that neither MATLAB, C nor Modelica uses."""
 
 import math
 from importlib.resources import files
@@ -30,7 +30,7 @@ def render(template: str, **context: Any) -> str:
         undefined=StrictUndefined,
         autoescape=False,  # neither language is HTML; each value passes a filter of its language
     )
-    environment.filters |= {"q": matlab_text, "s": modelica_text, "n": number, "line": one_line}
+    environment.filters |= {"q": matlab_text, "s": modelica_text, "c": c_text, "n": number, "line": one_line}
     return environment.get_template(template).render(**context)
 
 
@@ -61,6 +61,17 @@ def modelica_text(text: str) -> str:
     """
     _refuse_control(text)
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def c_text(text: str) -> str:
+    r"""A string of C, in ASCII; what follows an escaped byte is no digit of it.
+
+    Raises:
+        ModelError: the text has a line break or another control character.
+    """
+    _refuse_control(text)
+    plain = text.replace("\\", "\\\\").replace('"', '\\"').replace("?", "\\?").encode()
+    return '"' + "".join(chr(b) if b < 128 else f"\\{b:03o}" for b in plain) + '"'
 
 
 def _refuse_control(text: str) -> None:

@@ -210,11 +210,14 @@ def _variables() -> dict[str, str]:
 
 def sources(model: Model, guid: str, fmi: str = "2.0") -> dict[str, bytes]:
     """C files of an FMU by name; `guid` is what an instance is asked for in the version `fmi`."""
-    functions, headers = VERSIONS[fmi]
-    own = {name: (files("cosim.native") / "c" / name).read_bytes() for name in (*OWN, functions)}
+    own = {name: (files("cosim.native") / "c" / name).read_bytes() for name in (*OWN, VERSIONS[fmi][0])}
+    return own | standard_headers(fmi) | {"model.h": header(model, guid, fmi).encode()}
+
+
+def standard_headers(fmi: str) -> dict[str, bytes]:
+    """The C headers of a version of the standard by name."""
     folder = Path(fmpy.__file__).parent / "c-code"
-    standard = {name: (folder / name).read_bytes().replace(b"\r\n", b"\n") for name in headers}
-    return own | standard | {"model.h": header(model, guid, fmi).encode()}
+    return {name: (folder / name).read_bytes().replace(b"\r\n", b"\n") for name in VERSIONS[fmi][1]}
 
 
 def compiled(

@@ -4,7 +4,7 @@ function result = mock_simulink(action, varargin)
 persistent state
 if isempty(state)
     state = struct('blocks', {{}}, 'lines', {{}}, 'model', '', 'settings', struct(), 'workspace', struct(), ...
-        'loaded', {{}}, 'saved', '', 'handles', {{}}, 'fmus', jsondecode(fileread(getenv('SIMULINK_MOCK'))));
+        'loaded', {{}}, 'saved', '', 'handles', {{}}, 'compiled', {{}}, 'fmus', jsondecode(fileread(getenv('SIMULINK_MOCK'))));
 end
 result = [];
 switch action
@@ -26,6 +26,14 @@ switch action
         result = get_param_(state, varargin{:});
     case 'add_line'
         state = add_line_(state, varargin{2}, varargin{3});
+    case 'mex'
+        named = strcmp(varargin, '-output');
+        for word = varargin(cellfun(@(text) any(text == '.') && text(1) == '/', varargin))
+            if ~exist(word{1}, 'file')
+                error('mock: mex finds no %s', word{1});
+            end
+        end
+        state.compiled{end + 1} = varargin{find(named) + 1};
     case 'assign'
         state.workspace.(varargin{1}) = varargin{2};
     case 'dump'
@@ -39,7 +47,7 @@ end
 function state = add_block_(state, kind, path, varargin)
 libraries = {'simulink_extras/FMU Import/FMU', 'simulink/Sources/From Workspace', 'simulink/Sources/Constant', ...
     'simulink/Sinks/To Workspace', 'simulink/Math Operations/Gain', 'simulink/Math Operations/Bias', ...
-    'simulink/Discrete/Unit Delay'};
+    'simulink/Discrete/Unit Delay', 'simulink/User-Defined Functions/S-Function'};
 if ~any(strcmp(kind, libraries)) || ~any(strcmp(strtok(kind, '/'), state.loaded))
     error('mock: no library block %s', kind);
 end
@@ -48,10 +56,11 @@ if ~isvarname(name) || find_block(state, name)
     error('mock: the block name %s is bad or taken', name);
 end
 block = struct('name', name, 'kind', kind, 'parameters', {{}}, 'inputs', {{}}, 'outputs', {{}});
-if ~any(strcmp(kind, {'simulink_extras/FMU Import/FMU', 'simulink/Sources/From Workspace', 'simulink/Sources/Constant'}))
+own_ports = {'simulink_extras/FMU Import/FMU', 'simulink/User-Defined Functions/S-Function'};
+if ~any(strcmp(kind, [own_ports, {'simulink/Sources/From Workspace', 'simulink/Sources/Constant'}]))
     block.inputs = {1};
 end
-if ~any(strcmp(kind, {'simulink_extras/FMU Import/FMU', 'simulink/Sinks/To Workspace'}))
+if ~any(strcmp(kind, [own_ports, {'simulink/Sinks/To Workspace'}]))
     block.outputs = {1};
 end
 state.blocks{end + 1} = block;
@@ -67,10 +76,14 @@ if mod(numel(varargin), 2) || ~all(cellfun(@ischar, varargin(1:2:end)))
 end
 for k = 1:2:numel(varargin)
     [name, value] = varargin{k:k + 1};
-    if ~ischar(value) && ~strcmp(name, 'Position')
+    if ~ischar(value) && ~any(strcmp(name, {'Position', 'MaskPrompts', 'MaskValues'}))
         error('mock: the value of %s is no text', name);
     end
     if strcmp(path, state.model)
+        if strcmp(name, 'SimulationCommand')
+            state = ask_for_ports(state);
+            continue
+        end
         state.settings.(name) = value;
         continue
     end
@@ -93,6 +106,24 @@ end
 end
 
 
+function state = ask_for_ports(state)
+% S-functions have the ports that their compiled file declares, in the order of the FMU, which the JSON has reversed.
+for b = 1:numel(state.blocks)
+    block = state.blocks{b};
+    if strcmp(block.kind, 'simulink/User-Defined Functions/S-Function')
+        given = cellfun(@(pair) strcmp(pair{1}, 'FunctionName'), block.parameters);
+        name = block.parameters{given}{2};
+        if ~any(strcmp(name, state.compiled))
+            error('mock: %s is not compiled', name);
+        end
+        fmu = state.fmus.(strrep(name, '_sfun', ''));
+        state.blocks{b}.inputs = fliplr(cellstr_(fmu.inputs));
+        state.blocks{b}.outputs = fliplr(cellstr_(fmu.outputs));
+    end
+end
+end
+
+
 function file = which_file(name)
 file = file_in_loadpath(name);
 end
@@ -110,6 +141,11 @@ switch name
         result = struct('Inport', b * 1000 + (1:numel(block.inputs)), ...
             'Outport', b * 1000 + 500 + (1:numel(block.outputs)));
     case 'MaskDisplay'
+        given = cellfun(@(pair) strcmp(pair{1}, 'MaskDisplay'), block.parameters);
+        if any(given)
+            result = block.parameters{given}{2};
+            return
+        end
         result = sprintf('disp(''%s'');\n', block.name);
         for k = 1:numel(block.inputs) * block.labelled
             result = [result, sprintf('port_label(''input'', %d, ''%s'');\n', k, block.inputs{k})];

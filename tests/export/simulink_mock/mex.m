@@ -1,0 +1,1 @@
+function mex(varargin), mock_simulink('mex', varargin{:}); end
