@@ -53,6 +53,9 @@ def write_simulink(
     if blocks == FMU:
         files = {f"{item.stem}.fmu": item.data for item in model.fmus.values()}
     else:
+        functions = Names("MATLAB", MATLAB_KEYWORDS, MATLAB_LENGTH)
+        for item in model.fmus.values():
+            functions.give(sfunction.function_name(item.stem), f"the S-function of '{item.stem}.fmu'")
         files = {k: v for item in model.fmus.values() for k, v in sfunction.files(item, name).items()}
     script = render("simulink.m.j2", **_context(model, name, blocks == SFUNCTION)).encode()
     return write_files(folder, {f"build_{name}.m": script} | files, overwrite)

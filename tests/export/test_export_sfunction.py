@@ -1,6 +1,7 @@
 """S-functions for Simulink: compiled against a stand-in for its header, they give the numbers of our own master."""
 
 import ctypes
+import dataclasses
 import json
 import re
 import shutil
@@ -224,6 +225,19 @@ def test_python_fmus_have_no_c_sources_and_other_blocks_are_unknown(built, tmp_p
         with pytest.raises(UsageError, match="take fmu or s-function"):
             write_simulink(model, tmp_path / "out", blocks="subsystem")
     assert not (tmp_path / "out").exists()
+
+
+def test_fmus_whose_functions_would_be_one_are_named(native, tmp_path):
+    with read_system(native["full_order_open"]) as system:
+        model = prepare(system)
+        fmus = {
+            key: dataclasses.replace(item, stem={"dcv": "a-b", "sensor": "a_b"}.get(item.stem, item.stem))
+            for key, item in model.fmus.items()
+        }
+        with pytest.raises(
+            ModelError, match=r"'a-b.fmu' and the S-function of 'a_b.fmu' would both be named"
+        ):
+            write_simulink(dataclasses.replace(model, fmus=fmus), tmp_path / "out", blocks="s-function")
 
 
 def test_script_is_matlab_and_builds_the_blocks_in_a_stand_in(native, tmp_path):
