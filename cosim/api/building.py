@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim import console
-from cosim.errors import UsageError
+from cosim.errors import CosimError, UsageError
 
 if TYPE_CHECKING:
     from cosim.ssp import Problem
@@ -121,6 +121,17 @@ def validate(files: Sequence[Path]) -> "dict[str, list[Problem]]":
         if file.suffix.lower() not in checks:
             raise UsageError(f"{file}: only {', '.join(checks)} files can be checked")
     return {str(file): checks[file.suffix.lower()](file) for file in files}
+
+
+def is_taken(file: Path) -> bool:
+    """Whether a model that breaks its standard can be read here all the same, by those who run it."""
+    from cosim.ssp.read import read_system
+
+    try:
+        with read_system(file):
+            return True
+    except CosimError:
+        return False
 
 
 def export(

@@ -31,15 +31,20 @@ def validate(
     from cosim.api import building
 
     found = building.validate(files)
-    bad = any(problem.severity == "error" for problems in found.values() for problem in problems)
+    invalid = [file for file, problems in found.items() if any(p.severity == "error" for p in problems)]
+    bad, taken = bool(invalid), [file for file in invalid if building.is_taken(Path(file))]
     if as_json:
-        console.emit_json({"valid": not bad, "files": found})
+        console.emit_json({"valid": not bad, "files": found, "invalid_but_taken": taken})
     else:
         output = console.stdout_console()
         for file, problems in found.items():
-            state = "invalid" if any(p.severity == "error" for p in problems) else "valid"
-            output.print(f"{file}: {state}", markup=False, soft_wrap=True)
+            output.print(f"{file}: {'invalid' if file in invalid else 'valid'}", markup=False, soft_wrap=True)
             for problem in problems:
                 output.print(f"  {problem}", markup=False, soft_wrap=True)
+            if file in taken:
+                output.print(
+                    "  cosim simulate, compare and diagnose take it all the same; strict clients may not",
+                    soft_wrap=True,
+                )
     if bad:
         raise typer.Exit(_BAD_FILE)

@@ -1,6 +1,8 @@
 """`cosim validate` and `check_ssp`: silent on good packages, and a named finding for each defect."""
 
 import json
+import re
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from typer.testing import CliRunner
 
 from cosim.api.building import validate
 from cosim.cli import make_app
+from cosim.master import Runner
 from cosim.ssp import check_fmu, check_ssp, check_ssv
 from cosim.ssp.check import Problem
 
@@ -79,11 +82,30 @@ def test_the_command_reports_and_exits_with_3_on_errors(toys: Any) -> None:
     good, bad = toys.ssp(PAIR, ["w.y -> g.u"]), toys.ssp(PAIR, ["w.y -> h.u"])
     done = runner.invoke(make_app(), ["validate", str(good), "--json"])
     assert done.exit_code == 0
-    assert json.loads(done.stdout) == {"valid": True, "files": {str(good): []}}
+    assert json.loads(done.stdout) == {"valid": True, "files": {str(good): []}, "invalid_but_taken": []}
     done = runner.invoke(make_app(), ["validate", str(good), str(bad)])
     assert done.exit_code == 3
     assert "invalid" in done.stdout
     assert "no component 'h'" in done.stdout
+    assert "all the same" not in done.stdout
+
+
+def test_of_an_invalid_fmu_that_runs_the_command_says_so(toys: Any, tmp_path: Path) -> None:
+    """As plain pythonfmu makes them: without the unknowns of initialisation."""
+    loose = tmp_path / "loose.fmu"
+    with zipfile.ZipFile(toys.fmu("gain")) as source, zipfile.ZipFile(loose, "w") as target:
+        for name in source.namelist():
+            data = source.read(name)
+            if name == "modelDescription.xml":
+                data = re.sub(rb"<InitialUnknowns>.*</InitialUnknowns>", b"", data, flags=re.DOTALL)
+            target.writestr(name, data)
+    done = CliRunner().invoke(make_app(), ["validate", str(loose)])
+    assert done.exit_code == 3
+    assert "take it all the same; strict clients may not" in done.stdout
+    found = json.loads(CliRunner().invoke(make_app(), ["validate", str(loose), "--json"]).stdout)
+    assert found["invalid_but_taken"] == [str(loose)]
+    with Runner(loose) as runner:
+        assert runner.run(0.1, 0.1, inputs={"u": 1.0}).signals
 
 
 def test_a_system_of_ours_is_checked_by_its_name() -> None:
