@@ -73,7 +73,8 @@ NOT_RUN = """
 There is no MATLAB, no OpenModelica, no Dymola and no Windows at hand. [Export](export.md) says what was checked in their
 stead.
 
-- Simulink: `cosim export-simulink` writes a script; it was run in Octave against a stand-in for Simulink.
+- Simulink: `cosim export-simulink` writes a script; it was run in Octave against a stand-in for Simulink, and
+  its S-functions against a stand-in for the header that they are compiled with.
 - OpenModelica and Dymola: `cosim export-modelica` writes a package; its C functions were run event by event,
   and the Modelica compiler Rumoca checks its types, sizes and balance in the tests.
 - OMSimulator (built from source once; what PyPI has of it loads its binary from elsewhere) and PyFMI (its source was read):
