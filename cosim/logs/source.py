@@ -140,7 +140,7 @@ def translated(path: Path, kind: str, notes: list[str] | None = None) -> Iterato
     Raises:
         DataError: the library failed.
     """
-    reason = ""
+    reason, before = "", _made_old()
     with warnings.catch_warnings(record=True) as caught, _logged() as logged:
         warnings.simplefilter("always")
         try:
@@ -149,7 +149,7 @@ def translated(path: Path, kind: str, notes: list[str] | None = None) -> Iterato
             raise
         except Exception as error:  # a parser that meets damaged bytes fails in any way
             reason = _line(error) or type(error).__name__
-            _dispose(error)
+            _dispose(error, before)
     if (
         reason
     ):  # not from within the handler: the error's frames would keep the parser's half-made objects alive
@@ -196,8 +196,19 @@ def _logged() -> Iterator[list[str]]:
             logger.setLevel(level)
 
 
-def _dispose(error: BaseException) -> None:
-    """Frees what a parser that failed half-way has made; where its destructor fails too, nobody needs to hear of it."""
+def _made_old() -> int:
+    """How often the collector has made objects old, which it then looks at only when it looks at all there are."""
+    return sum(generation["collections"] for generation in gc.get_stats()[1:])
+
+
+def _dispose(error: BaseException, before: int) -> None:
+    """Frees what a parser that failed half-way has made; where its destructor fails too, nobody needs to hear of it.
+
+    Args:
+        error: with which it failed.
+        before: `_made_old` when it began. What it has made is young as long as that has not changed, and young objects are
+            few: in a large process a look at all of them takes half a second.
+    """
     hook = sys.unraisablehook
     sys.unraisablehook = lambda event: None
     try:
@@ -205,6 +216,6 @@ def _dispose(error: BaseException) -> None:
         while link is not None:
             traceback.clear_frames(link.__traceback__)
             link.__traceback__, link = None, link.__cause__ or link.__context__
-        gc.collect()  # a collection in the meantime may have made them old
+        gc.collect(1 if _made_old() == before else 2)
     finally:
         sys.unraisablehook = hook
