@@ -21,7 +21,7 @@ from rich.table import Table
 
 from benchmarks.blind.cases import KINDS, Case, cases
 from benchmarks.blind.score import Metric, confusion, names, scorecard, true_names
-from benchmarks.blind.sizes import RANGES, SIZES
+from benchmarks.blind.sizes import GROUP_OF, RANGES, SIZES
 from benchmarks.blind.trial import run_case
 
 
@@ -56,13 +56,22 @@ def drawn(
     return list(islice(asked, count))
 
 
-def run(file: Path, listed: list[Case], seed: int, workers: int, fmus: bool, console: Console) -> None:
+def run(
+    file: Path,
+    listed: list[Case],
+    seed: int,
+    workers: int,
+    fmus: bool,
+    console: Console,
+    blocks: Collection[str] = (),
+    without: Collection[str] = (),
+) -> None:
     """Run the cases that `file` does not hold yet, and append each outcome as it comes."""
     done = {(r["seed"], r["case"]["number"]) for r in read(file)}
     todo = [c for c in listed if (seed, c.number) not in done]
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("a", encoding="utf-8") as out, ProcessPoolExecutor(workers) as pool:
-        pending = {pool.submit(run_case, case, fmus): case for case in todo}
+        pending = {pool.submit(run_case, case, fmus, blocks, without): case for case in todo}
         for finished, future in enumerate(as_completed(pending), 1):
             row = future.result() | {"seed": seed}
             out.write(json.dumps(row) + "\n")
@@ -111,6 +120,14 @@ def main() -> int:
     parser.add_argument(
         "--effects", nargs="+", default=[], choices=list(RANGES), help="only cases that hide one of these"
     )
+    parser.add_argument(
+        "--blocks", nargs="+", default=[], choices=sorted({*GROUP_OF.values()}),
+        help="judge these blocks alone: a few seconds a case; without the FMUs"
+    )  # fmt: skip
+    parser.add_argument(
+        "--without", nargs="+", default=[], choices=list(RANGES),
+        help="effects that the diagnosis may not consider: what others are called without them"
+    )  # fmt: skip
     parser.add_argument("--duration", type=float, default=60.0, help="of each log, s")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--no-fmus", action="store_true", help="do not run the extended model's FMUs")
@@ -123,7 +140,8 @@ def main() -> int:
     listed = drawn(
         options.cases, options.seed, options.duration, options.kinds, options.sizes, options.effects
     )
-    run(options.file, listed, options.seed, options.workers, not options.no_fmus, console)
+    fmus = not options.no_fmus and not options.blocks
+    run(options.file, listed, options.seed, options.workers, fmus, console, options.blocks, options.without)
     rows = read(options.file)
     if options.json:
         wrong = [

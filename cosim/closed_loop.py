@@ -1,9 +1,9 @@
-"""Margins of a position loop from the parameters of its components, and the limit cycle that its dead zone makes.
+"""Margins of a position loop from the parameters of its components, and the limit cycles of its dead zone and its friction.
 
 As a linear loop, cut at the command:
 
     G(s) = K w0^2 / (s^2 + 2 zeta w0 s + w0^2)  K_c / (T s + 1)  A r / (s (J s + b))        (4.16), (4.33), (4.28)
-    u = -k_p theta - k_d omega,  omega by the observer (2.15), theta by the sensor or by the observer
+    u = -(k_p + k_i/s) theta - k_d omega,  omega by the observer (2.15), theta by the sensor or by the observer
 
 Compensator and dead zone are taken to cancel there (form 2 does; the tanh of form 3 leaves a dead band of -3.18 % to +3.28 %
 of command), the sensor as exact. Held for 1 ms and half a millisecond old on
@@ -12,6 +12,9 @@ average, the command costs 0.03 deg of phase for each rad/s of crossover, which 
 Where they do not cancel, their joint curve f has the describing function N(A) of a sine of amplitude A, and the loop swings
 by itself at the amplitude at which N(A) uses up the gain margin (Gelb and Vander Velde, Multiple-Input Describing Functions,
 1968, ch. 3): N(A) = 1/(pi A) integral of f(A sin p) sin p over a turn. It is stable where N falls with A.
+
+Dry friction makes no such oscillation: for a sine it is more damping. With an integral it makes one that sticks (Olsson and
+Astrom, Friction generated limit cycles, IEEE Trans. Control Systems Technology 9(4), 2001), which is found in a simulation.
 """
 
 import math
@@ -51,12 +54,17 @@ def feedback(system: System) -> Any:
     estimated = Port("observer", "slew_estimate") in {
         w.source for w in system.wires if w.target == Port("controller", "slew")
     }
-    k_p, k_d = gains["k_p"], gains["k_d"]
+    k_p, k_d, k_i = gains["k_p"], gains["k_d"], gains["k_i"]
     A, B, C = np.array([[-p.a, 0.0], [1.0, 0.0]]), np.array([[p.k], [0.0]]), np.array([[0.0, p.c]])
     L = np.array([[gain] for gain in observer.gains(p)])
     K = np.array([[k_d * p.c, k_p * p.c if estimated else 0.0]])
     direct = 0.0 if estimated else k_p
-    return control.tf(control.ss(A - L @ C - B @ K, L - B * direct, K, [[direct]]))
+    A, B_in = A - L @ C - B @ K, L - B * direct
+    if k_i != 0.0:  # of the angle that is fed back
+        summed, at_once = (np.array([[0.0, p.c]]), 0.0) if estimated else (np.zeros((1, 2)), 1.0)
+        A = np.block([[A, -k_i * B], [summed, np.zeros((1, 1))]])
+        B_in, K = np.vstack([B_in, [[at_once]]]), np.hstack([K, [[k_i]]])
+    return control.tf(control.ss(A, B_in, K, [[direct]]))
 
 
 def values(system: System, component: str) -> dict[str, float]:
@@ -151,3 +159,55 @@ def tracking(result: Result) -> dict[str, float] | None:
         "lag": lag_of(slew, wanted, result.step_size),
         "effort": float(np.sqrt(np.mean(u**2))),
     }
+
+
+LASTS = (
+    0.9  # size in the last quarter of the time in which the reference stands, of that in the quarter before
+)
+FEWEST_TURNS = 4  # in these two: two whole swings
+STANDS = 0.5  # share of the time at rest, from which on it is friction that makes the swing
+
+
+def swing(result: Result) -> dict[str, float] | None:
+    """The swing that a run keeps up while its reference stands; None for none, or where the reference stands too briefly.
+
+    Returns:
+        ``angle`` [deg], half its peak to peak, ``period`` [s], ``command``, the largest [1], and ``at_rest``, the share of
+        the time in which the column stands.
+    """
+    names = ("reference.reference", "sensor.slew", "controller.u", "mechanical.omega")
+    if not all(name in result.signals for name in names):
+        return None
+    wanted, slew, u, omega = (result.signals[name] for name in names)
+    moved = np.flatnonzero(wanted != wanted[-1])
+    first = int(moved[-1]) + 1 if moved.size else 0
+    quarter = (wanted.size - first) // 4
+    if quarter < 2:
+        return None
+    slew, u, omega = (signal[-2 * quarter :] for signal in (slew, u, omega))
+    if not np.ptp(slew[quarter:]) >= LASTS * np.ptp(slew[:quarter]) > 0.0:
+        return None
+    going = np.flatnonzero(omega)
+    turns = going[1:][np.diff(np.sign(omega[going])) != 0.0]
+    if turns.size < FEWEST_TURNS:
+        return None
+    return {
+        "angle": 0.5 * float(np.ptp(slew)) / DEG,
+        "period": 2.0 * float(turns[-1] - turns[0]) / (turns.size - 1) * result.step_size,
+        "command": float(np.abs(u).max()),
+        "at_rest": float(np.mean(omega == 0.0)),
+    }
+
+
+def why(found: dict[str, float]) -> str:
+    """What makes a swing, in words."""
+    if found["at_rest"] > STANDS:
+        return (
+            f"the column stands for {found['at_rest']:.0%} of the time, held by dry friction until the command has grown "
+            "enough, and then goes too far: less k_i, or a controller without it"
+        )
+    if found["command"] > 0.99:
+        return (
+            "the command goes from limit to limit: the loop is beyond its gain limit, which cosim info prints"
+        )
+    return "the compensator gives more than the dead zone takes, or the gain margin is used up: cosim info says which"

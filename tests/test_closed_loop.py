@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from cosim.closed_loop import describing_function, is_loop, limit_cycle, margins
+from cosim.closed_loop import describing_function, is_loop, limit_cycle, margins, why
+from cosim.closed_loop import swing as kept_up
 from cosim.master import Runner
 from cosim.paths import ssp_folder
 from cosim.ssp.build import LOOPS
@@ -109,6 +110,72 @@ def test_the_fmus_swing_by_themselves_above_the_limit_and_come_to_rest_below(loo
     # a command held for 1 ms costs half of it: 0.3 deg at 9.9 rad/s, less than 1 % of the gain limit
     assert swing(loops["position_loop"], 0.97 * limit) < 0.95
     assert swing(loops["position_loop"], 1.03 * limit) > 1.05
+
+
+def integral(folder, k_i):
+    """The proportional loop with an integral, 1/(rad.s); the reference is 10 deg away from the start on."""
+    times = np.arange(101) * 1e-3
+    return write_ssp(
+        ssp_folder() / "position_loop.ssd",
+        folder / f"integral_{k_i:g}.ssp",
+        stimulus=stimulus_csv(times, np.ones_like(times)),
+        values={"controller": {"k_i": k_i}},
+    )
+
+
+@pytest.mark.parametrize("k_i", [50.0, 200.0])
+def test_the_margin_of_a_loop_with_an_integral_is_that_of_its_polynomial(tmp_path, k_i) -> None:
+    loop = found(integral(tmp_path, k_i))
+
+    def rightmost(factor):
+        """(5.2) on (5.12), times s, with k_p + k_i/s."""
+        gains = factor * GAIN * np.array([1.0, k_i * DEG])
+        return np.roots(np.append(DENOMINATOR, 0.0) + np.append(np.zeros(5), gains)).real.max()
+
+    # the printed digits of (5.12) hold to 2e-4
+    assert rightmost(0.998 * loop["gain_margin"]) < 0.0 < rightmost(1.002 * loop["gain_margin"])
+    assert loop["stable"]
+
+
+def test_an_integral_too_large_for_any_gain_is_told(tmp_path, command) -> None:
+    path = integral(tmp_path, 350.0)
+    assert not found(path)["stable"]
+    code, out, _ = command("info", path)
+    assert code == 0
+    assert "swings by itself at any gain with this integral" in " ".join(out.split())
+    code, out, _ = command("info", path, "--json")
+    assert code == 0
+    assert not json.loads(out)["loop"]["stable"]
+
+
+STICKING = {"mechanical.tau_c": 100.0, "mechanical.tau_s": 200.0, "mechanical.omega_s": 0.005}
+
+
+@pytest.mark.parametrize(
+    ("k_i", "friction", "words"),
+    [
+        (100.0, STICKING, "held by dry friction"),
+        (0.0, STICKING, ""),  # it stops a little off, and stays
+        (200.0, {"mechanical.tau_c": 300.0}, ""),  # of one size it makes the swing smaller from turn to turn
+        (350.0, {}, "beyond its gain limit"),
+    ],
+)
+def test_a_swing_that_friction_or_the_integral_keeps_up_is_found_and_explained(
+    tmp_path, k_i, friction, words
+) -> None:
+    with Runner(integral(tmp_path, k_i)) as runner:
+        result = runner.run(80.0, 1e-3, parameters=friction)
+    told = kept_up(result)
+    assert (told is not None) == bool(words)
+    if told is None:
+        return
+    assert words in why(told)
+    # the loop's own turns, counted on the command in the last 20 s
+    u = result.signals["controller.u"][-20_000:]
+    rises = np.flatnonzero((u[:-1] < 0.0) & (u[1:] >= 0.0))
+    assert np.diff(rises).mean() * 1e-3 == pytest.approx(told["period"], rel=0.05)
+    slew = result.signals["sensor.slew"][-20_000:]
+    assert np.ptp(slew) / 2 / DEG == pytest.approx(told["angle"], rel=0.05)
 
 
 def narrower(folder, gain, by):

@@ -68,6 +68,12 @@ def detectable(row: Row, measure: str = "gain") -> bool:
     return (marked or bool(row["truth"])) and all(v[measure] >= DETECTABLE for v in row["truth"].values())
 
 
+def noise_leaves_it(row: Row) -> bool:
+    """True if the truth would gain enough in this log for one who knows the noise."""
+    known = row.get("noise_known") or {}
+    return bool(known) and all(gain >= DETECTABLE for gain in known.values())
+
+
 def both_detectable(row: Row) -> bool:
     """True if each of several effects gains enough beyond the others in this log."""
     return detectable(row, "least")
@@ -169,6 +175,18 @@ def single_lines(rows: list[Row]) -> list[Metric]:
         share("cause named first or declared alike, moderate and strong", ">= 97 %", large, first),
         share("cause named alone and exactly, moderate and strong", "-", large, strictly_first),
         share("cause named first or declared alike, weak but detectable", ">= 90 %", weak, first),
+        share(
+            "cause named first or declared alike, all sizes, where the noise leaves as much to see",
+            "-",
+            of(rows, "single", noise_leaves_it),
+            first,
+        ),
+        share(
+            "cause named first or declared alike, or said to be more than the log could show",
+            "-",
+            of(rows, "single"),
+            lambda r: first(r) or true_names(r)[0] in r.get("never", ()),
+        ),
         share("true cause in the reported set", ">= 99 %", named, lambda r: true_names(r)[0] in reported(r)),
         Metric("mean size of the reported set", "<= 1.5", count=len(named), value=mean_set),
         share("block right", ">= 98 %", named, lambda r: r["causes"][0]["group"] == true_block(r)),

@@ -3,7 +3,8 @@
 import tempfile
 import time
 import traceback
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 from benchmarks.blind.cases import Case
 from benchmarks.blind.sizes import GROUP_OF, UNKNOWN
 from cosim.diagnosis.fitting.fit import fit
-from cosim.diagnosis.fitting.trials import unknowns
+from cosim.diagnosis.fitting.noise import learned
+from cosim.diagnosis.fitting.trials import tried, unknowns
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.gain import measure
 from cosim.diagnosis.model.groups import left_out
+from cosim.diagnosis.model.machine import Machine, our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.verdict.verdict import Cause, Rest
@@ -30,24 +33,42 @@ TRUST = 0.01
 SAMPLED = ("sensor.quantisation", "sensor.dropout")  # seen in the raw samples, not in a likelihood
 
 
-def run_case(case: Case, fmus: bool) -> dict[str, Any]:
-    """The case with its outcome, as plain data; an error of the diagnosis is an outcome too."""
+def run_case(
+    case: Case, fmus: bool, blocks: Collection[str] = (), without: Collection[str] = ()
+) -> dict[str, Any]:
+    """The case with its outcome, as plain data; an error of the diagnosis is an outcome too.
+
+    Args:
+        case: what is hidden, and how.
+        fmus: run the extended model's FMUs.
+        blocks: judge these groups of the crane alone; empty: all.
+        without: effects that the diagnosis may not consider, beside the one that the case leaves out.
+    """
     row: dict[str, Any] = {"case": case.plain()}
     try:
         run = make_log(**case.recipe())
         log, tracker = as_log(run), as_tracker(run) if case.tracker else None
         began, cpu = time.perf_counter(), time.process_time()
-        with left_out(case.removed), tempfile.TemporaryDirectory() as folder:
-            found = diagnose(log, tracker=tracker, folder=Path(folder) / "out" if fmus else None)
+        with left_out(case.removed, *without), tempfile.TemporaryDirectory() as folder:
+            found = diagnose(
+                log, tracker=tracker, model=judged(blocks), folder=Path(folder) / "out" if fmus else None
+            )
         row["seconds"] = time.perf_counter() - began
         row["cpu_seconds"] = time.process_time() - cpu
         row |= said(found)
         row["truth"] = truth(case, found, run)
+        row["noise_known"] = noise_known(case, found, run)
         row["crossed"] = crossed(run)
         row["noise"] = noise_held_out(found, run)
     except Exception:
         row["error"] = traceback.format_exc()
     return row
+
+
+def judged(blocks: Collection[str]) -> Machine:
+    """The crane, of which these groups alone are judged; all where none is named."""
+    machine = our_machine("full_order")
+    return replace(machine, groups=tuple(g for g in machine.groups if not blocks or g.name in blocks))
 
 
 def said(found: Diagnosis) -> dict[str, Any]:
@@ -138,6 +159,29 @@ def truth(case: Case, found: Diagnosis, run: RigRun) -> dict[str, dict[str, floa
             "ahead": best - finding.chosen.fit.log_likelihood,
             "least": least if len(names) > 1 else best - null,
         }
+    return result
+
+
+def noise_known(case: Case, found: Diagnosis, run: RigRun) -> dict[str, float]:
+    """Group -> log-likelihood that the true effects gain where the noise is learned from itself and not from a residual.
+
+    What no diagnosis of this log could exceed by much: it tells an effect that the noise hides from one that is taken for
+    noise.
+    """
+    result: dict[str, float] = {}
+    for name in {GROUP_OF[n] for n in case.hidden if n in GROUP_OF} & found.findings.keys():
+        task = found.findings[name].task
+        names = [n for n in case.hidden if GROUP_OF.get(n) == name and n not in SAMPLED]
+        if not names or case.tracker:
+            continue
+        true, rules = seen(run, task.measured), task.rules
+        noise = {s: measured - true[s][: measured.size] for s, measured in task.measured.items()}
+        try:
+            task.set_rules({s: learned(rule, noise[s], []) for s, rule in rules.items()})
+            null = tried(task, (), TRUST).fit.log_likelihood
+            result[name] = true_fit(case, found.findings[name], names) - null
+        finally:
+            task.set_rules(rules)
     return result
 
 

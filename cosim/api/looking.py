@@ -1,5 +1,6 @@
 """What a file holds: a log, a tracker's record, an FMU or a system, as plain data."""
 
+import math
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -412,9 +413,14 @@ def _loop_facts(path: Path) -> dict[str, Any]:
         loop, cycle = margins(system), limit_cycle(system)
     finally:
         system.close()
+    limit = (
+        f"swings by itself from {loop['gain_limit']:.4g} 1/deg on; gain margin {loop['gain_margin_db']:.4g} dB at"
+        f" {loop['limit_frequency']:.4g} rad/s"
+        if math.isfinite(loop["gain_margin"])
+        else "swings by itself at any gain with this integral"
+    )
     text = (
-        f"gain {loop['gain']:.4g} 1/deg, swings by itself from {loop['gain_limit']:.4g} 1/deg on;"
-        f" gain margin {loop['gain_margin_db']:.4g} dB at {loop['limit_frequency']:.4g} rad/s,"
+        f"gain {loop['gain']:.4g} 1/deg, {limit},"
         f" phase margin {loop['phase_margin']:.4g} deg at {loop['crossover']:.4g} rad/s"
     )
     swing = "none"

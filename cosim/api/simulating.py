@@ -107,6 +107,17 @@ def tracking(result: Result) -> dict[str, float] | None:
     return of_loop(result)
 
 
+def swing(result: Result) -> tuple[dict[str, float] | None, str]:
+    """The swing that a position loop keeps up (`cosim.closed_loop.swing`), and what makes it; None and no words for none."""
+    if "reference.reference" not in result.signals:
+        return None, ""
+    from cosim.closed_loop import swing as of_loop
+    from cosim.closed_loop import why
+
+    found = of_loop(result)
+    return found, "" if found is None else why(found)
+
+
 def _usual_step(system: System, start: float, stop: float) -> float:
     """Step [s] where neither request nor model says: 1 ms, or a thousandth of an FMU's own span that this does not suit."""
     steps = (stop - start) / DEFAULT_STEP

@@ -184,12 +184,13 @@ def _leaving(out: Path | None, si: bool, as_json: bool) -> "Iterator[None]":
 
 
 def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
-    from cosim.api.simulating import tracking
+    from cosim.api.simulating import swing, tracking
 
     about = result.about(si)
     follows = tracking(result)
+    swings, reason = swing(result)
     if as_json:
-        told = {} if follows is None else {"tracking": follows}
+        told = {} if follows is None else {"tracking": follows, "swing": swings}
         console.emit_json({**about, **told, "path": out})
         return
     output = console.stdout_console()
@@ -205,6 +206,13 @@ def _show(result: "Result", out: Path | None, si: bool, as_json: bool) -> None:
         output.print(
             f"tracking: error {follows['rmse']:.3g} deg rms, {follows['largest']:.3g} deg at most,"
             f" {follows['lag']:.3g} s late",
+            soft_wrap=True,
+        )
+    if swings is not None:
+        output.print(
+            f"swings by itself while the reference stands: by {swings['angle']:.3g} deg, every {swings['period']:.3g} s,"
+            f" with commands up to {100.0 * swings['command']:.3g} %; {reason}",
+            markup=False,
             soft_wrap=True,
         )
     if out is not None:

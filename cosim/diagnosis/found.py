@@ -58,7 +58,7 @@ class Diagnosis:
         data: labels of the log that its data contradict; nothing else is judged then.
         causes: named causes, the largest gain first.
         rests: what stays unexplained.
-        never: effects that the log could not have shown.
+        never: effects that the log would not surely have shown.
         at_rest: nothing moves in the log, so that it could have shown none.
         values: ``component.parameter`` -> value of the extended model, SI.
         deviations: standard deviation of those estimated.

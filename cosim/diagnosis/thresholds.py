@@ -18,7 +18,7 @@ CHI_SQUARE_95: Annotated[
 ONE_SIDED_95: Annotated[
     float,
     "standard deviations",
-    "uncertainty that is taken off a trusted parameter's change before it counts",
+    "uncertainty that is taken off before something counts: of a trusted parameter's change, of what an effect would gain",
     "one-sided 95 % of a normal estimate",
     "convention",
 ] = 1.64

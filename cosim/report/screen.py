@@ -175,7 +175,8 @@ def sure(result: Answer) -> Iterator[str]:
     # without a tracker nobody expects to hear of its faults
     never = [effect for effect in result.not_exercised if not effect.startswith("tracker.")]
     if result.verdict == "adequate" and never and not result.at_rest:
-        yield f"How sure: this log could not have shown {listed([in_words(e) for e in never[:MOST_NAMES]])}{_more(never)}"
+        shown = listed([in_words(e) for e in never[:MOST_NAMES]])
+        yield f"How sure: this log would not surely have shown {shown}{_more(never)}"
 
 
 def _clause(why: str) -> str:

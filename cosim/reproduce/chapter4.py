@@ -220,11 +220,16 @@ def response(of: Campaign) -> Item:
         Row("pole of the two-pole fit", 4.4, pole.value, "1/s", half(pole)),
         Row("low-frequency gain", 10.0 / 4.4, gain.value / DEG / pole.value, "deg/s"),
     ]
-    near = all(abs(r.ours - (r.source or 0.0)) <= (r.spread or 0.0) for r in rows[:2])
+    of_gain, of_pole = (
+        "within" if abs(r.ours - (r.source or 0.0)) <= (r.spread or 0.0) else "outside" for r in rows[:2]
+    )
+    lies = (
+        f"lies {of_gain} their" if of_gain == of_pole else f"has its gain {of_gain}, its pole {of_pole} their"
+    )
     verdict = (
         f"The points lie within {apart['(5.12)']:.1f} dB of (5.12) and within {apart['(4.15)']:.1f} dB of (4.15), which is "
         f"furthest off at the highest frequency. Two poles fitted to them are "
-        f"{gain.value / DEG:.1f}/(s(s + {pole.value:.1f})); (4.15) lies {'within' if near else 'outside'} their intervals."
+        f"{gain.value / DEG:.1f}/(s(s + {pole.value:.1f})); (4.15) {lies} intervals."
     )
     return Item(
         "frf",
@@ -392,8 +397,8 @@ def flow_curve() -> Item:
         f"The drive works up to {peak:.1f} bar of 170: there the orifice passes {lost:.1f} % less than a flow in "
         "proportion to the "
         f"spool, which is worth {0.01 * lost * peak:.2f} bar, three times the noise of a difference of two "
-        "pressures. `cosim diagnose` names it "
-        "as continuity.flow_pressure where a log drives that far."
+        "pressures. The diagnosis names it continuity.flow_pressure where the command is large and this noise is not "
+        "slow; of other logs it says that they could not have shown it."
     )
     return Item(
         "flow-curve",

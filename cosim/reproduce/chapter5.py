@@ -239,8 +239,8 @@ def families(of: Campaign) -> Item:
         f"35 % and {small.ours:.2f} at "
         f"20 %; (5.3) has 0.545 at every size. "
         + (
-            "More damped than the model, above all at small amplitudes: the source's own finding. `cosim diagnose` "
-            "names it as dcv.amplitude_damping."
+            "More damped than the model, above all at small amplitudes: the source's own finding. The diagnosis "
+            "names it dcv.amplitude_damping."
             if damped
             else "The source finds its valve more damped than the model, above all at small amplitudes; this log does "
             "not show that."

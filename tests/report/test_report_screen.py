@@ -190,7 +190,7 @@ def test_no_cause_is_told_where_none_was_named():
     where = Location(block="dcv", signal="spool", share=1.0, residual_rms=1.0, noise_floor=1.0, unit="mm")
     clean = lines(empty_answer(verdict="adequate", localisation=[where], not_exercised=["dcv.delay"]), OUT)
     assert clean[1].startswith("Nothing is wrong: in valve, what the simulation leaves is no more than noise")
-    assert clean[2] == "How sure: this log could not have shown a delay of the valve (dcv.delay)"
+    assert clean[2] == "How sure: this log would not surely have shown a delay of the valve (dcv.delay)"
     ended = ["valve: the budget of 60 s is spent; not tried: dcv.delay"]
     told = lines(empty_answer(verdict="adequate", localisation=[where], warnings=ended), OUT)
     assert told[1].startswith("Nothing was found in the time allowed: in valve, what the simulation leaves")

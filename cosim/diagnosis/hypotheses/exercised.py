@@ -1,4 +1,4 @@
-"""What a log never exercised: effects that it could not have shown even at a moderate size."""
+"""What a log never exercised: effects that it would not surely have shown even at a moderate size."""
 
 from collections.abc import Callable, Mapping
 
@@ -9,7 +9,7 @@ from cosim.diagnosis.fitting.fit import jacobian
 from cosim.diagnosis.fitting.trials import declared, trusted
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.diagnosis.thresholds import NAMING_GAIN
+from cosim.diagnosis.thresholds import NAMING_GAIN, ONE_SIDED_95
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -77,10 +77,17 @@ def exercised(finding: Finding, tolerance: float) -> dict[str, float]:
 
 
 def never_exercised(finding: Finding, tolerance: float) -> list[str]:
-    """Effects that this log could not have shown even at a moderate size."""
+    """Effects of a moderate size that such a log would not show one time in twenty, or more often.
+
+    What a true effect gains scatters with the noise along it: by the root of twice what it gains on average.
+    """
     named = set(finding.chosen.names)
     sure = {
         e.name: NAMING_GAIN + 0.5 * len(e.free) * float(np.log(finding.null.fit.count))
         for e in finding.task.model.group.effects()
     }
-    return [n for n, gain in exercised(finding, tolerance).items() if n not in named and gain < sure[n]]
+    least = {
+        n: gain - ONE_SIDED_95 * float(np.sqrt(2.0 * gain))
+        for n, gain in exercised(finding, tolerance).items()
+    }
+    return [n for n, gain in least.items() if n not in named and gain < sure[n]]
