@@ -27,6 +27,8 @@ from cosim.diagnosis.thresholds import NOMINAL_TRUST
 from cosim.logs import Log
 from cosim.rig import make_log
 from cosim.rig.write import as_log
+from cosim.signals import SIGNALS
+from cosim.units import factor
 
 Wrong = Callable[[Log, np.random.Generator], Log]
 
@@ -48,8 +50,14 @@ def stuck(name: str) -> Wrong:
 
 
 def exchanged(one: str, other: str) -> Wrong:
-    """Two columns exchanged."""
-    return lambda log, rng: changed(log, **{one: log.signals[other], other: log.signals[one]})
+    """Two columns exchanged, the numbers as they stand in the file."""
+
+    def made(log: Log, rng: np.random.Generator) -> Log:
+        units = {n: factor(log.display[n], SIGNALS[n].si) for n in (one, other)}
+        numbers = {n: log.signals[n] / units[n] for n in units}
+        return changed(log, **{one: numbers[other] * units[one], other: numbers[one] * units[other]})
+
+    return made
 
 
 def clocked(by: float) -> Wrong:
@@ -99,6 +107,9 @@ MISTAKES: dict[str, tuple[Wrong, set[str]]] = {
     "slew reversed": (times("slew", -1.0), {"slew"}),
     "ports exchanged": (exchanged("p_a", "p_b"), {"p_a"}),
     "port and supply exchanged": (exchanged("p_a", "p_supply"), {"p_a"}),
+    "spool and slew exchanged": (exchanged("spool", "slew"), {"spool"}),
+    "u and spool exchanged": (exchanged("u", "spool"), {"u"}),
+    "port and slew exchanged": (exchanged("p_a", "slew"), {"p_a"}),
     "slew never moves": (stuck("slew"), {"slew"}),
     "spool never moves": (stuck("spool"), {"spool"}),
     "port never moves": (stuck("p_b"), {"p_b"}),
@@ -111,9 +122,9 @@ MISTAKES: dict[str, tuple[Wrong, set[str]]] = {
 }
 
 
-def said(log: Log) -> list[Contradiction]:
+def said(log: Log, model: str = "full_order") -> list[Contradiction]:
     """What is said of a log's labels."""
-    return labelled(log, our_machine("full_order"), NOMINAL_TRUST)[2]
+    return labelled(log, our_machine(model), NOMINAL_TRUST)[2]
 
 
 def main() -> int:
@@ -124,6 +135,7 @@ def main() -> int:
     parser.add_argument("--wrong", type=int, default=200)
     parser.add_argument("--right", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--model", default="full_order")
     parser.add_argument("--duration", type=float, default=30.0, help="of each log, s")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
@@ -133,14 +145,14 @@ def main() -> int:
     for k in range(options.wrong):
         name = list(MISTAKES)[k % len(MISTAKES)]
         make, signals = MISTAKES[name]
-        told = said(make(as_log(make_log(**next(listed).recipe())), rng))
+        told = said(make(as_log(make_log(**next(listed).recipe())), rng), options.model)
         right = bool(told) and {t.signal for t in told} <= signals
         counts["wrong labels told"] += right
         if not right:
             print(f"{name}: {[t.finding for t in told]}", file=sys.stderr)
     for _ in range(options.right):
         case = next(listed)
-        told = said(as_log(make_log(**case.recipe())))
+        told = said(as_log(make_log(**case.recipe())), options.model)
         counts["right labels left alone"] += not told
         if told:
             print(

@@ -7,7 +7,7 @@ shape is right all the same. Each such mistake is tried, and told if it alone ma
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from cosim.diagnosis.at_rest import nothing_moves, on_the_command
 from cosim.diagnosis.fitting.bounds import absurd
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.model.groups import Group, merged
-from cosim.diagnosis.model.machine import Machine
+from cosim.diagnosis.model.machine import Machine, our_machine
 from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.record.record import Record, fixed_values
 from cosim.diagnosis.thresholds import (
@@ -60,6 +60,9 @@ UNITS = {
     "1": ("1", "%"),
     "rad/s": ("deg/s", "rad/s"),
 }
+WHOLE = {"simplified": "full_order"}
+"""Model of the crane that reads few signals -> the one that reads all."""
+
 TIMES = {"ms labelled s": 1e-3, "us labelled s": 1e-6, "min labelled s": 60.0, "s labelled ms": 1e3}
 
 
@@ -87,10 +90,12 @@ class Mistake:
     Attributes:
         reported: what would be said of it.
         undone: signals as they would be without it.
+        exact: true only if all blocks answer as they should without it, not those alone that were beyond all faults.
     """
 
     reported: Contradiction
     undone: Callable[[Signals], dict[str, Array]] = field(repr=False)
+    exact: bool = False
 
 
 def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) -> list[Contradiction]:
@@ -115,11 +120,14 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
     spoiled = bool(as_labelled) and not (commanding and abs(as_labelled[0][1]) >= SHAPE)
     # of a reading where no machine is, the model can be that far off that its shape tells nothing
     strange = [name for name in record.signals if not in_range(record.signals, name)]
-    if plausible(as_labelled, usual) and not (trusted and (spoiled or strange)):
+    odd = not plausible(as_labelled, usual) or (trusted and (spoiled or bool(strange)))
+    # a column that is another one's spoils a shape, too, and not that of the first block alone
+    foreign = trusted and not (commanding and all(abs(r) >= SHAPE for _, r in as_labelled))
+    if not odd and not foreign:
         return exchanged_with_supply(record.signals)
-    mistakes = [*signs(record, groups)]
+    mistakes = [*signs(record, groups)] if odd else []
     if trusted:
-        mistakes += [*units(log, record, machine.drive)]
+        mistakes += [*(units(log, record, machine.drive) if odd else []), *exchanges(log, record)]
     told = []
     for mistake in mistakes:
         undone = mistake.undone(record.signals)
@@ -127,7 +135,7 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
         if not in_range(undone, machine.drive):
             continue
         each = shapes(record, undone, groups, base)
-        if not plausible(as_labelled, usual):
+        if not plausible(as_labelled, usual) and not mistake.exact:
             right = cured(as_labelled, each, usual)
         else:
             right = shaped(each, commanding) and all(in_range(undone, name) for name in strange)
@@ -135,7 +143,16 @@ def contradictions(log: Log, record: Record, machine: Machine, trusted: bool) ->
             told.append(((round(min(r for _, r in each), 3), -off(each)), mistake))
     if told:
         return [either_sign(max(told, key=lambda item: item[0])[1].reported, groups)]
-    return exchanged_with_supply(record.signals) or (other_machine(as_labelled) if trusted else [])
+    return exchanged_with_supply(record.signals) or (other_machine(as_labelled) if trusted and odd else [])
+
+
+def whole(machine: Machine, trusted: bool) -> Machine:
+    """The model against which a log's labels are held: of the crane the one that reads all signals.
+
+    Of a machine that is not the crane nothing is known of what its model does not read.
+    """
+    known = trusted and machine.name in WHOLE and not machine.base
+    return our_machine(WHOLE[machine.name]) if known else machine
 
 
 def cured(before: Shapes, after: Shapes, usual: tuple[float, float]) -> bool:
@@ -305,6 +322,36 @@ def units(log: Log, record: Record, drive: str) -> Iterator[Mistake]:
                 names[0], f"{who}: looks like {true} labelled {labelled}", f"label {who} [{true}]", by
             )
             yield Mistake(told, scaled(names, by))
+
+
+def exchanges(log: Log, record: Record) -> Iterator[Mistake]:
+    """Each two columns of different signals exchanged, the numbers in the units of their headings."""
+
+    def undone(one: str, other: str, by: float) -> Callable[[Signals], dict[str, Array]]:
+        def made(signals: Signals) -> dict[str, Array]:
+            found = dict(signals) | {one: signals[other] / by, other: signals[one] * by}
+            return found | (
+                {"p_load": found["p_a"] - found["p_b"]} if "p_load" in found and "p_b" in found else {}
+            )
+
+        return made
+
+    named = [n for n in record.signals if n in SIGNALS and n in log.signals]
+    for one, other in combinations(named, 2):
+        # ports are exchanged by their sign, a port and the supply by their sum
+        if SIGNALS[one].si != SIGNALS[other].si:
+            by = unit_of(log, other) / unit_of(log, one)
+            told = Contradiction(
+                one,
+                f"{one} and {other} look exchanged",
+                "exchange the two columns in the file or the mapping",
+            )
+            yield Mistake(told, undone(one, other, by), exact=True)
+
+
+def unit_of(log: Log, name: str) -> float:
+    """The unit of a signal's column in SI."""
+    return factor(log.display.get(name, SIGNALS[name].unit), SIGNALS[name].si)
 
 
 def commands(u: Array) -> bool:

@@ -1,13 +1,17 @@
 """Values that jump off and back: what damage to a file without checksums looks like, and a loose contact too.
 
-No value is changed: the log loads, and a warning says where to look.
+Two things speak for the log: the signal jumps as far elsewhere and stays there, so that it jumps by itself; or another
+signal answers what it did, or it answers what another one did (`confirmed`). No value is changed: the log loads, and a
+warning says where to look.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cosim.logs.answered import confirmed
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -41,35 +45,46 @@ VANISHING = 1e-40
 """Of a signal's size: nothing that is measured or computed jumps to a number as small as this that is not zero. Half of a
 number's bytes are lost there."""
 
+ASKED = 32
+"""Stretches that the other signals are asked about: each costs some ten milliseconds."""
+
 _ENOUGH = 20
+_NONE: Index = np.empty((0, 2), dtype=np.int64)
 _SAMPLED = 1 << 16
 
 
-def jumps(time: Array, values: Array, held: bool) -> tuple[Index, float]:
+def jumps(time: Array, values: Array, held: bool, others: Iterable[Array] = ()) -> tuple[Index, float]:
     """Samples that jump off and back.
 
     Args:
         time: stamps (n,) [s], strictly increasing.
         values: (n,), finite.
         held: whether the signal is constant between samples: a command, which may jump as it likes.
+        others: the log's other signals (n,), finite, which may confirm what this one does.
 
     Returns:
         Index of the first sample of each stretch, and the largest jump in the values' unit.
     """
     if len(values) < _ENOUGH:
-        return np.empty(0, dtype=np.int64), 0.0
-    with np.errstate(over="ignore", invalid="ignore"):
+        return _NONE[:, 0], 0.0
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         step = np.diff(values)
         if _states(values):
-            return np.empty(0, dtype=np.int64), 0.0
+            return _NONE[:, 0], 0.0
+        lost = _vanishing(values)
         if held and np.count_nonzero(step) <= CHANGES * len(step):
-            starts = np.union1d(_blips(values, step), _vanishing(values))
+            found = _blips(values, step)
         else:
             span = _span(values)
-            found = [_spikes(time, values, held), _stretches(step, span), _zeros(values, step, span)]
-            found += [_vanishing(values), *([] if held else [_brief(step, span)])]
-            starts = np.unique(np.concatenate(found))
-            starts = starts[np.diff(starts, prepend=-9) > 2]  # a stretch may begin and end with half a number
+            kinds = [_spikes(time, values, held), _stretches(step, span, held), _zeros(values, step, span)]
+            found = np.concatenate([*kinds, *([] if held else [_brief(step, span)])])
+        if len(found):
+            sound = [other for other in others if other.std() < np.inf]
+            asked, rest = found[:ASKED], found[ASKED:]
+            alone = [not confirmed(values, begin, end, sound) for begin, end in asked.tolist()]
+            found = np.concatenate([asked[alone], rest])
+        starts = np.unique(np.concatenate([found, lost])[:, 0])
+        starts = starts[np.diff(starts, prepend=-9) > 2]  # a stretch may begin and end with half a number
     if not starts.size:
         return starts, 0.0
     edges = np.where(starts > 0, starts, np.flatnonzero(step)[0])  # a log may begin with the stretch
@@ -156,26 +171,38 @@ def _spikes(time: Array, values: Array, held: bool) -> Index:
         for sample, k, near in ((0, 0, 1), (len(values) - 1, last, last - 1))
         if k in inner and size[near] < 0.25 * size[k]
     ]
-    return np.union1d(inner[shape] + 1, np.array(ends, dtype=np.int64))
+    first = np.union1d(inner[shape] + 1, np.array(ends, dtype=np.int64))
+    return np.stack([first, first + 1], axis=1)
 
 
-def _stretches(step: Array, span: float) -> Index:
-    """Stretches that begin and end with a jump from one sample to the next, amid samples that do not jump."""
+def _stretches(step: Array, span: float, held: bool) -> Index:
+    """Stretches that begin and end with a jump from one sample to the next, amid samples that do not jump.
+
+    A signal that jumps as far elsewhere and does not come back jumps by itself; a command may stand as a log begins or ends.
+    """
     size = np.abs(step)
     limit = 2 * TIMES * _usual(size)
     edges = np.flatnonzero(size > max(limit, 4 * PART * span))
     edges = edges[[size[k] > CALM * _around(size, k, 1, AROUND) for k in edges.tolist()]]
     if not edges.size:
-        return edges
+        return _NONE
     short = np.diff(edges) <= LONGEST
     back = step[edges[:-1]] * step[edges[1:]] < 0
-    first = (edges[:-1][short & back] + 1).tolist()
+    found = [(int(k) + 1, int(m) + 1) for k, m in pairwise(edges)]
+    found = [found[k] for k in np.flatnonzero(short & back)]
     moving = np.flatnonzero(step)
-    if edges[0] == moving[0] and 0 < edges[0] < LONGEST:  # constant up to the first jump
-        first.insert(0, 0)
-    if edges[-1] == moving[-1] and 1 < len(step) - edges[-1] <= LONGEST:  # and from the last one on
-        first.append(int(edges[-1]) + 1)
-    return np.array(first if len(first) <= FEW else [], dtype=np.int64)
+    if not held and edges[0] == moving[0] and 0 < edges[0] < LONGEST:  # constant up to the first jump
+        found.insert(0, (0, int(edges[0]) + 1))
+    if (
+        not held and edges[-1] == moving[-1] and 1 < len(step) - edges[-1] <= LONGEST
+    ):  # and from the last one on
+        found.append((int(edges[-1]) + 1, len(step) + 1))
+    if not 0 < len(found) <= FEW:
+        return _NONE
+    first = np.array(found)
+    apart = np.min(np.abs(edges[:, None] + 1 - first.reshape(-1)[None, :]), axis=1) > LONGEST
+    least = min(max(size[max(begin - 1, 0)], size[min(end - 1, len(size) - 1)]) for begin, end in found)
+    return _NONE if np.any(size[edges[apart]] >= least) else first
 
 
 def _brief(step: Array, span: float) -> Index:
@@ -187,8 +214,8 @@ def _brief(step: Array, span: float) -> Index:
         if 2 <= m - k <= AROUND and step[k] * step[m] < 0:
             around = (size[max(0, k - AROUND) : k], size[k + 1 : m], size[m + 1 : m + 1 + AROUND])
             if min(size[k], size[m]) > CALM * max(part.max(initial=0.0) for part in around):
-                first.append(k + 1)
-    return np.array(first if len(first) <= FEW else [], dtype=np.int64)
+                first.append((k + 1, m + 1))
+    return np.array(first) if 0 < len(first) <= FEW else _NONE
 
 
 def _vanishing(values: Array) -> Index:
@@ -197,21 +224,21 @@ def _vanishing(values: Array) -> Index:
     whole = _usual(size)
     least = VANISHING * whole
     if not np.any((size < least) & (size > 0.0)):
-        return np.empty(0, dtype=np.int64)
+        return _NONE
     edges = np.flatnonzero(np.diff(np.concatenate(([False], size < least, [False]))))
     begin, end = edges[::2], edges[1::2]  # [begin, end)
     lost = np.array([bool(np.any(size[b:e] > 0.0)) for b, e in zip(begin, end, strict=True)])
     # what dies away comes near to nothing step by step
     before = np.where(begin > 0, size[np.maximum(begin - 1, 0)], np.inf)
     after = np.where(end < len(size), size[np.minimum(end, len(size) - 1)], np.inf)
-    first = begin[lost & (np.minimum(before, after) > PART * whole)]
-    return first if first.size <= FEW else np.empty(0, dtype=np.int64)
+    found = lost & (np.minimum(before, after) > PART * whole)
+    return _few(begin[found], end[found])
 
 
 def _zeros(values: Array, step: Array, span: float) -> Index:
     """Stretches of exact zeros amid values far from it; the sample on either side may be half lost."""
     if np.count_nonzero(values) == len(values):
-        return np.empty(0, dtype=np.int64)
+        return _NONE
     edges = np.flatnonzero(np.diff(np.concatenate(([False], values == 0.0, [False]))))
     begin, end = edges[::2], edges[1::2]  # [begin, end)
     limit = max(TIMES * _usual(np.abs(step)), 4 * PART * span)
@@ -220,15 +247,15 @@ def _zeros(values: Array, step: Array, span: float) -> Index:
         np.abs(values[np.minimum(end + 1, len(values) - 1)]),
     )
     inside = (end - begin >= 4) & (end - begin <= LONGEST) & (begin > 1) & (end < len(values) - 1)
-    first = begin[inside & (np.minimum(before, after) > limit)]
-    return first if first.size <= FEW else np.empty(0, dtype=np.int64)
+    found = inside & (np.minimum(before, after) > limit)
+    return _few(begin[found], end[found])
 
 
 def _blips(values: Array, step: Array) -> Index:
     """In a command made of long constant stretches, samples at a level of their own, and short pauses at such a zero."""
     edges = np.flatnonzero(step)
     if len(edges) < 2:
-        return np.empty(0, dtype=np.int64)
+        return _NONE
     bounds = np.concatenate(([0], edges + 1, [len(values)]))
     lengths, level = np.diff(bounds), values[bounds[:-1]]
     odd = np.zeros(len(lengths), dtype=bool)
@@ -240,5 +267,9 @@ def _blips(values: Array, step: Array) -> Index:
     usual = np.median(lengths[lengths > 2]) if (lengths > 2).any() else 0.0
     if zero.any() and not zero[0] and not zero[-1] and lengths[zero].max() <= min(LONGEST, 0.5 * usual):
         odd |= zero
-    first = bounds[:-1][odd]
-    return first if first.size <= FEW else np.empty(0, dtype=np.int64)
+    return _few(bounds[:-1][odd], bounds[1:][odd])
+
+
+def _few(begin: Index, end: Index) -> Index:
+    """The stretches (k, 2), unless there are so many that they are the signal's own way."""
+    return np.stack([begin, end], axis=1) if begin.size <= FEW else _NONE

@@ -399,7 +399,8 @@ def _jump_note(
     pick: Pick,
     beside: Callable[[], dict[str, Array]],
 ) -> list[str]:
-    starts, size = jumps(time, columns[pick.name], pick.held)
+    rest = [values for name, values in columns.items() if name != pick.name]
+    starts, size = jumps(time, columns[pick.name], pick.held, rest)
     if not starts.size:
         return []
     others = stepping(starts, {n: v for n, v in columns.items() if n != pick.name}) or stepping(

@@ -37,6 +37,33 @@ def test_each_wrong_label_is_told(log: Log, name: str) -> None:
     assert all(t.remedy for t in told)
 
 
+@pytest.mark.parametrize(
+    ("name", "finding"),
+    [
+        ("ports exchanged", "p_a and p_b look exchanged"),
+        ("psi labelled bar", "p_a and p_b: looks like psi labelled bar"),
+        ("spool reversed", "spool looks reversed in sign"),
+        ("mm labelled m", "spool: looks like mm labelled m"),
+        ("spool and slew exchanged", "spool and slew look exchanged"),
+    ],
+)
+def test_signals_that_the_short_model_does_not_read_are_held_against_the_whole_one(
+    log: Log, name: str, finding: str
+) -> None:
+    wrong = MISTAKES[name][0](log, np.random.default_rng(1))
+    assert [t.finding for t in said(wrong, "simplified")] == [finding]
+    assert said(log, "simplified") == []
+
+
+def test_of_another_machine_nothing_is_said_of_what_the_short_model_does_not_read(log: Log) -> None:
+    wrong = MISTAKES["ports exchanged"][0](log, np.random.default_rng(1))
+    for machine, trust in (
+        (our_machine("simplified", {"simplified.k": 1.0}), NOMINAL_TRUST),
+        (our_machine("simplified"), CALIBRATED_TRUST),
+    ):
+        assert [t for t in labelled(wrong, machine, trust)[2] if t.signal == "p_a"] == []
+
+
 def test_the_unit_and_its_factor_are_named(log: Log) -> None:
     (told,) = said(changed(log, slew=log.signals["slew"] * 180.0 / np.pi))
     assert told.finding == "slew: looks like deg labelled rad"

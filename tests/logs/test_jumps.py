@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from log_files import MEASURED, TOP
 
+from benchmarks.sound_logs import KINDS, sound, told
 from cosim.logs import load_log
 from cosim.logs.jumps import jumps
 
@@ -180,3 +181,62 @@ def test_a_column_that_is_no_signal_tells_why_a_command_kicks(tmp_path):
         (tmp_path / "log.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
         (told,) = [text for text in load_log(tmp_path / "log.csv", mapping).warnings if "jumps away" in text]
         assert ("where 'ref' steps too: it may follow that" in told) == ("ref" in head)
+
+
+def commanded(count=8000, rate=1000.0, seed=3):
+    """A hand on a stick that holds it still for 0.15 s; a second-order machine of 3 Hz that follows it, with noise."""
+    random = np.random.default_rng(seed)
+    time = np.arange(count) / rate
+    hand = np.convolve(random.normal(0, 1, count), np.exp(-np.arange(300) / 50) / 10)[:count]
+    command = np.convolve(hand, np.full(30, 1 / 30), "same")
+    command[3800:3950] = 1.5
+    speed, place, follows = 0.0, 0.0, []
+    for u in command:
+        speed += ((2 * np.pi * 3) ** 2 * (u - place) - 2 * np.pi * 3 * speed) / rate
+        place += speed / rate
+        follows.append(place)
+    return time, command, np.array(follows) + random.normal(0, 0.005, count)
+
+
+def test_a_hold_that_the_machine_answers_was_commanded():
+    time, command, follows = commanded()
+    assert jumps(time, command, held=True)[0].tolist() == [3800]
+    assert jumps(time, command, held=True, others=[follows])[0].size == 0
+
+
+@pytest.mark.parametrize("foreign", [1.5, -1.5])
+def test_a_hold_that_the_machine_does_not_answer_is_told(foreign):
+    """The machine went on with the hand: what the file holds of the command there is not what was commanded."""
+    time, command, follows = commanded()
+    command = changed(command, slice(6000, 6150), foreign)
+    assert jumps(time, command, held=True, others=[follows])[0].tolist() == [6000]
+
+
+def test_a_reading_that_follows_a_command_at_once_jumps_with_it_and_no_other_way():
+    time, command, follows = commanded()
+    current = 2 * command + np.random.default_rng(4).normal(0, 1e-3, time.size)
+    assert jumps(time, current, held=False, others=[command, follows])[0].size == 0
+    lost = changed(current, slice(6000, 6150), 3.0)
+    assert jumps(time, lost, held=False, others=[command, follows])[0].tolist() == [6000]
+
+
+def test_a_signal_that_jumps_as_far_elsewhere_and_stays_there_jumps_by_itself():
+    time = np.arange(4000) / 200
+    sine = 0.2 * np.sin(3 * time)
+    away = np.where((time > 5) & (time < 5.5), 0.5, 0.0)
+    assert jumps(time, sine + away, held=False)[0].tolist() == [1001]
+    assert jumps(time, sine + away + 0.6 * (time > 12), held=False)[0].size == 0
+    assert jumps(time, sine + away + 0.1 * (time > 12), held=False)[0].tolist() == [1001]
+
+
+def test_a_command_may_stand_as_a_log_begins_and_ends():
+    time = np.arange(4000) / 200
+    command = np.where((time > 0.6) & (time < 19.5), 0.5 + 0.2 * np.sin(3 * time), 0.0)
+    assert jumps(time, command, held=True)[0].size == 0
+    assert jumps(time, command, held=False)[0].tolist() == [0, 3900]
+
+
+def test_sound_logs_of_stepping_commands_are_seldom_called_damaged():
+    """Before signals were asked about one another one log in twenty was."""
+    found = {log.kind: told(log, log.signals) for log in sound(len(KINDS), seed=26)}
+    assert not any(found.values()), found

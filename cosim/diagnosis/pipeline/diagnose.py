@@ -44,7 +44,7 @@ from cosim.diagnosis.hypotheses.naming import (
     to_the_end,
     wald,
 )
-from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled
+from cosim.diagnosis.labels import Contradiction, against_tracker, clock, contradictions, rescaled, whole
 from cosim.diagnosis.model.groups import Group, left_out, merged
 from cosim.diagnosis.model.machine import Machine, our_machine
 from cosim.diagnosis.pipeline.origin import traced
@@ -646,7 +646,7 @@ def labelled(
     told = clock(log, made, machine, known)
     part = used_part(rescaled(log, 1.0 / (told[0].factor or 1.0)) if told else log, machine, from_start)
     record = prepare(part, machine)
-    return part, record, [*told, *contradictions(part, record, machine, known)]
+    return part, record, [*told, *contradictions(part, record, whole(machine, known), known)]
 
 
 def used_part(log: Log, machine: Machine, from_start: bool) -> Log:
