@@ -197,10 +197,10 @@ def _to_be_native(path: Path, by_name: bool, must: bool) -> bool:
     from cosim.native.build import MissingCompilerError, compiler
     from cosim.ssp.read import read_system
 
-    with read_system(path) as system:
-        if all(component.fmu.module is None for component in system.components.values()):
-            return False
-    if by_name and not must:
+    if must:
+        with read_system(path) as system:
+            return any(component.fmu.module is not None for component in system.components.values())
+    if by_name:  # a system of ours, whose FMUs are Python ones
         try:
             compiler()
         except MissingCompilerError:
@@ -208,7 +208,7 @@ def _to_be_native(path: Path, by_name: bool, must: bool) -> bool:
                 "there is no C compiler, so the FMUs exported are those that need Python on the host"
             )
             return False
-    return by_name or must
+    return by_name
 
 
 def machine_model(mapping: Path, out: Path, log: Path | None = None) -> dict[str, Any]:

@@ -271,12 +271,16 @@ def scaled(names: tuple[str, ...], by: float) -> Callable[[Signals], dict[str, A
     """Signals with some of them divided by a factor; the load pressure follows its ports."""
 
     def undone(signals: Signals) -> dict[str, Array]:
-        found = {n: v / by if n in names else v for n, v in signals.items()}
-        if {"p_a", "p_b"} & set(names) and {"p_a", "p_b"} <= set(found):
-            found["p_load"] = found["p_a"] - found["p_b"]
-        return found
+        return loaded({n: v / by if n in names else v for n, v in signals.items()}, names)
 
     return undone
+
+
+def loaded(signals: dict[str, Array], changed: tuple[str, ...]) -> dict[str, Array]:
+    """Signals of which some were changed; the load pressure follows its ports."""
+    if {"p_a", "p_b"} & set(changed) and {"p_a", "p_b"} <= signals.keys():
+        return signals | {"p_load": signals["p_a"] - signals["p_b"]}
+    return signals
 
 
 def signs(record: Record, groups: tuple[Group, ...]) -> Iterator[Mistake]:
@@ -329,10 +333,8 @@ def exchanges(log: Log, record: Record) -> Iterator[Mistake]:
 
     def undone(one: str, other: str, by: float) -> Callable[[Signals], dict[str, Array]]:
         def made(signals: Signals) -> dict[str, Array]:
-            found = dict(signals) | {one: signals[other] / by, other: signals[one] * by}
-            return found | (
-                {"p_load": found["p_a"] - found["p_b"]} if "p_load" in found and "p_b" in found else {}
-            )
+            exchanged = {one: signals[other] / by, other: signals[one] * by}
+            return loaded({**signals, **exchanged}, (one, other))
 
         return made
 

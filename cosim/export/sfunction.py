@@ -107,9 +107,8 @@ def files(item: ExportedFmu, script: str) -> dict[str, bytes]:
         script: name of the model, whose script compiles them.
 
     Raises:
-        ModelError: it has no C sources, or a port that is no number.
+        ModelError: a port is no number.
     """
-    compiled_files(item)
     for variable in (*item.inputs, *item.outputs):
         if variable.kind not in KINDS:
             raise ModelError(

@@ -63,8 +63,8 @@ def write_simulink(
 
 def _context(model: ExportedModel, name: str, compiled: bool) -> dict[str, Any]:
     system = model.system
-    wiring = sfunction.wiring(model)
-    delayed = wiring.delayed if compiled else model.delayed
+    wiring = sfunction.wiring(model) if compiled else None
+    delayed = model.delayed if wiring is None else wiring.delayed
     scope = Names("Simulink", MATLAB_KEYWORDS, MATLAB_LENGTH)
     blocks = {c: scope.give(c, f"component '{c}'") for c in model.order}
     inputs = [
@@ -80,7 +80,7 @@ def _context(model: ExportedModel, name: str, compiled: bool) -> dict[str, Any]:
     workspace = Names("the MATLAB workspace", MATLAB_KEYWORDS, MATLAB_LENGTH)
     workspace.reserve("tout", "the time that Simulink logs")
     components = [_block(model, c, block, k, workspace) for k, (c, block) in enumerate(blocks.items())]
-    if compiled:
+    if wiring is not None:
         for item in components:
             item |= _compiled(model, item["component"], wiring)
     return {
