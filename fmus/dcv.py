@@ -300,6 +300,62 @@ def output(x: State, u: Input, m: NoMemory, p: Parameters) -> Output:
     return Output(x.spool, x.spool_rate)
 
 
+# In model exchange. The motion is 0.0: free; 1.0 or -1.0: pressed against the stop of this side; 2.0 or -2.0: at the largest
+# speed in this direction. It changes at events only. 1e-15 m, 1e-12 m/s and 1e-9 m/s2 are below anything that matters: by
+# so much an indicator is away from zero where a motion begins, since a host looks for its next change of sign.
+
+
+@equation
+def motion_from(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> float:
+    """The motion that begins in this state."""
+    rest = rest_position(delayed_demand(u.demand, m, p), p)
+    if x.spool_rate == 0.0 and x.spool >= p.x_max and rest > p.x_max + 1e-15:
+        return 1.0
+    if x.spool_rate == 0.0 and x.spool <= p.x_min and rest < p.x_min - 1e-15:
+        return -1.0
+    side = math.copysign(1.0, x.spool_rate)
+    if abs(x.spool_rate) >= p.v_max and pull(x.spool - rest, x.spool_rate, m, p) * side > 1e-9:
+        return 2.0 * side
+    return 0.0
+
+
+@equation
+def after_event(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float) -> State:
+    """The state after an event: at the largest speed, or at a stop, which took the speed into it."""
+    return settled(x.spool, x.spool_rate, p)
+
+
+@equation
+def indicators(
+    x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float
+) -> tuple[float, float, float]:
+    """Numbers that an event makes negative: way and speed left until a limit, or what still holds the spool at it."""
+    rest = rest_position(delayed_demand(u.demand, m, p), p)
+    if motion == 1.0:
+        return rest - p.x_max, 1.0, 1.0
+    if motion == -1.0:
+        return p.x_min - rest, 1.0, 1.0
+    left = p.v_max - abs(x.spool_rate) + 1e-12
+    if motion != 0.0:
+        left = pull(x.spool - rest, x.spool_rate, m, p) * motion
+    return p.x_max - x.spool + 1e-15, x.spool - p.x_min + 1e-15, left
+
+
+@equation
+def step_without_event(
+    x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float
+) -> State:
+    """(4.16) over a step of length c.h in which the motion stays as it is; of a damping that varies, as it begins."""
+    if motion == 1.0 or motion == -1.0:
+        return State(x.spool, 0.0)
+    if motion != 0.0:
+        return State(x.spool + c.h * x.spool_rate, x.spool_rate)
+    rest = rest_position(delayed_demand(u.demand, m, p), p)
+    e = x.spool - rest
+    spool, rate = moved(x.spool, x.spool_rate, rest, c.h, damping_ratio(p.zeta, e, m, p), p)
+    return State(spool, rate)
+
+
 BLOCK = Block(
     name="dcv",
     title="Directional control valve: command to spool position",

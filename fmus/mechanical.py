@@ -305,6 +305,96 @@ def output(x: State, u: Input, m: NoMemory, p: Parameters) -> Output:
     return Output(seen_angle(x.theta, m, p), seen_velocity(x.omega, x.theta, m, p))
 
 
+# In model exchange. The motion is 0.0: held at rest by friction or by an end of the travel; 1.0 or -1.0: free, in this
+# direction, the sense of dry friction. It changes at events only. 1e-12 rad and rad/s and 1e-9 N m are below anything that
+# matters: by so much an indicator is away from zero where a motion begins, since a host looks for its next change of sign.
+
+
+@equation
+def pushing(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> float:
+    """Torque without friction at rest, N m."""
+    return p.A * p.r * u.p_load - load_torque(0.0, x.theta, x.omega, x, m, p, c)
+
+
+@equation
+def sticking(m: NoMemory, p: Parameters) -> float:
+    """Torque up to which dry friction holds, N m; none where friction builds up with speed."""
+    if p.omega_v > 0.0:
+        return 0.0
+    return friction_level(0.0, m, p)
+
+
+@equation
+def held_between(x: State, m: NoMemory, p: Parameters) -> tuple[float, float]:
+    """Torques between which friction and the ends of the travel hold it at rest, N m: no less than what slows it once it moves."""
+    holding = sticking(m, p)
+    low, high = -holding, holding
+    if holding > 0.0:
+        low = -max(holding, friction_level(-1e-12, m, p))
+        high = max(holding, friction_level(1e-12, m, p))
+    if x.theta <= p.theta_min:
+        low = -1e12
+    if x.theta >= p.theta_max:
+        high = 1e12
+    return low, high
+
+
+@equation
+def motion_from(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> float:
+    """The motion that begins in this state."""
+    if x.omega != 0.0:
+        return math.copysign(1.0, x.omega)
+    push = pushing(x, u, m, p, c)
+    low, high = held_between(x, m, p)
+    if low + 1e-9 < push < high - 1e-9:
+        return 0.0
+    return math.copysign(1.0, push)
+
+
+@equation
+def after_event(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float) -> State:
+    """The state after an event: at rest where friction stopped the motion or an end of the travel took its speed."""
+    omega = x.omega
+    if motion == 0.0 or (sticking(m, p) > 0.0 and motion * omega < 0.0):
+        omega = 0.0
+    theta, omega = stopped(x.theta, omega, p.theta_min, p.theta_max)
+    return State(theta, omega, x.torque, x.bristle)
+
+
+@equation
+def indicators(
+    x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float
+) -> tuple[float, float, float]:
+    """Numbers that an event makes negative: torques left until it breaks away, or speed and angles left until it stops."""
+    if motion == 0.0:
+        push = pushing(x, u, m, p, c)
+        low, high = held_between(x, m, p)
+        return high - push, push - low, 1.0
+    speed = 1.0
+    if sticking(m, p) > 0.0:
+        speed = motion * x.omega + 1e-12
+    return speed, p.theta_max - x.theta + 1e-12, x.theta - p.theta_min + 1e-12
+
+
+@equation
+def step_without_event(
+    x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float
+) -> State:
+    """(4.27) over a step of length c.h in which the motion stays as it is."""
+    torque = p.A * p.r * u.p_load
+    if motion == 0.0:
+        return State(x.theta, 0.0, torque, 0.0)
+    speed = motion * max(motion * x.omega, 1e-12)  # a host may look a little beyond the event
+    drag = motion * friction_level(speed, m, p)
+    if p.omega_v > 0.0:
+        drag = friction_level(x.omega, m, p) * math.tanh(x.omega / p.omega_v)
+    t0 = x.torque - drag - load_torque(0.0, x.theta, x.omega, x, m, p, c)
+    ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
+    t1 = torque - drag - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
+    theta = x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1
+    return State(joint_angle(theta, x.theta, p), c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1, torque, 0.0)
+
+
 BLOCK = Block(
     name="mechanical",
     title="Slew mechanics: load pressure to angle",

@@ -90,6 +90,50 @@ def output(x: State, u: Input, m: NoMemory, p: Parameters) -> Output:
     return Output(x.theta, x.omega)
 
 
+# In model exchange. The motion is 0.0: held at an end of the travel; 1.0: free. It changes at events only. 1e-12 rad and
+# rad/s2 are below anything that matters: by so much an indicator is away from zero where a motion begins.
+
+
+@equation
+def motion_from(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> float:
+    """The motion that begins in this state."""
+    push = p.k * acting_command(u.command, m, p)
+    into = (x.theta >= p.theta_max and push > 1e-12) or (x.theta <= p.theta_min and push < -1e-12)
+    return 0.0 if x.omega == 0.0 and into else 1.0
+
+
+@equation
+def after_event(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float) -> State:
+    """The state after an event: an end of the travel takes the speed into it."""
+    theta, omega = stopped(x.theta, x.omega, p.theta_min, p.theta_max)
+    return State(theta, omega)
+
+
+@equation
+def indicators(
+    x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float
+) -> tuple[float, float]:
+    """Numbers that an event makes negative: angles left until it stops, or what still holds it there."""
+    if motion == 0.0:
+        push = p.k * acting_command(u.command, m, p)
+        return push if x.theta >= p.theta_max else -push, 1.0
+    return p.theta_max - x.theta + 1e-12, x.theta - p.theta_min + 1e-12
+
+
+@equation
+def step_without_event(
+    x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients, motion: float
+) -> State:
+    """(4.15) over a step of length c.h in which the motion stays as it is."""
+    if motion == 0.0:
+        return State(x.theta, 0.0)
+    command = acting_command(u.command, m, p)
+    return State(
+        x.theta + c.t_w * x.omega + c.t_u * command,
+        c.w_w * x.omega + c.w_u * command,
+    )
+
+
 BLOCK = Block(
     name="simplified",
     title="Simplified drive: command to angle in one transfer function",

@@ -2,22 +2,26 @@
 
 A block's file says how a step of length h changes its state. The derivative of that by h at h = 0 is the right-hand side of
 the block's differential equation; numbers that carry a derivative give it exactly (`c/rates.h`). A first step of length 0
-brings what a state keeps of its input (an opening, a torque) up to date. Blocks whose step has events or remembers the past
-stay with co-simulation; where only an effect does so, the effect is refused.
+brings what a state keeps of its input (an opening, a torque) up to date.
+
+A block with events (a stop, dry friction) says besides how a step goes on in which none comes (`step_without_event`), what
+tells that one has come (`indicators`), the state after it (`after_event`) and the motion that begins there (`motion_from`).
+What remembers the past stays with co-simulation; where only an effect does so, the effect is refused.
 """
 
 import hashlib
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import get_args
 
 from lxml import etree
 from lxml.builder import E
 
 from cosim.native.glue import function
-from cosim.native.kinds import c_name, real_text
-from cosim.native.model import Model, buffers
-from cosim.native.translate import Program
+from cosim.native.kinds import REAL, c_name, real_text
+from cosim.native.model import Model, Part, buffers
+from cosim.native.translate import CO_SIMULATION, Program
 from cosim.units import base_exponents
 from fmus.contract import Variable
 from fmus.dependencies import after_step, at_start, of_states
@@ -31,7 +35,7 @@ class Exchange:
     Attributes:
         states: its continuous states, each with the states and inputs on which its derivative depends; the other fields of
             `State` follow from the input.
-        smooth: parameters that must be zero, because their effect has events: dry friction sticks, a reading in steps jumps.
+        smooth: parameters that must be zero: their effect has a state of its own, or jumps as often as a reading does.
     """
 
     states: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -50,16 +54,29 @@ EXCHANGE = {
             "rack": ("omega",),
         }
     ),
-    "mechanical": Exchange(
-        {"theta": ("theta", "omega"), "omega": ("theta", "omega", "p_load")}, ("tau_c", "tau_s")
-    ),
+    "mechanical": Exchange({"theta": ("theta", "omega"), "omega": ("theta", "omega", "p_load")}, ("z_s",)),
     "simplified": Exchange({"theta": ("omega",), "omega": ("omega", "command")}),
+    "dcv": Exchange({"spool": ("spool_rate",), "spool_rate": ("spool", "spool_rate", "demand")}),
+}
+MOVING = ("State", "Input", "Memory", "Parameters", "Coefficients")
+EVENTS = {
+    "coefficients": CO_SIMULATION["coefficients"],
+    "motion_from": MOVING,
+    "after_event": (*MOVING, REAL),
+    "indicators": (*MOVING, REAL),
 }
 
 
 def exchange(model: Model) -> Exchange | None:
     """How a model is exchanged, or None if it is for co-simulation only."""
     return EXCHANGE.get(model.parts[0].composed.block.name) if len(model.parts) == 1 else None
+
+
+def indicators(model: Model) -> int:
+    """How many numbers tell that an event has come."""
+    found = exchange(model)
+    made = getattr(model.parts[0].composed.block.module, "indicators", None) if found else None
+    return len(get_args(made.__annotations__["return"])) if made else 0
 
 
 def states(model: Model) -> list[tuple[str, Variable]]:
@@ -97,6 +114,7 @@ def definitions(model: Model) -> list[str]:
     return [
         f"#define EXCHANGE {int(found is not None)}",
         f"#define N_STATES {len(rows)}",
+        f"#define N_INDICATORS {indicators(model)}",
         f"#define N_STILL {len(still)}",
         f"static const double model_nominals[] = {{{', '.join(real_text(v.nominal) for _, v in rows) or '0'}}};",
         f"static const int model_still[] = {{{', '.join(str(first + names.index(n)) for n, _ in still) or '0'}}};",
@@ -120,7 +138,10 @@ def lines(model: Model) -> list[str]:
         return []
     part = model.parts[0]
     own = f"M->{c_name(part.name)}"
-    program = Program(part.composed, f"rate_{part.program.prefix}", with_rates=True)
+    step = "step_without_event" if indicators(model) else "step"
+    moving = {"coefficients": CO_SIMULATION["coefficients"], "output": CO_SIMULATION["output"]}
+    moving[step] = ("State", "Input", "Memory", "Parameters", "Coefficients", *([REAL] * (step != "step")))
+    program = Program(part.composed, f"rate_{part.program.prefix}", moving, with_rates=True)
     fields = [f"{own}.x.{c_name(n)}" for n in found.states]
     out = [f"to[{k}] = {field};" for k, field in enumerate(fields)]
     back = [f"{field} = from[{k}];" for k, field in enumerate(fields)]
@@ -130,22 +151,67 @@ def lines(model: Model) -> list[str]:
         program.text(),
         *function("model_get_states", "const Model *M, double to[]", [*out, "(void)M;", "(void)to;"]),
         *function("model_set_states", "Model *M, const double from[]", [*back, "(void)M;", "(void)from;"]),
-        *rates(model, program, found, own),
+        *rates(model, program, found, own, step),
+        *(events(model, own) if indicators(model) else []),
     ]
 
 
-def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str]:
+def copied(part: Part, program: Program, layout: str, place: str, made: str = "{}") -> str:
+    """Initial values of a struct from one of the same fields, each number `made` into what this text says."""
+    lists = buffers(part.composed)
+    places = [(n, f"{place}.{c_name(n)}") for n in program.layouts[layout].names]
+    return ", ".join(at if n in lists and layout == "Memory" else made.format(at) for n, at in places) or "0"
+
+
+def events(model: Model, own: str) -> list[str]:
+    """What tells that an event has come, and what follows it."""
+    part = model.parts[0]
+    program = Program(part.composed, f"event_{part.program.prefix}", EVENTS)
+    entries = {w.target[1]: k for k, w in enumerate(model.wires)}
+    kinds = {name: struct.c for name, struct in program.layouts.items()}
+    inputs = ", ".join(f"inputs[{entries[n]}]" for n in part.composed.inputs) or "0"
+    given = [
+        f"const {kinds['Parameters']} p = {{{copied(part, program, 'Parameters', f'{own}.p')}}};",
+        f"const {kinds['Memory']} m = {{{copied(part, program, 'Memory', f'{own}.m')}}};",
+        f"const {kinds['Input']} u = {{{inputs}}};",
+        f"{kinds['State']} x = {{{copied(part, program, 'State', f'{own}.x')}}};",
+        f"{kinds['Coefficients']} c;",
+        *(f"(void){name};" for name in ("p", "m", "u", "x", "c", "inputs", "py_fault")),
+        program.call("coefficients", "c", "&p", "0.0"),
+    ]
+    known = ("&x", "&u", "&m", "&p", "&c")
+    kind = program.entries["indicators"].result.c
+    told = [
+        *given,
+        f"{kind} left;",
+        program.call("indicators", "left", *known, "motion"),
+        *(f"indicators[{k}] = left.e{k};" for k in range(indicators(model))),
+    ]
+    after = [
+        *given,
+        "if (!first) {",
+        f"    {program.call('after_event', 'x', *known, '*motion')}",
+        "}",
+        program.call("motion_from", "*motion", *known),
+        *(f"{own}.x.{c_name(n)} = x.{c_name(n)};" for n in program.layouts["State"].names),
+    ]
+    head = "const Model *M, const double inputs[], double motion, double indicators[], int *py_fault"
+    return [
+        program.text(),
+        *function("model_indicators", head, told),
+        *function(
+            "model_event", "Model *M, const double inputs[], double *motion, int first, int *py_fault", after
+        ),
+    ]
+
+
+def rates(model: Model, program: Program, found: Exchange, own: str, step: str) -> list[str]:
     """Derivatives of the states, and outputs, at the present states and inputs; and of both in a direction of these."""
     part = model.parts[0]
     kinds = {name: struct.c for name, struct in program.layouts.items()}
-    lists = buffers(part.composed)
 
-    def copied(layout: str, place: str) -> str:
-        places = [(n, f"{place}.{c_name(n)}") for n in program.layouts[layout].names]
-        return (
-            ", ".join(at if n in lists and layout == "Memory" else f"pc_real({at})" for n, at in places)
-            or "0"
-        )
+    def lifted(layout: str, place: str) -> str:
+        return copied(part, program, layout, place, "pc_real({})")
 
     entries = {w.target[1]: k for k, w in enumerate(model.wires)}
     values = (
@@ -162,38 +228,31 @@ def rates(model: Model, program: Program, found: Exchange, own: str) -> list[str
     ends = [f"rates[{k}] = x1.{c_name(n)}.rate;" for k, n in enumerate(found.states)]
     slopes = [f"slopes[{k}] = y.{c_name(n)}.seed;" for k, n in enumerate(part.composed.outputs)]
     slopes += [f"slopes[{len(slopes) + k}] = x1.{c_name(n)}.both;" for k, n in enumerate(found.states)]
-    assert not [b for b in lists.values() if b.resource]
+    assert not [b for b in buffers(part.composed).values() if b.resource]
+    given = ("&x", "&u", "&m", "&p", "&c", *(["pc_real(motion)"] * (step != "step")))
     body = [
-        f"const {kinds['Parameters']} p = {{{copied('Parameters', f'{own}.p')}}};",
+        f"const {kinds['Parameters']} p = {{{lifted('Parameters', f'{own}.p')}}};",
         f"const {kinds['Input']} u = {{{values}}};",
-        f"const {kinds['Memory']} m = {{{copied('Memory', f'{own}.m')}}};",
-        f"{kinds['State']} x = {{{copied('State', f'{own}.x')}}}, x1;",
+        f"const {kinds['Memory']} m = {{{lifted('Memory', f'{own}.m')}}};",
+        f"{kinds['State']} x = {{{lifted('State', f'{own}.x')}}}, x1;",
         f"{kinds['Coefficients']} c;",
         f"{kinds['Output']} y;",
-        *(
-            "(void)m;",
-            "(void)p;",
-            "(void)u;",
-            "(void)rates;",
-            "(void)inputs;",
-            "(void)seeds;",
-            "(void)py_fault;",
-        ),
+        *(f"(void){name};" for name in ("m", "p", "u", "rates", "inputs", "seeds", "motion", "py_fault")),
         program.call("coefficients", "c", "&p", "pc_real(0.0)"),
-        program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
+        program.call(step, "x1", *given),
         "x = x1; /* what it keeps of the input is that of now */",
         *state,
         program.call("output", "y", "&x", "&u", "&m", "&p"),
         *outputs,
         program.call("coefficients", "c", "&p", "pc_make(0.0, 1.0, 0.0, 0.0)"),
-        program.call("step", "x1", "&x", "&u", "&m", "&p", "&c"),
+        program.call(step, "x1", *given),
         *ends,
         *slopes,
         "(void)c;",
         "(void)x1;",
     ]
     head = (
-        "const Model *M, const double inputs[], const double seeds[], double outputs[], double rates[], "
+        "const Model *M, const double inputs[], double motion, const double seeds[], double outputs[], double rates[], "
         "double slopes[], int *py_fault"
     )
     return function("model_rates", head, body)
@@ -232,6 +291,8 @@ def extended(root: etree._Element, model: Model, content: bytes) -> etree._Eleme
         node[0].set("derivative", str(first + k + 1))
         variables.append(node)
     depend(structure, model, {name: k for k, (name, _, _) in enumerate(model.rows, 1)})
+    if indicators(model):
+        root.set("numberOfEventIndicators", str(indicators(model)))
     root.set("guid", "")
     digest = hashlib.sha256(etree.tostring(root) + content).hexdigest()
     root.set("guid", f"{{{uuid.UUID(digest[:32])}}}")

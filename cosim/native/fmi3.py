@@ -62,11 +62,14 @@ def description(root: etree._Element, model: Model, content: bytes) -> etree._El
     }
     variables = E.ModelVariables(etree.Element("Float64", clock, description=TIME.text, unit=TIME.unit))
     variables.extend(variable(node) for node in nodes)
+    indicators = [str(time + 1 + k) for k in range(int(made.attrib.pop("numberOfEventIndicators", "0")))]
+    variables.extend(indicator(k, reference) for k, reference in enumerate(indicators, 1))
     made.append(variables)
     outputs = {str(k) for k, n in enumerate(nodes) if n.get("name") in model.timed}
     structure = E.ModelStructure()
     for section in root.find("ModelStructure"):
         structure.extend(unknown(node, STRUCTURE[section.tag], time, outputs) for node in section)
+    structure.extend(etree.Element("EventIndicator", valueReference=reference) for reference in indicators)
     made.append(structure)
     if (own := root.find("VendorAnnotations")) is not None:
         made.append(E.Annotations(*(E.Annotation(*tool, type=tool.get("name")) for tool in own)))
@@ -99,6 +102,14 @@ def variable(node: etree._Element) -> etree._Element:
     if made.get("derivative") is not None:
         made.set("derivative", str(int(made.get("derivative")) - 1))
     return made
+
+
+def indicator(number: int, reference: str) -> etree._Element:
+    """The variable of an event indicator, which FMI 3.0 wants to see."""
+    made = {"name": f"event.indicator_{number}", "valueReference": reference, "causality": "local"}
+    return etree.Element(
+        "Float64", made, variability="continuous", description="What an event makes negative"
+    )
 
 
 def unknown(node: etree._Element, name: str, time: int, timed: set[str]) -> etree._Element:

@@ -8,7 +8,7 @@ same (tests/native/test_native_twin.py). What cannot be translated is refused wi
 
 import ast
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from cosim.errors import ModelError
 from cosim.native.expressions import FAILING, SAFE, TESTS, RefusedError
@@ -19,6 +19,14 @@ from fmus.contract import Buffer
 from fmus.syntax import parsed
 
 LAYOUTS = ("Input", "Output", "State", "Memory", "Parameters", "Coefficients")
+# what the outside calls, with the arguments of each: named tuples, numbers, and the lists that are remembered
+CO_SIMULATION: dict[str, tuple[str | Kind, ...]] = {
+    "start": ("Input", "Parameters"),
+    "begin": ("State", "Input", "Parameters", ARRAYS),
+    "coefficients": ("Parameters", REAL),
+    "advance": ("State", "Memory", "Input", "Parameters", "Coefficients"),
+    "output": ("State", "Input", "Memory", "Parameters"),
+}
 
 
 class Program:
@@ -28,11 +36,17 @@ class Program:
         prefix: begins the names of its types and functions, so that several blocks can share a file.
         with_rates: every number carries a derivative.
         layouts: the named tuples as structs.
-        entries: the functions that the outside calls, by name: start, begin, coefficients, advance, output.
+        entries: the functions that the outside calls, by name.
     """
 
-    def __init__(self, composed: Composed, prefix: str, with_rates: bool = False) -> None:
-        """Translate a block.
+    def __init__(
+        self,
+        composed: Composed,
+        prefix: str,
+        called: Mapping[str, tuple[str | Kind, ...]] = CO_SIMULATION,
+        with_rates: bool = False,
+    ) -> None:
+        """Translate a block, as far as what is `called` needs it.
 
         Raises:
             ModelError: an equation of the block or of one of its effects has no translation.
@@ -44,20 +58,9 @@ class Program:
         self.plain: dict[tuple[Kind, ...], Struct] = {}
         self.done: dict[tuple[str, tuple[Kind, ...]], Function] = {}
         self.open: list[str] = []
-        u, _, x, m, p, c = (self.layouts[name] for name in LAYOUTS)
-        if with_rates:  # a step of length 0, without what is remembered
-            self.entries = {
-                "coefficients": self.translated("coefficients", (p, REAL)),
-                "step": self.translated("step", (x, u, m, p, c)),
-                "output": self.translated("output", (x, u, m, p)),
-            }
-            return
         self.entries = {
-            "start": self.translated("start", (u, p)),
-            "begin": self.translated("begin", (x, u, p, ARRAYS)),
-            "coefficients": self.translated("coefficients", (p, REAL)),
-            "advance": self.translated("advance", (x, m, u, p, c)),
-            "output": self.translated("output", (x, u, m, p)),
+            name: self.translated(name, [self.layouts[k] if isinstance(k, str) else k for k in kinds])
+            for name, kinds in called.items()
         }
 
     def layout(self, name: str) -> Struct:

@@ -107,7 +107,7 @@ static int exchange(char **words, unsigned *seed) {
     fmi2Component c = fmi2Instantiate("a", fmi2ModelExchange, words[2], words[1], &host, 0, 0);
     fmi2EventInfo info;
     fmi2Boolean one, other;
-    double x[N_STATES + 1], rates[N_STATES + 1], read[2], u;
+    double x[N_STATES + 1], rates[N_STATES + 1], left[N_INDICATORS + 1], read[2], u;
     const fmi2ValueReference input = 0, locals[] = {N_VARIABLES, N_VARIABLES + 2 * N_STATES - 1};
     int k, j, status = fmi2SetupExperiment(c, fmi2False, 0.0, 0.0, fmi2False, 0.0) | fmi2EnterInitializationMode(c);
     status |= fmi2ExitInitializationMode(c) | fmi2NewDiscreteStates(c, &info) | fmi2EnterContinuousTimeMode(c);
@@ -115,7 +115,7 @@ static int exchange(char **words, unsigned *seed) {
     for (k = 0; k < 1000; k++) {
         u = (chance(seed) - 0.5) * 1e-3;
         status |= fmi2SetTime(c, k * 1e-4) | fmi2SetReal(c, &input, 1, &u) | fmi2SetContinuousStates(c, x, N_STATES);
-        status |= fmi2GetDerivatives(c, rates, N_STATES) | fmi2GetEventIndicators(c, NULL, 0);
+        status |= fmi2GetDerivatives(c, rates, N_STATES) | fmi2GetEventIndicators(c, left, N_INDICATORS);
         status |= fmi2CompletedIntegratorStep(c, fmi2True, &one, &other);
         status |= N_STATES ? fmi2GetReal(c, locals, 2, read) : fmi2OK;
         for (j = 0; j < N_STATES; j++) {

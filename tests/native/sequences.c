@@ -130,7 +130,10 @@ static unsigned long sequence(const char *resources, const char *token, unsigned
             }
             fmi2GetDerivatives(c, x, size);
             fmi2GetNominalsOfContinuousStates(c, x, size);
-            fmi2GetEventIndicators(c, NULL, 0);
+            {
+                double left[N_INDICATORS + 3];
+                fmi2GetEventIndicators(c, left, below(4) ? N_INDICATORS : below(N_INDICATORS + 3));
+            }
             fmi2CompletedIntegratorStep(c, truths[0], &truths[1], &truths[2]);
             break;
         }

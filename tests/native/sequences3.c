@@ -128,7 +128,10 @@ static unsigned long sequence(const char *resources, const char *token, unsigned
             }
             fmi3GetContinuousStateDerivatives(c, x, size);
             fmi3GetNominalsOfContinuousStates(c, x, size);
-            fmi3GetEventIndicators(c, NULL, 0);
+            {
+                double left[N_INDICATORS + 3];
+                fmi3GetEventIndicators(c, left, below(4) ? N_INDICATORS : below(N_INDICATORS + 3));
+            }
             fmi3CompletedIntegratorStep(c, below(2), truths, truths + 1);
             break;
         default:

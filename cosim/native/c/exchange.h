@@ -1,4 +1,4 @@
-/* Model exchange: states, their derivatives and outputs as functions of time, inputs and states. There are no events. */
+/* Model exchange: states, their derivatives and outputs as functions of time, inputs and states, and events. */
 
 #ifndef EXCHANGE_H
 #define EXCHANGE_H
@@ -14,11 +14,12 @@ static void model_set_states(Model *M, const double from[]) {
     (void)from;
 }
 
-static void model_rates(const Model *M, const double inputs[], const double seeds[], double outputs[], double rates[],
-                        double slopes[], int *py_fault) {
+static void model_rates(const Model *M, const double inputs[], double motion, const double seeds[], double outputs[],
+                        double rates[], double slopes[], int *py_fault) {
     int k;
     (void)M;
     (void)inputs;
+    (void)motion;
     (void)seeds;
     (void)rates;
     (void)py_fault;
@@ -28,13 +29,31 @@ static void model_rates(const Model *M, const double inputs[], const double seed
 }
 #endif
 
-/* In model exchange nothing can be remembered, and an effect with events would need them announced. */
+#if !N_INDICATORS /* nothing ever happens */
+static void model_indicators(const Model *M, const double inputs[], double motion, double indicators[], int *py_fault) {
+    (void)M;
+    (void)inputs;
+    (void)motion;
+    (void)indicators;
+    (void)py_fault;
+}
+
+static void model_event(Model *M, const double inputs[], double *motion, int first, int *py_fault) {
+    (void)M;
+    (void)inputs;
+    (void)motion;
+    (void)first;
+    (void)py_fault;
+}
+#endif
+
+/* In model exchange nothing can be remembered. */
 static Status check_exchange(Instance *I) {
     char a[NUMBER_SIZE], b[NUMBER_SIZE];
     int k;
     for (k = 0; I->exchange && k < N_STILL; k++) {
         if (I->values[model_still[k]] != model_still_at[k]) {
-            return refuse(I, "%s = %s is refused in model exchange, since its effect has events or remembers the past: it must be %s",
+            return refuse(I, "%s = %s is refused in model exchange, since its effect remembers the past or jumps with every reading: it must be %s",
                           model_names[model_still[k]], number(I->values[model_still[k]], a), number(model_still_at[k], b));
         }
     }
@@ -51,7 +70,7 @@ static Status refresh(Instance *I, double rates[]) {
     if (check_exchange(I) != STATUS_OK) {
         return STATUS_ERROR;
     }
-    model_rates(&I->model, I->values, no_seeds, outputs, rates, slopes, &fault);
+    model_rates(&I->model, I->values, I->motion, no_seeds, outputs, rates, slopes, &fault);
     for (k = 0; k < N_STATES; k++) {
         fault = fault || isfinite(rates[k]) ? fault : PY_RANGE;
     }
@@ -75,9 +94,9 @@ static Status get_local(Instance *I, Reference r, double *value) {
     if (place >= N_STATES) {
         int fault = PY_NO_FAULT;
         double outputs[N_OUTPUTS], slopes[N_OUTPUTS + N_STATES];
-        model_rates(&I->model, I->values, no_seeds, outputs, numbers + N_STATES, slopes, &fault);
+        model_rates(&I->model, I->values, I->motion, no_seeds, outputs, numbers + N_STATES, slopes, &fault);
         if (fault) {
-            *value = NAN; /* a step may still be possible: dry friction has steps but no derivative */
+            *value = NAN; /* a step may still be possible: what remembers the past has steps but no derivative */
             return STATUS_OK;
         }
     }
@@ -155,6 +174,48 @@ static Status get_rates(Instance *I, const char *call, double rates[], size_t n)
     return STATUS_OK;
 }
 
+/* Event indicators, at the present states and inputs. */
+static Status get_indicators(Instance *I, double found[], size_t n) {
+    int fault = PY_NO_FAULT;
+    if (check_count(I, "GetEventIndicators", 1, n, N_INDICATORS) != STATUS_OK ||
+        (I->mode == INITIALISING && !I->begun && begin(I) != STATUS_OK)) {
+        return STATUS_ERROR;
+    }
+    model_indicators(&I->model, I->values, I->motion, found, &fault);
+    return fault ? refuse_fault(I, FMI "GetEventIndicators", fault) : STATUS_OK;
+}
+
+#if FMI_VERSION == 3 /* which shows them among its variables */
+/* One of them as a variable; in co-simulation that of the motion that begins in the present state. */
+static double one_indicator(Instance *I, int k) {
+    double found[N_INDICATORS + 1], motion = I->motion;
+    int fault = PY_NO_FAULT;
+    if (!I->exchange) {
+        model_event(&I->model, I->values, &motion, 1, &fault);
+    }
+    model_indicators(&I->model, I->values, motion, found, &fault);
+    return fault ? NAN : found[k];
+}
+#endif
+
+/* The state after an event, and the motion that begins there; says whether states have jumped. */
+static Status make_event(Instance *I, const char *call, int *jumped) {
+    double before[N_STATES + 1], after[N_STATES + 1];
+    int k, fault = PY_NO_FAULT;
+    *jumped = 0;
+    if (in_exchange(I, call, 0) != STATUS_OK) {
+        return STATUS_ERROR;
+    }
+    model_get_states(&I->model, before);
+    model_event(&I->model, I->values, &I->motion, 0, &fault);
+    model_get_states(&I->model, after);
+    for (k = 0; k < N_STATES; k++) {
+        *jumped = *jumped || before[k] != after[k];
+    }
+    I->begun = 0; /* outputs follow anew */
+    return fault ? refuse_fault(I, call, fault) : STATUS_OK;
+}
+
 static Status get_nominals(Instance *I, double nominals[], size_t n) {
     if (check_count(I, "GetNominalsOfContinuousStates", 1, n, N_STATES) != STATUS_OK) {
         return STATUS_ERROR;
@@ -193,7 +254,7 @@ static int unknown(Instance *I, Reference r) {
 static Status slopes_along(Instance *I, const char *call, const double seeds[], double slopes[]) {
     double outputs[N_OUTPUTS], rates[N_STATES + 1];
     int fault = PY_NO_FAULT;
-    model_rates(&I->model, I->values, seeds, outputs, rates, slopes, &fault);
+    model_rates(&I->model, I->values, I->motion, seeds, outputs, rates, slopes, &fault);
     return fault ? refuse_fault(I, call, fault) : STATUS_OK;
 }
 

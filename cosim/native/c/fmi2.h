@@ -267,8 +267,15 @@ fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
 }
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
-    memset(info, 0, sizeof *info); /* nothing to iterate, no event to come, no end */
-    return ANSWER(c, in_exchange(INSTANCE(c), "NewDiscreteStates", 0));
+    int jumped = 0;
+    Status status;
+    memset(info, 0, sizeof *info); /* nothing to iterate, no event to come at a known time, no end */
+    if (!c) {
+        return fmi2Error;
+    }
+    status = make_event(INSTANCE(c), "NewDiscreteStates", &jumped);
+    info->valuesOfContinuousStatesChanged = jumped ? fmi2True : fmi2False;
+    return (fmi2Status)status;
 }
 
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
@@ -299,8 +306,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 }
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t n) {
-    (void)indicators;
-    return ANSWER(c, check_count(INSTANCE(c), "GetEventIndicators", 1, n, 0));
+    return ANSWER(c, get_indicators(INSTANCE(c), indicators, n));
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {

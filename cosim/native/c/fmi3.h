@@ -355,9 +355,16 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) {
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *needUpdate, fmi3Boolean *terminate, fmi3Boolean *nominals,
                                     fmi3Boolean *states, fmi3Boolean *hasNextEvent, fmi3Float64 *nextEvent) {
-    *needUpdate = *terminate = *nominals = *states = *hasNextEvent = fmi3False;
+    int jumped = 0;
+    Status status;
+    if (!c) {
+        return fmi3Error;
+    }
+    *needUpdate = *terminate = *nominals = *hasNextEvent = fmi3False;
     *nextEvent = 0.0;
-    return ANSWER(c, in_exchange(INSTANCE(c), "UpdateDiscreteStates", 0));
+    status = make_event(INSTANCE(c), "UpdateDiscreteStates", &jumped);
+    *states = jumped ? fmi3True : fmi3False;
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
@@ -386,12 +393,11 @@ fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 nominal
 }
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 indicators[], size_t n) {
-    (void)indicators;
-    return ANSWER(c, check_count(INSTANCE(c), "GetEventIndicators", 1, n, 0));
+    return ANSWER(c, get_indicators(INSTANCE(c), indicators, n));
 }
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *n) {
-    *n = 0;
+    *n = N_INDICATORS;
     return c ? fmi3OK : fmi3Error;
 }
 

@@ -10,7 +10,7 @@
 
 #define NUMBER_SIZE 40
 #define ORDERS 3 /* highest order of an input's derivative */
-#define TIME (N_VARIABLES + 2 * N_STATES) /* value reference of the time, behind states and derivatives; FMI 3.0 has it */
+#define TIME (N_VARIABLES + 2 * N_STATES) /* value reference of the time, in FMI 3.0, and then of event indicators */
 
 enum { INSTANTIATED, INITIALISING, RUNNING, TERMINATED };
 
@@ -34,6 +34,7 @@ typedef struct {
     int begun;   /* state and outputs follow from the values as they are */
     double time; /* at which the simulation starts, then of the last step's end */
     double step; /* that the coefficients belong to */
+    double motion; /* between two events of model exchange, by the model's own numbers */
     double values[N_VARIABLES];
     int slopes; /* an input's derivative is set for the next step, which FMI 2.0 alone allows */
     double derivatives[N_INPUTS + 1][ORDERS];
@@ -127,7 +128,7 @@ static Status refuse_unknown(Instance *I, Reference r) {
 static Status refuse_value(Instance *I, Reference r, double value) {
     char a[NUMBER_SIZE], b[NUMBER_SIZE], c[NUMBER_SIZE], d[NUMBER_SIZE];
     if (r >= N_VARIABLES) {
-        return r < TIME + (FMI_VERSION == 3)
+        return r < TIME + (FMI_VERSION == 3) * (1 + N_INDICATORS)
                    ? refuse(I, "the variable with value reference %u is calculated and cannot be set", r)
                    : refuse_unknown(I, r);
     }

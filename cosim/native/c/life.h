@@ -8,6 +8,7 @@ static void start_values(Instance *I) {
     I->failed = I->begun = I->slopes = 0;
     I->time = 0.0;
     I->step = 1e-3;
+    I->motion = 0.0;
     memcpy(I->values, model_starts, sizeof I->values);
     memset(I->derivatives, 0, sizeof I->derivatives);
 }
@@ -60,6 +61,9 @@ static Status begin(Instance *I) {
     model_begin(&I->model, I->values, I->values + N_INPUTS, I->time, &fault);
     if (!fault) {
         model_coefficients(&I->model, I->step, &fault);
+    }
+    if (!fault && I->exchange) {
+        model_event(&I->model, I->values, &I->motion, 1, &fault);
     }
     if (fault) {
         return refuse_fault(I, "initialisation", fault);

@@ -13,6 +13,7 @@ typedef struct {
     double values[N_VARIABLES];
     double derivatives[N_INPUTS + 1][ORDERS];
     double numbers[N_NUMBERS + 1];
+    double motion;
 } Saved;
 
 static void save(Instance *I, Saved *s) {
@@ -25,6 +26,7 @@ static void save(Instance *I, Saved *s) {
     s->slopes = I->slopes;
     s->time = I->time;
     s->step = I->step;
+    s->motion = I->motion;
     memcpy(s->values, I->values, sizeof s->values);
     memcpy(s->derivatives, I->derivatives, sizeof s->derivatives);
     model_save(&I->model, s->numbers);
@@ -33,7 +35,7 @@ static void save(Instance *I, Saved *s) {
 /* What keeps a saved state from being restored, or NULL. */
 static const char *flaw(const Saved *s) {
     const double *d = s->derivatives[0];
-    int k, beyond = 0, bad = !isfinite(s->time) || !isfinite(s->step) || s->step <= 0.0;
+    int k, beyond = 0, bad = !isfinite(s->time) || !isfinite(s->step) || s->step <= 0.0 || !isfinite(s->motion);
     if (s->magic != MAGIC || strcmp(s->guid, MODEL_GUID) != 0) {
         return "it was not saved by " MODEL_NAME " " MODEL_GUID " on a platform like this";
     }
@@ -71,6 +73,7 @@ static Status restore(Instance *I, const Saved *s) {
     I->slopes = s->slopes != 0;
     I->time = s->time;
     I->step = s->step;
+    I->motion = s->motion;
     memcpy(I->values, s->values, sizeof s->values);
     memcpy(I->derivatives, s->derivatives, sizeof s->derivatives);
     model_load(&I->model, s->numbers);

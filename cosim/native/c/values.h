@@ -67,6 +67,10 @@ static Status get_reals(Instance *I, const Reference r[], size_t n, double value
             values[k] = I->time;
             continue;
         }
+        if (r[k] > TIME && r[k] <= TIME + N_INDICATORS) {
+            values[k] = one_indicator(I, (int)(r[k] - TIME) - 1);
+            continue;
+        }
         if (r[k] < N_VARIABLES && is_whole(r[k])) {
             values[k] = NAN;
             status = refuse(I, "%s is an " WHOLE " and cannot be got with " FMI "Get" REAL, model_names[r[k]]);
