@@ -110,7 +110,8 @@ def test_the_description_says_what_that_of_fmi_2_says(folders, unpacked, which) 
     same = ("name", "valueReference", "causality", "variability", "initial", "unit", "displayUnit", "min", "max",
             "nominal", "start", "description")  # fmt: skip
     clock, *variables = new.modelVariables
-    variables = [v for v in variables if not v.name.startswith("event.")]  # FMI 2.0 counts indicators without names
+    # FMI 2.0 counts event indicators without names
+    variables = [v for v in variables if not v.name.startswith("event.")]
     assert [[getattr(v, n) for n in same] for v in variables] == [
         [getattr(v, n) for n in same] for v in old.modelVariables
     ]
