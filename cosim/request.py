@@ -75,6 +75,14 @@ def set_file(given: Path) -> Path:
     return known[given.name]
 
 
+def lacking(name: str, system: System) -> str:
+    """What to say where a system lacks the component of ``component.parameter``: those that it has."""
+    component = name.rpartition(".")[0]
+    if not component or component in system.components:
+        return ""
+    return f": the set is for another model, this one has {', '.join(system.components)}"
+
+
 def parameters(system: System, files: list[Path], settings: list[str]) -> dict[str, Any]:
     """Start values from .ssv files, then from ``name=value unit`` texts, in the units of the FMUs.
 
@@ -87,9 +95,8 @@ def parameters(system: System, files: list[Path], settings: list[str]) -> dict[s
         for value in read_ssv(file):
             ports = resolve(system, value.name)
             if not ports:
-                raise ModelError(
-                    f"{file}: there is no '{value.name}'{did_you_mean(value.name, settable_names(system))}"
-                )
+                near = did_you_mean(value.name, settable_names(system))
+                raise ModelError(f"{file}: there is no '{value.name}'{near}{lacking(value.name, system)}")
             for port in ports:
                 fmu = system.components[port.component].fmu
                 found[str(port)] = fitted(value, fmu.variables[port.variable], fmu, str(file))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from cosim.console import typed
 from cosim.errors import ColumnsError, DataError, UsageError
-from cosim.logs.mapping import Column, Mapping, SignalColumn
+from cosim.logs.mapping import Column, Mapping, SignalColumn, raw_reading
 from cosim.logs.source import Label, Source, closest
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
 from cosim.units import base_exponents
@@ -123,7 +123,8 @@ def _factor(source: Source, label: Label, unit: str, si: str) -> float:
     try:
         return conversion(unit, si)
     except UsageError as error:
-        raise ColumnsError(f"{source.path}: column '{label.text}': {error} ({remedy(source)})") from None
+        raw = raw_reading(si)
+        raise ColumnsError(f"{source.path}: column '{label.text}': {error}{raw} ({remedy(source)})") from None
 
 
 def choose_mapped(source: Source, mapping: Mapping, select: Sequence[str] | None) -> list[Pick]:

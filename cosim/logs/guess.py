@@ -33,7 +33,7 @@ _DRIVES = rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape|\bklep"
 # what a command may be called where nothing is called a command
 _INPUT = (
     r"(?<!analog )(?<!digital )\binput\b(?! ?\d)|\beingang\b|\bentrada\b|\bentree\b|\bingresso\b"
-    r"|\b(motor|anker|armature) ?(spannung|volt)"
+    r"|\b(motor|anker|armature) ?(spannung|volt)|\besc\b|\bservo\b(?!.*(current|strom|volt|spannung))"
 )
 # what was asked for, not what was measured
 _REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|\bdes$|demand|\bset\b|gewenst"

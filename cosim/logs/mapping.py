@@ -250,7 +250,16 @@ def _convertible(unit: str, target: str | None, prefix: str = "") -> None:
         if target is not None:
             conversion(unit, target)
     except UsageError as error:
-        raise ValueError(f"{prefix}{error}") from None
+        raise ValueError(f"{prefix}{error}{raw_reading(target)}") from None
+
+
+def raw_reading(target: str | None) -> str:
+    """What to write where a signal that is a share is read as a pulse, a voltage or counts."""
+    return (
+        """; of a raw reading write unit = "1" and gain = 1 over its value at full command"""
+        if target == "1"
+        else ""
+    )
 
 
 def load_mapping(path: Path | str) -> Mapping:

@@ -28,10 +28,21 @@ def wires(table: MachineTable, source: object) -> list[tuple[Ends, Ends]]:
         if outputs[name].unit != taken.unit:
             raise DataError(
                 f"{source}: machine.chain: '{behind}' takes {target} [{taken.unit}], which '{before}' does not give "
-                f"({name} [{outputs[name].unit}])"
+                f"({name} [{outputs[name].unit}]){between(outputs[name].unit, taken.unit)}"
             )
         found.append(((before, name), (behind, target)))
     return found
+
+
+def between(given: str, taken: str) -> str:
+    """What to say of the blocks that turn one unit into another; empty where none does."""
+
+    def turns(name: str) -> bool:
+        inputs, outputs = (list(ports.values()) for ports in (block_of(name).inputs, block_of(name).outputs))
+        return bool(inputs) and inputs[0].unit == given and any(v.unit == taken for v in outputs)
+
+    fitting = [repr(name) for name in registry.BLOCKS if turns(name)]
+    return f": put {' or '.join(fitting)} between them" if fitting else ""
 
 
 def entry(table: MachineTable) -> Ends:

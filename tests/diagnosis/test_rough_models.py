@@ -75,16 +75,30 @@ def test_the_noise_of_a_machine_that_never_rests_is_not_its_motion(monkeypatch: 
     speed = through([1.0], [0.1, 1.0], u)
     left = 2e-2 * through([1.0], [0.05, 1.0], u) + noise
     monkeypatch.setattr(verdict, "adequate", lambda finding: False)
-    task = SimpleNamespace(
-        rules={"speed": SimpleNamespace(skip=0, cuts=())},
-        measured={"speed": speed + noise},
-        model=SimpleNamespace(h=H),
-    )
-    finding = SimpleNamespace(
-        task=task, chosen=SimpleNamespace(fit=SimpleNamespace(residuals={"speed": left}))
-    )
+    finding = left_over(speed + noise, left)
     assert verdict.noise_floor(speed + noise, H) > 0.1, "the signal has no quiet place"
     assert 1e-3 < verdict.floor_of(finding, "speed") < np.std(left)
+
+
+def left_over(speed: np.ndarray, left: np.ndarray) -> SimpleNamespace:
+    """A finding of which only the readings of a speed and what is left of them matter."""
+    task = SimpleNamespace(
+        rules={"speed": SimpleNamespace(skip=0, cuts=())},
+        measured={"speed": speed},
+        model=SimpleNamespace(h=H, group=SimpleNamespace(reading="slew")),
+        steps={},
+    )
+    fit = SimpleNamespace(residuals={"speed": left})
+    return SimpleNamespace(task=task, chosen=SimpleNamespace(fit=fit), signatures=[])
+
+
+def test_readings_in_steps_have_noise_where_machine_and_model_stand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whole revolutions a minute of a motor that stands half the time, and of a model that stands there too."""
+    monkeypatch.setattr(verdict, "adequate", lambda finding: False)
+    speed = np.round(40.0 * np.repeat([0.0, 1.0], COUNT // 2) + np.linspace(0.0, 8.0, COUNT // 2 * 2))
+    speed[: COUNT // 2] = 0.0
+    left = np.where(speed > 0.0, 3.0 * np.sin(0.01 * np.arange(speed.size)), 0.0)
+    assert verdict.floor_of(left_over(speed, left), "speed") == pytest.approx(1.0 / np.sqrt(12.0))
 
 
 def test_the_linear_reference_stands_beside_the_answer(arm: tuple[Log, Diagnosis]) -> None:

@@ -308,6 +308,24 @@ def test_a_command_of_which_no_reading_is_near_0_is_asked_for_its_zero(write, se
     assert "zero" not in guesses(found)["u"].why
 
 
+def test_a_servo_s_pulse_is_the_command_where_nothing_is_called_one(write, servo):
+    """Not a measured torque beside it, and not a channel that stays empty."""
+    made = guesses(
+        overview(
+            write(
+                "t,ESC signal (µs),Servo 3 (µs),Torque (N·m),Motor Speed (RPM)\n"
+                + "\n".join(
+                    f"{t},,{1500 + 40 * u},{1e-2 * u * u:.4f},{80 * u:.3f}"
+                    for t, u in servo[:, :2] - [0, 7.5]
+                )
+            )
+        )
+    )
+    assert made["u"].column.label.name == "Servo 3"
+    assert made["u"].unit == "1"
+    assert "torque" not in made
+
+
 def test_a_level_that_is_held_while_the_machine_moves_is_no_zero(write, servo):
     servo[:, 1] = np.where(servo[:, 1] == 7.5, 5.2, servo[:, 1])
     servo[:, 2] = np.cumsum(np.where(servo[:, 1] == 5.2, -0.05, 0.02))

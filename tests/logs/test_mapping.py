@@ -142,6 +142,11 @@ def test_a_gain_stored_in_the_file(tmp_path):
         ("sign = -1", "sign = 2", r"'signals\.u\.sign'"),
         ('unit = "%"', 'unit = "deg"', r"signal 'u': unit 'deg' is an angle"),
         ('unit = "%"', 'unit = "V"', r"signal 'u': unit 'V' has the wrong dimension"),
+        (
+            'unit = "%"',
+            'unit = "us"',
+            r"of a raw reading write unit = \"1\" and gain = 1 over its value at full command",
+        ),
         ('unit = "ms"', 'unit = "mm"', r"'time': unit 'mm' has the wrong dimension"),
         ('column = "t"', 'column = "t"\nstep = 1', r"'time': give either the column or the step"),
         ('unit = "ms"', 'unit = "sample"', r"unit 'sample' goes with a step"),

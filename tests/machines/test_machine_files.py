@@ -218,6 +218,7 @@ def test_what_only_a_log_can_tell_is_asked_for(tmp_path):
     [
         ('"dcv", ', '"dvc", ', "no block 'dvc'"),
         ('"dead_zone", "dcv"', '"dcv", "dead_zone"', "'dead_zone' takes command"),
+        ('"continuity", ', "", "put 'continuity' or 'continuity_physical' between them"),
         ("[machine]", '[machine]\nspeed = "3 kg"', "'speed': unit 'kg' has the wrong dimension"),
         ("[machine]", '[machine]\nsped = "3 rad/s"', "'machine.sped' is not a key of a machine; did you mean speed"),
         ("[machine]", '[machine]\nparameters = { "dcv.W0" = "?" }', "the chain has no 'dcv.W0'; did you mean dcv.w0"),

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from cosim.errors import UsageError
-from cosim.request import set_file, source_sets
-from cosim.ssp import read_ssv
+from cosim.errors import ModelError, UsageError
+from cosim.request import parameters, set_file, source_sets
+from cosim.ssp import read_ssv, read_system
 
 DEGREE = math.pi / 180.0
 # the source's tables as printed, in the units of the wires
@@ -44,3 +44,13 @@ def test_a_file_stays_a_file_and_an_unknown_name_is_answered(tmp_path):
     assert set_file(Path("folder/table_4_1")) == Path("folder/table_4_1")
     with pytest.raises(UsageError, match=r"one of the source.s: .*table_4_3_tf4"):
         set_file(Path("table_4_3_tf5"))
+
+
+def test_a_set_for_another_model_says_so(packages):
+    with (
+        read_system(packages["full_order"]) as system,
+        pytest.raises(
+            ModelError, match=r"no 'simplified\.k': the set is for another model, this one has comp"
+        ),
+    ):
+        parameters(system, [Path("table_4_2_tf1")], [])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compare.metrics import noise_floor
+from cosim.compare.metrics import noise_floor, resolution
 from cosim.diagnosis.fitting.fit import Unknown
 from cosim.diagnosis.fitting.trials import Trial, freed, trusted, without
 from cosim.diagnosis.residuals.cross_validation import held_out_gain
@@ -346,14 +346,16 @@ def floor_of(finding: Finding, signal: str) -> float:
 
     Where nothing is left unexplained it is that of the noise learned: between the samples of a bin, and of the bins. Where
     something is left, which might pass for correlated noise, it is what shows where the signal is quietest, or what it
-    leaves beside the model: a machine that never rests, sampled slowly, has no quiet place.
+    leaves beside the model: a machine that never rests, sampled slowly, has no quiet place. Where machine and model both
+    stand nothing is left, and of readings in steps that is not all the noise there is.
     """
     task = finding.task
     rule = task.rules[signal]
     parts = [own[rule.skip :] for own in np.split(finding.chosen.fit.residuals[signal], rule.cuts)]
+    step = max(rounding(finding, signal), task.steps.get(signal, 0.0))
     if not adequate(finding):
-        return min(noise_floor(x, task.model.h) for x in (task.measured[signal], np.concatenate(parts)))
+        found = (noise_floor(x, task.model.h) for x in (task.measured[signal], np.concatenate(parts)))
+        return float(max(min(found), max(step, resolution(task.measured[signal])) / np.sqrt(12.0)))
     rows = np.concatenate([own[: own.size // rule.bins * rule.bins].reshape(-1, rule.bins) for own in parts])
     between = np.mean((rows - rows.mean(axis=1, keepdims=True)) ** 2)
-    step = max(rounding(finding, signal), task.steps.get(signal, 0.0))
     return float(np.sqrt(rule.rms**2 + between + step**2 / 12.0))
