@@ -41,11 +41,14 @@ class Reference:
         model: the reference.
         squares: (windows,) mean square of its error in each, SI.
         ours: (windows,) the same of the model, SI.
+        span: s of a window of the fitted log itself, in which both are judged, without its mean where the group integrates;
+            0 where they run freely over data held out.
     """
 
     model: LinearModel = field(repr=False)
     squares: Array = field(repr=False)
     ours: Array = field(repr=False)
+    span: float = 0.0
 
     @property
     def error(self) -> float:
@@ -257,7 +260,8 @@ def of_group(task: Task, found: Fit, time: Array) -> Reference:
     own = evened(task.model.drive, ours, time, task.model.h, window, pair.h, cuts)
     error = centred(own.y, own.window) if rule.demean else own.y  # of the reference it is so already
     parts = finer(own.window, (left, error))
-    return Reference(model, mean_squares(left, parts, False), mean_squares(error, parts, False))
+    span = rule.bins * rule.window * task.model.h
+    return Reference(model, mean_squares(left, parts, False), mean_squares(error, parts, False), span)
 
 
 def left_out_prediction(task: Task, found: Fit, signal: str) -> Array:

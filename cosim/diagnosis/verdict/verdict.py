@@ -272,8 +272,9 @@ def missing_dynamics(finding: Finding) -> Rest:
     """What a linear model of free order shows that the group lacks."""
     assert finding.reference is not None
     signal, linear = next(iter(finding.before)), finding.reference
+    where = f"over windows of {linear.span:.3g} s left out of the fit" if linear.span else "on data held out"
     words = (
-        f"linear dynamics are missing: a linear model ({linear.words}) predicts {signal} on data held out with "
+        f"linear dynamics are missing: a linear model ({linear.words}) predicts {signal} {where} with "
         f"{linear.error / linear.ours_error:.0%} of the error that the model of blocks has"
     )
     left = replace(finding.before[signal], rms=float(np.sqrt(linear.ours_error**2 - linear.error**2)))
