@@ -56,6 +56,8 @@ def test_missing_linear_dynamics_are_told_and_nothing_else_is_named_on_top(
     assert found.verdict == "unexplained"
     (rest,) = [r for r in found.rests if r.what.startswith("linear dynamics are missing")]
     assert "a mode at 6 rad/s" in rest.what
+    span = found.window * found.record.h
+    assert f"predicts slew over windows of {span:.3g} s left out of the fit with" in rest.what
 
 
 def test_a_demanded_place_in_the_stead_of_a_command_is_told(arm: tuple[Log, Diagnosis]) -> None:
