@@ -198,9 +198,11 @@ static double one_indicator(Instance *I, int k) {
 }
 #endif
 
-/* The state after an event, and the motion that begins there; says whether states have jumped. */
+/* The state after an event, and the motion that begins there; says whether states have jumped. So it does where derivatives
+   have: some hosts begin anew only then. */
 static Status make_event(Instance *I, const char *call, int *jumped) {
     double before[N_STATES + 1], after[N_STATES + 1];
+    const double motion = I->motion;
     int k, fault = PY_NO_FAULT;
     *jumped = 0;
     if (in_exchange(I, call, 0) != STATUS_OK) {
@@ -209,6 +211,7 @@ static Status make_event(Instance *I, const char *call, int *jumped) {
     model_get_states(&I->model, before);
     model_event(&I->model, I->values, &I->motion, 0, &fault);
     model_get_states(&I->model, after);
+    *jumped = I->motion != motion;
     for (k = 0; k < N_STATES; k++) {
         *jumped = *jumped || before[k] != after[k];
     }
