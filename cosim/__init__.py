@@ -41,7 +41,9 @@ _PACKAGES = ("batch", "calibrate", "compare", "identify")  # that are called: co
 
 
 def __getattr__(name: str) -> Any:
-    """The functions of `cosim.api`, when they are first asked for."""
+    """The functions of `cosim.api`, when they are first asked for, and the version."""
+    if name == "__version__":
+        return importlib.import_module("cosim.packages").project_version()
     if name in _PACKAGES:
         return importlib.import_module(f"cosim.{name}")
     if name in __all__:

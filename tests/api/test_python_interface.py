@@ -17,6 +17,7 @@ from cosim.api import numbers
 from cosim.api.results import BatchResult, ComparisonResult, DiagnosisResult, IdentificationResult
 from cosim.errors import DataError, UsageError
 from cosim.logs.write import write_log
+from cosim.packages import project_version
 from cosim.results import Result
 
 TOP = Path(__file__).resolve().parents[2]
@@ -64,6 +65,10 @@ def test_every_function_is_there_typed_and_documented(name):
         assert parameter.annotation is not inspect.Signature.empty, parameter
         documented = f"{parameter.name}:" in inspect.getdoc(getattr(api, name))
         assert documented, f"{name}: {parameter.name}"
+
+
+def test_the_version_is_that_of_the_project():
+    assert cosim.__version__ == project_version()
 
 
 def test_a_package_can_be_called_and_imported_in_any_order():
