@@ -19,7 +19,7 @@ FITTED = "off: the diagnosis fits it to a log"
 class Input(NamedTuple):
     """What comes in."""
 
-    command: Annotated[float, Variable("1", "Command", low=-100.0, high=100.0)]
+    command: Annotated[float, Variable("1", "Command", low=-1e9, high=1e9)]
 
 
 class Output(NamedTuple):
@@ -71,7 +71,7 @@ class Parameters(NamedTuple):
     a0_3: Annotated[float, Variable("1/s2", "Third section: stiffness", 1.0, 0.0, 1e9, source=FITTED)]
     delay: Annotated[float, Variable("s", "Transport delay", 0.0, 0.0, 1e6, source=FITTED)]
     offset: Annotated[float, Variable("rad", "Angle at which the sections stand at 0", 0.0, -1e9, 1e9, display="deg", source="starts where the log does")]  # fmt: skip
-    u_0: Annotated[float, Variable("1", "Command at which it stands", 0.0, -100.0, 100.0, source="off: at none")]  # fmt: skip
+    u_0: Annotated[float, Variable("1", "Command at which it stands", 0.0, -1e9, 1e9, source="off: at none")]  # fmt: skip
     start_1: Annotated[float, Variable("rad", "First section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip
     rate_1: Annotated[float, Variable("rad/s", "First section: the rate of that part", 0.0, -1e9, 1e9, display="deg/s", source="off: starts at rest")]  # fmt: skip
     start_2: Annotated[float, Variable("rad", "Second section: its part of the angle at the start", 0.0, -1e9, 1e9, display="deg", source="off: starts at rest")]  # fmt: skip

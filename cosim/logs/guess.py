@@ -268,6 +268,8 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
     for signal, column, why in _by_shape([c for c in free if c.index not in taken], made):
         if signal == "slew" and shown in made:
             continue  # the axis has shown itself by name
+        if machine and signal == "spool" and shown not in made:
+            signal = "travel"  # where a length is all that shows a motion, it is the axis'
         made[signal] = _guess(signal, column, why)
         taken.add(column.index)
     if machine:

@@ -22,6 +22,9 @@ from cosim.errors import CosimError, DataError
 Array = NDArray[np.float64]
 
 _HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\]|\((?P<round>[^()]*)\))?\s*")
+_SAID = re.compile(
+    r"^(?:in|units?|einheit)\b(?!/)[\s:]+", re.IGNORECASE
+)  # before a unit: "Force (in N)"; "(in)" is inches
 _BLOCK = 1 << 22
 _LOGGERS = ("asammdf", "nptdms", "h5py")
 _INNER = tuple(f"{name}." for name in _LOGGERS)
@@ -75,7 +78,7 @@ def parse_label(text: str, unit: str | None = None, path: str = "") -> Label:
     written = found["unit"] if found["unit"] is not None else found["round"]
     if found["round"] is not None and (not name or ":" in written):  # MATLAB's data(:,2) is an index, no unit
         name, written = text.strip(), None
-    chosen = (written or "").strip() or (unit or "").strip() or None
+    chosen = _SAID.sub("", (written or "").strip()) or (unit or "").strip() or None
     return Label(path + text.strip(), path + name, chosen, name if path else None)
 
 

@@ -20,6 +20,7 @@ from cosim.report.deliver import delivered
 from cosim.report.screen import lines
 from cosim.rig import as_log, make_log
 from fmus import linear_drive
+from fmus.build import composed_block
 from fmus.compose import compose
 
 NOISE = 2e-5  # rad
@@ -198,3 +199,11 @@ def test_it_starts_where_the_log_begins(sections: Sections, moving: bool) -> Non
         not moving
     ):  # in how far a lag of 50 s, taken for an integrator, creeps back a log of 5 s does not tell
         assert np.allclose(found, 2.0 * y, atol=2.0 * 1.7 * 0.02 if model.integrates else 1e-9)
+
+
+@pytest.mark.parametrize("block", ["linear_drive", "linear_speed"])
+def test_the_block_takes_whatever_drives_a_machine(block: str) -> None:
+    """A force of 150 N on a test stand is no command of 1.5 times full: it was refused, and the extended model with it."""
+    command = composed_block(block).inputs["command"]
+    driving = composed_block("mechanical").inputs["p_load"]
+    assert (command.low, command.high) == (driving.low, driving.high)

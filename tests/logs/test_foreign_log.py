@@ -220,6 +220,31 @@ def test_words_and_units():
     assert set(NAMES) <= set(SIGNALS)
 
 
+def test_a_unit_may_be_said_in_a_sentence(write):
+    headings = (
+        "Time (in ms)",
+        "Laser (in mm)",
+        "Force (in N)",
+        "Width (in)",
+        "Rate (in/s)",
+        "Druck [Einheit: bar]",
+    )
+    found = overview(write(",".join(headings) + "\n" + rows(np.column_stack([np.arange(40.0)] * 6))))
+    assert [c.unit for c in found.columns] == ["ms", "mm", "N", "in", "in/s", "bar"]
+
+
+def test_a_length_beside_a_force_is_the_place_of_the_axis(write):
+    """A cylinder on a test stand: no command was logged, and nothing is called a position."""
+    t = np.arange(0.0, 20.0, 0.01)
+    table = np.column_stack([1e3 * t, 20.0 + 20.0 * np.sin(t), 150.0 + 6.0 * np.sign(np.cos(t))])
+    path = write("Time (in ms),Laser (in mm),Force (in N)\n" + rows(table))
+    made = guesses(overview(path), machine=True)
+    assert {name: guess.column.label.name for name, guess in made.items()} == {
+        "travel": "Laser",
+        "force": "Force",
+    }
+
+
 def test_init_needs_a_log(cosim, tmp_path):
     done = cosim("init", tmp_path / "a.ssp")
     assert (done.returncode, "name the log too" in done.stderr) == (2, True)
