@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.compare.metrics import noise_floor
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.held_out.between import Between
 from cosim.diagnosis.held_out.causes import Held, Refused
@@ -129,7 +130,13 @@ class Diagnosis:
     @property
     def noise(self) -> dict[str, float]:
         """Signal -> size of its noise per sample, SI: what is left where everything is explained."""
-        return {s: floor_of(f, s) for f in self.findings.values() for s in f.task.rules}
+        floors = {s: floor_of(f, s) for f in self.findings.values() for s in f.task.rules}
+        if (
+            self.in_place is not None
+        ):  # what it leaves of a signal that never rests is less than what the blocks leave
+            for s in floors.keys() & self.after.keys():
+                floors[s] = min(floors[s], noise_floor(self.record.signals[s] - self.after[s], self.record.h))
+        return floors
 
     @property
     def window(self) -> int:

@@ -14,10 +14,10 @@ from cosim.report.folder import lexicon_of
 from cosim.report.material import Material
 from cosim.report.words import (
     NAMES,
-    NOISY,
     Quantity,
     block_name,
     called,
+    down_to_noise,
     few,
     in_own_words,
     kind_of_motion,
@@ -203,7 +203,7 @@ def better(result: Answer) -> Iterator[str]:
     falls = after != before and gain.rmse_after < gain.rmse_before
     text += f"falls from {before} to {after}{unit}" if falls else f"stays at {before}{unit}"
     noise = f"{two_digits(gain.noise_floor)}{unit}"
-    near = gain.rmse_after <= NOISY * gain.noise_floor
+    near = down_to_noise(result, gain)
     text += f", the sensor's noise ({noise})" if near else f"; the sensor's noise is {noise}"
     if result.extended is not None and result.extended.in_place:
         text += "; a linear model stands in the place of the blocks, which lack its dynamics"

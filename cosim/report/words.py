@@ -373,6 +373,11 @@ def by_error(answer: Answer, names: list[str]) -> list[str]:
     return sorted(names, key=lambda name: (-round(error(name), 1), -names.index(name)))
 
 
+def down_to_noise(answer: Answer, gain: SignalGain) -> bool:
+    """Whether an error has come down to the sensor's noise; of what stays unexplained that may only seem so."""
+    return answer.verdict != "unexplained" and gain.rmse_after <= NOISY * gain.noise_floor
+
+
 def gain_clause(answer: Answer) -> str:
     """How much the extension gains, as a clause; empty if no FMUs were run."""
     signal = telling(answer)
@@ -384,13 +389,10 @@ def gain_clause(answer: Answer) -> str:
     noise = f"{two_digits(gain.noise_floor)} {unit}"
     if gain.rmse_after >= gain.rmse_before:
         return f"; the error of {the(signal)} on data not used for fitting stays at {before} {unit}"
-    end = (
-        "the sensor's noise" if gain.rmse_after <= NOISY * gain.noise_floor else f"against a noise of {noise}"
-    )
-    joint = ", which is " if end == "the sensor's noise" else ", "
+    end = "which is the sensor's noise" if down_to_noise(answer, gain) else f"against a noise of {noise}"
     return (
         f"the error of {the(signal)} on data not used for fitting{span_of(gain)} falls from "
-        f"{before} to {after} {unit}{joint}{end}"
+        f"{before} to {after} {unit}, {end}"
     )
 
 

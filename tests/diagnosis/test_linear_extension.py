@@ -207,3 +207,9 @@ def test_the_block_takes_whatever_drives_a_machine(block: str) -> None:
     command = composed_block(block).inputs["command"]
     driving = composed_block("mechanical").inputs["p_load"]
     assert (command.low, command.high) == (driving.low, driving.high)
+
+
+def test_its_noise_is_no_more_than_the_linear_model_leaves(told: tuple[Diagnosis, Path]) -> None:
+    """A drive that never rests has no quiet place, and what the blocks leave of it swings: both passed for noise."""
+    found, _ = told
+    assert 0.8 * NOISE < found.noise["slew"] < 1.2 * NOISE

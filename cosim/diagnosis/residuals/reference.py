@@ -408,7 +408,8 @@ def of_whole(
         errors = (fine.y - model.predicted(fine.u, record.h), own.y)
         inside = fine.window >= 0
         parts = finer(np.where(inside & held[np.maximum(fine.window, 0)], fine.window, -1), errors)
-        found[signal] = Reference(model, *(mean_squares(e, parts, False) for e in errors))
+        left, ours = (mean_squares(e, parts, False) for e in errors)
+        found[signal] = Reference(model, left, ours)
     return found
 
 
