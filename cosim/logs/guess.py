@@ -36,7 +36,7 @@ _INPUT = (
     r"|\b(motor|anker|armature) ?(spannung|volt)|\besc\b|\bservo\b(?!.*(current|strom|volt|spannung))"
 )
 # what was asked for, not what was measured
-_REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|\bdes$|demand|\bset\b|gewenst"
+_REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|commanded|\bdes$|demand|\bset\b|gewenst"
 _ANGLE = (
     r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
     r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
