@@ -136,6 +136,15 @@ def noise_floor(values: Array, step: float) -> float:
     return max(rms(spread[spread <= limit]), rounding)
 
 
+def white_noise(values: Array) -> float:
+    """Standard deviation of the white part of a signal's noise (n,), and of its rounding; larger where the signal moves fast.
+
+    A third difference leaves nothing of a quadratic, and of white noise twenty times the variance.
+    """
+    rounding = resolution(values) / math.sqrt(12.0)
+    return max(rms(np.diff(values, 3)) / math.sqrt(20.0), rounding) if len(values) > 3 else rounding
+
+
 def resolution(values: Array) -> float:
     """Smallest difference between two values of a signal, larger than rounding of the numbers themselves."""
     levels = np.diff(np.unique(values))

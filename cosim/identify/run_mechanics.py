@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from scipy.integrate import cumulative_trapezoid
+
 from cosim.errors import DataError, UsageError
 from cosim.identify import picture
 from cosim.identify.answer import COLUMNS, Answer, parameter_table
@@ -72,6 +74,7 @@ class Machine(Protocol):
 
 PRESSURE = (Port(COMPONENT, "p_load"),)
 ANGLE = (Port(COMPONENT, "theta"), Port("sensor", "slew"))
+SPEED = (Port(COMPONENT, "omega"),)
 WITHOUT = ("J", "b", "tau_c", "tau_load", "theta_0")  # what is looked for, and the start
 
 
@@ -111,7 +114,7 @@ def mechanics_answer(
 
 
 def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motion:
-    """Torque and angle of a log.
+    """Torque and angle of a log; where a speed was measured and no angle, its integral.
 
     Raises:
         DataError: the log lacks a signal or one does not move.
@@ -119,10 +122,14 @@ def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motio
     """
     values = known_values(machine, settings)
     log, _ = even(log)
-    (pressure, to_pascal), (angle, to_radians) = (_signal(machine, log, ports) for ports in (PRESSURE, ANGLE))
+    pressure, to_pascal = _signal(machine, log, PRESSURE)
     torque = values["A"] * values["r"] * to_pascal * travels(log, pressure)
-    radians = to_radians * travels(log, angle)
-    keep = measured(log, pressure, angle)
+    speed = None if _standing_for(machine, log, ANGLE) else _standing_for(machine, log, SPEED)
+    shown, factor = speed or _signal(machine, log, ANGLE)
+    radians = factor * travels(log, shown)
+    if speed:
+        radians = cumulative_trapezoid(radians, dx=log.step, initial=0.0)
+    keep = measured(log, pressure, shown)
     return Motion(log.name, log.step, torque, radians, keep, values, float(log.time[0]))
 
 
@@ -149,12 +156,19 @@ def known_values(machine: Machine, settings: Sequence[str]) -> dict[str, float]:
     return {name: value for name, value in values.items() if name not in WITHOUT}
 
 
-def _signal(machine: Machine, log: Log, ports: Sequence[Port]) -> tuple[str, float]:
+def _standing_for(machine: Machine, log: Log, ports: Sequence[Port]) -> tuple[str, float] | None:
     """Name of the signal that stands for the first of these variables that was measured, and the factor to it."""
     for port in ports:
         for name, item in machine.signals.items():
             if name in log and (port in item.targets or port == item.source):
                 return name, item.gain
+    return None
+
+
+def _signal(machine: Machine, log: Log, ports: Sequence[Port]) -> tuple[str, float]:
+    """The same, where there has to be one."""
+    if found := _standing_for(machine, log, ports):
+        return found
     if not machine.lexicon.signals:
         log.require("p_load" if ports is PRESSURE else "slew", "the mechanics")
     raise DataError(

@@ -108,6 +108,34 @@ def test_band_ends_where_noise_begins(clean):
     assert narrow > 1.5
 
 
+def test_a_motor_s_torque_and_speed_are_enough(tmp_path):
+    """A random torque up to 30 Hz at 240 samples a second, as test stands play: it moves faster than noise is looked for."""
+    truth = {"J": 5.6e-4, "b": 5.5e-3, "tau_c": 0.04}
+    rng, h, fine = np.random.default_rng(8), 1.0 / 240.0, 40
+    t = np.arange(0.0, 40.0, h)
+    w, phase = 2.0 * np.pi * rng.uniform(0.3, 30.0, 120), rng.uniform(0.0, 2.0 * np.pi, 120)
+    torque = 0.03 * np.sin(w * t[:, None] + phase).sum(axis=1)
+    omega, speed = 0.0, np.empty(t.size)
+    for k, ends in enumerate(zip(torque, np.append(torque[1:], torque[-1]), strict=True)):
+        speed[k] = omega
+        for push in np.linspace(*ends, fine, endpoint=False):
+            omega += h / fine / truth["J"] * (push - truth["b"] * omega - truth["tau_c"] * np.sign(omega))
+    speed += 0.05 * rng.standard_normal(t.size)
+    rows = np.column_stack([t, torque, speed])
+    (tmp_path / "log.csv").write_text(
+        "t [s],torque [N.m],speed [rad/s]\n" + "\n".join(",".join(f"{x:.9g}" for x in row) for row in rows)
+    )
+    (tmp_path / "m.toml").write_text(
+        '[time]\ncolumn = "t [s]"\n[signals.torque]\ncolumn = "torque [N.m]"\ntext = "torque"\n[signals.speed]\n'
+        'column = "speed [rad/s]"\n[machine]\nchain = ["mechanical"]\ndrive = "electric"\ninput = "torque"\n'
+        'output = "speed"\nspeed = "?"\nlag = "?"\n'
+    )
+    done = call("mechanics", tmp_path / "log.csv", "--mapping", tmp_path / "m.toml", "--json")
+    found = json.loads(done.stdout)["parameters"]
+    for name, value in truth.items():
+        assert found[f"mechanical.{name}"]["value"] == pytest.approx(value, rel=0.1), name
+
+
 def test_missing_samples_say_nothing():
     """A second of nonsense that the log marks as filled changes no number by more than its deviation."""
     given = motion(rubbing())
