@@ -137,7 +137,7 @@ def noise_floor(values: Array, step: float) -> float:
 
 
 def white_noise(values: Array) -> float:
-    """Standard deviation of the white part of a signal's noise (n,), and of its rounding; larger where the signal moves fast.
+    """Standard deviation of the white part of a signal's noise (n,), and of its rounding; more where it moves fast.
 
     A third difference leaves nothing of a quadratic, and of white noise twenty times the variance.
     """

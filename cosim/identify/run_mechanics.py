@@ -74,7 +74,7 @@ class Machine(Protocol):
 
 PRESSURE = (Port(COMPONENT, "p_load"),)
 ANGLE = (Port(COMPONENT, "theta"), Port("sensor", "slew"))
-SPEED = (Port(COMPONENT, "omega"),)
+VELOCITY = (Port(COMPONENT, "omega"),)
 WITHOUT = ("J", "b", "tau_c", "tau_load", "theta_0")  # what is looked for, and the start
 
 
@@ -124,7 +124,7 @@ def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motio
     log, _ = even(log)
     pressure, to_pascal = _signal(machine, log, PRESSURE)
     torque = values["A"] * values["r"] * to_pascal * travels(log, pressure)
-    speed = None if _standing_for(machine, log, ANGLE) else _standing_for(machine, log, SPEED)
+    speed = None if _standing_for(machine, log, ANGLE) else _standing_for(machine, log, VELOCITY)
     shown, factor = speed or _signal(machine, log, ANGLE)
     radians = factor * travels(log, shown)
     if speed:
