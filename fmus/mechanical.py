@@ -126,33 +126,41 @@ def joint_angle(theta: float, before: float, p: Parameters) -> float:
 
 
 @equation
+def static_friction(m: NoMemory, p: Parameters) -> tuple[float, float]:
+    """Torques between which dry friction holds at rest, N m: no less than what it takes from the motion that would begin."""
+    holding = friction_level(0.0, m, p)
+    if holding > 0.0:
+        return -max(holding, friction_level(-1e-12, m, p)), max(holding, friction_level(1e-12, m, p))
+    return 0.0, 0.0
+
+
+@equation
 def with_dry_friction(theta: float, omega: float, t0: float, t1: float, m: NoMemory, p: Parameters, c: Coefficients) -> tuple[float, float]:  # fmt: skip
     """Angle and velocity after the step with dry friction, phase by phase: sliding, stopping, sticking, breaking away."""
     left = c.h
     decay, phi1, phi2, phi3 = c.w_w, c.phi1, c.phi2, c.phi3
     for _ in range(8):
         slope = (t1 - t0) / left
-        holding = friction_level(0.0, m, p)
         direction = math.copysign(1.0, omega)
         if omega == 0.0:
-            if abs(t0) <= holding:
-                if abs(t1) <= holding:
+            low, high = static_friction(m, p)
+            if low <= t0 <= high:
+                if low <= t1 <= high:
                     return theta, 0.0
                 # stuck until the torque reaches what friction can hold
-                goal = math.copysign(holding, t1)
+                goal = high if t1 > high else low
                 dt = (goal - t0) / slope
                 t0 = goal
                 left = left - dt
                 if left <= 0.0:
                     return theta, 0.0
-            direction = math.copysign(1.0, t0 if abs(t0) > holding else t1)
+            direction = math.copysign(1.0, t0 if t0 > high or t0 < low else t1)
         if left != c.h:
             decay, phi1, phi2, phi3 = phi_functions(p.b * left / c.J)
         level = direction * friction_level(omega, m, p)
         _, ahead = slid(theta, omega, t0 - level, t1 - level, left, c.J, decay, phi1, phi2, phi3)
-        level = direction * friction_level(
-            0.5 * (omega + ahead), m, p
-        )  # midpoint: second order where it varies
+        # midpoint: second order where it varies; of the motion as it goes, though it stops on the way
+        level = direction * friction_level(direction * abs(0.5 * (omega + ahead)), m, p)
         angle, speed = slid(theta, omega, t0 - level, t1 - level, left, c.J, decay, phi1, phi2, phi3)
         if speed * direction >= 0.0:
             return angle, speed
@@ -326,12 +334,10 @@ def sticking(m: NoMemory, p: Parameters) -> float:
 
 @equation
 def held_between(x: State, m: NoMemory, p: Parameters) -> tuple[float, float]:
-    """Torques between which friction and the ends of the travel hold it at rest, N m: no less than what slows it once it moves."""
-    holding = sticking(m, p)
-    low, high = -holding, holding
-    if holding > 0.0:
-        low = -max(holding, friction_level(-1e-12, m, p))
-        high = max(holding, friction_level(1e-12, m, p))
+    """Torques between which friction and the ends of the travel hold it at rest, N m."""
+    low, high = 0.0, 0.0
+    if sticking(m, p) > 0.0:
+        low, high = static_friction(m, p)
     if x.theta <= p.theta_min:
         low = -1e12
     if x.theta >= p.theta_max:
