@@ -347,6 +347,8 @@ def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
         own = judging(finding, connector)
         measured = np.concatenate([s.signals[connector] for s in own])
         out = ~np.concatenate([s.fitted for s in own])
+        if not out.any():  # the logs held out lack it
+            continue
         windows = np.concatenate([s.windows for s in own])[out]
         numbers_ = np.unique(windows, return_inverse=True)[1]
         squares = [

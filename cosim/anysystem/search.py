@@ -473,8 +473,22 @@ class Search:
         again = [own, *(Candidate(c.actions, c.fit, self._price(c.actions)) for c in found[1:])]
         return self._relearned(again, [null])
 
+    def _held_own(self, best: Candidate) -> dict[str, float]:
+        """Values of the best with which what stays wrong is asked: a log held out may have sizes of its own as well."""
+        logs = [s.number for s in self.model.segments if not s.fitted.any()]
+        values = dict(best.fit.values)
+        if not self.by_log or not best.actions or not logs or self.budget.over:
+            return values
+        free = [
+            replace(u, name=each(u.name, log)) for a in best.actions for u in self.numbers(a) for log in logs
+        ]
+        values |= {u.name: values[of_all(u.name)] for u in free}
+        with self.problem.whole():
+            fit = self.problem.fit(free, values, 8)
+        return values if fit is None else fit.values
+
     def _absent(self, candidate: Candidate) -> bool:
-        """Whether one log has nothing of a cause, and contradicts the mean of all."""
+        """Whether a log is nearer to having nothing of a cause than to the mean of all."""
         for action in candidate.actions:
             for log in self.by_log:
                 own = candidate.fit.values
@@ -482,7 +496,7 @@ class Search:
                 for values in (self._off(action), {u.name: own[u.name] for u in self.numbers(action)}):
                     rows = self.problem.rows(own | {each(n, log): v for n, v in values.items()})
                     scores.append(-np.inf if rows is None else self.problem.log_likelihood(rows, own, ()))
-                if scores[0] > max(scores[1], candidate.fit.log_likelihood - CLOSE):
+                if scores[0] > scores[1] + CLOSE:
                     return True
         return False
 
@@ -774,10 +788,15 @@ class Search:
                 fit.deviation(u.name),
                 drawn.steps[:, i],
                 drawn.shares[:, i],
-                abs(fit.values[u.name] - nothing[u.name]),
+                self._size(fit.values[u.name], nothing[u.name]),
             )
             for i, u in enumerate(fit.unknowns)
         }
+
+    @staticmethod
+    def _size(value: float, nothing: float) -> float:
+        """How large a number is; a limit out of reach says nothing of one that is met."""
+        return min(abs(value - nothing), abs(value))
 
     def _between_own(self, best: Candidate) -> dict[str, Between]:
         """The same where each log has sizes of its own, which are fitted."""
@@ -798,7 +817,7 @@ class Search:
             if own.size < 2:
                 found[number.name] = Between(best.fit.values[number.name], values, deviations, 0.0)
                 continue
-            size = abs(float(own.mean()) - nothing[number.name])
+            size = self._size(float(own.mean()), nothing[number.name])
             over = combined(float(own.mean()), 0.0, values, deviations, size)
             weights = 1.0 / (squares + over.scatter**2)
             weights /= weights.sum()
@@ -1218,7 +1237,7 @@ class Search:
         ):
             best = self._on_all(best)
         finding.nearest = best
-        residual = problem.residuals(best.fit.values)
+        residual = problem.residuals(self._held_own(best))
         left = self._told(residual, best)
         wrong = self._wrong(left, residual)
         if best.actions and wrong:

@@ -71,16 +71,19 @@ def cut_up(group: CutGroup) -> list[str]:
     return [f"{c}+{joined[c]}" if c in joined else c for c in group.components if c not in joined.values()]
 
 
+@pytest.mark.parametrize("held", [False, True])
 def test_a_log_without_the_signal_in_the_middle_judges_what_lies_around_it(
-    native: Path, command, tmp_path: Path
+    native: Path, command, tmp_path: Path, held: bool
 ) -> None:
     """It says what the gain is, as the other does: without it the valve had one log alone."""
     whole = systems.log(tmp_path / "whole.csv", GAIN, 3)
     lacking = systems.log(tmp_path / "lacking.csv", GAIN, 4, columns=("command", "plant.y"))
-    found = told(command, tmp_path / "out", whole, lacking, "--model", native)
+    words = (whole, "--held-out", lacking) if held else (whole, lacking)
+    found = told(command, tmp_path / "out", *words, "--model", native)
     (cause,) = found["causes"]
     assert (cause["effect"], cause["component"]) == ("port.gain", "valve")
     assert cause["parameters"]["gain"]["value"] == pytest.approx(1.15, abs=0.01)
+    assert set(found["gain"]) == ({"plant.y"} if held else {"valve.y", "plant.y"})  # what held-out data have
     assert len(cause["parameters"]["gain"]["per_log"]) == 2  # both say what it is
     assert found["verdict"] == "explained"
     (said,) = [w for w in found["warnings"] if "lacks" in w]
@@ -182,8 +185,9 @@ def test_a_log_that_does_not_cut_a_loop_leaves_it_to_one_that_does(tmp_path: Pat
         assert set(cut_by_logs(system, [whole, cut]).own["sum+valve+tail"]) == {0, 1}
 
 
+@pytest.mark.parametrize("held", [False, True])
 def test_a_limit_that_is_another_in_each_log_is_named_with_its_interval(
-    native: Path, command, tmp_path: Path
+    native: Path, command, tmp_path: Path, held: bool
 ) -> None:
     """Of one size in all logs nothing explained them, and the plant stayed "unexplained"."""
     sizes = (0.9, 1.15, 1.0)
@@ -195,6 +199,9 @@ def test_a_limit_that_is_another_in_each_log_is_named_with_its_interval(
         )
         for k, size in enumerate(sizes)
     ]
+    if held:
+        last = [Hidden("port.saturation", "plant.u", "input", {"low": -0.5, "high": 0.55})]
+        logs += ["--held-out", systems.log(tmp_path / "held.csv", last, 17)]
     found = told(command, tmp_path / "out", *logs, "--model", native)
     (cause,) = found["causes"]
     assert (cause["effect"], cause["connector"]) == ("port.saturation", "u")
@@ -202,10 +209,30 @@ def test_a_limit_that_is_another_in_each_log_is_named_with_its_interval(
     for name, true in (("low", -0.45), ("high", 0.5)):
         number = cause["parameters"][name]
         # 1 % noise: each log tells its own limit to about a hundredth of it
-        assert [x["value"] for x in number["per_log"]] == pytest.approx([true * s for s in sizes], rel=0.03)
+        assert [x["value"] for x in number["per_log"]][:3] == pytest.approx(
+            [true * s for s in sizes], rel=0.03
+        )
         low, high = number["ci95"]
         assert low < true * np.mean(sizes) < high
         assert high - low > 0.1 * abs(true)  # three logs that differ by a quarter tell no mean to a per cent
+
+
+def test_a_limit_that_one_of_three_logs_lacks_is_one_of_the_others(
+    native: Path, command, tmp_path: Path
+) -> None:
+    """Sizes that may differ from log to log would else take "none" for a size."""
+    logs = [
+        systems.log(
+            tmp_path / f"{k}.csv",
+            [Hidden("port.saturation", "plant.u", "input", {"low": -size, "high": size})] if size else [],
+            7 + k,
+        )
+        for k, size in enumerate((0.45, 0.0, 0.5))
+    ]
+    found = told(command, tmp_path / "out", *logs, "--model", native)
+    (cause,) = found["causes"]
+    assert (cause["effect"], cause["logs"]) == ("port.saturation", ["0.csv", "2.csv"])
+    assert found["verdict"] == "explained"
 
 
 def test_a_machine_at_rest_in_one_log_has_no_stale_samples_in_another() -> None:
