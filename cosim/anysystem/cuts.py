@@ -44,10 +44,7 @@ def cut_by_logs(system: System, logs: Sequence[Recording], held: int = 0) -> Cut
     fitted = len(logs) - held
     names = sorted(frozenset[str]().union(*(log.signals for log in logs[:fitted])))
     parts = cut(system, names)
-    theirs = [
-        [g for g in cut(system, [n for n in names if n in log.signals]) if g.judged] if log.signals else []
-        for log in logs
-    ]
+    theirs = [[g for g in cut(system, [n for n in names if n in log.signals]) if g.judged] for log in logs]
     costs = [[cost(g, parts) for g in own] for own in theirs]
     least: dict[str, Cost] = {}
     for own, dear in zip(theirs[:fitted], costs, strict=False):
@@ -95,10 +92,16 @@ def cost(group: CutGroup, parts: Sequence[CutGroup]) -> Cost:
     return unknown, sum(len(u.components) for u in group.units if u not in units)
 
 
-def lacking(cuts: Cuts, log: Recording, number: int) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
-    """What a log lacks: (group of `parts` in which it takes no part -> signals, groups that it judges as one -> signals)."""
+def lacking(
+    cuts: Cuts, log: Recording, number: int
+) -> tuple[dict[str, list[str]], list[tuple[list[str], list[str]]]]:
+    """What a log lacks.
+
+    Returns:
+        (group of `parts` in which it takes no part -> signals, [(groups that it judges as one, signals)]).
+    """
     apart: dict[str, list[str]] = {}
-    joined: dict[str, list[str]] = {}
+    joined: list[tuple[list[str], list[str]]] = []
     for group in cuts.groups:
         if not any(own.judged for own in cuts.own[group.name].values()):
             continue
@@ -112,10 +115,11 @@ def lacking(cuts: Cuts, log: Recording, number: int) -> tuple[dict[str, list[str
             apart[part.name] = lost or [n for n in signals_of(group) if n not in log.signals]
         if own is None:
             continue
-        lost = list(dict.fromkeys(n for p in mine for n in signals_of(p) if n not in log.signals))
-        through = {str(w.source) for w in own.inner} - {str(w.source) for p in mine for w in p.inner}
-        if lost and through:
-            joined[", ".join(p.name for p in mine)] = lost
+        through = [w for w in own.inner if all(w not in p.inner for p in mine)]
+        ends = {port.component for w in through for port in (w.source, w.target)}
+        lost = [s for p in mine for s, port in p.judged if any(w.source == port for w in through)]
+        if lost:
+            joined.append(([p.name for p in mine if ends & set(p.components)], lost))
     return apart, joined
 
 

@@ -155,8 +155,8 @@ def apart_from(found: AnyDiagnosis) -> list[str]:
                 + ("" if segment.fitted.any() else ", and windows of the others are held out there")
             )
         notes += [
-            f"{log.source.name} lacks {listed(lost)}: it judges {listed(parts.split(', '))} as one"
-            for parts, lost in joined.items()
+            f"{log.source.name} lacks {listed(lost)}: it judges {listed(parts)} as one"
+            for parts, lost in joined
         ]
     return notes
 

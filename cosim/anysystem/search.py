@@ -815,7 +815,9 @@ class Search:
             told = deviations > 0.0
             own, squares = values[told], deviations[told] ** 2
             if own.size < 2:
-                found[number.name] = Between(best.fit.values[number.name], values, deviations, 0.0)
+                value, deviation = best.fit.values[number.name], best.fit.deviation(number.name)
+                all_ = (float(own[0]), float(squares[0])) if own.size else (value, deviation**2)
+                found[number.name] = Between(all_[0], values, np.where(told, deviations, np.inf), all_[1])
                 continue
             size = self._size(float(own.mean()), nothing[number.name])
             over = combined(float(own.mean()), 0.0, values, deviations, size)
