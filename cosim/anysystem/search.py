@@ -1500,6 +1500,10 @@ class Search:
                 else:
                     assert single is not None
                     with_rival = self._scored(single)
+                    near = self._scored(best).score - with_rival.score
+                    if CLOSE <= near < NAMED + single.price:  # estimated as finely as the best
+                        fine = self._fit(single.actions, single.fit.values, 8, DIFFERENCE * FINE)
+                        with_rival = self._scored(replace(single, fit=fine)) if fine else with_rival
                 score, fits[rival] = with_rival.score, with_rival.fit
                 behind = self._scored(best).score - score
                 others.append((rival, behind))
