@@ -449,7 +449,7 @@ class Search:
         return {n: v for n, v in candidate.fit.values.items() if of_all(n) not in lost}
 
     @staticmethod
-    def _moved(values: Mapping[str, float], name: str, value: float) -> dict[str, float]:
+    def _shifted(values: Mapping[str, float], name: str, value: float) -> dict[str, float]:
         """Values with another one of a number, and as much more or less in each log that has its own."""
         step = value - values[name]
         return {n: v + step if of_all(n) == name else v for n, v in values.items()}
@@ -1058,7 +1058,7 @@ class Search:
         best, values = candidate.score, dict(candidate.fit.values)
         for unknown in numbers:
             for part in np.linspace(0.02, 0.98, SCANNED):
-                moved = self._moved(
+                moved = self._shifted(
                     values, unknown.name, unknown.low + float(part) * (unknown.high - unknown.low)
                 )
                 rows = self.problem.rows(moved)
@@ -1369,7 +1369,7 @@ class Search:
             if fit.values[unknown.name] + step > unknown.high:
                 step = -step
             try:
-                moved = self.model(self._moved(fit.values, unknown.name, fit.values[unknown.name] + step))
+                moved = self.model(self._shifted(fit.values, unknown.name, fit.values[unknown.name] + step))
             except SimulationError:
                 variances.append(0.0)
                 continue
