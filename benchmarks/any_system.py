@@ -56,14 +56,15 @@ class Case:
     parameter: tuple[str, float, float] | None = None  # component.parameter, value, factor
 
 
-def command(rng: np.random.Generator) -> np.ndarray:
-    """Steps and sines."""
+def command(rng: np.random.Generator, size: float = 1.0) -> np.ndarray:
+    """Steps and sines; `size` times as large."""
     t = H * np.arange(COUNT)
     every = int(rng.integers(80, 250))
     steps = np.repeat(rng.uniform(-1, 1, COUNT // every + 1), every)[:COUNT]
-    return steps + sum(
+    sines = sum(
         rng.uniform(0.1, 0.4) * np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in (0.11, 0.37, 0.9, 1.7)
     )
+    return np.asarray(size * (steps + sines))
 
 
 def values_of(kind: str, rng: np.random.Generator) -> dict[str, float]:
@@ -194,15 +195,15 @@ def make_case(seed: int, most: int = 8, kind: str | None = None, least: int = 2)
     return case
 
 
-def log_of(case: Case, rng: np.random.Generator | None = None) -> dict[str, np.ndarray]:
-    """What was measured; `rng` draws the command and the noise, by default those of the case."""
+def log_of(case: Case, rng: np.random.Generator | None = None, size: float = 1.0) -> dict[str, np.ndarray]:
+    """What was measured; `rng` draws the command (`size` times as large) and the noise, by default those of the case."""
     rng = rng or np.random.default_rng(case.seed + 10**6)
     values = {n: dict(v) for n, v in case.values.items()}
     if case.parameter:
         name, value, factor = case.parameter
         component, _, parameter = name.partition(".")
         values[component][parameter] = value * factor
-    true = simulate(case.kinds, values, case.wires, {"command": command(rng)}, H, case.hidden)
+    true = simulate(case.kinds, values, case.wires, {"command": command(rng, size)}, H, case.hidden)
     signals = read(true, case.hidden, H, NOISE, rng)
     return {n: signals[n] for n in case.measured}
 

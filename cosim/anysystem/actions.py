@@ -16,6 +16,8 @@ Where = Literal["input", "output", "sensor", ""]
 PARAMETER = "parameter"
 LEAST_DELAY = 1.5  # samples: below it a delay is a matter of when a sample was taken
 STILL = 1e-9  # of a series' largest value: one that moves by less has one value, but for rounding
+BY_LOG = "||"  # between the name of a number and the log that has it by itself
+NEXT = -1  # number of a log that nobody has made
 NEVER = 0.05  # of the reach beyond the extremes, where a limit does nothing
 
 
@@ -235,3 +237,19 @@ def placed(values: Mapping[str, float]) -> dict[str, dict[str, dict[str, float]]
         effect, port, where, parameter = key.split("|")
         found.setdefault(f"{port}|{where}", {}).setdefault(effect, {})[parameter] = value
     return found
+
+
+def each(name: str, log: int) -> str:
+    """Name of a number that one log has by itself."""
+    return f"{name}{BY_LOG}{log}"
+
+
+def of_all(name: str) -> str:
+    """Name of the same number of all logs."""
+    return name.partition(BY_LOG)[0]
+
+
+def in_log(values: Mapping[str, float], log: int) -> dict[str, float]:
+    """The values that hold in one log: its own where it has some, else those of all logs."""
+    found = {n: v for n, v in values.items() if BY_LOG not in n}
+    return found | {of_all(n): v for n, v in values.items() if BY_LOG in n and n == each(of_all(n), log)}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.missing import Missing
-from cosim.anysystem.model import place
+from cosim.anysystem.model import Segment
 from cosim.anysystem.pipeline import NO_LOGS, AnyDiagnosis, listed
 from cosim.anysystem.readings import ON, Grid, Stale
 from cosim.anysystem.search import CLOSE, Finding
@@ -283,10 +283,14 @@ def judged_signals(found: AnyDiagnosis) -> list[tuple[Finding, str]]:
     return [(f, s) for f in found.findings.values() for s, _ in f.model.group.judged]
 
 
-def series(finding: Finding, connector: str, values: Mapping[str, float]) -> list[Array]:
-    """Residual of a connector in each log by which it was judged."""
-    left = finding.problem.residuals(values)
-    return [left[place(connector, k)] for k in range(len(finding.model.segments))]
+def series(finding: Finding, connector: str, values: Mapping[str, float]) -> Array:
+    """Residual of a connector in the logs that judge by it, behind one another."""
+    return finding.model.whole(finding.problem.residuals(values), connector)
+
+
+def judging(finding: Finding, connector: str) -> list[Segment]:
+    """These logs."""
+    return [finding.model.segments[k] for k in finding.model.judging(connector)]
 
 
 def signals(found: AnyDiagnosis) -> dict[str, Signal]:
@@ -294,8 +298,8 @@ def signals(found: AnyDiagnosis) -> dict[str, Signal]:
     result = {}
     for finding, connector in judged_signals(found):
         unit, scale, _ = column_scale(found, connector)
-        left = np.concatenate(series(finding, connector, finding.null.fit.values))
-        measured = np.concatenate([s.signals[connector] for s in finding.model.segments])
+        left = series(finding, connector, finding.null.fit.values)
+        measured = np.concatenate([s.signals[connector] for s in judging(finding, connector)])
         result[connector] = Signal(
             rmse=rms(left) / abs(scale),
             fit_percent=fit_percent(measured, measured - left) or 0.0,
@@ -309,11 +313,11 @@ def localisation(found: AnyDiagnosis) -> list[Location]:
     """Groups by how far their residual is above the noise; shares add up to one."""
     rows = []
     for finding, connector in judged_signals(found):
-        left = rms(np.concatenate(series(finding, connector, finding.null.fit.values)))
+        left = rms(series(finding, connector, finding.null.fit.values))
         floor = finding.floors[connector]
         wrong = bool(finding.named) or connector in finding.unexplained
         weight = max((left / max(floor, 1e-300)) ** 2 - 1.0, 0.0) if wrong else 0.0
-        rows.append((finding.model.group.name, connector, weight, left, floor))
+        rows.append((found.cuts.part_of(connector), connector, weight, left, floor))
     total = sum(row[2] for row in rows)
     result = []
     for name, connector, weight, left, floor in sorted(rows, key=lambda row: -row[2]):
@@ -338,12 +342,14 @@ def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
         if not finding.named:
             continue
         before, after = (
-            np.concatenate(series(finding, connector, c.fit.values))
-            for c in (finding.null, finding.fitted or finding.chosen)
+            series(finding, connector, c.fit.values) for c in (finding.null, finding.fitted or finding.chosen)
         )
-        measured = np.concatenate([s.signals[connector] for s in finding.model.segments])
-        out = ~np.concatenate([s.fitted for s in finding.model.segments])
-        windows = np.concatenate([s.windows for s in finding.model.segments])[out]
+        own = judging(finding, connector)
+        measured = np.concatenate([s.signals[connector] for s in own])
+        out = ~np.concatenate([s.fitted for s in own])
+        if not out.any():  # the logs held out lack it
+            continue
+        windows = np.concatenate([s.windows for s in own])[out]
         numbers_ = np.unique(windows, return_inverse=True)[1]
         squares = [
             np.asarray(np.bincount(numbers_, weights=e[out] ** 2), dtype=float) for e in (after, before)
@@ -368,7 +374,7 @@ def unexplained(found: AnyDiagnosis) -> list[Unexplained]:
         if connector not in finding.unexplained:
             continue
         unit, scale, _ = column_scale(found, connector)
-        left = rms(np.concatenate(series(finding, connector, finding.chosen.fit.values)))
+        left = rms(series(finding, connector, finding.chosen.fit.values))
         port = dict(finding.model.group.judged)[connector]
         lost = found.missing.get(finding.model.group.name)
         result.append(

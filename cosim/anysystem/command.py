@@ -7,11 +7,12 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from cosim.anysystem.answer import answer, shown_action
+from cosim.anysystem.cuts import cut_by_logs
 from cosim.anysystem.experiment import write_inputs
 from cosim.anysystem.extend import write_extended
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.page import write_page
-from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system, measured
+from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system
 from cosim.anysystem.read import read
 from cosim.anysystem.start import settable
 from cosim.console import stderr_console, told, warn
@@ -31,7 +32,7 @@ from cosim.report.earlier import Earlier
 from cosim.ssp.fmu import MENDED, promises_initial_outputs
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
-from cosim.system.graph import cut, port_of
+from cosim.system.graph import port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import structure
 
@@ -124,8 +125,8 @@ def diagnose_any(
         if others:
             recordings[0].warnings.append(f"no connector of the system, left alone: {', '.join(others)}")
             warn(recordings[0].warnings[-1])
-        names = measured(system, recordings, len(held_out))
-        for advice in structure(system, names).advice:
+        cuts = cut_by_logs(system, recordings, len(held_out))
+        for advice in structure(system, cuts.names).advice:
             if not told(advice, 0.0):
                 stderr_console().print(advice, markup=False)
         notes = unlisted(system)
@@ -135,7 +136,7 @@ def diagnose_any(
         read_from = [log.source if isinstance(log, Log) else log for log in (*logs, *held_out)]
         earlier = Earlier(folder, inputs=[*read_from, model])
         with Runs(system) as runs:
-            judged = [group.name for group in cut(system, names) if group.judged]
+            judged = [group.name for group in cuts.groups if group.judged]
 
             def watch(text: str) -> None:
                 if not told(f"judging {text}", judged.index(text) / len(judged)):

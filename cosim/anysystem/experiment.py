@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import Action
+from cosim.anysystem.actions import NEXT, Action
 from cosim.anysystem.missing import FEWEST_RUNS
-from cosim.anysystem.model import GroupModel, Segment, place
+from cosim.anysystem.model import GroupModel, Segment
 from cosim.anysystem.search import JITTER, NAMED, Finding
 from cosim.errors import SimulationError
 from cosim.files import write_text
@@ -119,7 +119,12 @@ class Rehearsal:
                     raise _Spent
                 finding = self.found.findings[group.name]
                 segment = Segment(
-                    0.0, self.h, handed, np.ones(self.count, bool), np.zeros(self.count, np.int64)
+                    0.0,
+                    self.h,
+                    handed,
+                    np.ones(self.count, bool),
+                    np.zeros(self.count, np.int64),
+                    number=NEXT,
                 )
                 model = GroupModel(group, self.found.system, self.runs, [segment])
                 model.base = finding.model.base
@@ -143,7 +148,7 @@ class Rehearsal:
         rows = []
         for finding in self.found.findings.values():
             for signal, _ in finding.model.group.judged:
-                noise = finding.problem.noise[place(signal, 0)]
+                noise = finding.problem.noise[finding.model.places(signal)[0]]
                 rows.append(noise.whiten(np.atleast_2d(one[signal] - other[signal]))[0])
         return np.concatenate(rows)
 

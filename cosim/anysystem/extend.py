@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from cosim.anysystem.actions import PARAMETER, Action
+from cosim.anysystem.actions import NEXT, PARAMETER, Action, in_log
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.files import Scratch, write_bytes
 from cosim.native.build import MissingCompilerError, build_native
@@ -42,7 +42,7 @@ def starts_of(found: AnyDiagnosis, group: str, action: Action) -> dict[str, floa
     if action in finding.read:
         shown = finding.read[action]
         return {"quantum": shown.step} if hasattr(shown, "step") else {}
-    values = finding.chosen.fit.values
+    values = in_log(finding.chosen.fit.values, NEXT)
     prefix = action.key("")
     return {
         NAMES.get((action.effect, n.removeprefix(prefix)), n.removeprefix(prefix)): v

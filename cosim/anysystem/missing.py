@@ -132,12 +132,12 @@ def _signals(
     """
     measured = {str(p): s for s, p in model.group.judged}
     found = {}
-    for name in series[0]:
+    for name in (n for n in series[0] if all(n in part for part in series)):
         side, _, full = name.partition(":")
         if side in ("in", "out") and full.partition(".")[0] == port.component:
-            signal = measured.get(full) if side == "out" and where == "input" else None
+            signal = measured.get(full, "") if side == "out" and where == "input" else ""
             found[full] = [
-                seg.signals[signal] if signal else part[name]
+                seg.signals[signal] if signal in seg.signals else part[name]
                 for seg, part in zip(model.segments, series, strict=True)
             ]
     return found

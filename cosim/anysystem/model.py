@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import PARAMETER, acted, placed
+from cosim.anysystem.actions import PARAMETER, acted, in_log, placed
 from cosim.anysystem.smooth import followed
 from cosim.ssp.fmu import promises_initial_outputs
 from cosim.ssp.system import Port, System
-from cosim.system.graph import CutGroup, Unit
+from cosim.system.graph import CutGroup, Unit, together
 from cosim.system.runs import Runs
 
 Array = NDArray[np.float64]
@@ -70,8 +70,9 @@ class GroupModel:
     """The model of one group.
 
     Attributes:
-        group: what is between the cuts.
+        group: what is between the cuts, with all that any of the logs measured.
         segments: the logs.
+        cuts: the group as each log cuts it, in their order.
         base: values that hold unless a call says otherwise: ``component.parameter`` of free parameters.
         held: signal -> for each log the places whose values its samples hold, where some are stale.
         steps: signal -> step of a reading that is rounded: what differs by less than half of it is not seen.
@@ -85,14 +86,24 @@ class GroupModel:
         coarse: signal -> RMS error of the model's own solvers, from a run in which they work more finely.
     """
 
-    def __init__(self, group: CutGroup, system: System, runs: Runs, segments: Sequence[Segment]) -> None:
-        self.group, self.system, self.runs, self.segments = group, system, runs, list(segments)
+    def __init__(
+        self,
+        group: CutGroup,
+        system: System,
+        runs: Runs,
+        segments: Sequence[Segment],
+        cuts: Mapping[int, CutGroup] | None = None,
+    ) -> None:
+        self.system, self.runs, self.segments = system, runs, list(segments)
+        self.cuts = [(cuts or {}).get(s.number, group) for s in segments]
+        self.group = group if all(c == group for c in self.cuts) else seen_by(group, self.cuts)
+        group = self.group
         self.base: dict[str, float] = {}
         self.drives: dict[str, Quantity] = {}
         self.steps: dict[str, float] = {}
         self.off: dict[str, tuple[float, float, float]] = {}
         self.added: dict[str, list[Array]] = {}
-        self.held: dict[str, tuple[NDArray[np.int64], ...]] = {}
+        self.held: dict[str, dict[int, NDArray[np.int64]]] = {}
         self.differs: dict[str, float] = {}
         self.coarse: dict[str, float] = {}
         self.until = 1.0
@@ -104,12 +115,38 @@ class GroupModel:
             if not promises_initial_outputs(system.components[port.component].fmu)
         )
 
+    def judging(self, signal: str) -> list[int]:
+        """The logs that judge the group by a signal."""
+        return [k for k, own in enumerate(self.cuts) if any(s == signal for s, _ in own.judged)]
+
+    def places(self, signal: str) -> list[str]:
+        """Names of a signal in the logs that judge by it."""
+        return [place(signal, k) for k in self.judging(signal)]
+
+    def before(self, signal: str, k: int) -> frozenset[str]:
+        """What leads to a signal in a log, as `ports` calls it, without inputs that its own reading drives.
+
+        What follows a reading holds its noise, and would tell it.
+        """
+        group = self.cuts[k]
+        leads = {port.component for s, port in group.judged if s == signal}
+        while more := {w.source.component for w in group.inner if w.target.component in leads} - leads:
+            leads |= more
+        ends = [(d.port, d.signal) for d in group.drives] + [(w.target, "") for w in group.inner]
+        outputs = [*(w.source for w in group.inner), *(p for _, p in group.judged)]
+        found = [f"in:{p}" for p, by in ends if p.component in leads and by != signal]
+        return frozenset(found + [f"out:{p}" for p in outputs if p.component in leads])
+
+    def whole(self, series: Mapping[str, Array], signal: str) -> Array:
+        """A signal's series of all logs that judge by it, behind one another."""
+        return np.concatenate([series[name] for name in self.places(signal)])
+
     def __call__(self, values: Mapping[str, float]) -> dict[str, Array]:
         """The judged signals of all logs, `place`(signal, k) -> (n,)."""
         found = {}
-        for k in range(len(self.segments)):
+        for k, own in enumerate(self.cuts):
             series = self.ports(values, k)
-            for signal, _ in self.group.judged:
+            for signal, _ in own.judged:
                 seen = self.seen(signal, k, series[signal])
                 found[place(signal, k)] = np.concatenate(
                     [seen, self.segments[k].signals[signal][seen.size :]]
@@ -126,9 +163,7 @@ class GroupModel:
         self.until = part
         try:
             yield {
-                place(signal, k): self.count(k)
-                for signal, _ in self.group.judged
-                for k in range(len(self.segments))
+                place(signal, k): self.count(k) for k, own in enumerate(self.cuts) for signal, _ in own.judged
             }
         finally:
             self.until = 1.0
@@ -152,13 +187,13 @@ class GroupModel:
         A reading may be wrong and drive its own group: what it drives then gets the quantity before the reading, as the
         model has it, brought slowly to the log. Where that goes round through the group, by what the first round gave.
         """
-        everything = {**self.base, **values}
+        everything = in_log({**self.base, **values}, self.segments[k].number)
         places = placed(everything)
         found = self._round(everything, places, k, {})
-        wrong = [s for s, port in self.group.judged if s in self.own and f"{port}|sensor" in places]
+        wrong = [s for s, port in self.cuts[k].judged if s in self.own and f"{port}|sensor" in places]
         if not wrong:
             return found
-        ports = dict(self.group.judged)
+        ports = dict(self.cuts[k].judged)
         quantities = {}
         for s in wrong:
             reading = self.segments[k].signals[s][: found[s].size]
@@ -173,14 +208,14 @@ class GroupModel:
         quantities: Mapping[str, Array],
     ) -> dict[str, Array]:
         """One run of all units, some drives being these quantities (n,) instead of readings."""
-        segment = self.segments[k]
+        segment, group = self.segments[k], self.cuts[k]
         h = segment.h
         parameters = {n.split("|")[1]: v for n, v in everything.items() if n.startswith(PARAMETER)}
         parameters |= {n: v for n, v in everything.items() if "|" not in n and ":" not in n}
         found: dict[str, Array] = {}
         entering: dict[Port, Array] = {}
         early: dict[Port, float] = {}
-        for drive in self.group.drives:
+        for drive in group.drives:
             series = self._driving(drive.signal, k, everything, quantities)
             ends = f"{drive.signal}>{drive.port}"
             shift = everything.get(f"{SHIFT}:{ends}", 0.0) + everything.get(f"{HOLD}:{ends}", 0.0)
@@ -192,10 +227,12 @@ class GroupModel:
             if (drive.factor, drive.offset) != (1.0, 0.0):
                 series = drive.factor * series + drive.offset
             entering[drive.port] = self._acted(series, k, drive.port, "input", places)
-        judged = {port for _, port in self.group.judged}
-        for unit in self.group.units:
+        judged = {port for _, port in group.judged}
+        for unit in group.units:
             wanted = tuple(
-                dict.fromkeys([*self._leaving(unit), *(p for p in judged if p.component in unit.components)])
+                dict.fromkeys(
+                    [*self._leaving(unit, group), *(p for p in judged if p.component in unit.components)]
+                )
             )
             inputs = {
                 p: self._held(p, s, early.get(p, 0.0))
@@ -212,13 +249,13 @@ class GroupModel:
                 found[f"pure:{port}"] = series
                 series = self._acted(series, k, port, "output", places)
                 found[f"out:{port}"] = series
-                for wire in self.group.inner:
+                for wire in group.inner:
                     if wire.source == port and wire.target.component not in unit.components:
                         handed = wire.factor * series + wire.offset
                         entering[wire.target] = self._acted(handed, k, wire.target, "input", places)
         for port, series in entering.items():
             found[f"in:{port}"] = series
-        for signal, port in self.group.judged:
+        for signal, port in group.judged:
             reading = acted(found[f"out:{port}"], h, port, "sensor", places)
             found[signal] = reading[self.held[signal][k][: reading.size]] if signal in self.held else reading
         return found
@@ -269,18 +306,26 @@ class GroupModel:
             found[:-1] = found[1:].copy()
         return found
 
-    def _leaving(self, unit: Unit) -> list[Port]:
+    @staticmethod
+    def _leaving(unit: Unit, group: CutGroup) -> list[Port]:
         return [
             w.source
-            for w in self.group.inner
+            for w in group.inner
             if w.source.component in unit.components and w.target.component not in unit.components
         ]
 
     def looped(self, port: Port) -> bool:
         """Whether a port's wire lies within a loop that is stepped as one, where no effect can be put on a series."""
-        for unit in self.group.units:
-            for wire in self.group.inner:
-                inside = wire.source.component in unit.components and wire.target.component in unit.components
-                if inside and port in (wire.source, wire.target):
-                    return True
-        return False
+        return any(
+            port in (wire.source, wire.target)
+            and wire.source.component in unit.components
+            and wire.target.component in unit.components
+            for own in self.cuts
+            for unit in own.units
+            for wire in own.inner
+        )
+
+
+def seen_by(group: CutGroup, cuts: Sequence[CutGroup]) -> CutGroup:
+    """A group with all that several logs measure of it."""
+    return replace(together(cuts), units=group.units)

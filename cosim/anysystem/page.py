@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.answer import column_scale, judged_signals, series
+from cosim.anysystem.answer import column_scale, judged_signals
+from cosim.anysystem.model import place as placed
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.diagnosis.answer.schema import Answer
 from cosim.errors import MissingExtraError
@@ -114,17 +115,18 @@ def picture(found: AnyDiagnosis, k: int) -> Picture:
     time = segment.start + segment.h * np.arange(segment.count, dtype=np.float64)
     panels = []
     for finding, connector in judged_signals(found):
-        own = next((i for i, s in enumerate(finding.model.segments) if s.number == k), None)
+        model = finding.model
+        own = next((i for i in model.judging(connector) if model.segments[i].number == k), None)
         if own is None:
             continue
-        segment = finding.model.segments[own]
+        segment, name = model.segments[own], placed(connector, own)
         unit, factor, offset = column_scale(found, connector)
         measured = (segment.signals[connector] - offset) / factor
         layers = [Layer("line", "measured", "measured", *thinned(time, measured))]
-        before = series(finding, connector, finding.null.fit.values)[own] / factor
+        before = finding.problem.residuals(finding.null.fit.values)[name] / factor
         layers.append(Layer("line", "model", "nominal", *thinned(time, measured - before)))
         if finding.named:
-            after = series(finding, connector, finding.chosen.fit.values)[own] / factor
+            after = finding.problem.residuals(finding.chosen.fit.values)[name] / factor
             layers.append(Layer("line", "with the causes", "extended", *thinned(time, measured - after)))
         panels.append(Panel(f"{connector} [{unit}]", layers))
     held = np.flatnonzero(np.diff(np.concatenate([[0], (~segment.fitted).astype(int), [0]])))

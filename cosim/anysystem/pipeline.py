@@ -1,12 +1,13 @@
 """The diagnosis of any system, on one page: cut, drive each group by what was measured, name, ask the neighbours."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import Action, acted, placed
+from cosim.anysystem.actions import Action, acted, in_log, placed
+from cosim.anysystem.cuts import Cuts, cut_by_logs, lacking, signals_of
 from cosim.anysystem.experiment import Proposal, propose
 from cosim.anysystem.missing import FEWEST_RUNS, SPENT, Missing, missing
 from cosim.anysystem.model import GroupModel, Quantity, Segment, place
@@ -19,7 +20,7 @@ from cosim.diagnosis.thresholds import FEWEST_SAMPLES
 from cosim.errors import DataError
 from cosim.inference.problem import Problem
 from cosim.ssp.system import Port, System
-from cosim.system.graph import CutGroup, cut, measured_ports, port_of
+from cosim.system.graph import CutGroup, measured_ports, port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import Structure, structure
 
@@ -43,7 +44,7 @@ class AnyDiagnosis:
         system: the model.
         logs: as read; those held out last.
         segments: the same on uniform grids.
-        groups: of the cut.
+        cuts: how they cut the system.
         findings: by name of the group.
         where: cause -> where it is, once its neighbours were asked: input, output or sensor.
         structure: what the graph alone can tell apart.
@@ -63,7 +64,7 @@ class AnyDiagnosis:
     system: System
     logs: list[Recording]
     segments: list[Segment]
-    groups: tuple[CutGroup, ...]
+    cuts: Cuts
     findings: dict[str, Finding] = field(default_factory=dict)
     where: dict[tuple[str, Action], str] = field(default_factory=dict)
     undecided: dict[tuple[str, Action], list[str]] = field(default_factory=dict)
@@ -80,6 +81,11 @@ class AnyDiagnosis:
     proposal: Proposal | None = None
     missing: dict[str, Missing | None] = field(default_factory=dict)
     only: dict[str, tuple[frozenset[int], frozenset[int]]] = field(default_factory=dict)
+
+    @property
+    def groups(self) -> tuple[CutGroup, ...]:
+        """What is judged together."""
+        return self.cuts.groups
 
     def causes(self) -> list[tuple[str, Action]]:
         """Group and cause, the one that explains most first."""
@@ -118,40 +124,9 @@ def segments_of(logs: Sequence[Recording], held: int) -> tuple[list[Segment], li
     return found, notes
 
 
-def signals_of(group: CutGroup) -> list[str]:
-    """What drives a group and judges it."""
-    return list(dict.fromkeys([*(d.signal for d in group.drives), *(s for s, _ in group.judged)]))
-
-
-def measured(system: System, logs: Sequence[Recording], held: int) -> list[str]:
-    """The connectors at which the system is cut, of logs that need not have the same columns.
-
-    What any of them has, if each group is then judged by a log that has all its signals; else what one of them has, or all.
-    Of these the cut counts by which most components are judged, with the fewest inputs unknown, in the most groups, by the
-    most samples.
-    """
-    sets = [frozenset(log.signals) for log in logs]
-    fitted = [(s, log.time.size) for s, log in zip(sets, logs, strict=True)][: len(logs) - held]
-    first = sets[0]
-    tried: list[frozenset[str]] = [first.union(*sets), *sets, first.intersection(*sets)]
-
-    def ranked(names: Iterable[str]) -> tuple[int, int, int, int]:
-        groups = [g for g in cut(system, sorted(names)) if g.judged]
-        samples = [sum(n for own, n in fitted if own.issuperset(signals_of(g))) for g in groups]
-        able = [(g, n) for g, n in zip(groups, samples, strict=True) if n]
-        return (
-            sum(len(g.components) for g, _ in able),
-            -sum(len(unmeasured(system, g)) for g, _ in able),
-            len(able),
-            sum(n for _, n in able),
-        )
-
-    return sorted(max(tried, key=ranked))
-
-
 def segments_for(found: AnyDiagnosis, group: CutGroup) -> list[Segment]:
-    """The logs that have all signals of a group; windows of each are held out where none of them is as a whole."""
-    own = [s for s in found.segments if s.signals.keys() >= set(signals_of(group))]
+    """The logs that judge a group, or a part of it; windows of each are held out where none of them is as a whole."""
+    own = [s for s in found.segments if s.number in found.cuts.own[group.name]]
     return windowed(own) if all(s.fitted.all() for s in own) else own
 
 
@@ -165,25 +140,24 @@ def apart_from(found: AnyDiagnosis) -> list[str]:
     used = {n for g in found.groups for n in signals_of(g)}
     notes = []
     for name in dict.fromkeys(n for log in found.logs for n in log.signals if n not in used):
-        lacking = [log.source.name for log in found.logs if name not in log.signals]
-        if lacking:
-            notes.append(
-                f"{name} is left aside: {listed(lacking)} {'lacks' if len(lacking) == 1 else 'lack'} it"
-            )
-    for log, segment in zip(found.logs, found.segments, strict=True):
-        without = {
-            g.name: lacking
-            for g in found.groups
-            if g.judged and (lacking := [n for n in signals_of(g) if n not in segment.signals])
-        }
+        without = [log.source.name for log in found.logs if name not in log.signals]
         if without:
-            names = list(dict.fromkeys(n for lacking in without.values() for n in lacking))
-            groups = list(without)
             notes.append(
-                f"{log.source.name} lacks {listed(names)}: it takes no part where {listed(groups)} "
-                f"{'is' if len(groups) == 1 else 'are'} judged"
+                f"{name} is left aside: {listed(without)} {'lacks' if len(without) == 1 else 'lack'} it"
+            )
+    for k, (log, segment) in enumerate(zip(found.logs, found.segments, strict=True)):
+        apart, joined = lacking(found.cuts, log, k)
+        if apart:
+            names = list(dict.fromkeys(n for lost in apart.values() for n in lost))
+            notes.append(
+                f"{log.source.name} lacks {listed(names)}: it takes no part where {listed(list(apart))} "
+                f"{'is' if len(apart) == 1 else 'are'} judged"
                 + ("" if segment.fitted.any() else ", and windows of the others are held out there")
             )
+        notes += [
+            f"{log.source.name} lacks {listed(lost)}: it judges {listed(parts)} as one"
+            for parts, lost in joined
+        ]
     return notes
 
 
@@ -216,10 +190,10 @@ def diagnose_system(
         DataError: nothing can be judged.
         SimulationError: a component cannot be run as it is.
     """
-    names = measured(system, logs, held)
+    cuts = cut_by_logs(system, logs, held)
+    names, groups = cuts.names, cuts.groups
     segments, notes = segments_of(logs, held)
-    groups = cut(system, names)
-    found = AnyDiagnosis(system, list(logs), segments, groups, held=held, notes=notes)
+    found = AnyDiagnosis(system, list(logs), segments, cuts, held=held, notes=notes)
     found.notes += apart_from(found)
     found.budget = budget or found.budget
     found.structure = structure(system, names, tuple(options.trusted))
@@ -235,7 +209,8 @@ def diagnose_system(
     for segment in segments:
         for name in segment.signals.keys() & set(names):
             segment.driving[name] = still(segment.signals[name])
-    runs.load([unit for group in groups if group.judged for unit in group.units])
+    theirs = [own for group in groups for own in cuts.own[group.name].values()]
+    runs.load(list(dict.fromkeys(unit for own in theirs for unit in own.units)))
     runs.stop = found.budget.end
     with found.budget.searching():
         for k, group in enumerate(groups):
@@ -297,7 +272,7 @@ def judge(
         lacks = "held out: the others lack" if segments else "given that has all of"
         found.unjudged[group.name] = f"no log is {lacks} {', '.join(signals_of(group))}"
         return
-    model = GroupModel(group, found.system, runs, segments)
+    model = GroupModel(group, found.system, runs, segments, found.cuts.own[group.name])
     still_inputs = unmeasured(found.system, group)
     stated = stated_inputs(found.system, options)
     model.base = {n: v for n, v in stated.items() if n in still_inputs}
@@ -345,8 +320,8 @@ def judge(
         return
     for one in (finding, *healthy):
         for signal, _ in group.judged:
-            for segment, series in zip(one.model.segments, behind(one, signal), strict=True):
-                segment.driving[signal] = series
+            for k, series in behind(one, signal).items():
+                one.model.segments[k].driving[signal] = series
 
 
 def in_some_logs(
@@ -431,21 +406,21 @@ def own_steps(finding: Finding) -> list[str]:
     ]
 
 
-def behind(finding: Finding, signal: str, candidate: Candidate | None = None) -> list[Array]:
-    """The quantity behind a reading in each log, as a group's model has it, brought slowly to the reading.
+def behind(finding: Finding, signal: str, candidate: Candidate | None = None) -> dict[int, Array]:
+    """The quantity behind a reading in each log that has it, as a group's model has it, brought slowly to the reading.
 
     With the causes that are named, or those of a candidate.
     """
     values, model = (candidate or finding.chosen).fit.values, finding.model
     left = finding.problem.residuals(values)
-    found = []
-    for k, segment in enumerate(model.segments):
-        own = left[place(signal, k)]
+    found = {}
+    for k in model.judging(signal):
+        segment, own = model.segments[k], left[place(signal, k)]
         # with the moment at which it was read, which the model's series does not have
         predicted = (
             segment.signals[signal] - own if signal not in model.steps else model.ports(values, k)[signal]
         )
-        found.append(followed(predicted, own))
+        found[k] = followed(predicted, own)
     return found
 
 
@@ -514,8 +489,11 @@ def known_in(found: AnyDiagnosis, model: GroupModel, doubted: Doubted) -> list[S
     judges = {signal: found.only.get(name, NO_LOGS)[1] for name, _, signal, _ in doubted}
     known = [
         s
-        for s in model.segments
-        if all(s.number in q.series or s.number in judges.get(n, ()) for n, q in model.drives.items())
+        for s, own in zip(model.segments, model.cuts, strict=True)
+        if all(
+            s.number in q.series or s.number in judges.get(n, ()) or all(d.signal != n for d in own.drives)
+            for n, q in model.drives.items()
+        )
     ]
     if len(known) == len(model.segments) or not any(s.fitted.any() for s in known):
         return model.segments
@@ -540,7 +518,10 @@ def heard(found: AnyDiagnosis, search: Search, doubted: Doubted) -> None:
 
 def like(found: AnyDiagnosis, model: GroupModel, segments: Sequence[Segment] | None = None) -> GroupModel:
     """A model of the same group, driven by the same, of these logs or the same."""
-    other = GroupModel(model.group, found.system, model.runs, segments or model.segments)
+    group = next(g for g in found.groups if g.name == model.group.name)
+    other = GroupModel(
+        group, found.system, model.runs, segments or model.segments, found.cuts.own[group.name]
+    )
     other.base, other.drives, other.differs = dict(model.base), dict(model.drives), model.differs
     other.coarse = model.coarse
     return other
@@ -580,9 +561,10 @@ def driven_by_itself(
         return search, finding
     segments = search.model.segments
     before = [dict(segment.driving) for segment in segments]
-    for signal in near:
-        for segment, series in zip(segments, behind(finding, signal, begun), strict=True):
-            segment.driving[signal] = series
+    places = {s: search.model.group.components.index(p.component) for s, p in search.model.group.judged}
+    for signal in sorted(near, key=lambda s: places[s]):  # what comes first drives the others
+        for k, series in behind(finding, signal, begun).items():
+            segments[k].driving[signal] = series
     other = Search(like(found, search.model), trust, options.exclude, options.causes, found.budget)
     theirs = other.run()
     if worth(theirs) > worth(finding) - CLOSE:
@@ -702,13 +684,14 @@ def before_effect(finding: Finding, action: Action, signal: str) -> Quantity:
     """What a reading would be without an effect, in each log, and what the effect's uncertainty changes of it."""
     fit = finding.chosen.fit
     effect = f"{action.effect}|{action.port}|"
-    before = {n: v for n, v in fit.values.items() if not n.startswith(effect)}
     own = [u.name for u in fit.unknowns if u.name.startswith(effect)]
     series: dict[int, Array] = {}
     slopes: list[dict[int, Array]] = [{} for _ in own]
-    for k, reading in enumerate(behind(finding, signal)):
+    for k, reading in behind(finding, signal).items():
         number = finding.model.segments[k].number
-        ports = finding.model.ports(fit.values, k)
+        values = in_log(fit.values, number)
+        before = {n: v for n, v in values.items() if not n.startswith(effect)}
+        ports = finding.model.ports(values, k)
         whole = ports[signal]
         if action.where == "sensor":
             h = finding.model.segments[k].h
@@ -718,9 +701,7 @@ def before_effect(finding: Finding, action: Action, signal: str) -> Quantity:
         # what the model's own slow errors and its timing make out, but not the effect
         series[number] = pure - whole + reading
         for i, name in enumerate(own):
-            moved = finding.model.ports({**fit.values, name: fit.values[name] + fit.deviation(name)}, k)[
-                signal
-            ]
+            moved = finding.model.ports({**values, name: values[name] + fit.deviation(name)}, k)[signal]
             slopes[i][number] = whole - moved
     return Quantity(series, slopes)
 
@@ -728,7 +709,9 @@ def before_effect(finding: Finding, action: Action, signal: str) -> Quantity:
 def undone(finding: Finding, action: Action, signal: str) -> Quantity | None:
     """What drives by a reading, with an effect taken off it that can be undone sample by sample; None for others."""
     values = finding.chosen.fit.values
-    driving = {s.number: s.driving.get(signal, s.signals[signal]) for s in finding.model.segments}
+    model = finding.model
+    own = [model.segments[k] for k in model.judging(signal)]
+    driving = {s.number: s.driving.get(signal, s.signals[signal]) for s in own}
     if action.effect == "port.offset":
         return Quantity({k: series - values[action.key("offset")] for k, series in driving.items()})
     if action.effect == "port.gain" and abs(gain := values[action.key("gain")]) > LEAST_GAIN:

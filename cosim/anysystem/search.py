@@ -13,7 +13,9 @@ from cosim.anysystem.actions import (
     Action,
     Reach,
     acts,
+    each,
     moderate,
+    of_all,
     off,
     sides,
     starts,
@@ -23,12 +25,12 @@ from cosim.anysystem.model import DRIVE, HOLD, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.anysystem.smooth import white
 from cosim.diagnosis.budget import Budget
-from cosim.diagnosis.held_out.between import Between, between_logs, drawn_by_logs
+from cosim.diagnosis.held_out.between import Between, between_logs, combined, drawn_by_logs
 from cosim.errors import SimulationError
 from cosim.inference.freeform import Explained, explained
 from cosim.inference.held_out import HeldOutGain
 from cosim.inference.noise import quietest
-from cosim.inference.problem import DIFFERENCE, FINE, Fit, Problem
+from cosim.inference.problem import DIFFERENCE, EVALUATIONS, FINE, Fit, Problem
 from cosim.inference.unknowns import Unknown
 from cosim.ssp.system import Port
 from cosim.system.effects import EFFECTS
@@ -184,13 +186,13 @@ def worth(finding: Finding) -> float:
 
     Every tenth sample counts as independent: what is left is coloured.
     """
-    count = sum(s.count for s in finding.model.segments) / 10.0
     residual = finding.problem.residuals(finding.chosen.fit.values)
     size = 0.0
     for signal, _ in finding.model.group.judged:
-        own = np.concatenate([residual[place(signal, k)] for k in range(len(finding.model.segments))])
-        size += float(np.log(max(np.sqrt(np.mean(own**2)), 1e-9 * finding.spreads[signal])))
-    return -count * size - finding.chosen.price
+        own = finding.model.whole(residual, signal)
+        left = max(float(np.sqrt(np.mean(own**2))), 1e-9 * finding.spreads[signal])
+        size += own.size / 10.0 * float(np.log(left))
+    return -size - finding.chosen.price
 
 
 class Search:
@@ -225,11 +227,12 @@ class Search:
         measured, fitted, windows, least = {}, {}, {}, {}
         self.spreads = {}
         for signal, _ in model.group.judged:
-            whole = np.concatenate([s.signals[signal] for s in segments])
+            judging = model.judging(signal)
+            whole = np.concatenate([segments[k].signals[signal] for k in judging])
             spread = max(float(np.std(whole)), 1e-9 * max(1.0, float(np.abs(whole).max())))
             self.spreads[signal] = spread
-            for k, segment in enumerate(segments):
-                name = place(signal, k)
+            for k in judging:
+                segment, name = segments[k], place(signal, k)
                 measured[name] = segment.signals[signal]
                 fitted[name], windows[name] = segment.fitted, segment.windows
                 least[name] = max(quietest(whole), LEAST * spread)
@@ -261,6 +264,7 @@ class Search:
         self.sizes: dict[
             Action, float
         ] = {}  # log-likelihood that each cause's starts change at most, at first sight
+        self.by_log: tuple[int, ...] = ()  # numbers of the logs of which each has sizes of its own
         self.moved: dict[Action, Action] = {}  # causes at an output that are as good at an input
 
     # What is given
@@ -268,33 +272,32 @@ class Search:
     def _read(self, first: Mapping[str, Array]) -> dict[Action, Grid | Stale]:
         """What the readings show by themselves; stale samples are then modelled."""
         found: dict[Action, Grid | Stale] = {}
-        count = len(self.model.segments)
         for signal, port in self.model.group.judged:
-            series = [s.signals[signal] for s in self.model.segments]
+            judging, names = self.model.judging(signal), self.model.places(signal)
+            series = [self.model.segments[k].signals[signal] for k in judging]
             grid = grid_of(series)
-            stale = None if grid else stale_of(series, [first[place(signal, k)] for k in range(count)])
+            stale = None if grid else stale_of(series, [first[n] for n in names])
             if grid is not None:
                 self.model.steps[signal] = grid.step
-                for k in range(count):
-                    name = place(signal, k)
+                for name in names:
                     self.problem.least[name] = max(self.problem.least[name], ROUNDED * grid.step)
                 if "port.quantisation" not in self.exclude:
                     found[Action("port.quantisation", port, "sensor")] = grid
             if stale is not None:
-                self.model.held[signal] = stale.held
+                self.model.held[signal] = dict(zip(judging, stale.held, strict=True))
                 if "port.dropout" not in self.exclude:
                     found[Action("port.dropout", port, "sensor")] = stale
         return found
 
     def _difference(self, one: Mapping[str, Array], other: Mapping[str, Array], signal: str) -> float:
         """RMS by which two runs of the same differ: 0 for a system that is deterministic."""
-        names = [place(signal, k) for k in range(len(self.model.segments))]
-        return float(np.sqrt(np.mean(np.concatenate([one[n] - other[n] for n in names]) ** 2)))
+        difference = self.model.whole(one, signal) - self.model.whole(other, signal)
+        return float(np.sqrt(np.mean(difference**2)))
 
     def _coarse(self, first: Mapping[str, Array]) -> dict[str, float]:
         """RMS error that the model's own solvers make of each signal; nothing where that cannot be asked."""
         model, h = self.model, max(s.h for s in self.model.segments)
-        units = model.group.units
+        units = dict.fromkeys(unit for own in model.cuts for unit in own.units)
         # what goes round within a loop comes a step late: that is no solver's error
         if any(len(unit.components) > 1 or not model.runs.can_halve(unit, h) for unit in units):
             return {}
@@ -406,6 +409,96 @@ class Search:
             near = dict.fromkeys(unknown.within(value + part * size) for part in (0.2, -0.2, 0.8))
             return [{unknown.name: v} for v in near if v != value]
         return starts(action, self.reach(action))
+
+    # Sizes that differ from log to log
+
+    def _free(self, actions: Sequence[Action]) -> list[Unknown]:
+        """What is fitted of causes: their numbers, or those of each log."""
+        numbers = [u for a in actions for u in self.numbers(a)]
+        if not self.by_log:
+            return numbers
+        return [replace(u, name=each(u.name, log)) for u in numbers for log in self.by_log]
+
+    def _fit(
+        self,
+        actions: Sequence[Action],
+        begin: Mapping[str, float],
+        evaluations: int = EVALUATIONS,
+        difference: float = DIFFERENCE,
+    ) -> Fit | None:
+        """A fit of causes; where each log has sizes of its own their numbers are the means of these."""
+        free = self._free(actions)
+        own = {u.name: begin.get(u.name, begin[of_all(u.name)]) for u in free}
+        fit = self.problem.fit(free, {**begin, **own}, evaluations, difference)
+        return None if fit is None else self._meant(fit, actions)
+
+    def _meant(self, fit: Fit, actions: Sequence[Action]) -> Fit:
+        """A fit in the numbers of all logs."""
+        if not self.by_log or not fit.unknowns:
+            return fit
+        numbers = [u for a in actions for u in self.numbers(a)]
+        logs = len(self.by_log)
+        mean = np.kron(np.eye(len(numbers)), np.full((1, logs), 1.0 / logs))
+        means = mean @ np.array([fit.values[u.name] for u in fit.unknowns])
+        values = fit.values | {u.name: float(m) for u, m in zip(numbers, means, strict=True)}
+        return replace(fit, values=values, covariance=mean @ fit.covariance @ mean.T, unknowns=tuple(numbers))
+
+    def _values_without(self, candidate: Candidate, actions: Sequence[Action]) -> dict[str, float]:
+        """A candidate's values without the numbers of some causes."""
+        lost = {u.name for a in actions for u in self.numbers(a)}
+        return {n: v for n, v in candidate.fit.values.items() if of_all(n) not in lost}
+
+    @staticmethod
+    def _shifted(values: Mapping[str, float], name: str, value: float) -> dict[str, float]:
+        """Values with another one of a number, and as much more or less in each log that has its own."""
+        step = value - values[name]
+        return {n: v + step if of_all(n) == name else v for n, v in values.items()}
+
+    def _scattered(self, found: list[Candidate], null: Candidate) -> list[Candidate]:
+        """The candidates with sizes of each log's own, where these explain more than their price: a limit that changes.
+
+        What is wrong in some logs alone is no size: a log that shows none of it, and contradicts what the others have, is
+        left to be judged apart.
+        """
+        logs = [s.number for s in self.model.segments if s.fitted.any()]
+        if len(logs) < 2 or self.budget.over:
+            return found
+        best = found[0]
+        self.by_log = tuple(logs)
+        fit = self._fit(best.actions, best.fit.values, 8)
+        own = None if fit is None else self._scored(Candidate(best.actions, fit, self._price(best.actions)))
+        if own is None or own.score < best.score + NAMED or self._absent(own):
+            self.by_log = ()
+            return found
+        again = [own, *(Candidate(c.actions, c.fit, self._price(c.actions)) for c in found[1:])]
+        return self._relearned(again, [null])
+
+    def _held_own(self, best: Candidate) -> dict[str, float]:
+        """Values of the best with which what stays wrong is asked: a log held out may have sizes of its own as well."""
+        logs = [s.number for s in self.model.segments if not s.fitted.any()]
+        values = dict(best.fit.values)
+        if not self.by_log or not best.actions or not logs or self.budget.over:
+            return values
+        free = [
+            replace(u, name=each(u.name, log)) for a in best.actions for u in self.numbers(a) for log in logs
+        ]
+        values |= {u.name: values[of_all(u.name)] for u in free}
+        with self.problem.whole():
+            fit = self.problem.fit(free, values, 8)
+        return values if fit is None else fit.values
+
+    def _absent(self, candidate: Candidate) -> bool:
+        """Whether a log is nearer to having nothing of a cause than to the mean of all."""
+        for action in candidate.actions:
+            for log in self.by_log:
+                own = candidate.fit.values
+                scores = []
+                for values in (self._off(action), {u.name: own[u.name] for u in self.numbers(action)}):
+                    rows = self.problem.rows(own | {each(n, log): v for n, v in values.items()})
+                    scores.append(-np.inf if rows is None else self.problem.log_likelihood(rows, own, ()))
+                if scores[0] > scores[1] + CLOSE:
+                    return True
+        return False
 
     # The null model
 
@@ -552,7 +645,11 @@ class Search:
             signal = drive.signal
             if model.system.variable(drive.port).kind != "Real":
                 continue
-            readings = [s.signals[signal] for s in model.segments]
+            readings = [
+                s.signals[signal]
+                for s, own in zip(model.segments, model.cuts, strict=True)
+                if any(d.signal == signal for d in own.drives)
+            ]
             spread = float(np.std(np.concatenate(readings)))
             noise = max(white(r) for r in readings)
             count = min(r.size for r in readings) / PARTS
@@ -641,6 +738,8 @@ class Search:
                 if not found:
                     break
                 found = self._relearned(found, [best, *singles])
+                if count == 1 and found[0].score > self._scored(best).score + NAMED:
+                    found = self._scattered(found, best)
                 if count == 1:
                     singles = found
                 richer = found[0]
@@ -666,6 +765,8 @@ class Search:
         if self.budget.over:
             self._left_out("what each log says of the estimates")
             return {}
+        if self.by_log:
+            return self._between_own(best)
         names, nuisances = self.problem.names, [u.name for u in self.problem.nuisances_shared]
         logs = [np.full(self.problem.measured[n].size, int(n.rpartition("#")[2])) for n in names]
         # what is believed of a nuisance of one log counts as that log's
@@ -687,10 +788,48 @@ class Search:
                 fit.deviation(u.name),
                 drawn.steps[:, i],
                 drawn.shares[:, i],
-                abs(fit.values[u.name] - nothing[u.name]),
+                self._size(fit.values[u.name], nothing[u.name]),
             )
             for i, u in enumerate(fit.unknowns)
         }
+
+    @staticmethod
+    def _size(value: float, nothing: float) -> float:
+        """How large a number is; a limit out of reach says nothing of one that is met."""
+        return min(abs(value - nothing), abs(value))
+
+    def _between_own(self, best: Candidate) -> dict[str, Between]:
+        """The same where each log has sizes of its own, which are fitted."""
+        free = self._free(best.actions)
+        with self.problem.whole() if self.on_all else nullcontext():
+            fit = self.problem.fit(free, best.fit.values, 8, DIFFERENCE * FINE)
+        if fit is None:
+            return {}
+        nothing = {n: v for a in best.actions for n, v in self._off(a).items()}
+        found = {}
+        for number in (u for a in best.actions for u in self.numbers(a)):
+            names = [each(number.name, log) for log in self.by_log]
+            values = np.array([fit.values[n] for n in names])
+            # a limit that a log does not meet has no slope there
+            deviations = np.array([fit.deviation(n) for n in names])
+            told = deviations > 0.0
+            own, squares = values[told], deviations[told] ** 2
+            if own.size < 2:
+                value, deviation = best.fit.values[number.name], best.fit.deviation(number.name)
+                all_ = (float(own[0]), float(squares[0])) if own.size else (value, deviation**2)
+                found[number.name] = Between(all_[0], values, np.where(told, deviations, np.inf), all_[1])
+                continue
+            size = self._size(float(own.mean()), nothing[number.name])
+            over = combined(float(own.mean()), 0.0, values, deviations, size)
+            weights = 1.0 / (squares + over.scatter**2)
+            weights /= weights.sum()
+            found[number.name] = replace(
+                over,
+                value=float(weights @ own),
+                within=float(weights**2 @ squares),
+                share=float(weights @ weights),
+            )
+        return found
 
     def _none_between(self, action: Action, between: Mapping[str, Between]) -> bool:
         """Whether several logs, taken as repetitions, do not tell any size of a cause from none."""
@@ -726,14 +865,7 @@ class Search:
     def _rms(self, fit: Fit) -> list[float]:
         residual = self.problem.residuals(fit.values)
         return [
-            float(
-                np.sqrt(
-                    np.mean(
-                        np.concatenate([residual[place(s, k)] for k in range(len(self.model.segments))]) ** 2
-                    )
-                )
-            )
-            for s, _ in self.model.group.judged
+            float(np.sqrt(np.mean(self.model.whole(residual, s) ** 2))) for s, _ in self.model.group.judged
         ]
 
     def _systematic(self, candidate: Candidate, count: int) -> bool:
@@ -926,7 +1058,9 @@ class Search:
         best, values = candidate.score, dict(candidate.fit.values)
         for unknown in numbers:
             for part in np.linspace(0.02, 0.98, SCANNED):
-                moved = values | {unknown.name: unknown.low + float(part) * (unknown.high - unknown.low)}
+                moved = self._shifted(
+                    values, unknown.name, unknown.low + float(part) * (unknown.high - unknown.low)
+                )
                 rows = self.problem.rows(moved)
                 if rows is None:
                     continue
@@ -935,8 +1069,7 @@ class Search:
                     best, values = score, moved
         if best <= candidate.score:
             return candidate
-        every = [u for a in candidate.actions for u in self.numbers(a)]
-        fit = self.problem.fit(every, values)
+        fit = self._fit(candidate.actions, values)
         again = None if fit is None else self._scored(Candidate(candidate.actions, fit, candidate.price))
         return again if again is not None and again.score > candidate.score else candidate
 
@@ -946,7 +1079,7 @@ class Search:
         What switches within a component (a valve that a level opens, a contact) makes the likelihood jump with a number:
         slopes then end at the next step of it.
         """
-        every = [u for a in candidate.actions for u in self.numbers(a)]
+        every = self._free(candidate.actions)
         for _ in range(AGAIN):
             if self.budget.over or not self._above_noise(candidate.fit):
                 break
@@ -965,7 +1098,7 @@ class Search:
                         best, values = score, moved
             if best < candidate.score + 1.0:
                 break
-            fit = self.problem.fit(every, values)
+            fit = self._fit(candidate.actions, values)
             again = None if fit is None else self._scored(Candidate(candidate.actions, fit, candidate.price))
             if again is None or again.score <= candidate.score:
                 break
@@ -984,8 +1117,7 @@ class Search:
         self, base: Candidate, action: Action, start: Mapping[str, float], evaluations: int = 14
     ) -> Candidate | None:
         actions = (*base.actions, action)
-        numbers = [u for a in actions for u in self.numbers(a)]
-        fit = self.problem.fit(numbers, {**base.fit.values, **start}, evaluations)
+        fit = self._fit(actions, {**base.fit.values, **start}, evaluations)
         if fit is None:
             return None
         candidate = Candidate(actions, fit, self._price(actions))
@@ -993,7 +1125,7 @@ class Search:
 
     def _price(self, actions: Sequence[Action]) -> float:
         count = float(self.problem.mask.sum())
-        return 0.5 * float(np.log(count)) * sum(len(self.numbers(a)) for a in actions)
+        return 0.5 * float(np.log(count)) * len(self._free(actions))
 
     @staticmethod
     def _unique(found: list[Candidate]) -> list[Candidate]:
@@ -1013,8 +1145,7 @@ class Search:
             for rank, candidate in enumerate(sorted(found, key=lambda c: -c.score)):
                 # one that explains nearly as much may be the same: it is judged at its best, as the best is
                 if rank < SURELY_AGAIN or (rank < SCREENED + OTHERS and self._scored(candidate).score > near):
-                    numbers = [u for a in candidate.actions for u in self.numbers(a)]
-                    fit = self.problem.fit(numbers, candidate.fit.values, 8)
+                    fit = self._fit(candidate.actions, candidate.fit.values, 8)
                     candidate = Candidate(candidate.actions, fit or candidate.fit, candidate.price)
                 again.append(self._scored(candidate))
             found = sorted(again, key=lambda c: -c.score)
@@ -1033,10 +1164,7 @@ class Search:
             poorer = []
             for k in range(len(best.actions)):
                 actions = best.actions[:k] + best.actions[k + 1 :]
-                numbers = [u for a in actions for u in self.numbers(a)]
-                dropped = {u.name for u in self.numbers(best.actions[k])}
-                begin = {n: v for n, v in best.fit.values.items() if n not in dropped}
-                fit = self.problem.fit(numbers, begin)
+                fit = self._fit(actions, self._values_without(best, (best.actions[k],)))
                 if fit is not None:
                     poorer.append(self._scored(Candidate(actions, fit, self._price(actions))))
             if not poorer:
@@ -1054,12 +1182,10 @@ class Search:
         null = self._scored(self.null)
         kept: list[Action] = []
         # parameters that are no causes, being as they are trusted to be, but not nominal
-        trusted: set[str] = set()
+        trusted: list[Action] = []
         if best.actions and not self.budget.over:
             best = self._elsewhere(best)
-            fine = problem.fit(
-                [u for a in best.actions for u in self.numbers(a)], best.fit.values, 10, DIFFERENCE * FINE
-            )
+            fine = self._fit(best.actions, best.fit.values, 10, DIFFERENCE * FINE)
             if fine is not None and fine.log_likelihood >= best.fit.log_likelihood - 1.0:
                 best = self._scored(Candidate(best.actions, fine, best.price))
             best = self._at_outputs(best, singles)
@@ -1088,7 +1214,7 @@ class Search:
                     )
                 )
             elif action.effect == PARAMETER and self._small(action, best.fit):
-                trusted |= {u.name for u in self.numbers(action)}
+                trusted.append(action)
             elif action.effect == PARAMETER and self._as_programs_differ(action, best.fit, agreed):
                 finding.refused.append(
                     (action, "is no further from what is trusted than two programs with one model differ")
@@ -1102,9 +1228,8 @@ class Search:
             else:
                 kept.append(action)
         if tuple(kept) != best.actions:
-            numbers = [u for a in kept for u in self.numbers(a)]
-            names = {u.name for a in best.actions if a not in kept for u in self.numbers(a)} - trusted
-            fit = problem.fit(numbers, {n: v for n, v in best.fit.values.items() if n not in names})
+            lost = [a for a in best.actions if a not in kept and a not in trusted]
+            fit = self._fit(tuple(kept), self._values_without(best, lost))
             best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
         finding.fitted = best
         if self.budget.over and best.actions:
@@ -1114,14 +1239,14 @@ class Search:
         ):
             best = self._on_all(best)
         finding.nearest = best
-        residual = problem.residuals(best.fit.values)
+        residual = problem.residuals(self._held_own(best))
         left = self._told(residual, best)
         wrong = self._wrong(left, residual)
         if best.actions and wrong:
             before = self._rms(self.null.fit)
             after = self._rms(best.fit)
             floors = [
-                problem.noise[place(s, 0)].rms if not wrong else self._white(s)
+                problem.noise[self.model.places(s)[0]].rms if not wrong else self._white(s)
                 for s, _ in self.model.group.judged
             ]
             ratio = max(
@@ -1142,6 +1267,9 @@ class Search:
             finding.instead = next((a for a in near if a.effect == PARAMETER), near[0] if near else None)
         # programs differ alike in all logs: that says nothing of what changes from one to the next
         finding.between = self._between(best)
+        if self.by_log:  # of a limit that some logs do not meet the others tell
+            meant = {n: b.value for n, b in finding.between.items()}
+            best = replace(best, fit=replace(best.fit, values=best.fit.values | meant))
         plain = best.fit
         best = self._as_well_as_programs_agree(best)
         finding.between = {
@@ -1182,9 +1310,7 @@ class Search:
                 if other in best.actions:
                     continue
                 actions = tuple(other if a == action else a for a in best.actions)
-                dropped = {u.name for u in self.numbers(action)}
-                begin = {n: v for n, v in best.fit.values.items() if n not in dropped} | start
-                fit = self.problem.fit([u for a in actions for u in self.numbers(a)], begin, 8)
+                fit = self._fit(actions, self._values_without(best, (action,)) | start, 8)
                 moved = None if fit is None else self._scored(Candidate(actions, fit, self._price(actions)))
                 if moved is not None and moved.score > best.score - 1.0:
                     self.moved[other] = action
@@ -1220,11 +1346,10 @@ class Search:
 
     def _on_all(self, best: Candidate) -> Candidate:
         """The last estimate, of the whole log: what only a window held out shows counts as well."""
-        numbers = [u for a in best.actions for u in self.numbers(a)]
         with self.problem.whole():
             self._scored(best)
             starts = [self._both_sides(best)] if len(best.actions) == 1 else [best]
-            fits = [self.problem.fit(numbers, c.fit.values, 10, DIFFERENCE * FINE) for c in starts]
+            fits = [self._fit(c.actions, c.fit.values, 10, DIFFERENCE * FINE) for c in starts]
         fit = next((f for f in fits if f is not None), None)
         self.on_all = fit is not None
         return best if fit is None else self._scored(Candidate(best.actions, fit, best.price))
@@ -1244,14 +1369,13 @@ class Search:
             if fit.values[unknown.name] + step > unknown.high:
                 step = -step
             try:
-                moved = self.model({**fit.values, unknown.name: fit.values[unknown.name] + step})
+                moved = self.model(self._shifted(fit.values, unknown.name, fit.values[unknown.name] + step))
             except SimulationError:
                 variances.append(0.0)
                 continue
             slopes = []
             for signal, _ in self.model.group.judged:
-                names = [place(signal, k) for k in range(len(self.model.segments))]
-                change = np.concatenate([moved[n] - here[n] for n in names])
+                change = self.model.whole(moved, signal) - self.model.whole(here, signal)
                 floor = max(LEAST * self.spreads[signal], self.model.coarse.get(signal, 0.0))
                 slopes.append(float(np.sqrt(np.mean(change**2))) / abs(step) / floor)
             variances.append(max(slopes) ** -2 if max(slopes) > 0.0 else 0.0)
@@ -1261,9 +1385,7 @@ class Search:
         actions = tuple(a for a in best.actions if a != action)
         if not actions:
             return null
-        numbers = [u for a in actions for u in self.numbers(a)]
-        dropped = {u.name for u in self.numbers(action)}
-        fit = self.problem.fit(numbers, {n: v for n, v in best.fit.values.items() if n not in dropped})
+        fit = self._fit(actions, self._values_without(best, (action,)))
         return None if fit is None else Candidate(actions, fit, self._price(actions))
 
     def _small(self, action: Action, fit: Fit) -> bool:
@@ -1287,14 +1409,13 @@ class Search:
 
     def _white(self, signal: str) -> float:
         """White noise of a reading; what is rounded has at least that of its steps, and all what two runs differ by."""
-        return max(
-            *(white(s.signals[signal]) for s in self.model.segments), self.problem.least[place(signal, 0)]
-        )
+        readings = [self.model.segments[k].signals[signal] for k in self.model.judging(signal)]
+        return max(*(white(r) for r in readings), self.problem.least[self.model.places(signal)[0]])
 
     def _floor(self, signal: str, best: Candidate) -> float:
         """Noise of a reading: what is left by the best, where that is noise."""
         residual = self.problem.residuals(best.fit.values)
-        own = np.concatenate([residual[place(signal, k)] for k in range(len(self.model.segments))])
+        own = self.model.whole(residual, signal)
         return (
             float(np.std(own))
             if signal not in self._wrong(self._told(residual, best), residual)
@@ -1304,19 +1425,26 @@ class Search:
     def _told(self, residual: Mapping[str, Array], candidate: Candidate) -> dict[str, Explained]:
         """What inputs and outputs of the group tell of a residual, signal by signal of the longest log."""
         found = {}
-        k = int(np.argmax([s.count for s in self.model.segments]))
-        segment = self.model.segments[k]
-        if not (~segment.fitted).any() or not segment.fitted.any():
-            k = next(
-                (i for i, s in enumerate(self.model.segments) if s.fitted.any() and (~s.fitted).any()), k
-            )
-            segment = self.model.segments[k]
-        ports = self.model.ports(candidate.fit.values, k)
-        shown = {n.partition(":")[2]: v for n, v in ports.items() if n.startswith(("in:", "out:"))}
-        fitted = segment.fitted
-        if not (~fitted).any() or not fitted.any():  # whole logs are held out: windows of this one are
-            fitted = segment.windows % 3 != 1
         for signal, _ in self.model.group.judged:
+            judging = self.model.judging(signal)
+            mixed = [
+                k
+                for k in judging
+                if 0 < int(self.model.segments[k].fitted.sum()) < self.model.segments[k].count
+            ]
+            k = max(judging, key=lambda k: self.model.segments[k].count)
+            if k not in mixed and mixed:
+                k = mixed[0]
+            segment = self.model.segments[k]
+            before = self.model.before(signal, k)
+            shown = {
+                n.partition(":")[2]: v
+                for n, v in self.model.ports(candidate.fit.values, k).items()
+                if n.startswith(("in:", "out:")) and n in before
+            }
+            fitted = segment.fitted
+            if k not in mixed:  # whole logs are held out: windows of this one are
+                fitted = segment.windows % 3 != 1
             found[signal] = explained(residual[place(signal, k)], shown, fitted, segment.windows, segment.h)
         return found
 
@@ -1333,7 +1461,7 @@ class Search:
                     f"the residual depends on {names}: {100 * share:.0f} % of its variance on windows held out"
                 )
                 continue
-            own = np.concatenate([residual[place(signal, k)] for k in range(len(self.model.segments))])
+            own = self.model.whole(residual, signal)
             rms = float(np.std(own))
             if rms > UNTOLD * spread and rms > LOUD * max(self._white(signal), 1e-300):
                 found[signal] = (
@@ -1364,17 +1492,18 @@ class Search:
                 ):
                     continue
                 if rest or single is None:
-                    numbers = [u for a in (*rest, rival) for u in self.numbers(a)]
-                    own = {u.name for u in self.numbers(action)}
-                    begin = {n: v for n, v in best.fit.values.items() if n not in own}
-                    begin |= values
-                    fit = self.problem.fit(numbers, begin, 8)
+                    begin = self._values_without(best, (action,)) | values
+                    fit = self._fit((*rest, rival), begin, 8)
                     if fit is None:
                         continue
                     with_rival = self._scored(Candidate((*rest, rival), fit, self._price((*rest, rival))))
                 else:
                     assert single is not None
                     with_rival = self._scored(single)
+                    near = self._scored(best).score - with_rival.score
+                    if CLOSE <= near < NAMED + single.price:  # estimated as finely as the best
+                        fine = self._fit(single.actions, single.fit.values, 8, DIFFERENCE * FINE)
+                        with_rival = self._scored(replace(single, fit=fine)) if fine else with_rival
                 score, fits[rival] = with_rival.score, with_rival.fit
                 behind = self._scored(best).score - score
                 others.append((rival, behind))

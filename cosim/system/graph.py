@@ -188,7 +188,21 @@ def cut(system: System, names: Collection[str]) -> tuple[CutGroup, ...]:
         groups.append(
             CutGroup(units, tuple(drives), tuple(own), tuple(judged), tuple(dict.fromkeys(missing)))
         )
-    return tuple(_upstream_first(groups))
+    return tuple(upstream_first(groups))
+
+
+def together(groups: Iterable[CutGroup]) -> CutGroup:
+    """Groups judged as one: several of a cut, or the same components in several cuts."""
+    all_ = list(groups)
+    units = list(dict.fromkeys(u for g in all_ for u in g.units))
+    largest = [u for u in units if not any(set(u.components) < set(other.components) for other in units)]
+    return CutGroup(
+        tuple(largest),
+        tuple(dict.fromkeys(d for g in all_ for d in g.drives)),
+        tuple(dict.fromkeys(w for g in all_ for w in g.inner)),
+        tuple(dict.fromkeys(j for g in all_ for j in g.judged)),
+        tuple(dict.fromkeys(m for g in all_ for m in g.missing)),
+    )
 
 
 def _is_input(system: System, port: Port) -> bool:
@@ -234,7 +248,7 @@ def _units(members: list[str], wires: list[Wire]) -> tuple[Unit, ...]:
     return tuple(reversed(order))
 
 
-def _upstream_first(groups: list[CutGroup]) -> list[CutGroup]:
+def upstream_first(groups: Iterable[CutGroup]) -> list[CutGroup]:
     """Groups whose drives come from groups before them, as far as loops allow."""
     left, ordered = list(groups), []
     while left:

@@ -118,9 +118,13 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
     problem.noise["tank.y#0"] = Noise(1e-4)
     search = Search.__new__(Search)
     search.problem, search.budget, search.trusted = problem, Budget(), {"tank.r": (7.0, 0.01)}
+    search.by_log = ()
     search.model = SimpleNamespace(  # type: ignore[assignment]
         group=SimpleNamespace(judged=(("tank.y", Port("tank", "y")),)),
         segments=[SimpleNamespace(signals={"tank.y": measured})],
+        judging=lambda _: [0],
+        places=lambda signal: [f"{signal}#0"],
+        whole=lambda series, signal: series[f"{signal}#0"],
         system=SimpleNamespace(variable=lambda _: SimpleNamespace(low=0.1, high=20.0)),
     )
     stuck = problem.fit([size], {size.name: 8.92})
