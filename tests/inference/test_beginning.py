@@ -116,3 +116,9 @@ def test_a_motion_that_begins_with_the_record_is_no_rest_though_the_way_of_a_min
     slew = np.cumsum(np.convolve(u, np.exp(-np.arange(200) / 10.0))[:3000]) * 0.02
     assert np.std(slew[:25]) < 0.01 * np.ptp(slew)
     assert not rests(u, slew + 2e-4 * np.random.default_rng(8).standard_normal(time.size))
+
+
+def test_a_level_is_the_first_value_itself() -> None:
+    values = 30.0 + np.arange(50.0) % 7.0
+    values[1] = 0.0
+    assert level(values) == 30.0

@@ -9,7 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from cosim.inference import noise as noise_module
 from cosim.inference.noise import Noise, correlation_times, quietest
-from cosim.inference.spectrum import LOWEST, bands, learn
+from cosim.inference.spectrum import BANDS, LOWEST, bands, learn
+from cosim.inference.thresholds import NEGLIGIBLE
 from cosim.rig import Noise as RigNoise
 
 
@@ -157,3 +158,28 @@ def test_correlation_times_reach_from_a_sample_to_the_log() -> None:
     times = correlation_times(10_000)
     assert times[0] == 1.0
     assert 3_000 < times[-1] <= 10_000
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.9, (8.0,)), (1.1, (2.0, 8.0))])
+def test_a_part_is_left_out_where_it_is_negligible_beside_all_at_its_own_rate(
+    share: float, kept: tuple
+) -> None:
+    """Its spectrum at its own corner, against white noise and the slower part there; that of white noise is 1."""
+
+    def spectrum(tau: float, w: float) -> float:
+        phi = np.exp(-1.0 / tau)
+        return (1.0 - phi**2) / (1.0 - 2.0 * phi * np.cos(w) + phi**2)
+
+    beside = 0.3 + 5.0 * spectrum(8.0, 0.5)
+    limit = NEGLIGIBLE * beside / (1.0 - NEGLIGIBLE) / spectrum(2.0, 0.5)
+    rates, sizes = Noise(0.3, (2.0, 8.0), (share * limit, 5.0))._correlated
+    assert 1.0 / rates == pytest.approx(kept)
+    assert sizes[-1] == 5.0
+
+
+def test_bands_widen_by_one_ratio_and_hold_every_frequency_once() -> None:
+    """From the lowest to below half of the sampling rate."""
+    count = bands(np.zeros(40_000), np.zeros((1, 40_000))).count
+    assert count.sum() == 20_000 - LOWEST
+    assert count[-1] == round(20_000 * (1.0 - (20_000 / LOWEST) ** (-1.0 / BANDS)))
+    assert (np.diff(count) >= -1.0).all()  # but for rounding
