@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from cosim.inference.linear import Data, LinearModel, Sections, reference
+from cosim.inference.linear import Data, LinearModel, Sections, columns, reference
 from cosim.inference.thresholds import ORDER_WORTH
 
 Array = NDArray[np.float64]
@@ -219,3 +219,10 @@ def test_a_higher_order_must_be_worth_it_and_not_only_sure(share: float, order: 
     left = np.sqrt((1.0 - share * ORDER_WORTH) ** -2 - 1.0)
     y = 100.0 * response([4.0], [1.0, 4.0], u) + left * weak / np.std(weak) + noise
     assert reference(Data(u, y, H, lambda rows: rows, np.arange(u.size) * 20 // u.size)).order == order
+
+
+def test_no_section_has_the_input_for_its_column_and_no_state() -> None:
+    u = command(13)
+    driven, free = columns(Sections(), u, H, 30.0, (300,))
+    assert np.array_equal(driven, u[None])
+    assert free.shape == (0, COUNT)

@@ -52,6 +52,27 @@ def test_the_likelihood_is_that_of_the_fitted_part_and_of_what_is_believed() -> 
     assert made.log_likelihood(rows, {"gain": 1.1}, [believed]) == pytest.approx(plain - 0.5 * 55.0**2)
 
 
+def test_before_anything_is_learned_residuals_are_of_the_least_noise_and_no_nuisance_takes_of_them() -> None:
+    made = Problem({"y": 1.5 * U}, {"y": FITTED}, {"y": WINDOW}, model, {"y": 1e-3})
+    assert made.residuals({"gain": 1.0})["y"] == pytest.approx(0.5 * U)
+    assert made.rows({"gain": 1.0}) == pytest.approx(0.5 * U / 1e-3)
+    assert made.nuisances({}) == {}
+    assert made.fit((), {"gain": 1.0}).covariance.shape == (0, 0)
+
+
+def test_what_is_believed_of_a_nuisance_holds_it_back_as_it_does_in_least_squares() -> None:
+    """Noise of 0.2 over two thousand values, against a belief of 0.01: it goes most of the way and not all of it."""
+    noise, prior = 0.2, 0.01
+    y = U + 0.03 * np.cos(T) + noise * np.random.default_rng(12).standard_normal(N)
+    made = Problem({"y": y}, {"y": FITTED}, {"y": WINDOW}, model, {"y": 1e-4})
+    made.noise["y"] = Noise(noise**2)
+    made.share([Unknown("n", -1.0, 1.0, 1.0, prior)], {"y": np.cos(T)[None]})
+    column, rest = np.cos(T)[FITTED] / noise, (y - U)[FITTED] / noise
+    best = column @ rest / (column @ column + prior**-2)
+    assert 0.6 < best / (column @ rest / (column @ column)) < 0.8
+    assert made.nuisances({})["n"] == pytest.approx(best, rel=1e-6)
+
+
 def test_a_value_at_which_the_model_fails_is_refused_with_its_words() -> None:
     made = problem(np.random.default_rng(1))
     assert made.rows({"gain": 4.0}) is None

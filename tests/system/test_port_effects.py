@@ -110,3 +110,7 @@ def test_a_lag_is_the_limit_of_a_filter_of_small_steps() -> None:
     a = np.exp(-H / fine / lag)
     y = lfilter([0.5 * (1.0 - a), 0.5 * (1.0 - a)], [1.0, -a], u - u[0]) + u[0]
     assert acted("port.lag", WAVE, lag=lag) == pytest.approx(y[::fine], abs=1e-7)
+
+
+def test_steps_lost_samples_and_a_drift_are_of_readings_alone() -> None:
+    assert {n for n, e in EFFECTS.items() if e.reading} == {"port.quantisation", "port.dropout", "port.drift"}
