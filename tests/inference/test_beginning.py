@@ -143,3 +143,10 @@ def test_a_record_rests_up_to_so_many_times_its_noise(share: float, rest: bool) 
     step = 2.0 * np.sqrt((share * START_LACK * NOISE) ** 2 - 0.25)
     y = ZIGZAG + np.where(np.arange(TIME.size) < 50, 0.0, step)
     assert rests(np.where(TIME < 0.1, 0.0, 1.0), y) == rest
+
+
+def test_a_span_that_is_too_long_is_halved_and_no_more() -> None:
+    """A speed that jumps in the second half of the span: the first half has a parabola, and all of it tells."""
+    values = 2.0 * TIME + 3.0 * np.maximum(TIME - 0.6 * START_SPAN, 0.0) + noise(1e-5)
+    half = TIME[: round(0.5 * START_SPAN * 1e3)]
+    assert speed(TIME, values) == pytest.approx(parabola(half, values[: half.size])[1] / half[-1])

@@ -226,3 +226,19 @@ def test_no_section_has_the_input_for_its_column_and_no_state() -> None:
     driven, free = columns(Sections(), u, H, 30.0, (300,))
     assert np.array_equal(driven, u[None])
     assert free.shape == (0, COUNT)
+
+
+def test_an_order_that_brings_nothing_does_not_end_the_search_for_the_next() -> None:
+    """A mode that rings for long, without static gain: a lag takes less than one per cent off the error."""
+    u = np.random.default_rng(14).choice([-1.0, 1.0], COUNT)
+    found = reference(data(u, noisy(response([1.0, 0.0], [1.0, 0.18, 900.0], u))), highest=2)
+    assert found.order == 2
+    assert found.sections.second[0][0] == pytest.approx(30.0, rel=0.01)
+
+
+def test_a_delay_is_found_though_each_sample_of_the_input_is_another() -> None:
+    """No slope leads from one sample of delay to the next: several are tried as a search begins."""
+    u = np.random.default_rng(15).choice([-1.0, 1.0], COUNT)
+    found = reference(data(u, noisy(response([8.0], [1.0, 8.0], u, late=8))), highest=1)
+    assert found.order == 1
+    assert found.sections.delay == pytest.approx(8 * H, abs=0.1 * H)

@@ -50,6 +50,8 @@ def test_the_likelihood_is_that_of_the_fitted_part_and_of_what_is_believed() -> 
     assert made.log_likelihood(rows, {"gain": 1.1}, [GAIN]) == pytest.approx(plain)
     believed = Unknown("gain", -5.0, 5.0, 0.3, 0.02)  # of zero, unless another centre is named
     assert made.log_likelihood(rows, {"gain": 1.1}, [believed]) == pytest.approx(plain - 0.5 * 55.0**2)
+    centred = Unknown("gain", -5.0, 5.0, 0.3, 0.02, 1.06)
+    assert made.log_likelihood(rows, {"gain": 1.1}, [centred]) == pytest.approx(plain - 0.5 * 2.0**2)
 
 
 def test_before_anything_is_learned_residuals_are_of_the_least_noise_and_no_nuisance_takes_of_them() -> None:

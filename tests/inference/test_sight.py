@@ -39,8 +39,11 @@ def test_what_others_make_up_for_is_not_seen_and_no_data_show_nothing() -> None:
     assert np.isfinite(few.deviations).tolist() == [True, True, False]
 
 
+@pytest.mark.parametrize("size", [3.0, 1e-3])
 @pytest.mark.parametrize(("share", "seen"), [(0.5, False), (2.0, True)])
-def test_what_is_smaller_than_rounding_beside_the_largest_is_not_seen(share: float, seen: bool) -> None:
+def test_what_is_smaller_than_rounding_beside_the_largest_is_not_seen(
+    share: float, seen: bool, size: float
+) -> None:
     jacobian = np.zeros((50, 2))
-    jacobian[0, 0], jacobian[1, 1] = 3.0, 3.0 * share * ROUNDING
+    jacobian[0, 0], jacobian[1, 1] = size, size * share * ROUNDING
     assert np.isfinite(sight(jacobian, NONE).own[1]) == seen

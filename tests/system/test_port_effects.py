@@ -39,7 +39,9 @@ def test_the_far_side_of_a_play_stays_behind_by_half_its_width() -> None:
     top = T[199] - 0.3
     assert found[:200] == pytest.approx(np.maximum(T[:200] - 0.3, 0.0))
     assert found[200:] == pytest.approx(np.minimum(top, there_and_back[200:] + 0.3))
-    # it lies where the first value has pushed it to
+    # it lies where the first value has pushed it to, whatever follows
+    assert acted("port.play", np.array([0.5, 2.0]), half_width=0.3) == pytest.approx([0.2, 1.7])
+    assert acted("port.play", np.array([-0.5, -2.0]), half_width=0.3) == pytest.approx([-0.2, -1.7])
     assert [acted("port.play", np.full(3, x), half_width=0.3)[-1] for x in (1.0, 0.2, -1.0)] == [
         0.7,
         0.0,
