@@ -9,7 +9,7 @@ left-out blocks best (`cosim.inference.held_out`).
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise, product
 
 import numpy as np
@@ -237,6 +237,8 @@ def delayed(u: Array, delay: float, h: float, before: float = 0.0) -> Array:
     return found
 
 
+# its states' responses to the input and those from a start are wanted one after the other
+@lru_cache(maxsize=64)
 def discrete(w: float, zeta: float, h: float) -> tuple[list[float], Array, Array]:
     """Denominator of a second-order section, its numerators (state, 2) from the input and (2, state, 2) from a start.
 

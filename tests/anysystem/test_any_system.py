@@ -146,3 +146,4 @@ def test_what_is_not_in_the_vocabulary_stays_unexplained_and_its_port_and_functi
             assert y == pytest.approx(size * x**2, abs=0.05 * reach)
     assert f"added at {port} ({where})" in left["what"]
     assert any("plant is trusted or free, so none could be named" in text for text in found["warnings"])
+    assert not any("of its own" in text for text in found["warnings"])  # its steps can be halved

@@ -215,6 +215,7 @@ def test_folder_that_cannot_be_written_is_named(run, log_file, tmp_path):
     assert "cannot write into" in err
 
 
+@pytest.mark.usefixtures("undrawn")  # what a picture shows: test_pictures_show_something
 def test_demo_builds_and_finds_the_hidden_friction(run, tmp_path, monkeypatch):
     monkeypatch.setenv("COSIM_BUILD", str(tmp_path))
     code, out, err = run("demo", "--json")
@@ -229,6 +230,6 @@ def test_demo_builds_and_finds_the_hidden_friction(run, tmp_path, monkeypatch):
     low, high = result["diagnosis"]["causes"][0]["parameters"]["tau_c"]["ci95"]
     assert low < 100.0 < high  # N.m, what the rig has hidden
     assert (tmp_path / "demo" / "report.html").is_file()
-    assert (tmp_path / "demo" / "signals.png").stat().st_size > 10_000
+    assert (tmp_path / "demo" / "signals.png").is_file()
     assert (tmp_path / "fmus" / "dcv.fmu").is_file()
     assert (tmp_path / "ssp" / "physical.ssp").is_file()

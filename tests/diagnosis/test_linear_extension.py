@@ -27,7 +27,7 @@ NOISE = 2e-5  # rad
 MODES = ((7.0, 0.08), (20.0, 0.06))  # rad/s, damping
 
 
-def swinging(seed: int, seconds: float = 20.0) -> Log:
+def swinging(seed: int, seconds: float = 12.0) -> Log:
     """A synthetic log of a drive whose boom and base swing: two lightly damped modes behind an integrator."""
     log = as_log(make_log("steps", seconds, [], seed=seed))
     bottom = np.array([1.0, 0.0])

@@ -29,7 +29,7 @@ from fmus.compose import compose
 from fmus.contract import equation
 
 HERE = Path(__file__).parent
-STEPS = 400
+STEPS = 200
 # the numbers are the same but for expm1, which Modelica lacks (a few units in the last place), and what follows from it
 CLOSE = 1e-11
 

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
+from scipy.stats import norm
 
 from cosim.inference.beginning import level, parabola, rests, speed
-from cosim.inference.thresholds import START_LACK, START_SAMPLES, START_SPAN, START_STILL
+from cosim.inference.thresholds import START_LACK, START_SAMPLES, START_SPAN, START_STILL, START_SURE
 
 TIME = np.arange(500) * 1e-3
 
@@ -116,3 +117,36 @@ def test_a_motion_that_begins_with_the_record_is_no_rest_though_the_way_of_a_min
     slew = np.cumsum(np.convolve(u, np.exp(-np.arange(200) / 10.0))[:3000]) * 0.02
     assert np.std(slew[:25]) < 0.01 * np.ptp(slew)
     assert not rests(u, slew + 2e-4 * np.random.default_rng(8).standard_normal(time.size))
+
+
+def test_a_level_is_the_first_value_itself() -> None:
+    values = 30.0 + np.arange(50.0) % 7.0
+    values[1] = 0.0
+    assert level(values) == 30.0
+
+
+# a zigzag by 1 has differences of that size: of white noise they are as often larger as smaller at this standard deviation
+ZIGZAG = np.where(np.arange(TIME.size) % 2, -0.5, 0.5)
+NOISE = 1.0 / (norm.ppf(0.75) * np.sqrt(2.0))
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.99, True), (1.01, False)])
+def test_a_first_value_counts_from_so_many_times_the_noise_on(share: float, stands: bool) -> None:
+    first = share * START_SURE * NOISE
+    assert level(first - 0.5 + ZIGZAG) == (0.0 if stands else pytest.approx(first))
+    assert level(-first - 0.5 + ZIGZAG) == (0.0 if stands else pytest.approx(-first))
+
+
+@pytest.mark.parametrize(("share", "rest"), [(0.99, True), (1.01, False)])
+def test_a_record_rests_up_to_so_many_times_its_noise(share: float, rest: bool) -> None:
+    """One small step amid the noise of its first part, as large as makes its deviation this share of the limit."""
+    step = 2.0 * np.sqrt((share * START_LACK * NOISE) ** 2 - 0.25)
+    y = ZIGZAG + np.where(np.arange(TIME.size) < 50, 0.0, step)
+    assert rests(np.where(TIME < 0.1, 0.0, 1.0), y) == rest
+
+
+def test_a_span_that_is_too_long_is_halved_and_no_more() -> None:
+    """A speed that jumps in the second half of the span: the first half has a parabola, and all of it tells."""
+    values = 2.0 * TIME + 3.0 * np.maximum(TIME - 0.6 * START_SPAN, 0.0) + noise(1e-5)
+    half = TIME[: round(0.5 * START_SPAN * 1e3)]
+    assert speed(TIME, values) == pytest.approx(parabola(half, values[: half.size])[1] / half[-1])

@@ -35,13 +35,13 @@ def test_hats_begin_at_equal_shares_of_the_samples() -> None:
     assert shares == pytest.approx(1.0 - np.arange(1, HATS - 1) / (HATS - 1), abs=1e-3)
 
 
-def test_memories_of_a_step_decay_with_their_time_constants() -> None:
-    """First order, from rest: what is left of a step of one is exp(-k / length)."""
-    n, at = 1600, 400
+@pytest.mark.parametrize(("n", "at"), [(1600, 400), (24, 6)])
+def test_memories_of_a_step_decay_with_their_time_constants(n: int, at: int) -> None:
+    """First order, from rest: what is left of a step of one is exp(-k / length); the longest an eighth of the log."""
     rows = features((np.arange(n) >= at).astype(float), 0.01)
     slow, left = rows[MEMORY][::2], rows[MEMORY][1::2]
     since = np.arange(1, n - at + 1)
-    lengths = np.geomspace(2.0, n / 8.0, MEMORIES)
+    lengths = np.geomspace(2.0, max(n / 8.0, 4.0), MEMORIES)
     assert slow[:, :at] == pytest.approx(np.full((MEMORIES, at), -0.5))
     assert left[:, :at] == pytest.approx(np.zeros((MEMORIES, at)), abs=1e-12)
     assert left[:, at:] == pytest.approx(np.exp(-since / lengths[:, None]), abs=1e-9)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from cosim.inference.held_out import (
     HeldOutGain,
@@ -186,3 +187,31 @@ def test_a_course_is_the_mean_over_short_spans_of_each_part() -> None:
     assert found.shape == (2, 32)
     assert found.mean(axis=1) == pytest.approx([1.5, 3.5])
     assert np.isfinite(course_of(np.ones(9), 8)).all()  # shorter than its spans
+
+
+@pytest.mark.parametrize("parts", [1, 2, 11])
+def test_an_interval_of_the_excitation_is_students_of_as_many_parts_as_matter(parts: int) -> None:
+    """In some parts of a run the effect takes an error of 2 to 1, changing it by 1.5; in the others it does nothing."""
+    matters = np.arange(11) < parts
+    richer, poorer, apart = np.ones(11), np.where(matters, 4.0, 1.0), np.where(matters, 2.25, 0.0)
+    low, high = as_excited(richer, poorer, apart)
+    # each part that matters gains (4 - 1)/2, give or take |d||e| = 1.5
+    gain, reach = 1.5 * parts, 1.5 * np.sqrt(parts) * student.ppf(0.975, parts)
+    ends = [0.5 * np.log(max(1.0 + 2.0 * g / 11.0, 1e-300)) for g in (gain - reach, gain + reach)]
+    assert (low, high) == pytest.approx(ends)
+
+
+@pytest.mark.parametrize("large", [0, 11])
+def test_the_first_and_the_last_part_are_resampled_as_often_as_any(large: int) -> None:
+    one = np.where(np.arange(12) == large, 100.0, 1.0)
+    low, high = ratio_ci95(one, np.ones(12))
+    # not drawn in a third of the times, and three times or more in one of twelve
+    assert low == 1.0
+    assert high == pytest.approx(np.sqrt(1.0 + 99.0 * 3.0 / 12.0), rel=0.01)
+    assert smaller_by(np.where(np.arange(12) == large, 1e-9, 1.0), np.ones(12))[1] == pytest.approx(
+        (0.0, 3.0 / 12.0 * 0.5 * np.log(2.0))
+    )
+
+
+def test_of_a_single_block_there_is_one_step() -> None:
+    assert steps_without(np.ones(4), np.ones((4, 2)), np.zeros(4, dtype=np.int64)).shape == (1, 2)

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from cosim.inference.linear import Data, LinearModel, Sections, reference
+from cosim.inference.linear import Data, LinearModel, Sections, columns, reference
+from cosim.inference.thresholds import ORDER_WORTH
 
 Array = NDArray[np.float64]
 H = 0.02
@@ -180,3 +181,64 @@ def test_a_lag_that_has_settled_starts_there() -> None:
     assert found.settled == pytest.approx(3.0, rel=1e-3)
     assert np.allclose(found.simulate(u, y, H), y, atol=1e-2)
     assert np.allclose(found.predicted(u, H), y, atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("sections", "place"),
+    [
+        (Sections((4.4, 0.02)), 1),
+        (Sections((0.02, 4.4)), 0),
+        (Sections((4.4, 9.0), ((6.0, 0.2), (0.3, 0.5))), 4),
+        (Sections((4.4,), ((6.0, 8.0),)), 1),  # two real poles, of which one is slow
+    ],
+)
+def test_the_state_of_the_slowest_section_is_found_behind_those_before_it(
+    sections: Sections, place: int
+) -> None:
+    empty = np.zeros(0)
+    assert LinearModel(sections, empty, H, 5.0, empty, empty).place_of_slowest == place
+
+
+def test_where_a_short_record_begins_is_told_by_four_samples_for_each_number_and_four_more() -> None:
+    """A lag with a state of its own: eight samples; what happens from the ninth on is no matter."""
+    u = command(11)[:100]
+    model = LinearModel(Sections((4.0,)), np.array([2.0, 0.0, 0.3]), H, 2.0, np.zeros(0), np.zeros(0))
+    forced, free = model.responses(u, H, False)
+    y = 0.3 + forced + 0.7 * free[0]
+    late = np.where(np.arange(u.size) < 8, 0.0, 1.0)
+    assert model.beginning(u, y + late, H).states == pytest.approx([0.7], abs=1e-9)
+    assert abs(model.beginning(u, y + np.roll(late, -1), H).states[0] - 0.7) > 0.01  # the eighth counts
+
+
+@pytest.mark.parametrize(("share", "order"), [(0.3, 1), (4.0, 3)])
+def test_a_higher_order_must_be_worth_it_and_not_only_sure(share: float, order: int) -> None:
+    """A lag and a weak mode in noise: without the mode errors are larger by a share of what an order must bring."""
+    u = np.tile(command(12), 4)
+    weak = response([25.0, 0.0], [1.0, 1.0, 25.0], u)  # no static gain: no lag can stand in for it
+    noise = np.random.default_rng(3).standard_normal(u.size)
+    left = np.sqrt((1.0 - share * ORDER_WORTH) ** -2 - 1.0)
+    y = 100.0 * response([4.0], [1.0, 4.0], u) + left * weak / np.std(weak) + noise
+    assert reference(Data(u, y, H, lambda rows: rows, np.arange(u.size) * 20 // u.size)).order == order
+
+
+def test_no_section_has_the_input_for_its_column_and_no_state() -> None:
+    u = command(13)
+    driven, free = columns(Sections(), u, H, 30.0, (300,))
+    assert np.array_equal(driven, u[None])
+    assert free.shape == (0, COUNT)
+
+
+def test_an_order_that_brings_nothing_does_not_end_the_search_for_the_next() -> None:
+    """A mode that rings for long, without static gain: a lag takes less than one per cent off the error."""
+    u = np.random.default_rng(14).choice([-1.0, 1.0], COUNT)
+    found = reference(data(u, noisy(response([1.0, 0.0], [1.0, 0.18, 900.0], u))), highest=2)
+    assert found.order == 2
+    assert found.sections.second[0][0] == pytest.approx(30.0, rel=0.01)
+
+
+def test_a_delay_is_found_though_each_sample_of_the_input_is_another() -> None:
+    """No slope leads from one sample of delay to the next: several are tried as a search begins."""
+    u = np.random.default_rng(15).choice([-1.0, 1.0], COUNT)
+    found = reference(data(u, noisy(response([8.0], [1.0, 8.0], u, late=8))), highest=1)
+    assert found.order == 1
+    assert found.sections.delay == pytest.approx(8 * H, abs=0.1 * H)

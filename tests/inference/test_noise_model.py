@@ -9,7 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from cosim.inference import noise as noise_module
 from cosim.inference.noise import Noise, correlation_times, quietest
-from cosim.inference.spectrum import LOWEST, bands, learn
+from cosim.inference.spectrum import BANDS, LOWEST, bands, learn
+from cosim.inference.thresholds import NEGLIGIBLE
 from cosim.rig import Noise as RigNoise
 
 
@@ -149,11 +150,48 @@ def test_what_a_fit_absorbs_is_put_back() -> None:
         with threadpool_limits(1):
             found = learn({"x": bands(x - coefficients @ basis, basis)}, np.zeros((p, p)))["x"]
         power.append(found.effective(n))
-    # the mean of 2000 such samples is worth a handful of independent ones, and is not taken for a thousand
-    assert true.effective(n) / 3.0 < np.median(power) < 12.0 * true.effective(n)
+    # the mean of 2000 such samples is worth six independent ones; with nothing put back it is taken for eight times as many
+    assert true.effective(n) / 3.0 < np.median(power) < 5.0 * true.effective(n)
 
 
 def test_correlation_times_reach_from_a_sample_to_the_log() -> None:
     times = correlation_times(10_000)
     assert times[0] == 1.0
     assert 3_000 < times[-1] <= 10_000
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.9, (8.0,)), (1.1, (2.0, 8.0))])
+def test_a_part_is_left_out_where_it_is_negligible_beside_all_at_its_own_rate(
+    share: float, kept: tuple
+) -> None:
+    """Its spectrum at its own corner, against white noise and the slower part there; that of white noise is 1."""
+
+    def spectrum(tau: float, w: float) -> float:
+        phi = np.exp(-1.0 / tau)
+        return (1.0 - phi**2) / (1.0 - 2.0 * phi * np.cos(w) + phi**2)
+
+    beside = 0.3 + 5.0 * spectrum(8.0, 0.5)
+    limit = NEGLIGIBLE * beside / (1.0 - NEGLIGIBLE) / spectrum(2.0, 0.5)
+    rates, sizes = Noise(0.3, (2.0, 8.0), (share * limit, 5.0))._correlated
+    assert 1.0 / rates == pytest.approx(kept)
+    assert sizes[-1] == 5.0
+
+
+def test_bands_widen_by_one_ratio_and_hold_every_frequency_once() -> None:
+    """From the lowest to below half of the sampling rate."""
+    count = bands(np.zeros(40_000), np.zeros((1, 40_000))).count
+    assert count.sum() == 20_000 - LOWEST
+    assert count[-1] == round(20_000 * (1.0 - (20_000 / LOWEST) ** (-1.0 / BANDS)))
+    assert (np.diff(count) >= -1.0).all()  # but for rounding
+
+
+def test_an_unknown_that_does_not_act_absorbs_nothing() -> None:
+    rng = np.random.default_rng(6)
+    x, acting = np.cumsum(rng.standard_normal(500)), np.linspace(-1.0, 1.0, 500)[None]
+    idle = np.concatenate([acting, np.zeros((1, 500))])
+    with threadpool_limits(1):
+        one, two = (
+            learn({"x": bands(x, slopes)}, np.zeros((len(slopes),) * 2))["x"] for slopes in (acting, idle)
+        )
+    assert two.rms == pytest.approx(one.rms, rel=1e-6)
+    assert two.sizes == pytest.approx(one.sizes, rel=1e-3, abs=1e-6 * one.rms**2)

@@ -38,6 +38,8 @@ def test_an_estimate_lies_in_its_interval_as_often_as_it_says() -> None:
     for seed in range(40):
         fit = problem(np.random.default_rng(seed)).fit([GAIN], {"gain": 1.0})
         inside += abs(fit.values["gain"] - 1.2) < 1.96 * fit.deviation("gain")
+        # what white noise leaves open; the scatter of twenty windows makes it a little larger
+        assert fit.deviation("gain") == pytest.approx(0.01 / np.sqrt(np.sum(U[FITTED] ** 2)), rel=0.5)
     assert 33 <= inside <= 40  # 95 % of 40 is 38
 
 
@@ -48,6 +50,29 @@ def test_the_likelihood_is_that_of_the_fitted_part_and_of_what_is_believed() -> 
     assert made.log_likelihood(rows, {"gain": 1.1}, [GAIN]) == pytest.approx(plain)
     believed = Unknown("gain", -5.0, 5.0, 0.3, 0.02)  # of zero, unless another centre is named
     assert made.log_likelihood(rows, {"gain": 1.1}, [believed]) == pytest.approx(plain - 0.5 * 55.0**2)
+    centred = Unknown("gain", -5.0, 5.0, 0.3, 0.02, 1.06)
+    assert made.log_likelihood(rows, {"gain": 1.1}, [centred]) == pytest.approx(plain - 0.5 * 2.0**2)
+
+
+def test_before_anything_is_learned_residuals_are_of_the_least_noise_and_no_nuisance_takes_of_them() -> None:
+    made = Problem({"y": 1.5 * U}, {"y": FITTED}, {"y": WINDOW}, model, {"y": 1e-3})
+    assert made.residuals({"gain": 1.0})["y"] == pytest.approx(0.5 * U)
+    assert made.rows({"gain": 1.0}) == pytest.approx(0.5 * U / 1e-3)
+    assert made.nuisances({}) == {}
+    assert made.fit((), {"gain": 1.0}).covariance.shape == (0, 0)
+
+
+def test_what_is_believed_of_a_nuisance_holds_it_back_as_it_does_in_least_squares() -> None:
+    """Noise of 0.2 over two thousand values, against a belief of 0.01: it goes most of the way and not all of it."""
+    noise, prior = 0.2, 0.01
+    y = U + 0.03 * np.cos(T) + noise * np.random.default_rng(12).standard_normal(N)
+    made = Problem({"y": y}, {"y": FITTED}, {"y": WINDOW}, model, {"y": 1e-4})
+    made.noise["y"] = Noise(noise**2)
+    made.share([Unknown("n", -1.0, 1.0, 1.0, prior)], {"y": np.cos(T)[None]})
+    column, rest = np.cos(T)[FITTED] / noise, (y - U)[FITTED] / noise
+    best = column @ rest / (column @ column + prior**-2)
+    assert 0.6 < best / (column @ rest / (column @ column)) < 0.8
+    assert made.nuisances({})["n"] == pytest.approx(best, rel=1e-6)
 
 
 def test_a_value_at_which_the_model_fails_is_refused_with_its_words() -> None:
@@ -188,5 +213,6 @@ def test_slopes_at_a_fit_are_those_of_what_was_fitted() -> None:
     slopes = made.slopes(fit)
     np.testing.assert_allclose(slopes[FITTED, 0], -0.3 * U[FITTED] / 0.01, rtol=1e-6)
     assert not slopes[~FITTED].any()
-    at_bound = made.fit([Unknown("gain", -5.0, 1.1, 0.3)], {"gain": 1.0})
-    assert not made.slopes(at_bound).any()
+    for low, high in ((-5.0, 1.1), (1.3, 5.0)):
+        at_bound = made.fit([Unknown("gain", low, high, 0.3)], {"gain": 1.0})
+        assert not made.slopes(at_bound).any()
