@@ -140,7 +140,7 @@ def lines(model: Model) -> list[str]:
     own = f"M->{c_name(part.name)}"
     step = "step_without_event" if indicators(model) else "step"
     moving = {"coefficients": CO_SIMULATION["coefficients"], "output": CO_SIMULATION["output"]}
-    moving[step] = ("State", "Input", "Memory", "Parameters", "Coefficients", *([REAL] * (step != "step")))
+    moving[step] = MOVING if step == "step" else (*MOVING, REAL)
     program = Program(part.composed, f"rate_{part.program.prefix}", moving, with_rates=True)
     fields = [f"{own}.x.{c_name(n)}" for n in found.states]
     out = [f"to[{k}] = {field};" for k, field in enumerate(fields)]
@@ -229,7 +229,7 @@ def rates(model: Model, program: Program, found: Exchange, own: str, step: str) 
     slopes = [f"slopes[{k}] = y.{c_name(n)}.seed;" for k, n in enumerate(part.composed.outputs)]
     slopes += [f"slopes[{len(slopes) + k}] = x1.{c_name(n)}.both;" for k, n in enumerate(found.states)]
     assert not [b for b in buffers(part.composed).values() if b.resource]
-    given = ("&x", "&u", "&m", "&p", "&c", *(["pc_real(motion)"] * (step != "step")))
+    given = ["&x", "&u", "&m", "&p", "&c"] + (["pc_real(motion)"] if step != "step" else [])
     body = [
         f"const {kinds['Parameters']} p = {{{lifted('Parameters', f'{own}.p')}}};",
         f"const {kinds['Input']} u = {{{values}}};",
