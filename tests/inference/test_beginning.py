@@ -36,6 +36,9 @@ def test_a_parabola_s_slope_and_error_are_those_of_least_squares() -> None:
     found, covariance = np.polyfit(t, values, 2, cov=True)
     assert (slope, error) == pytest.approx((found[1], np.sqrt(covariance[1, 1])))
     assert left == pytest.approx(np.sqrt(np.sum((values - np.polyval(found, t)) ** 2) / (7 - 3)))
+    later = parabola(TIME[:7] + 5.0, values)  # a record may begin at any time
+    assert later[0] == pytest.approx(t)
+    assert later[1:] == pytest.approx((slope, error, left))
 
 
 def test_the_span_stays_whole_where_all_but_a_parabola_is_noise() -> None:

@@ -88,6 +88,12 @@ def test_the_interval_of_a_gain_holds_the_gain_of_other_data() -> None:
     assert held > 0.85
 
 
+def test_a_gain_is_sure_where_its_interval_excludes_none() -> None:
+    assert HeldOutGain(0.5, 0.25).sure
+    assert not HeldOutGain(0.5, 0.26).sure  # 1.96 of them are more
+    assert not HeldOutGain(-0.5, 0.01).sure
+
+
 def test_an_unknown_deviation_is_never_sure() -> None:
     assert not HeldOutGain(10.0).sure
 

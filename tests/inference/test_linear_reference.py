@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from cosim.inference.linear import Data, LinearModel, Sections, columns, reference
+from cosim.inference.linear import Data, LinearModel, Sections, columns, delayed, reference
 from cosim.inference.thresholds import ORDER_WORTH
 
 Array = NDArray[np.float64]
@@ -242,3 +242,11 @@ def test_a_delay_is_found_though_each_sample_of_the_input_is_another() -> None:
     found = reference(data(u, noisy(response([8.0], [1.0, 8.0], u, late=8))), highest=1)
     assert found.order == 1
     assert found.sections.delay == pytest.approx(8 * H, abs=0.1 * H)
+
+
+def test_an_input_between_samples_lies_on_straight_lines_also_to_what_it_was_before() -> None:
+    u = np.array([1.0, 4.0, 2.0, 0.0, 5.0])
+    assert delayed(u, 1.25 * H, H, 9.0) == pytest.approx([9.0, 0.75 * 1.0 + 0.25 * 9.0, 3.25, 2.5, 0.5])
+    assert delayed(u, 0.0, H, 9.0) == pytest.approx(u)
+    assert delayed(u, 2.0 * H, H) == pytest.approx([0.0, 0.0, 1.0, 4.0, 2.0])
+    assert delayed(u, 7.5 * H, H, 9.0) == pytest.approx(np.full(5, 9.0))

@@ -157,6 +157,19 @@ def test_what_a_nuisance_would_gain_if_nothing_were_believed_of_it_is_what_least
     assert "n0" not in made.freed({"n0": 0.0})  # it is an unknown of the hypothesis itself
 
 
+@pytest.mark.parametrize("runs", [1, 4])
+def test_a_fit_that_is_hurried_ends_with_the_best_it_has(runs: int) -> None:
+    made, asked = problem(np.random.default_rng(13)), []
+    made.hurried = lambda: asked.append(True) or len(asked) > runs
+    fit = made.fit([GAIN], {"gain": 1.0})
+    if runs == 1:  # where it began, but for the distance that is kept to bounds
+        assert fit.values["gain"] == pytest.approx(1.0)
+    else:  # two runs for the slope, and a step: the model is linear
+        assert fit.values["gain"] == pytest.approx(1.2, abs=0.01)
+    assert fit.rows == pytest.approx(made.rows(fit.values))
+    assert fit.deviation("gain") > 0.0
+
+
 @pytest.mark.parametrize(("low", "high"), [(-5.0, 1.1), (1.3, 5.0), (0.999, 1.001)])
 def test_the_model_is_never_run_beyond_the_bounds_of_an_unknown(low: float, high: float) -> None:
     """The estimate ends at a bound: its slope is taken on the other side, over half of a range that is narrower."""
