@@ -271,12 +271,26 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 
 
 @equation
+def driven(
+    x: State, torque: float, drag: float, m: NoMemory, p: Parameters, c: Coefficients
+) -> tuple[float, float]:
+    """Angle and velocity after the step up to a driving torque, against a drag that stays as it is."""
+    t0 = x.torque - drag - load_torque(0.0, x.theta, x.omega, x, m, p, c)
+    ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
+    t1 = torque - drag - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
+    return (
+        x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1,
+        c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1,
+    )
+
+
+@equation
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
     """(4.27) over one step of length c.h."""
     torque = p.A * p.r * u.p_load
-    t0 = x.torque - load_torque(0.0, x.theta, x.omega, x, m, p, c)
     holding = friction_level(0.0, m, p)
     if holding > 0.0:
+        t0 = x.torque - load_torque(0.0, x.theta, x.omega, x, m, p, c)
         drag = max(-holding, min(holding, t0))
         if p.z_s > 0.0:
             drag = holding / p.z_s * x.bristle
@@ -299,10 +313,7 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
             theta, omega = with_dry_friction(x.theta, x.omega, t0, t1, m, p, c)
         theta, omega = stopped(joint_angle(theta, x.theta, p), omega, p.theta_min, p.theta_max)
         return State(theta, omega, torque, bristle)
-    ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
-    t1 = torque - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
-    theta = x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1
-    omega = c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1
+    theta, omega = driven(x, torque, 0.0, m, p, c)
     theta, omega = stopped(joint_angle(theta, x.theta, p), omega, p.theta_min, p.theta_max)
     return State(theta, omega, torque, 0.0)
 
@@ -394,11 +405,8 @@ def step_without_event(
     drag = motion * friction_level(speed, m, p)
     if p.omega_v > 0.0:
         drag = friction_level(x.omega, m, p) * math.tanh(x.omega / p.omega_v)
-    t0 = x.torque - drag - load_torque(0.0, x.theta, x.omega, x, m, p, c)
-    ahead = c.w_w * x.omega + (c.w_0 + c.w_1) * t0
-    t1 = torque - drag - load_torque(1.0, x.theta + c.h * x.omega, ahead, x, m, p, c)
-    theta = x.theta + c.t_w * x.omega + c.t_0 * t0 + c.t_1 * t1
-    return State(joint_angle(theta, x.theta, p), c.w_w * x.omega + c.w_0 * t0 + c.w_1 * t1, torque, 0.0)
+    theta, omega = driven(x, torque, drag, m, p, c)
+    return State(joint_angle(theta, x.theta, p), omega, torque, 0.0)
 
 
 BLOCK = Block(

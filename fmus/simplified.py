@@ -76,11 +76,17 @@ def coefficients(p: Parameters, h: float) -> Coefficients:
 
 
 @equation
+def driven(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> tuple[float, float]:
+    """Angle and velocity after the step where no end of the travel is met."""
+    command = acting_command(u.command, m, p)
+    return x.theta + c.t_w * x.omega + c.t_u * command, c.w_w * x.omega + c.w_u * command
+
+
+@equation
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
     """(4.15) over one step of length c.h."""
-    command = acting_command(u.command, m, p)
-    theta = x.theta + c.t_w * x.omega + c.t_u * command
-    theta, omega = stopped(theta, c.w_w * x.omega + c.w_u * command, p.theta_min, p.theta_max)
+    theta, omega = driven(x, u, m, p, c)
+    theta, omega = stopped(theta, omega, p.theta_min, p.theta_max)
     return State(theta, omega)
 
 
@@ -127,11 +133,8 @@ def step_without_event(
     """(4.15) over a step of length c.h in which the motion stays as it is."""
     if motion == 0.0:
         return State(x.theta, 0.0)
-    command = acting_command(u.command, m, p)
-    return State(
-        x.theta + c.t_w * x.omega + c.t_u * command,
-        c.w_w * x.omega + c.w_u * command,
-    )
+    theta, omega = driven(x, u, m, p, c)
+    return State(theta, omega)
 
 
 BLOCK = Block(

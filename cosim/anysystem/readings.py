@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.smooth import white
+from cosim.compare.metrics import white_noise
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -73,7 +73,7 @@ def _tells(kept: Array, speed: Array, repeats: NDArray[np.bool_]) -> bool:
     """Whether repeated samples of a log are no accident: its other samples are noisy, or its model moves meanwhile."""
     if not repeats.any():
         return False
-    if kept.size and white(kept) > NOISY * float(np.std(kept)):
+    if kept.size and white_noise(kept) > NOISY * float(np.std(kept)):
         return True
     return bool(np.median(speed[repeats]) > 0.5 * np.median(speed) > 0.0)
 

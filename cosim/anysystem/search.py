@@ -23,7 +23,7 @@ from cosim.anysystem.actions import (
 )
 from cosim.anysystem.model import DRIVE, HOLD, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
-from cosim.anysystem.smooth import white
+from cosim.compare.metrics import white_noise
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.held_out.between import Between, between_logs, combined, drawn_by_logs
 from cosim.errors import SimulationError
@@ -507,7 +507,7 @@ class Search:
         from cosim.inference.noise import Noise
 
         for name, values in self.problem.measured.items():
-            self.problem.noise[name] = Noise(max(white(values), self.problem.least[name]) ** 2)
+            self.problem.noise[name] = Noise(max(white_noise(values), self.problem.least[name]) ** 2)
 
     def _null(self) -> Candidate:
         problem = self.problem
@@ -651,7 +651,7 @@ class Search:
                 if any(d.signal == signal for d in own.drives)
             ]
             spread = float(np.std(np.concatenate(readings)))
-            noise = max(white(r) for r in readings)
+            noise = max(white_noise(r) for r in readings)
             count = min(r.size for r in readings) / PARTS
             sizes = [(0.0, 1.0, LEAST * spread)]
             sizes += [
@@ -1410,7 +1410,7 @@ class Search:
     def _white(self, signal: str) -> float:
         """White noise of a reading; what is rounded has at least that of its steps, and all what two runs differ by."""
         readings = [self.model.segments[k].signals[signal] for k in self.model.judging(signal)]
-        return max(*(white(r) for r in readings), self.problem.least[self.model.places(signal)[0]])
+        return max(*(white_noise(r) for r in readings), self.problem.least[self.model.places(signal)[0]])
 
     def _floor(self, signal: str, best: Candidate) -> float:
         """Noise of a reading: what is left by the best, where that is noise."""

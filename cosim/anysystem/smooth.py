@@ -5,6 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from cosim.compare.metrics import white_noise
+
 Array = NDArray[np.float64]
 NEIGHBOURS = 8  # samples to each side
 NEAR = 3.5  # deviations within which a neighbour is the same value
@@ -12,19 +14,9 @@ MATTERS = 5e-4  # of a signal's reach: less noise is left alone
 SLOW = 25.0  # samples: a model's error is followed no faster
 
 
-def white(series: Array) -> float:
-    """Standard deviation of what is independent from sample to sample in a series (n,); 0 where most samples repeat.
-
-    Fourth differences leave nothing of a smooth motion and 70 times the variance of noise; the median leaves jumps out.
-    """
-    if series.size < 20:
-        return 0.0
-    return float(np.median(np.abs(np.diff(series, 4)))) / (0.6745 * np.sqrt(70.0))
-
-
 def still(series: Array) -> Array:
     """The series without its white noise: the mean of near neighbours of like value, so that jumps stay."""
-    sigma = white(series)
+    sigma = white_noise(series)
     if sigma <= MATTERS * float(np.ptp(series)):
         return series
     return _bilateral(np.ascontiguousarray(series), NEAR * sigma, NEIGHBOURS)

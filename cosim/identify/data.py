@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import prev_fast_len
 
-from cosim.compare.metrics import noise_floor, white_noise
+from cosim.compare.metrics import noise_floor, resolution, white_noise
 from cosim.errors import DataError
 from cosim.identify.nominal import valve_demand
 from cosim.logs import Log
@@ -115,7 +115,9 @@ def travels(log: Log, name: str, least: float | None = None) -> Array:
     """
     values = log.require(name, WHAT.get(name, "this"))
     travel = float(np.ptp(values))
-    least = MOVES * min(noise_floor(values, log.step), white_noise(values)) if least is None else least
+    if least is None:
+        rounding = resolution(values) / np.sqrt(12.0)
+        least = MOVES * min(noise_floor(values, log.step), max(white_noise(values), rounding))
     if travel <= least or float(np.std(values)) == 0.0:
         unit = SIGNALS[name].unit if name in SIGNALS else log.display[name]
         si = SIGNALS[name].si if name in SIGNALS else log.units[name]

@@ -156,6 +156,11 @@ def lines(model: Model) -> list[str]:
     ]
 
 
+def entries_of(model: Model) -> dict[str, int]:
+    """Place of each input of a block among those of its model."""
+    return {w.target[1]: k for k, w in enumerate(model.wires)}
+
+
 def copied(part: Part, program: Program, layout: str, place: str, made: str = "{}") -> str:
     """Initial values of a struct from one of the same fields, each number `made` into what this text says."""
     lists = buffers(part.composed)
@@ -167,7 +172,7 @@ def events(model: Model, own: str) -> list[str]:
     """What tells that an event has come, and what follows it."""
     part = model.parts[0]
     program = Program(part.composed, f"event_{part.program.prefix}", EVENTS)
-    entries = {w.target[1]: k for k, w in enumerate(model.wires)}
+    entries = entries_of(model)
     kinds = {name: struct.c for name, struct in program.layouts.items()}
     inputs = ", ".join(f"inputs[{entries[n]}]" for n in part.composed.inputs) or "0"
     given = [
@@ -213,7 +218,7 @@ def rates(model: Model, program: Program, found: Exchange, own: str, step: str) 
     def lifted(layout: str, place: str) -> str:
         return copied(part, program, layout, place, "pc_real({})")
 
-    entries = {w.target[1]: k for k, w in enumerate(model.wires)}
+    entries = entries_of(model)
     values = (
         ", ".join(
             f"pc_make(inputs[{entries[n]}], 0.0, seeds[{entries[n]}], 0.0)" for n in part.composed.inputs

@@ -268,14 +268,10 @@ fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     int jumped = 0;
-    Status status;
+    const fmi2Status status = ANSWER(c, make_event(INSTANCE(c), "NewDiscreteStates", &jumped));
     memset(info, 0, sizeof *info); /* nothing to iterate, no event to come at a known time, no end */
-    if (!c) {
-        return fmi2Error;
-    }
-    status = make_event(INSTANCE(c), "NewDiscreteStates", &jumped);
     info->valuesOfContinuousStatesChanged = jumped ? fmi2True : fmi2False;
-    return (fmi2Status)status;
+    return status;
 }
 
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,

@@ -356,15 +356,11 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) {
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *needUpdate, fmi3Boolean *terminate, fmi3Boolean *nominals,
                                     fmi3Boolean *states, fmi3Boolean *hasNextEvent, fmi3Float64 *nextEvent) {
     int jumped = 0;
-    Status status;
-    if (!c) {
-        return fmi3Error;
-    }
+    const fmi3Status status = ANSWER(c, make_event(INSTANCE(c), "UpdateDiscreteStates", &jumped));
     *needUpdate = *terminate = *nominals = *hasNextEvent = fmi3False;
     *nextEvent = 0.0;
-    status = make_event(INSTANCE(c), "UpdateDiscreteStates", &jumped);
-    *states = jumped ? fmi3True : fmi3False;
-    return (fmi3Status)status;
+    *states = jumped != 0;
+    return status;
 }
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
