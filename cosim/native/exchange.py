@@ -4,9 +4,12 @@ A block's file says how a step of length h changes its state. The derivative of 
 the block's differential equation; numbers that carry a derivative give it exactly (`c/rates.h`). A first step of length 0
 brings what a state keeps of its input (an opening, a torque) up to date.
 
+What is sampled (a table, a controller, an observer) and a whole chain make a step of co-simulation every millisecond, at an
+event whose time the host is told.
+
 A block with events (a stop, dry friction) says besides how a step goes on in which none comes (`step_without_event`), what
 tells that one has come (`indicators`), the state after it (`after_event`) and the motion that begins there (`motion_from`).
-What remembers the past stays with co-simulation; where only an effect does so, the effect is refused.
+Where an effect of a block with differential equations remembers the past, the effect is refused.
 """
 
 import hashlib
@@ -68,7 +71,7 @@ EVENTS = {
 
 
 def exchange(model: Model) -> Exchange | None:
-    """How a model is exchanged, or None if it is for co-simulation only."""
+    """How a model is exchanged by its differential equations; None if it is sampled."""
     return EXCHANGE.get(model.parts[0].composed.block.name) if len(model.parts) == 1 else None
 
 
@@ -112,7 +115,8 @@ def definitions(model: Model) -> list[str]:
     still = [] if found is None else forbidden(model, found)
     first = len(model.rows) - len(names)
     return [
-        f"#define EXCHANGE {int(found is not None)}",
+        f"#define SAMPLED {int(found is None)}",
+        f"#define MODEL_STEP {real_text(model.step_size)}",
         f"#define N_STATES {len(rows)}",
         f"#define N_INDICATORS {indicators(model)}",
         f"#define N_STILL {len(still)}",
@@ -269,8 +273,6 @@ def rates(model: Model, program: Program, found: Exchange, own: str, step: str) 
 def extended(root: etree._Element, model: Model, content: bytes) -> etree._Element:
     """Add model exchange, states and derivatives to a description, whose GUID follows again from all of it."""
     rows = states(model)
-    if exchange(model) is None:
-        return root
     slave = root.find("CoSimulation")
     flags = {f: slave.get(f) for f in ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate",
                                        "canSerializeFMUstate", "needsExecutionTool")}  # fmt: skip
@@ -280,7 +282,7 @@ def extended(root: etree._Element, model: Model, content: bytes) -> etree._Eleme
             sources,
             modelIdentifier=model.name,
             completedIntegratorStepNotNeeded="true",
-            providesDirectionalDerivative="true",
+            providesDirectionalDerivative="false" if exchange(model) is None else "true",
             **flags,
         )
     )
@@ -313,7 +315,8 @@ def depend(structure: etree._Element, model: Model, index: dict[str, int]) -> No
         index: of each variable but states and derivatives, which follow.
     """
     part, found = model.parts[0], exchange(model)
-    assert found is not None
+    if found is None:
+        return
     places = {f"x.{name}": len(index) + k for k, name in enumerate(found.states, 1)}
     shown, start, stepped = (f(part.composed) for f in (of_states, at_start, after_step))
     outputs, unknowns = structure.find("Outputs"), structure.find("InitialUnknowns")

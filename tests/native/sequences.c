@@ -112,7 +112,6 @@ static unsigned long sequence(const char *resources, const char *token, unsigned
             fmi2GetBooleanStatus(c, (fmi2StatusKind)below(5), truths);
             fmi2GetStringStatus(c, (fmi2StatusKind)below(5), texts);
             break;
-#if EXCHANGE
         case 31: {
             fmi2EventInfo info;
             fmi2NewDiscreteStates(c, &info);
@@ -137,7 +136,6 @@ static unsigned long sequence(const char *resources, const char *token, unsigned
             fmi2CompletedIntegratorStep(c, truths[0], &truths[1], &truths[2]);
             break;
         }
-#endif
         default:
             if (c && !below(6)) {
                 for (k = 0; k < STATES; k++) { /* a host frees what it took before the instance */

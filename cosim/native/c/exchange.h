@@ -1,9 +1,10 @@
-/* Model exchange: states, their derivatives and outputs as functions of time, inputs and states, and events. */
+/* Model exchange: states, their derivatives and outputs as functions of time, inputs and states, and events; of what is
+   sampled a step of co-simulation at each event of the time. */
 
 #ifndef EXCHANGE_H
 #define EXCHANGE_H
 
-#if !EXCHANGE /* no instance for model exchange is ever made */
+#if SAMPLED /* no continuous states */
 static void model_get_states(const Model *M, double to[]) {
     (void)M;
     (void)to;
@@ -67,6 +68,9 @@ static Status refresh(Instance *I, double rates[]) {
     double outputs[N_OUTPUTS], slopes[N_OUTPUTS + N_STATES];
     char a[NUMBER_SIZE], text[80];
     int k, fault = PY_NO_FAULT;
+    if (SAMPLED) {
+        return STATUS_OK; /* outputs are those of the last sample */
+    }
     if (check_exchange(I) != STATUS_OK) {
         return STATUS_ERROR;
     }
@@ -106,9 +110,6 @@ static Status get_local(Instance *I, Reference r, double *value) {
 
 /* Model exchange calls this while it runs; what is only read may be asked for during initialisation too. */
 static Status in_exchange(Instance *I, const char *call, int reads) {
-    if (!EXCHANGE) {
-        return refuse(I, FMI "%s is for model exchange: %s is for co-simulation only", call, MODEL_NAME);
-    }
     if (!I->exchange || !(I->mode == RUNNING || (reads && I->mode == INITIALISING))) {
         return refuse(I, FMI "%s is for model exchange, after initialisation", call);
     }
@@ -198,6 +199,49 @@ static double one_indicator(Instance *I, int k) {
 }
 #endif
 
+/* The first sample is taken one interval after the start, from the inputs of then and of now. */
+static void begin_samples(Instance *I) {
+    I->begun_at = I->time;
+    I->samples = 1.0;
+    memcpy(I->held, I->values, sizeof I->held);
+}
+
+static double next_sample(const Instance *I) { return I->begun_at + I->samples * I->step; }
+
+#define MOST_SAMPLES 1e5 /* passed by at once: a host that goes farther has lost its way, and they would take for ever */
+
+/* The samples that are due; of one that the host passed by the inputs are those of now. */
+static Status take_samples(Instance *I, const char *call) {
+    double inputs[N_INPUTS + 1], outputs[N_OUTPUTS];
+    char a[NUMBER_SIZE], b[NUMBER_SIZE], text[160];
+    int k, fault = PY_NO_FAULT;
+    if (I->time > next_sample(I) + MOST_SAMPLES * I->step) {
+        return refuse(I, FMI "%s at t = %s s: the next sample was due at %s s", call, number(I->time, a),
+                      number(next_sample(I), b));
+    }
+    while (I->time > next_sample(I) - 1e-6 * I->step) { /* hosts keep the time with rounding jitter */
+        for (k = 0; k < N_INPUTS; k++) {
+            inputs[k] = model_reads[k] == AS_HELD || model_reads[k] == AT_START ? I->held[k] : I->values[k];
+        }
+        memcpy(outputs, I->values + N_INPUTS, sizeof outputs);
+        model_step(&I->model, inputs, outputs, next_sample(I), &fault);
+        for (k = 0; k < N_OUTPUTS; k++) {
+            fault = fault || (-1e300 < outputs[k] && outputs[k] < 1e300) ? fault : PY_RANGE;
+        }
+        if (fault) {
+            snprintf(text, sizeof text, "%s%s: the step to t = %s s", FMI, call, number(next_sample(I), a));
+            return refuse_fault(I, text, fault);
+        }
+        memcpy(I->values + N_INPUTS, outputs, sizeof outputs);
+        memcpy(I->held, I->values, sizeof I->held);
+        I->samples += 1.0;
+    }
+    if (I->samples == 1.0) {
+        memcpy(I->held, I->values, sizeof I->held); /* what hosts connect is known only now */
+    }
+    return STATUS_OK;
+}
+
 /* The state after an event, and the motion that begins there; says whether states have jumped. So it does where derivatives
    have: some hosts begin anew only then. */
 static Status make_event(Instance *I, const char *call, int *jumped) {
@@ -207,6 +251,9 @@ static Status make_event(Instance *I, const char *call, int *jumped) {
     *jumped = 0;
     if (in_exchange(I, call, 0) != STATUS_OK) {
         return STATUS_ERROR;
+    }
+    if (SAMPLED) {
+        return take_samples(I, call);
     }
     model_get_states(&I->model, before);
     model_event(&I->model, I->values, &I->motion, 0, &fault);
@@ -230,6 +277,10 @@ static Status get_nominals(Instance *I, double nominals[], size_t n) {
 /* Place among the seeds (inputs, then states) of what derivatives are by, or -1 and a message. */
 static int known(Instance *I, Reference r) {
     const int64_t place = r, first = N_VARIABLES;
+    if (SAMPLED) {
+        refuse(I, "there are no directional derivatives: %s is sampled", MODEL_NAME);
+        return -1;
+    }
     if (place < N_INPUTS) {
         return (int)place;
     }

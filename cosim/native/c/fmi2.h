@@ -258,7 +258,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     return ANSWER(c, state_from_bytes(INSTANCE(c), bytes, size, state));
 }
 
-/* Model exchange; all of it is there in an FMU for co-simulation only, and refuses */
+/* Model exchange */
 
 fmi2Status fmi2EnterEventMode(fmi2Component c) { return ANSWER(c, in_exchange(INSTANCE(c), "EnterEventMode", 0)); }
 
@@ -269,7 +269,9 @@ fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     int jumped = 0;
     const fmi2Status status = ANSWER(c, make_event(INSTANCE(c), "NewDiscreteStates", &jumped));
-    memset(info, 0, sizeof *info); /* nothing to iterate, no event to come at a known time, no end */
+    memset(info, 0, sizeof *info); /* nothing to iterate, no end */
+    info->nextEventTimeDefined = SAMPLED && status == fmi2OK ? fmi2True : fmi2False;
+    info->nextEventTime = info->nextEventTimeDefined ? next_sample(INSTANCE(c)) : 0.0;
     info->valuesOfContinuousStatesChanged = jumped ? fmi2True : fmi2False;
     return status;
 }

@@ -341,7 +341,7 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
     return ANSWER(c, state_from_bytes(INSTANCE(c), bytes, size, state));
 }
 
-/* Model exchange; all of it is there in an FMU for co-simulation only, and refuses */
+/* Model exchange */
 
 fmi3Status fmi3EnterEventMode(fmi3Instance c) { return ANSWER(c, in_exchange(INSTANCE(c), "EnterEventMode", 0)); }
 
@@ -357,8 +357,9 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *needUpdate, fmi
                                     fmi3Boolean *states, fmi3Boolean *hasNextEvent, fmi3Float64 *nextEvent) {
     int jumped = 0;
     const fmi3Status status = ANSWER(c, make_event(INSTANCE(c), "UpdateDiscreteStates", &jumped));
-    *needUpdate = *terminate = *nominals = *hasNextEvent = fmi3False;
-    *nextEvent = 0.0;
+    *needUpdate = *terminate = *nominals = fmi3False;
+    *hasNextEvent = SAMPLED && status == fmi3OK;
+    *nextEvent = *hasNextEvent ? next_sample(INSTANCE(c)) : 0.0;
     *states = jumped != 0;
     return status;
 }

@@ -7,8 +7,9 @@ static void start_values(Instance *I) {
     I->mode = INSTANTIATED;
     I->failed = I->begun = I->slopes = 0;
     I->time = 0.0;
-    I->step = 1e-3;
-    I->motion = 0.0;
+    I->step = MODEL_STEP;
+    I->motion = I->begun_at = I->samples = 0.0;
+    memset(I->held, 0, sizeof I->held);
     memcpy(I->values, model_starts, sizeof I->values);
     memset(I->derivatives, 0, sizeof I->derivatives);
 }
@@ -28,9 +29,6 @@ static Instance *new_instance(const Host *host, const char *name, const char *to
     if (!token || strcmp(token, MODEL_GUID) != 0) {
         snprintf(text, sizeof text, "%.100s: the " TOKEN " %.100s is refused: this is %s %s", shown, token ? token : "(none)",
                  MODEL_NAME, MODEL_GUID);
-        say(host, shown, text);
-    } else if (exchange && !EXCHANGE) {
-        snprintf(text, sizeof text, "%.100s: %s is for co-simulation only", shown, MODEL_NAME);
         say(host, shown, text);
     } else if (!(I = (Instance *)calloc(1, sizeof(Instance))) || !(I->name = (char *)malloc(strlen(shown) + 1))) {
         say(host, shown, "there is not enough memory");
@@ -57,13 +55,14 @@ static Status begin(Instance *I) {
     }
     model_link(&I->model);
     model_parameters(&I->model, I->values + N_INPUTS + N_OUTPUTS);
-    I->step = 1e-3;
+    I->step = MODEL_STEP;
     model_begin(&I->model, I->values, I->values + N_INPUTS, I->time, &fault);
     if (!fault) {
         model_coefficients(&I->model, I->step, &fault);
     }
     if (!fault && I->exchange) {
         model_event(&I->model, I->values, &I->motion, 1, &fault);
+        begin_samples(I);
     }
     if (fault) {
         return refuse_fault(I, "initialisation", fault);

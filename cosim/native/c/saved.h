@@ -13,7 +13,8 @@ typedef struct {
     double values[N_VARIABLES];
     double derivatives[N_INPUTS + 1][ORDERS];
     double numbers[N_NUMBERS + 1];
-    double motion;
+    double motion, begun_at, samples;
+    double held[N_INPUTS + 1];
 } Saved;
 
 static void save(Instance *I, Saved *s) {
@@ -27,6 +28,9 @@ static void save(Instance *I, Saved *s) {
     s->time = I->time;
     s->step = I->step;
     s->motion = I->motion;
+    s->begun_at = I->begun_at;
+    s->samples = I->samples;
+    memcpy(s->held, I->held, sizeof s->held);
     memcpy(s->values, I->values, sizeof s->values);
     memcpy(s->derivatives, I->derivatives, sizeof s->derivatives);
     model_save(&I->model, s->numbers);
@@ -35,7 +39,8 @@ static void save(Instance *I, Saved *s) {
 /* What keeps a saved state from being restored, or NULL. */
 static const char *flaw(const Saved *s) {
     const double *d = s->derivatives[0];
-    int k, beyond = 0, bad = !isfinite(s->time) || !isfinite(s->step) || s->step <= 0.0 || !isfinite(s->motion);
+    int k, beyond = 0, bad = !isfinite(s->time) || !isfinite(s->step) || s->step <= 0.0 || !isfinite(s->motion) ||
+                             !isfinite(s->begun_at) || !(0.0 <= s->samples && s->samples < 1e15);
     if (s->magic != MAGIC || strcmp(s->guid, MODEL_GUID) != 0) {
         return "it was not saved by " MODEL_NAME " " MODEL_GUID " on a platform like this";
     }
@@ -47,6 +52,10 @@ static const char *flaw(const Saved *s) {
         /* what no setter takes no state may bring in either: an Integer is read back as one */
         beyond = beyond || ((model_kinds[k] == INPUT || model_kinds[k] == PARAMETER) &&
                             !(model_lows[k] <= s->values[k] && s->values[k] <= model_highs[k]));
+    }
+    for (k = 0; k < N_INPUTS + 1; k++) {
+        bad = bad || !isfinite(s->held[k]);
+        beyond = beyond || (k < N_INPUTS && !(model_lows[k] <= s->held[k] && s->held[k] <= model_highs[k]));
     }
     for (k = 0; k < (N_INPUTS + 1) * ORDERS; k++) {
         bad = bad || !isfinite(d[k]);
@@ -74,6 +83,9 @@ static Status restore(Instance *I, const Saved *s) {
     I->time = s->time;
     I->step = s->step;
     I->motion = s->motion;
+    I->begun_at = s->begun_at;
+    I->samples = s->samples;
+    memcpy(I->held, s->held, sizeof s->held);
     memcpy(I->values, s->values, sizeof s->values);
     memcpy(I->derivatives, s->derivatives, sizeof s->derivatives);
     model_load(&I->model, s->numbers);
