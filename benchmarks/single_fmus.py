@@ -86,6 +86,11 @@ def outputs(description: Any) -> list[str]:
     return [v.name for v in description.modelVariables if v.causality == "output"]
 
 
+def behind(times: Array) -> NDArray[np.bool_]:
+    """The last row of each time (n,): of an event both write what was before, too."""
+    return np.append(np.diff(times) > 0.25 * H, True)
+
+
 def in_fmpy(file: Path, description: Any, interface: str) -> dict[str, Array]:
     """Outputs over time by FMPy.
 
@@ -98,6 +103,7 @@ def in_fmpy(file: Path, description: Any, interface: str) -> dict[str, Array]:
         str(file), fmi_type=interface, stop_time=STEPS * H, output_interval=H, step_size=H, solver="Euler",
         input=table if len(series) > 1 else None, output=outputs(description),
     )  # fmt: skip
+    rows = rows[behind(rows["time"])]
     if len(rows) != STEPS + 1:
         raise RuntimeError(f"FMPy gives {len(rows)} rows")
     return {name: rows[name] for name in outputs(description)}
@@ -126,8 +132,7 @@ def in_fmusim(file: Path, description: Any, interface: str, program: str) -> Map
             name.strip('"') for name in written.read_text(encoding="utf-8").partition("\n")[0].split(",")
         ]
         table = np.loadtxt(written, delimiter=",", skiprows=1)
-    after = np.append(np.diff(table[:, 0]) > 0.0, True)  # of an event it writes what was before, too
-    table = table[after]
+    table = table[behind(table[:, 0])]
     if table.shape != (STEPS + 1, len(header)):
         raise RuntimeError(f"fmusim gives {len(table)} rows")
     return {name: table[:, header.index(name)] for name in outputs(description)}
