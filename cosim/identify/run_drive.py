@@ -69,10 +69,15 @@ def told_of(log: Log, mapping: Mapping | None, command: str, motion: str) -> Tol
     """The units of a log's command and motion.
 
     Raises:
-        DataError: the log does not hold one of them.
+        DataError: the log does not hold one of them, or the command is a demanded place.
     """
     for name in (command, motion):
         log.require(name, "the static curve of a drive")
+    if mapping is not None and mapping.machine.get("command") == "place":
+        raise DataError(
+            f"{log.source}: '{command}' is a demanded place (command = \"place\"): a drive that holds it has no static "
+            "curve of speed against command; give what its controller puts out, or cosim diagnose the log"
+        )
     shown = {n: log.display[n] for n in (command, motion)}
     scales = {n: factor(log.units[n], unit) for n, unit in shown.items()}
     speed = shown[motion] if is_speed(log.units[motion]) else f"{shown[motion]}/s"

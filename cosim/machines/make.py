@@ -37,6 +37,10 @@ STEPS_A_SAMPLE, STEPS_A_LAG = 5.0, 10.0  # steps of a simulation between two sam
 DRIVER = ("dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dcv.offset")
 # of a flow that nothing moves, only the valve's part and what scales it or holds it back
 OF_A_FLOW = ("mechanical.inertia", "mechanical.viscous_friction", "continuity.flow_asymmetry")
+# of a drive that holds the place it is told, its lag: friction and loads are its controller's business. Play of the gear
+# stands where that of a valve does, and a place has no dead zone about its zero
+OF_A_PLACE = ("mechanical.inertia", "mechanical.viscous_friction")
+PLAY = "dcv.hysteresis"
 MOTOR = {"dcv": ELECTRIC_DRIVER, "continuity": "winding", "mechanical": "motor"}  # block -> what it is called
 # effects that change one gain; between two signals only the last block's gain is asked for
 GAINS = {
@@ -333,6 +337,8 @@ def completed(
     if not {"trusted", "free"} & found.keys():
         found["free" if told.from_log else "trusted"] = list(dict.fromkeys(stated))
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
+    if machine.places:
+        found["held"] = [machine.output]
     own = {**machine.units, **scale_free(machine, inner, told.values)}
     if by_pressure:  # on one square metre (or cubic metre a radian) a newton is a pascal
         length = machine.units.get("rad", "rad")
@@ -380,13 +386,17 @@ def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:
             name
             for name in registry.effects()
             if name.partition(".")[0] in ("dcv", "continuity") and name not in DRIVER
+            if not (machine.places and name == PLAY)
         ]
-    if machine.motion == "flow":
+    if machine.motion == "flow" or machine.places:
+        kept = OF_A_PLACE if machine.places else OF_A_FLOW
         found += [
             name
             for name in registry.effects()
-            if name.partition(".")[0] in ("mechanical", "continuity") and name not in OF_A_FLOW
+            if name.partition(".")[0] in ("mechanical", "continuity") and name not in kept
         ]
+    if machine.places:
+        found.append("dead_zone.mismatch")
     for component, behind in zip(machine.chain, machine.chain[1:], strict=False):
         carries = block_of(behind).name in ("continuity", "mechanical", "simplified")
         if component not in inner and carries:

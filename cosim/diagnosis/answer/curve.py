@@ -31,11 +31,11 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
         log: the log or logs as they were read, the whole of them.
 
     Returns:
-        None where no group goes from the command to a motion, or the log does not tell.
+        None where no group goes from the command to a motion, or it is a demanded place, or the log does not tell.
     """
     group = integrating(found)
     logs = listed(log)
-    if group is None or group.observed[0] not in logs[0]:
+    if group is None or group.place or group.observed[0] not in logs[0]:
         return None
     drive, motion = group.drive, group.observed[0]
     try:
