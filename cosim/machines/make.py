@@ -208,8 +208,10 @@ def targets(
         (machine.output, outlet(machine, unit), "output"),
     ):
         if name not in plain.signals:
+            others = [n for n in plain.signals if n not in (machine.input, machine.output)]
+            more = f'; say {way} = "{others[0]}" in [machine]' if len(others) == 1 else ""
             raise DataError(
-                f"{plain.path}: machine.{way} = '{name}' is no signal of [signals]: it has {', '.join(plain.signals)}"
+                f"{plain.path}: machine.{way} = '{name}' is no signal of [signals]: it has {', '.join(plain.signals)}{more}"
             )
         block = block_of(component)
         unit = (block.inputs | block.outputs)[variable].unit
@@ -231,7 +233,13 @@ def driven_by_pressure(machine: MachineTable, plain: Mapping, log: Log | None) -
     if not machine.forced or unit is None:
         return False
     kind = parse_unit(unit).dimensionality
-    force = "N" if machine.motion == "travel" else "N.m"
+    force, other = ("N", "N.m") if machine.motion == "travel" else ("N.m", "N")
+    if kind == parse_unit(other).dimensionality:
+        motion = "turn" if machine.motion == "travel" else "travel"
+        raise DataError(
+            f"{plain.path}: signals.{machine.input}: '{unit}' is a {'force' if other == 'N' else 'torque'}, and the axis "
+            f'{"turns" if other == "N" else "travels"}: say motion = "{motion}" in [machine], or give it the other unit'
+        )
     if kind not in [parse_unit(u).dimensionality for u in ("Pa", force)]:
         raise DataError(
             f"{plain.path}: signals.{machine.input}: what drives 'mechanical' is a {'force' if force == 'N' else 'torque'} "

@@ -216,3 +216,18 @@ def test_of_a_speed_too_the_missing_column_of_the_other_direction_is_asked_for(t
     # a symmetric command: as far back as forth, but for the lag with which the motor turns at the end of each half
     assert 80 <= int(text.partition("goes back ")[2].partition(" %")[0]) <= 110
     assert "name it as `minus`" in text
+
+
+def test_what_a_machine_file_lacks_is_said_with_its_remedy(tmp_path: Path) -> None:
+    mapping, log = motor(tmp_path)
+    text = mapping.read_text(encoding="utf-8")
+    mapping.write_text(text.replace('output = "speed"', 'output = "slew"'), encoding="utf-8")
+    with pytest.raises(DataError, match='it has u, speed; say output = "speed" in'):
+        made_for(mapping, log)
+    forced = text.replace('["dead_zone", "dcv", "continuity", "mechanical"]', '["mechanical"]')
+    forced = forced.replace('input = "u"', 'input = "pull"').replace("u = {", "pull = {", 1)
+    mapping.write_text(
+        forced.replace('column = "u", unit = "1"', 'column = "u", unit = "kip"'), encoding="utf-8"
+    )
+    with pytest.raises(DataError, match="'kip' is a force, and the axis turns: say motion = \"travel\""):
+        made_for(mapping)
