@@ -23,7 +23,7 @@ _FLOW = r"flow|durchfl|volumenstrom|debit|caudal|vazao|portata|debiet"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
 _RATE = (
     r"rate|speed|velocity|\bvelo?\b|geschw|drehzahl|vitesse|velocidad|velocit|hastig|snelheid|nopeus|predkosc|omega"
-    r"|torque|moment"
+    r"|torque|moment|\b(dd?q|qdd?|qdot)\b"
 )
 _COMMAND = (
     r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|controle|consigne|orden|kommando|stuur|styr|ohjaus"
@@ -41,6 +41,7 @@ _FED = r"\bpsu\b|batter|\bvbat\b|\bvin\b|\bvcc\b|(supply|input|bus|link|versorgu
 _REFERENCE = r"\bref\b|referen|\btarget\b|\bgoal\b|\bsoll|desired|commanded|\bdes$|demand|\bset\b|gewenst"
 _ANGLE = (
     r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
+    r"|\bq \d+\b"  # a robot's joint; a flow has its unit beside
     r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
 )
 _TURNS = {"deg": 360, "rad": 6.283185307, "turn": 1}  # unit of an angle -> how much of it is a turn
@@ -63,7 +64,7 @@ _POSITION = (
 )
 _SPEED = (
     r"speed|velocity|\bvelo?\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|snelheid|nopeus"
-    r"|predkosc"
+    r"|predkosc|\b(dq|qd|qdot)\b"
 )
 _NO_MOTION = (
     rf"{_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_PRESSURE}|spool|schieber|valve|ventil|torque|moment|force|kraft"
