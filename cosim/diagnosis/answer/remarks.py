@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.answer.schema import (
+    ITSELF,
+    ONE_WAY,
     RefusedCause,
 )
 from cosim.diagnosis.found import Diagnosis
@@ -253,7 +255,7 @@ def one_way(record: Record, machine: Machine) -> list[str]:
         back = f"{100.0 * abs(alone / driven):.0f} % of the way"
     return [
         f"{name} goes back {back} while {drive} is 0, and {drive} never changes its sign: if "
-        "the other direction has a column of its own, name it as `minus` in the mapping"
+        f"the other direction has a column of its own, {ONE_WAY}"
     ]
 
 
@@ -314,7 +316,7 @@ def at_once(diagnosis: Diagnosis) -> list[str]:
         shown_itself = linear is not None and not linear.model.integrates
         if shown_itself or itself(diagnosis.record, drive, signal):
             found.append(
-                f"{signal} follows {drive} itself and stays with it, where the model goes on while {drive} lasts: "
+                f"{signal} follows {drive} {ITSELF}, where the model goes on while {drive} lasts: "
                 f'if {drive} is a demanded place, say command = "place" in [machine], or log what the controller puts out; '
                 f"if {signal} is a speed, a flow or a level, map it as a speed or flow"
             )
