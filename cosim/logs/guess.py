@@ -677,21 +677,27 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
 def demanded(free: list[Column], made: dict[str, Guess]) -> Guess | None:
     """The place that a drive is to hold, where no command was logged: it is called as the motion is, and that follows it."""
     motion = next((made[signal] for signal in ("slew", "travel") if signal in made), None)
-    if motion is None or motion.column.missing > LACKING * motion.column.values.size:
+    if motion is None:
         return None
-    own = sorted(_words(motion.column))
     for column in free:
-        asked = [w for w in _words(column) if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
-        named = sorted(w for w in _words(column) if w not in asked)
-        if not asked or named != own or column.values.size != motion.column.values.size or column.constant:
-            continue
-        both = np.isfinite(column.values) & np.isfinite(motion.column.values)
-        one, other = (replace(c, values=c.values[both]) for c in (column, motion.column))
-        if following(one, other, rate=False) > FOLLOWS:
+        if demands(column, motion.column):
             gain = float(f"{1.0 / np.max(np.abs(column.finite)):.4g}")
             why = f"no command was found, and {_called(motion.column)} follows it: the place that the drive is to hold"
             return Guess("u", column, "1", gain, why, check=True, place=True)
     return None
+
+
+def demands(column: Column, motion: Column) -> bool:
+    """Whether a column is the place that a drive is to hold: called as its motion is but for a word, and followed by it."""
+    asked = [w for w in _words(column) if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
+    named = sorted(w for w in _words(column) if w not in asked)
+    if not asked or named != sorted(_words(motion)) or column.constant:
+        return False
+    if column.values.size != motion.values.size or motion.missing > LACKING * motion.values.size:
+        return False
+    both = np.isfinite(column.values) & np.isfinite(motion.values)
+    one, other = (replace(c, values=c.values[both]) for c in (column, motion))
+    return following(one, other, rate=False) > FOLLOWS
 
 
 def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, str] | None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.browser.form import machine_of as machine_of_page
 from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.remarks import at_once, itself
 from cosim.diagnosis.model.choice import machine_of
@@ -76,6 +77,18 @@ def test_what_is_called_goal_is_what_drives_it(loaded):
     assert made.numbers.speed == pytest.approx(np.max(np.abs(log["travel"])), rel=0.2)
     assert {"dead_zone.mismatch", "mechanical.gravity_load"} < set(made.diagnose["exclude"])
     assert not {"dcv.delay", "dcv.hysteresis"} & set(made.diagnose["exclude"])
+
+
+def test_the_page_knows_it_too(tmp_path):
+    found = overview(servo(tmp_path)[0])
+    entries = {
+        "u": {"column": "goal_position", "unit": "1"},
+        "travel": {"column": "position", "unit": "m"},
+    }
+    table = machine_of_page(found, entries)
+    assert table["command"] == "place"
+    assert "sensor" not in table["chain"]
+    assert "command" not in machine_of_page(found, entries | {"u": {"column": "input_volts", "unit": "V"}})
 
 
 def test_its_delay_is_named_in_words_of_a_place(loaded):
