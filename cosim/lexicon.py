@@ -47,6 +47,11 @@ class Lexicon:
         """Whether a motor moves it, of which nobody says valve or spool."""
         return self.blocks.get("dcv") == ELECTRIC_DRIVER
 
+    @property
+    def holds(self) -> bool:
+        """Whether a place stands for the model's speed: a drive that holds the place it is told."""
+        return self.units.get("rad/s") in ("rad", "m")
+
     def signal(self, name: str) -> tuple[str, float]:
         """Display unit of a signal and the factor from SI to it."""
         if name in self.signals:

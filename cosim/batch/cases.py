@@ -88,7 +88,7 @@ def plan_batch(plan: Plan, folder: Path) -> Batch:
     if task == "diagnose":
         models = _for_diagnosis(plan.model)
     else:
-        default = estimates.model if estimates and estimates.model else _default(plan, task)
+        default = estimates.model if estimates and estimates.model else _default(plan, task, logs)
         for label, path in _model_files(plan, task, plan.model or (default,)).items():
             with read_system(path) as system:
                 if plan.engine == "compiled" and task == "simulate":
@@ -121,7 +121,8 @@ def plan_batch(plan: Plan, folder: Path) -> Batch:
 # Models
 
 
-def _default(plan: Plan, task: str) -> str:
+def _default(plan: Plan, task: str, logs: Sequence[Path]) -> str:
+    """The model where none is asked for: the mapping's, or that of its machine as the logs tell it, else ours."""
     if plan.mapping is not None and task == "compare":
         from cosim.compare import load_mapping
 
@@ -129,6 +130,13 @@ def _default(plan: Plan, task: str) -> str:
         if mapping.model is not None:
             file = Path(plan.mapping).parent / mapping.model
             return str(file) if file.is_file() else mapping.model
+        if mapping.machine and not plan.model:
+            from cosim.compare.model import build_wiring
+            from cosim.logs import load_log
+            from cosim.machines import made_for
+
+            wiring = made_for(Path(plan.mapping), [load_log(log, mapping) for log in logs]).ssd
+            return str(build_wiring(wiring, wiring.parent))
     return DEFAULT_MODEL
 
 

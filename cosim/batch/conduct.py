@@ -209,6 +209,7 @@ def _report(batch: Any, store: Any, frame: pd.DataFrame, warn: Tell) -> Report:
         "models": [model.file.label for model in batch.job.models],
         "logs": [log.label for log in batch.job.logs],
         "log_files": [log.path for log in batch.job.logs],
+        "mapping": batch.job.mapping.path if batch.job.mapping else None,
         "parameters": [{"name": p.name, "unit": p.display[0]} for p in batch.varied],
         "seed": batch.plan.seed if batch.random else None,
         "runs": len(frame),

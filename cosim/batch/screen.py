@@ -92,9 +92,13 @@ def lines(report: "Report") -> list[str]:
 
 def _diagnosed(row: dict[str, Any]) -> str:
     """A log, its verdict and its causes by the names that people know."""
+    from cosim.lexicon import CRANE, speaking
+    from cosim.report.folder import lexicon_of, read_answer
     from cosim.report.screen import known_as
 
-    causes = [known_as(effect) for effect in (row.get("causes") or "").split("; ") if effect]
+    written = Path(row.get("diagnosis") or "")
+    with speaking(lexicon_of(read_answer(written.parent)) if written.is_file() else CRANE):
+        causes = [known_as(effect) for effect in (row.get("causes") or "").split("; ") if effect]
     verdict = (row.get("verdict") or row["status"]).replace("_", " ")
     return ", ".join([f"{row['log']}: {verdict}", *causes])
 
@@ -110,6 +114,9 @@ def next_step(about: dict[str, Any]) -> str:
         folder = Path(row["diagnosis"]).parent
         return f"cosim report {typed(folder)} writes the page of {row['log']}"
     if about["task"] == "compare":
-        return f"cosim diagnose {typed(about['log_files'][0])} says what is wrong in that log and why"
+        mapping = f" --mapping {typed(about['mapping'])}" if about.get("mapping") else ""
+        return (
+            f"cosim diagnose {typed(about['log_files'][0])}{mapping} says what is wrong in that log and why"
+        )
     look = f"{about['files']['picture']} shows them, and " if "picture" in about["files"] else ""
     return f"{look}pandas.read_parquet('{runs}') has every run in Python"

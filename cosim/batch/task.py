@@ -171,10 +171,11 @@ def _load_comparator(job: Job, run: Run, kept: Loaded) -> None:
 
 
 def _diagnose(job: Job, run: Run, outcome: Outcome) -> None:
-    from cosim.diagnosis.model.choice import chosen
+    from cosim.diagnosis.model.choice import machine_of
     from cosim.diagnosis.pipeline.diagnose import diagnose
     from cosim.files import Scratch
-    from cosim.logs import load_log, load_tracker
+    from cosim.lexicon import speaking
+    from cosim.logs import load_log, load_mapping, load_tracker
     from cosim.report.deliver import delivered
 
     file = _log(job, run)
@@ -184,15 +185,19 @@ def _diagnose(job: Job, run: Run, outcome: Outcome) -> None:
     model = job.models[run.model].file
     if model.sha256:
         _present(model)
-    name, base = chosen(model.path or None, log.model)
+    machine = machine_of(model.path or None, log, mapping)
+    second = load_mapping(mapping) if mapping is not None else None
+    held_out = (
+        load_log(_present(file), second.of_held_out) if second is not None and second.held_out else None
+    )
     folder = Path(job.folder, f"{file.label}_{model.label}" if len(job.models) > 1 else file.label)
     folder.mkdir(parents=True, exist_ok=True)
-    with Scratch("extended_") as made:
+    with Scratch("extended_") as made, speaking(machine.lexicon):
         found = diagnose(
             log,
             tracker=tracker,
-            model=name,
-            base=base,
+            model=machine,
+            held_out=held_out,
             tolerance=job.tolerance,
             calibrate=job.calibrate,
             folder=Path(made),

@@ -4,14 +4,14 @@ import re
 import tomllib
 from collections.abc import Collection
 from collections.abc import Mapping as Table
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from cosim.anysystem.start import of_file
 from cosim.errors import UsageError
-from cosim.logs.guess import DRIVERS, MOTIONS, Guess, guesses, likely, machine_lines, texts_of
+from cosim.logs.guess import DRIVERS, MOTIONS, Guess, demands, guesses, likely, machine_lines, texts_of
 from cosim.logs.mapping import Column as Named
 from cosim.logs.mapping import Mapping, SignalColumn
 from cosim.logs.overview import Column, Overview
@@ -196,6 +196,9 @@ def machine_of(found: Overview, entries: Table[str, Table[str, Any]]) -> dict[st
     # a command drives more of the chain than the force behind it
     if DRIVE in made:
         made = {name: guess for name, guess in made.items() if name not in DRIVERS}
+    motion = next((made[name] for name in ("slew", "travel") if name in made), None)
+    if DRIVE in made and motion is not None and demands(made[DRIVE].column, motion.column):
+        made[DRIVE] = replace(made[DRIVE], place=True)
     table: dict[str, Any] = tomllib.loads("\n".join(machine_lines(found, made)))["machine"]
     return table
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,14 @@ WINDOW = 5.0  # s, over which an integrating signal is judged with a free offset
 NOISE_WINDOW = 0.5  # s, in which a signal's motion passes for a cubic
 NOISE_SAMPLES = 16  # at least this many samples in such a window
 NOISE_WINDOWS = 10  # of a log at least, where its samples allow it: one of ten is a quietest tenth
+FEWEST = 6  # samples that leave a cubic two degrees of freedom
+RUNG = math.sqrt(2.0)  # from one length of such windows to the next
+SURE = 2.0  # standard errors by which a spread must grow too fast
+SATURATED = (
+    4  # rungs below the longest window at which noise that was filtered before it was sampled is as large
+)
+FLAT = 1.2  # growth of a variance over these rungs that is none
+STILL = 0.1  # of the spread of the whole signal: more than that within a window is its motion
 QUIET = 4.0  # standard errors of a window's spread above that of the quietest tenth: noise alone, no motion
 STAND_OUT = 1.5  # a signal whose spread is below this many times its noise is constant
 
@@ -117,23 +126,83 @@ def noise_floor(values: Array, step: float) -> float:
     """Standard deviation of the noise of a measured signal (n,), in its unit.
 
     Spread about a cubic in windows of `NOISE_WINDOW` (a tenth of a log that is short), taken where the signal is quietest,
-    and at least the spread that rounding to its resolution causes. Noise slower than a window is not counted.
+    and at least the spread that rounding to its resolution causes. Noise slower than a window is not counted. A motion that
+    is no cubic within so long a window gives itself away: with the window its spread grows faster than that of any noise
+    (`without_motion`).
 
     Args:
         values: as measured, one every `step` s.
         step: [s].
     """
-    size = max(min(round(NOISE_WINDOW / step), len(values) // NOISE_WINDOWS), NOISE_SAMPLES)
     rounding = resolution(values) / math.sqrt(12.0)
+    values, every = fresh(values)
+    size = max(min(round(NOISE_WINDOW / (every * step)), len(values) // NOISE_WINDOWS), NOISE_SAMPLES)
     if len(values) < size:
         return rounding
     rows = values[: len(values) // size * size].reshape(-1, size)
-    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 4))
-    rest = rows - (rows @ basis) @ basis.T
-    freedom = size - basis.shape[1]
-    spread = np.sqrt(np.sum(np.square(rest), axis=1) / freedom)
+    variance, freedom = about_cubics(rows, size)
+    spread = np.sqrt(variance)
     limit = np.quantile(spread, 0.1, method="higher") * (1.0 + QUIET / math.sqrt(2.0 * freedom))
-    return max(rms(spread[spread <= limit]), rounding)
+    noise = without_motion(rows[spread <= limit], float(np.var(values)), rounding**2)
+    return max(math.sqrt(noise), rounding)
+
+
+def without_motion(quiet: Array, whole: float, rounding: float) -> float:
+    """Variance of the noise in the quietest windows (m, size) of a signal.
+
+    Shorter and shorter windows are tried, down to one that leaves a cubic two degrees of freedom. White noise has one spread
+    in all of them, and that of correlated noise grows no faster than the window, whatever its time. A motion with a kink
+    grows with the third power of the window, a smooth one faster. The longest windows count up to which nothing grows so.
+    Noise that was filtered before it was sampled grows so, too, but comes to an end of it: what is no larger in windows four
+    times as long, and a small part of the signal, is no motion.
+
+    Args:
+        quiet: readings.
+        whole: variance of the signal.
+        rounding: variance that rounding causes.
+    """
+    sizes = [quiet.shape[1]]
+    while sizes[-1] / RUNG >= FEWEST:
+        sizes.append(int(sizes[-1] / RUNG))
+    spreads = [about_cubics(quiet, size) for size in sizes]
+    found = [float(np.mean(variance)) for variance, _ in spreads]
+    free = [freedom * len(quiet) for _, freedom in spreads]
+    chance = [1.0 + SURE * math.sqrt(2.0 / a + 2.0 / b) for a, b in pairwise(free)]
+    if len(found) > SATURATED:
+        ends = found[0] <= FLAT * chance[0] * found[SATURATED]
+        if ends and found[0] <= STILL**2 * whole:
+            return found[0]
+    noise = found[-1]
+    for rung in range(len(found) - 2, -1, -1):
+        if found[rung] > max(noise, rounding) * sizes[rung] / sizes[rung + 1] * chance[rung]:
+            break
+        noise = found[rung]
+    return noise
+
+
+def about_cubics(rows: Array, size: int) -> tuple[Array, int]:
+    """(m,) variance of windows (m, n) about a cubic in each stretch of `size` samples, and its degrees of freedom."""
+    count = rows.shape[1] // size
+    parts = rows[:, : count * size].reshape(-1, size)
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 4))
+    rest = parts - (parts @ basis) @ basis.T
+    freedom = count * (size - basis.shape[1])
+    return np.sum(np.square(rest).reshape(len(rows), -1), axis=1) / freedom, freedom
+
+
+def fresh(values: Array) -> tuple[Array, float]:
+    """Of a signal whose readings are repeated between new ones the new ones, and how many samples each stands for.
+
+    A reading that stays within one step of its resolution is no repeated one.
+    """
+    changed = np.flatnonzero(np.diff(values)) + 1
+    if len(changed) < NOISE_SAMPLES:
+        return values, 1.0
+    every = float(np.median(np.diff(changed)))
+    change = float(np.median(np.abs(values[changed] - values[changed - 1])))
+    if every < 2.0 or change < 1.5 * resolution(values):
+        return values, 1.0
+    return values[changed], every
 
 
 def white_noise(values: Array) -> float:

@@ -18,6 +18,7 @@ from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.residuals.reference import Reference
+from cosim.diagnosis.thresholds import LESS_THAN_NOISE
 from cosim.diagnosis.tracker.comparison import TrackerFinding
 from cosim.diagnosis.verdict.verdict import Cause, Rest, floor_of
 from cosim.inference.linear import LinearModel
@@ -136,6 +137,9 @@ class Diagnosis:
         ):  # what it leaves of a signal that never rests is less than what the blocks leave
             for s in floors.keys() & self.after.keys():
                 floors[s] = min(floors[s], noise_floor(self.record.signals[s] - self.after[s], self.record.h))
+        for s in floors.keys() & self.gains.keys():
+            if 0.0 < self.gains[s].after < LESS_THAN_NOISE * floors[s]:
+                floors[s] = self.gains[s].after
         return floors
 
     @property

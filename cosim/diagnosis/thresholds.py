@@ -1079,6 +1079,13 @@ AT_ZERO: Annotated[
     "a stick's own offset",
     "not measured by itself",
 ] = 0.02
+LESS_THAN_NOISE: Annotated[
+    float,
+    "share of a signal's noise",
+    "error on held-out data below which the noise is no larger than that error",
+    "no model is better than the noise; by chance 100 independent samples err by a tenth less",
+    "not measured by itself",
+] = 0.9
 UNCOMMANDED: Annotated[
     float,
     "share of the way on the command",
@@ -1086,6 +1093,13 @@ UNCOMMANDED: Annotated[
     "a leak, a sagging load or an overrun is a small part of it",
     "a wheel loader's boom, whose joystick is recorded upwards only: 0.98",
 ] = 0.5
+FEWEST_ITSELF: Annotated[
+    int,
+    "samples",
+    "piece of a record in which a place may be held against the command itself",
+    "a lag and a gain in each of a few windows",
+    "not measured by itself",
+] = 30
 FAR: Annotated[
     float,
     "share of the largest command",

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import prev_fast_len
 
-from cosim.compare.metrics import noise_floor, resolution, white_noise
+from cosim.compare.metrics import noise_floor
 from cosim.errors import DataError
 from cosim.identify.nominal import valve_demand
 from cosim.logs import Log
@@ -108,16 +108,13 @@ def moving(log: Log, name: str) -> Array:
 def travels(log: Log, name: str, least: float | None = None) -> Array:
     """A signal (n,) that must move by more than `least` [SI], or else than its noise, to be of use.
 
-    A motor's torque moves within the windows in which `noise_floor` takes a motion for slow: what is no white noise moves.
-
     Raises:
         DataError: it is not in the log, or does not stand out from its noise.
     """
     values = log.require(name, WHAT.get(name, "this"))
     travel = float(np.ptp(values))
     if least is None:
-        rounding = resolution(values) / np.sqrt(12.0)
-        least = MOVES * min(noise_floor(values, log.step), max(white_noise(values), rounding))
+        least = MOVES * noise_floor(values, log.step)
     if travel <= least or float(np.std(values)) == 0.0:
         unit = SIGNALS[name].unit if name in SIGNALS else log.display[name]
         si = SIGNALS[name].si if name in SIGNALS else log.units[name]

@@ -42,6 +42,9 @@ NAMES = ("dead_low", "dead_high", "slope_low", "slope_high", "top_low", "top_hig
 PARTS = 10  # of a log, left out in turn
 STEADY = 0.05  # of the largest command, within which it counts as held
 EDGE = 0.02  # of the largest command: a top speed counts as reached if the command goes this far beyond where it begins
+# share of the speed's spread that a curve leaves at most where it is one; a small excavator's four axes leave 0.1 to 0.4, a
+# pendulum pushed by a propeller 0.98
+OF_ITS_OWN = 0.7
 # relative, of dead zone, slope and top speed between the logs of one machine, where only one log is known: root mean
 # square over boom, stick and bucket of a small excavator (five logs each, docs/identify.md), beyond what a log itself knows
 SCATTER = {"dead": 0.11, "slope": 0.28, "top": 0.016}
@@ -83,6 +86,12 @@ class DriveCurve:
     each: "tuple[DriveCurve, ...]" = ()
     names: tuple[str, ...] = ()
     points: tuple[Array, Array] = field(default=(np.empty(0), np.empty(0)), repr=False)
+
+    @property
+    def left(self) -> float:
+        """Share of how the speed varies that the curve leaves: about 1 where the command does not set the speed."""
+        spread = float(np.std(self.points[1])) if self.points[1].size else 0.0
+        return self.typical / spread if spread > 0.0 else 0.0
 
     @property
     def scattered(self) -> bool:

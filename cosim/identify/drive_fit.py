@@ -11,6 +11,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.signal import lfilter
 
 from cosim.errors import DataError
+from cosim.machines.rough import stays_with
 
 Array = NDArray[np.float64]
 
@@ -136,6 +137,11 @@ def begin(logs: Sequence[Fine], goal: Array) -> Array:
     command = commands(logs)
     if float(np.corrcoef(np.concatenate([log.mean_command() for log in logs]), goal)[0, 1]) < 0.0:
         name = logs[0].run.name if len(logs) == 1 else f"{len(logs)} logs"
+        if any(stays_with(log.run.time, log.run.command, log.run.position) for log in logs):
+            raise DataError(
+                f"{name}: the motion follows the command itself and stays with it, as a demanded place is held: there is no "
+                "static curve of speed against command"
+            )
         raise DataError(
             f"{name}: the position goes against the command: give one of them sign = -1 in the mapping"
         )

@@ -19,6 +19,7 @@ from cosim.compiled import compiled_block
 from cosim.errors import DataError, UsageError
 from cosim.identify.estimate import FEWEST_BINS, Quantity
 from cosim.identify.spectrum import Bins
+from cosim.lexicon import current
 from cosim.logs.filter import low_pass_without_shift
 
 Array = NDArray[np.float64]
@@ -215,10 +216,13 @@ class _Problem:
 
     def _check(self, found: Mapping[str, float]) -> None:
         if found["J"] <= 0.0 or found["b"] < 0.0:
+            would = []
+            for name, si in (("J", "kg.m2"), ("b", "N.m.s/rad")):
+                unit, scale = current().quantity(si)
+                would.append(f"{name} {found[name] * scale:.4g} {unit.replace('.', ' ')}")
             raise DataError(
-                f"{self.motion.name}: torque and motion do not obey A r PL = J dw/dt + b w + friction: J would be"
-                f" {found['J']:.4g} kg m2 and b {found['b']:.4g} N m s/rad; check the signs and units of both signals, or"
-                " record a livelier motion"
+                f"{self.motion.name}: drive and motion do not obey A r PL = J dw/dt + b w + friction: it would take"
+                f" {' and '.join(would)}; check the signs and units of both signals, or record a livelier motion"
             )
 
     def _simulated(self, names: Sequence[str], found: Array) -> Array:

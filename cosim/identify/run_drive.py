@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from cosim.errors import DataError
 from cosim.identify.answer import Answer
-from cosim.identify.drive_curve import DriveCurve, Estimate, drive_curve
+from cosim.identify.drive_curve import OF_ITS_OWN, DriveCurve, Estimate, drive_curve
 from cosim.identify.drive_fit import Run
 from cosim.logs import Log, Mapping
 from cosim.units import factor, is_speed
@@ -69,10 +69,15 @@ def told_of(log: Log, mapping: Mapping | None, command: str, motion: str) -> Tol
     """The units of a log's command and motion.
 
     Raises:
-        DataError: the log does not hold one of them.
+        DataError: the log does not hold one of them, or the command is a demanded place.
     """
     for name in (command, motion):
         log.require(name, "the static curve of a drive")
+    if mapping is not None and mapping.machine.get("command") == "place":
+        raise DataError(
+            f"{log.source}: '{command}' is a demanded place (command = \"place\"): a drive that holds it has no static "
+            "curve of speed against command; give what its controller puts out, or cosim diagnose the log"
+        )
     shown = {n: log.display[n] for n in (command, motion)}
     scales = {n: factor(log.units[n], unit) for n, unit in shown.items()}
     speed = shown[motion] if is_speed(log.units[motion]) else f"{shown[motion]}/s"
@@ -263,7 +268,14 @@ def drive_answer(
         f"the speed follows the command after {curve.lag + curve.delay:.3g} s; over half a second the curve is off by "
         f"{data['error']['value']:.3g} {data['error']['unit']}"
     ]
-    notes = [f"not told by the log{'s' if len(logs) > 1 else ''}: {'; '.join(missing)}"] if missing else []
+    notes = []
+    if curve.left > OF_ITS_OWN:
+        notes.append(
+            f"the curve leaves {100.0 * curve.left:.0f} % of how the speed varies: the command does not set the speed alone "
+            "(a spring, a load, another axis), or not within the time over which it is taken"
+        )
+    if missing:
+        notes.append(f"not told by the log{'s' if len(logs) > 1 else ''}: {'; '.join(missing)}")
     if len(logs) == 1:
         notes.append(
             "one log says nothing of the next: the scatter between logs of other drives widens its intervals"

@@ -93,7 +93,8 @@ def mechanics_answer(
         DataError: the log lacks a signal, or the numbers cannot be found from it.
         UsageError: a setting is malformed or not of the mechanics.
     """
-    found = identify_mechanics(motion_of(log, machine, settings), highest)
+    with speaking(machine.lexicon):
+        found = identify_mechanics(motion_of(log, machine, settings), highest)
     values = {f"{COMPONENT}.{name}": q for name, q in found.values.items()}
     data = {
         **log_data([log]),

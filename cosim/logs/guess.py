@@ -23,7 +23,7 @@ _FLOW = r"flow|durchfl|volumenstrom|debit|caudal|vazao|portata|debiet"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
 _RATE = (
     r"rate|speed|velocity|\bvelo?\b|geschw|drehzahl|vitesse|velocidad|velocit|hastig|snelheid|nopeus|predkosc|omega"
-    r"|torque|moment"
+    r"|torque|moment|\b(dd?q|qdd?|qdot)\b"
 )
 _COMMAND = (
     r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|controle|consigne|orden|kommando|stuur|styr|ohjaus"
@@ -35,10 +35,13 @@ _INPUT = (
     r"(?<!analog )(?<!digital )\binput\b(?! ?\d)|\beingang\b|\bentrada\b|\bentree\b|\bingresso\b"
     r"|\b(motor|anker|armature) ?(spannung|volt)|\besc\b|\bservo\b(?!.*(current|strom|volt|spannung))"
 )
+# what a drive is fed with
+_FED = r"\bpsu\b|batter|\bvbat\b|\bvin\b|\bvcc\b|(supply|input|bus|link|versorgungs|zwischenkreis) ?(volt|spannung)"
 # what was asked for, not what was measured
-_REFERENCE = r"\bref\b|referen|\btarget\b|\bsoll|desired|commanded|\bdes$|demand|\bset\b|gewenst"
+_REFERENCE = r"\bref\b|referen|\btarget\b|\bgoal\b|\bsoll|desired|commanded|\bdes$|demand|\bset\b|gewenst"
 _ANGLE = (
     r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
+    r"|\bq \d+\b"  # a robot's joint; a flow has its unit beside
     r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
 )
 _TURNS = {"deg": 360, "rad": 6.283185307, "turn": 1}  # unit of an angle -> how much of it is a turn
@@ -53,7 +56,7 @@ NAMES: dict[str, str] = {
     "p_a": rf"^(?!.*({_FLOW}))(?:(?=.*({_PRESSURE}))(?=.*\ba\b)|(?!.*({_PRESSURE}).*\bpa\b).*\bpa\b)",
     "p_b": rf"^(?!.*({_FLOW}))(?:(?=.*({_PRESSURE}))(?=.*\bb\b)|.*\bpb\b)",
     "spool": r"spool|schieber|tiroir|corredera|cassetto|sleide|\bslid|luisti|suwak|ventilweg|valve (position|travel|stroke)",
-    "u": rf"{_DRIVES}|{_INPUT}",
+    "u": rf"^(?!.*({_FED}))(?=.*({_DRIVES}|{_INPUT}))",
 }
 _POSITION = (
     r"position|\bpos\b|displac|stroke|travel|extension|cylind|zylind|\bhub\b|\bweg\b|\blage\b|\bcourse\b|carrera|corsa"
@@ -61,7 +64,7 @@ _POSITION = (
 )
 _SPEED = (
     r"speed|velocity|\bvelo?\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|snelheid|nopeus"
-    r"|predkosc"
+    r"|predkosc|\b(dq|qd|qdot)\b"
 )
 _NO_MOTION = (
     rf"{_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_PRESSURE}|spool|schieber|valve|ventil|torque|moment|force|kraft"
@@ -78,7 +81,7 @@ _TORQUE, _FORCE = (
     r"torque|drehmoment|\bmoment|couple\b|coppia|\bpar\b|vaanto|\btau\b|\btrq\b|\btor\b",
     r"force|kraft|fuerza|forza|forca\b|\bvoima",
 )
-_MEASURED = rf"{_PRESSURE}|spool|temper|{_TORQUE}|{_FORCE}"  # neither a command nor a motion
+_MEASURED = rf"{_PRESSURE}|spool|temper|\btemp\b|{_TORQUE}|{_FORCE}|{_FED}"  # neither a command nor a motion
 _MOTOR = r"motor|\bpwm\b|volt|spannung|current|\bstrom|armature|anker|encoder|\bservo"
 # what another machine's axis may show instead of an angle, and its units
 MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -154,6 +157,7 @@ RESTING, OFF_ZERO, STILL = (
     0.2,
 )  # a neutral command: share of samples, part of the range, of the motion
 OPPOSED, FOLLOWS, DRIVEN = 0.9, 0.8, 0.6  # correlations from which on columns are said to move together
+LACKING = 0.01  # of a column's values, beyond which nothing is held against it
 LED = 0.3  # correlation from which on an axis of several is taken for that of a command
 # what parts the names of two records in one file -> what the second has in its place
 SECOND = (
@@ -199,6 +203,7 @@ class Guess:
         check: whether the unit or scale is a guess as well.
         zero: reading that counts as none.
         minus: the column of the other direction, whose reading is taken off.
+        place: a command that is the place which the drive is to hold.
     """
 
     signal: str
@@ -209,6 +214,7 @@ class Guess:
     check: bool
     zero: float = 0.0
     minus: Column | None = None
+    place: bool = False
 
 
 def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
@@ -265,6 +271,10 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         if score > 0.0 and signal not in made and column.index not in taken:
             made[signal] = _guess(signal, column, f"its name ('{column.label.short}')")
             taken.add(column.index)
+    undriven = machine and not {"u", *DRIVERS} & set(made)
+    if undriven and (asked := demanded([c for c in free if c.index not in taken], made)):
+        made["u"] = asked
+        taken.add(asked.column.index)
     for signal, column, why in _by_shape([c for c in free if c.index not in taken], made):
         if signal == "slew" and shown in made:
             continue  # the axis has shown itself by name
@@ -291,7 +301,9 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         for signal, column, why in by_motion([c for c in free if c.index not in taken], made):
             made[signal] = _guess(signal, column, why)
     motion = moved_by(made)
-    if "u" in made and motion is not None and (zero := neutral(made["u"].column, motion)):
+    if "u" in made and made["u"].place:
+        pass  # the place of a demanded place is where it is
+    elif "u" in made and motion is not None and (zero := neutral(made["u"].column, motion)):
         largest = float(np.max(np.abs(made["u"].column.finite - zero)))
         why = f"{made['u'].why.removesuffix('; unit by its range')}; the machine stands at {zero:g}"
         made["u"] = replace(
@@ -545,7 +557,7 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
     ]
     if "u" not in made and len(commands) == 1:
         told.append(("u", commands[0], "it is the only column that moves in steps, as a command does"))
-    electric = [c for c in moving if c.unit in ELECTRIC]
+    electric = [c for c in moving if c.unit in ELECTRIC and not re.search(_FED, plain(c.label.short))]
     if "u" not in made and len(commands) != 1 and len(electric) == 1:
         told.append(("u", electric[0], "it is the only voltage or current"))
     pressures = [c for c in free if c.unit is not None and _convertible(c.unit, "Pa")]
@@ -660,6 +672,32 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
                 )
             told.append((signal, column, f"{why}, as {'an angle' if rate else 'a speed'} does{others}"))
     return told
+
+
+def demanded(free: list[Column], made: dict[str, Guess]) -> Guess | None:
+    """The place that a drive is to hold, where no command was logged: it is called as the motion is, and that follows it."""
+    motion = next((made[signal] for signal in ("slew", "travel") if signal in made), None)
+    if motion is None:
+        return None
+    for column in free:
+        if demands(column, motion.column):
+            gain = float(f"{1.0 / np.max(np.abs(column.finite)):.4g}")
+            why = f"no command was found, and {_called(motion.column)} follows it: the place that the drive is to hold"
+            return Guess("u", column, "1", gain, why, check=True, place=True)
+    return None
+
+
+def demands(column: Column, motion: Column) -> bool:
+    """Whether a column is the place that a drive is to hold: called as its motion is but for a word, and followed by it."""
+    asked = [w for w in _words(column) if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
+    named = sorted(w for w in _words(column) if w not in asked)
+    if not asked or named != sorted(_words(motion)) or column.constant:
+        return False
+    if column.values.size != motion.values.size or motion.missing > LACKING * motion.values.size:
+        return False
+    both = np.isfinite(column.values) & np.isfinite(motion.values)
+    one, other = (replace(c, values=c.values[both]) for c in (column, motion))
+    return following(one, other, rate=False) > FOLLOWS
 
 
 def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, str] | None:
@@ -985,14 +1023,17 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     motion = next((signal for signal in MOTIONS if signal in made), "slew")
     driver = next((signal for signal in DRIVERS if signal in made), None)
     before = ["mechanical"] if driver else ["dead_zone", "dcv", "continuity", "mechanical"]
-    blocks = [*before, *([] if motion in AT_ONCE else ["sensor"])]
+    place = "u" in made and made["u"].place
+    blocks = [*before, *([] if motion in AT_ONCE or place else ["sensor"])]
     linear = motion == "travel" or (motion == "speed" and _convertible(made[motion].unit, "m/s"))
     example = "0.1 m/s" if linear else "40 l/min" if motion == "flow" else "48 deg/s"
+    example = example.removesuffix("/s") if place else example
     return [
         "[machine]    # a drive of its own: docs/machines.md",
         f"chain = [{', '.join(map(_quoted, blocks))}]",
         *(['motion = "travel"    # a linear axis: kg, N, m'] if linear else []),
         *(['motion = "flow"    # of a valve or pump: no axis that moves'] if motion == "flow" else []),
+        *(['command = "place"    # CHECK: u is the place that the drive is to hold'] if place else []),
         *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if driver is None else [f"input = {_quoted(driver)}"]),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
@@ -1029,7 +1070,7 @@ def _entry(found: Overview, guess: Guess, texts: dict[str, str]) -> list[str]:
         lines.append(f'text = "applied {guess.signal}"')
     if guess.zero:
         lines.append(f"zero = {guess.zero!r}    # CHECK: the most frequent reading; the machine stands there")
-    elif guess.signal == "u" and one_sided(column):
+    elif guess.signal == "u" and not guess.place and one_sided(column):
         lines.append("# zero = ?    # CHECK: the reading without a command, at which the machine stands")
     if guess.gain != 1.0:
         lines.append(f"gain = {guess.gain!r}    # CHECK: full command for the largest reading")

@@ -358,11 +358,15 @@ def _timeseries(value: Any, path: str) -> Iterator[_Entry]:
     """Data and stamps of a timeseries under the names with which MATLAB saves them, one column for each of its signals."""
     fields = value.properties if isinstance(value.properties, Mapping) else {}
     values = _first(fields, "Data_", "Data")
+    if not np.size(values):  # as a block "To File" streams it
+        values = _first(_properties(_first(fields, "Storage_")), "Data")
     data = values if isinstance(values, np.ndarray) and values.dtype.kind in "fiub" else np.empty(0)
     stamps = _vector(_first(fields, "Time_", "Time"))
     about = _properties(_first(fields, "TimeInfo"))
     if not stamps.size:
         stamps = _vector(_first(about, "Time_", "Time"))
+    if not data.size and not stamps.size:
+        return  # nothing was recorded
     if stamps.size != data.size and (stamps.size < 2 or stamps.size not in data.shape):
         # equidistant: only start, increment and perhaps length are stored
         start, step = (_vector(_first(about, name, name.rstrip("_"))) for name in ("Start_", "Increment_"))

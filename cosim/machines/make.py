@@ -37,6 +37,10 @@ STEPS_A_SAMPLE, STEPS_A_LAG = 5.0, 10.0  # steps of a simulation between two sam
 DRIVER = ("dcv.delay", "dcv.rate_limit", "dcv.stroke_limit", "dcv.offset")
 # of a flow that nothing moves, only the valve's part and what scales it or holds it back
 OF_A_FLOW = ("mechanical.inertia", "mechanical.viscous_friction", "continuity.flow_asymmetry")
+# of a drive that holds the place it is told, its lag: friction and loads are its controller's business. Play of the gear
+# stands where that of a valve does, and a place has no dead zone about its zero
+OF_A_PLACE = ("mechanical.inertia", "mechanical.viscous_friction")
+PLAY = "dcv.hysteresis"
 MOTOR = {"dcv": ELECTRIC_DRIVER, "continuity": "winding", "mechanical": "motor"}  # block -> what it is called
 # effects that change one gain; between two signals only the last block's gain is asked for
 GAINS = {
@@ -204,8 +208,10 @@ def targets(
         (machine.output, outlet(machine, unit), "output"),
     ):
         if name not in plain.signals:
+            others = [n for n in plain.signals if n not in (machine.input, machine.output)]
+            more = f'; say {way} = "{others[0]}" in [machine]' if len(others) == 1 else ""
             raise DataError(
-                f"{plain.path}: machine.{way} = '{name}' is no signal of [signals]: it has {', '.join(plain.signals)}"
+                f"{plain.path}: machine.{way} = '{name}' is no signal of [signals]: it has {', '.join(plain.signals)}{more}"
             )
         block = block_of(component)
         unit = (block.inputs | block.outputs)[variable].unit
@@ -227,7 +233,13 @@ def driven_by_pressure(machine: MachineTable, plain: Mapping, log: Log | None) -
     if not machine.forced or unit is None:
         return False
     kind = parse_unit(unit).dimensionality
-    force = "N" if machine.motion == "travel" else "N.m"
+    force, other = ("N", "N.m") if machine.motion == "travel" else ("N.m", "N")
+    if kind == parse_unit(other).dimensionality:
+        motion = "turn" if machine.motion == "travel" else "travel"
+        raise DataError(
+            f"{plain.path}: signals.{machine.input}: '{unit}' is a {'force' if other == 'N' else 'torque'}, and the axis "
+            f'{"turns" if other == "N" else "travels"}: say motion = "{motion}" in [machine], or give it the other unit'
+        )
     if kind not in [parse_unit(u).dimensionality for u in ("Pa", force)]:
         raise DataError(
             f"{plain.path}: signals.{machine.input}: what drives 'mechanical' is a {'force' if force == 'N' else 'torque'} "
@@ -333,6 +345,8 @@ def completed(
     if not {"trusted", "free"} & found.keys():
         found["free" if told.from_log else "trusted"] = list(dict.fromkeys(stated))
     found["exclude"] = list(dict.fromkeys([*given.get("exclude", ()), *not_here(machine, inner)]))
+    if machine.places:
+        found["held"] = [machine.output]
     own = {**machine.units, **scale_free(machine, inner, told.values)}
     if by_pressure:  # on one square metre (or cubic metre a radian) a newton is a pascal
         length = machine.units.get("rad", "rad")
@@ -380,13 +394,17 @@ def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:
             name
             for name in registry.effects()
             if name.partition(".")[0] in ("dcv", "continuity") and name not in DRIVER
+            if not (machine.places and name == PLAY)
         ]
-    if machine.motion == "flow":
+    if machine.motion == "flow" or machine.places:
+        kept = OF_A_PLACE if machine.places else OF_A_FLOW
         found += [
             name
             for name in registry.effects()
-            if name.partition(".")[0] in ("mechanical", "continuity") and name not in OF_A_FLOW
+            if name.partition(".")[0] in ("mechanical", "continuity") and name not in kept
         ]
+    if machine.places:
+        found.append("dead_zone.mismatch")
     for component, behind in zip(machine.chain, machine.chain[1:], strict=False):
         carries = block_of(behind).name in ("continuity", "mechanical", "simplified")
         if component not in inner and carries:

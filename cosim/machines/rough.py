@@ -14,6 +14,8 @@ WINDOW = 5.0  # s: an integrated response drifts with all that a first order lac
 LAGS = 20  # lags that are tried first, evenly spaced in their logarithm
 # a side that is reached less than this part of the other is not used; a signal that stays as far off zero has a bias
 ONE_SIDED = 0.25
+# share of what a sum of the drive over time leaves of a place in windows, below which the drive itself tells it
+NEARER = 0.25
 ROUGH_SAMPLES = 20000  # samples that are used: a rough number needs no more
 
 
@@ -32,14 +34,17 @@ class FirstOrder:
     share: float
 
 
-def first_order(time: Array, drive: Array, response: Array, *, integrates: bool) -> FirstOrder:
+def first_order(
+    time: Array, drive: Array, response: Array, *, integrates: bool, windows: bool | None = None
+) -> FirstOrder:
     """Least squares over gain and offset for lags from one sample to a tenth of the log.
 
     Args:
         time: (n,) s.
         drive: (n,) what drives.
         response: (n,) what answers.
-        integrates: its rate of change follows the drive; it is then judged in windows of 5 s, each with its own offset.
+        integrates: its rate of change follows the drive.
+        windows: judged in windows of 5 s, each with its own offset; by default what integrates.
 
     Returns:
         The best; its gain is 0 where the drive stands still.
@@ -49,7 +54,7 @@ def first_order(time: Array, drive: Array, response: Array, *, integrates: bool)
     h = float(even[1] - even[0])
     u = drive[np.clip(np.searchsorted(time, even, side="right") - 1, 0, time.size - 1)]
     y = np.interp(even, time, response)
-    length = max(round(WINDOW / h), 8) if integrates else count
+    length = max(round(WINDOW / h), 8) if (integrates if windows is None else windows) else count
     length = min(length, count)
     rows = count // length
 
@@ -81,6 +86,14 @@ def first_order(time: Array, drive: Array, response: Array, *, integrates: bool)
         return at(ends[0])
     found = minimize_scalar(lambda x: -at(x).share, bounds=ends, method="bounded")
     return max(at(float(found.x)), at(float(tried[first])), key=lambda f: f.share)
+
+
+def stays_with(time: Array, drive: Array, response: Array) -> bool:
+    """Whether a place follows its drive itself, a demanded place, and does not go on as long as that lasts."""
+    itself, summed = (first_order(time, drive, response, integrates=on, windows=True) for on in (False, True))
+    return itself.gain > 0.0 and 1.0 - itself.share < NEARER * (
+        1.0 - max(summed.share * (summed.gain > 0.0), 0.0)
+    )
 
 
 def reach(values: Array) -> float:

@@ -47,6 +47,12 @@ FLOW = {
     "rad/s": "m3/s",
     "rad/s2": "m3/s2",
 }
+# what a drive that closes a position loop of its own holds, in the place of a speed
+PLACE = {
+    "rad": "rad.s",
+    "rad/s": "rad",
+    "rad/s2": "rad/s",
+}
 HERTZ = 6.283185307179586  # rad/s
 Stated = dict[str, str | float]
 
@@ -59,6 +65,7 @@ class MachineTable(BaseModel):
         input: signal that drives the first block.
         output: signal that the last block makes.
         motion: "turn" (angles), "travel" (a linear axis: kg, N, m) or "flow" (what a valve or pump lets through: Pa, m3).
+        command: what it sets, a "speed" or a "place": of a drive that closes a position loop of its own the demanded place.
         drive: what moves it, "hydraulic" or "electric"; a motor has no oil, and a driver in place of the valve.
         speed: of the motion at a command of 1, such as ``0.8 rad/s``; ``?``: from the log.
         lag: time constant of that speed, such as ``70 ms``; ``?``: from the log.
@@ -71,6 +78,7 @@ class MachineTable(BaseModel):
     input: str = "u"
     output: str = "slew"
     motion: Literal["turn", "travel", "flow"] = "turn"
+    command: Literal["speed", "place"] = "speed"
     drive: Literal["hydraulic", "electric"] = "hydraulic"
     speed: str | None = None
     lag: str | None = None
@@ -102,6 +110,10 @@ class MachineTable(BaseModel):
                 raise ValueError(f"the chain has no '{name}'; {registry.suggestion(name, known)}")
             if text != UNKNOWN:
                 self.value(name)
+        if self.places and (self.chain[-1] != "mechanical" or self.motion == "flow" or self.forced):
+            raise ValueError(
+                "command = \"place\" is for a chain from a command to 'mechanical', its last block, that turns or travels"
+            )
         self.motion_quantity("speed", "rad/s")
         self.motion_quantity("lag", "s")
         if (self.speed is not None or self.lag is not None) and not self.moves:
@@ -116,6 +128,11 @@ class MachineTable(BaseModel):
         return any(block in MOVING for block in self.chain)
 
     @property
+    def places(self) -> bool:
+        """True if the drive holds the place it is told: what a speed is elsewhere is a place then."""
+        return self.command == "place"
+
+    @property
     def forced(self) -> bool:
         """True if a measured force or torque drives the mechanics directly."""
         return self.chain[0] == "mechanical" and not {"mechanical.A", "mechanical.r"} & set(self.parameters)
@@ -123,6 +140,12 @@ class MachineTable(BaseModel):
     @property
     def units(self) -> dict[str, str]:
         """SI unit -> the name people read for it on this machine."""
+        if self.places:
+            return (
+                {**TRAVEL, "rad": "m.s", "rad/s": "m", "rad/s2": "m/s"}
+                if self.motion == "travel"
+                else dict(PLACE)
+            )
         if self.motion == "travel":
             return {**TRAVEL, **({"Pa": "N"} if self.forced else {})}
         if self.motion == "flow":

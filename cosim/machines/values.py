@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log
-from cosim.machines.rough import FirstOrder, first_order, reach
+from cosim.machines.rough import FirstOrder, first_order, reach, stays_with
 from cosim.machines.table import MOVING, UNKNOWN, MachineTable, block_of
 
 Array = NDArray[np.float64]
@@ -211,15 +211,18 @@ def told(
     asked = [n for n in found.from_log if n.partition(".")[0] in blocks]
     if not asked and not (moving and found.speed == 0.0):
         return
-    rough = plainest(
-        [(log.time * sample, *(log.require(n) * gains.get(n, 1.0) for n in ends)) for log in logs],
-        integrates=moving and not rate,
-    )
+    pairs = [(log.time * sample, *(log.require(n) * gains.get(n, 1.0) for n in ends)) for log in logs]
+    rough = plainest(pairs, integrates=moving and not rate)
     if rough.gain == 0.0:
         raise DataError(
             f"{sources(logs)}: '{drive}' or '{seen}' does not move, so {' and '.join(asked)} cannot be told from it"
         )
     if rough.gain < 0.0 and rough.share > SIGN_SHOWN:
+        if moving and not rate and any(stays_with(*one) for one in pairs):
+            raise DataError(
+                f"{sources(logs)}: '{seen}' follows '{drive}' itself and stays with it: if '{drive}' is a demanded place, "
+                "say command = \"place\" in [machine], and leave 'sensor' out of its chain"
+            )
         raise DataError(
             f"{sources(logs)}: '{seen}' goes against '{drive}' (gain {rough.gain:.3g}): give one of them sign = -1 in "
             "[signals]"

@@ -53,7 +53,8 @@ def entry(table: MachineTable) -> Ends:
 def outlet(table: MachineTable, unit: str | None = None) -> Ends:
     """(component, output) that the machine's output shows: the last block's first, or its speed where that has the unit."""
     outputs = block_of(table.chain[-1]).outputs
-    rates = [n for n, v in outputs.items() if v.unit == "rad/s"] if unit and is_speed(unit) else []
+    held = table.places or (unit is not None and is_speed(unit))
+    rates = [n for n, v in outputs.items() if v.unit == "rad/s"] if held else []
     return table.chain[-1], (rates or list(outputs))[0]
 
 

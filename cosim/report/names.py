@@ -96,6 +96,12 @@ TURNING = (
 FLOWING = (("torque", "pressure"), ("Torque", "Pressure"), ("slew speed", "flow"), ("slew angle", "volume"))
 
 
+# words for a torque -> words for what a drive that holds the place it is told lacks
+HOLDING = (("torque", "demand"), ("Torque", "Demand"))
+# SI unit of a quantity of a motion -> that of the model's variable which stands for it there
+ONE_RATE_ON = {"rad": "rad/s", "rad/s": "rad/s2"}
+
+
 def known_as(signal: str) -> str:
     """A signal by the name people know, with its own: "slew angle (slew)"."""
     name = SIGNAL_NAMES.get(signal)

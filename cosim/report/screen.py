@@ -7,7 +7,7 @@ from operator import itemgetter
 from pathlib import Path
 
 from cosim.console import stdout_console, table, typed
-from cosim.diagnosis.answer.schema import Answer, NamedCause
+from cosim.diagnosis.answer.schema import ITSELF, ONE_WAY, Answer, NamedCause
 from cosim.lexicon import speaking
 from cosim.report.drive import SLOPE, by_side
 from cosim.report.folder import lexicon_of
@@ -232,6 +232,8 @@ def next_step(result: Answer, out: Path) -> str:
         return "run it again for the rest"
     if (result.unexplained or result.verdict == "adequate") and hasty(result):
         return "run it again with more time (--budget): not everything was tried"
+    if any(ONE_WAY in note or ITSELF in note for note in result.advice):
+        return "correct the mapping as noted, and diagnose again: what is named rests on it"
     proposed = result.next_experiment
     if proposed is not None:
         shape, length = (proposed.excitation.get(name, "") for name in ("shape", "duration_s"))

@@ -17,6 +17,8 @@ from cosim.report.names import (
     BLOCK_NAMES,
     DRIVEN,
     FLOWING,
+    HOLDING,
+    ONE_RATE_ON,
     OTHER_AXIS,
     QUANTITIES,
     SIGNAL_NAMES,
@@ -239,6 +241,8 @@ def quantity(of: str) -> tuple[str, str, float]:
         text, unit, scale = quantity(driver)
         return f"{text}{changing}{quantity(by)[0]}", unit, scale
     text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
+    if lexicon.holds:
+        si = ONE_RATE_ON.get(si, si)
     return kind_of_motion(text), *lexicon.quantity(si, unit)
 
 
@@ -253,9 +257,10 @@ def kind_of_motion(text: str) -> str:
     lexicon = current()
     pairs = (
         *(FLOWING if lexicon.units.get("rad") == "m3" else ()),
+        *(HOLDING if lexicon.holds else ()),
         *(OTHER_AXIS if lexicon.blocks else ()),
         *(DRIVEN if lexicon.electric else ()),
-        *(TURNING if lexicon.units.get("rad") == "m" else ()),
+        *(TURNING if lexicon.units.get("rad") in ("m", "m.s") else ()),
     )
     return replaced(text, pairs)
 

@@ -15,6 +15,7 @@ import xarray as xr  # noqa: E402
 from cosim.batch.conduct import conduct  # noqa: E402
 from cosim.batch.files import find_logs  # noqa: E402
 from cosim.batch.plan import Plan  # noqa: E402
+from cosim.batch.screen import lines  # noqa: E402
 from cosim.compare import Comparator  # noqa: E402
 from cosim.errors import UsageError  # noqa: E402
 from cosim.logs import load_log  # noqa: E402
@@ -150,6 +151,41 @@ def test_a_folder_of_logs_is_diagnosed(logs: Path, tmp_path: Path) -> None:
     report = conduct(Plan.model_validate(drawn), tmp_path / "mc")
     assert report.about["done"] == 20
     assert 1100.0 < report.frame["mechanical.J [kg.m2]"].mean() < 1300.0
+
+
+@pytest.mark.parametrize("task", ["compare", "diagnose"])
+def test_a_mapping_of_a_machine_is_that_of_all_logs(tmp_path: Path, task: str) -> None:
+    """Not the crane: a motor with a dead zone of a tenth, of which two logs tell speed and lag."""
+    for number in (1, 2):
+        t = 0.02 * np.arange(1500)
+        u = np.repeat(np.random.default_rng(number).uniform(-1.0, 1.0, 60), 25)
+        speed, kept = np.zeros(t.size), np.exp(-0.02 / 0.1)
+        for k in range(1, t.size):
+            moved = np.sign(u[k - 1]) * max(abs(u[k - 1]) - 0.1, 0.0)
+            speed[k] = kept * speed[k - 1] + (1.0 - kept) * 100.0 * moved
+        speed += np.random.default_rng(9 + number).normal(0.0, 0.2, t.size)
+        table = np.column_stack([t, u, speed])
+        np.savetxt(tmp_path / f"run{number}.csv", table, delimiter=",", header="t,u,w", comments="")
+    mapping = tmp_path / "motor.toml"
+    mapping.write_text(
+        'time = { column = "t", unit = "s" }\n[signals]\nu = { column = "u", unit = "1" }\n'
+        'speed = { column = "w", unit = "rad/s" }\n[machine]\ndrive = "electric"\noutput = "speed"\n'
+        'chain = ["dead_zone", "dcv", "continuity", "mechanical"]\n',
+        encoding="utf-8",
+    )
+    runs = [str(tmp_path / f"run{n}.csv") for n in (1, 2)]
+    asked = {"logs": runs, "task": task, "mapping": str(mapping), "workers": 1}
+    report = conduct(Plan.model_validate(asked), tmp_path / "b")
+    assert report.about["failed"] == 0
+    if task == "compare":
+        # the dead zone takes a tenth of the largest speed
+        assert report.frame["speed rmse [rad/s]"].max() < 10.0
+        assert lines(report)[-1].endswith(f"--mapping {mapping} says what is wrong in that log and why")
+        return
+    assert [row["causes"] for row in report.about["diagnoses"]] == ["dead_zone.mismatch"] * 2
+    assert (tmp_path / "b" / "diagnoses" / "run1" / "diagnosis.json").read_text().count(
+        '"model": "motor"'
+    ) == 1
 
 
 def test_what_a_program_says_of_itself_is_no_log_of_a_folder(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import butter, lfilter, sosfilt
 
 from cosim.compare import fit_percent, noise_floor, rms
 from cosim.compare.metrics import score, without_offsets
@@ -78,6 +79,39 @@ def test_noise_floor_of_a_log_shorter_than_ten_windows():
     noise = np.random.default_rng(2).standard_normal(time.size)
     # ten windows of 102 samples, the quietest of which is the smallest of ten with 98 degrees of freedom: 11 % low
     assert noise_floor(motion + noise, 1.0 / 1500.0) == pytest.approx(1.0, rel=0.2)
+
+
+@pytest.mark.parametrize("rate", [1.0, 20.0, 1000.0, 5000.0])
+@pytest.mark.parametrize("part", [0.01, 0.1])
+@pytest.mark.parametrize("kind", ["sine of 40 samples", "speed of a motor", "slow, repeated"])
+def test_noise_floor_beside_a_motion_faster_than_its_windows(kind, part, rate):
+    """At any rate of sampling: what moves within a dozen samples is no noise, and readings repeated four times are one."""
+    rng = np.random.default_rng(3)
+    count = int(np.clip(20.0 * rate, 2400, 40000))
+    sample = np.arange(count)
+    noise = part * rng.standard_normal(count)
+    if kind == "sine of 40 samples":
+        measured = np.sin(2.0 * np.pi * sample / 40.0) + noise
+    elif kind == "speed of a motor":  # a lag of 12 samples, another command every 60
+        steps = np.repeat(rng.uniform(-2.0, 2.0, count // 60 + 1), 60)[:count]
+        measured = lfilter([1.0 - np.exp(-1.0 / 12.0)], [1.0, -np.exp(-1.0 / 12.0)], steps) + noise
+    else:
+        measured = np.repeat((np.sin(6.0 * np.pi * sample / count) + noise)[::4], 4)[:count]
+    found = noise_floor(measured, 1.0 / rate)
+    # a motion is told from noise where it lets the spread grow too fast: it then adds a fifth to it, and a kink every 60
+    # samples a little more; the sine itself is 71 or 7 times the noise
+    assert 0.85 * part < found < 1.5 * part
+
+
+def test_noise_that_was_filtered_before_it_was_sampled_is_noise():
+    """Smooth from sample to sample as a motion is, but no larger in half a second than in an eighth of it."""
+    time = np.arange(20000) * 1e-3
+    smooth = sosfilt(
+        butter(2, 50.0, fs=1000.0, output="sos"), np.random.default_rng(4).standard_normal(time.size)
+    )
+    noise = smooth / np.std(smooth)
+    # the quietest windows hold 25 independent values of it each
+    assert noise_floor(100.0 * np.sin(time) + noise, 1e-3) == pytest.approx(1.0, rel=0.15)
 
 
 def test_noise_floor_is_at_least_the_resolution():

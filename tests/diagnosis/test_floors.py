@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from hidden_logs import diagnosed
 
+from cosim.diagnosis.held_out.gain import Gain
+from cosim.diagnosis.model.options import Options
 from cosim.diagnosis.verdict.verdict import floor_of
 
 DEG = np.pi / 180.0
@@ -25,6 +27,22 @@ def test_the_floor_is_the_sensors_noise_sample_by_sample(
     found = diagnosed("dcv.hysteresis", seed=5, kind=kind, blocks=blocks, **how)
     assert [c.effect.name for c in found.causes] == ["dcv.hysteresis"]
     assert {n: found.noise[n] for n in signals} == pytest.approx({n: SENSORS[n] for n in signals}, rel=0.1)
+
+
+def test_no_model_errs_less_than_the_noise() -> None:
+    """What was taken for noise and an extended model predicts on other data is none."""
+    found = diagnosed("dcv.hysteresis", seed=5, blocks=("dcv",), excitation="steps", seconds=12.0)
+    learned = found.noise["spool"]
+    for part, expected in ((0.95, 1.0), (0.5, 0.5)):
+        found.gains["spool"] = Gain(10.0 * learned, part * learned, (0.0, 1.0), 0.0, 0.0)
+        assert found.noise["spool"] == pytest.approx(expected * learned)
+
+
+def test_the_time_from_which_a_log_is_held_out_may_have_a_unit() -> None:
+    assert Options(held_out_from="2 min").held_out_from == 120.0
+    assert Options(held_out_from=512).held_out_from == 512.0, "a log that counts samples"
+    with pytest.raises(ValueError, match="350 x"):
+        Options(held_out_from="350 x")
 
 
 @pytest.mark.slow

@@ -219,6 +219,24 @@ def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(
         assert rms(own) > (1.0 if estimator is refitted else 0.99) * rms(inside)
 
 
+def test_of_logs_of_one_window_nothing_goes_on_to_the_next() -> None:
+    """Two short motions, as robots are recorded: the fit in windows is all there is, and each log can be left out."""
+    effect = registry.effects()["mechanical.coulomb_friction"]
+    both = joined(
+        [record(seed, "mechanical.coulomb_friction:tau_c=25 N.m", seconds=5.0) for seed in (31, 32)]
+    )
+    task = task_for(MECHANICS, both, [])
+    null = nominal(task, both, CALIBRATED_TRUST)
+    finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+    found = onward(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
+    assert found.values["mechanical.tau_c"] == pytest.approx(
+        finding.chosen.fit.values["mechanical.tau_c"], rel=0.02
+    )
+    each = left_out_errors(finding, (effect,), found, "slew", CALIBRATED_TRUST, True)
+    assert len(each) == 2
+    assert np.isfinite(np.concatenate(each)).all()
+
+
 def test_of_several_logs_each_is_left_out_as_one(pair: list[Record]) -> None:
     """Windows of one log have its temper in common: the log is the repetition."""
     group = MODELS["full_order"][1]

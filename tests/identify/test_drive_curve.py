@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from cosim.errors import DataError
 from cosim.identify import drive_fit
 from cosim.identify.answer import finish
-from cosim.identify.drive_curve import NAMES, Estimate, drive_curve, next_log
+from cosim.identify.drive_curve import NAMES, OF_ITS_OWN, Estimate, drive_curve, next_log
 from cosim.identify.drive_fit import Run, static
 from cosim.identify.run_drive import Told, drive_answer, sentences
 from cosim.logs import load_log, load_mapping
@@ -102,6 +102,20 @@ def test_stretches_that_are_none_of_the_curve_do_not_bend_it():
 
 
 @pytest.mark.slow
+def test_a_drive_on_a_spring_has_no_curve_of_its_own():
+    """A command turns it to a place, where it swings; of a drive whose speed it sets little is left."""
+    rng = np.random.default_rng(9)
+    command = np.repeat(rng.uniform(-1.0, 1.0, 50), 200)
+    h, place, speed, row = 0.01, 0.0, 0.0, []
+    for u in command:
+        speed += h * (100.0 * (u - place) - 1.0 * speed)
+        place += h * speed
+        row.append(place)
+    swung = Run("swung", h * np.arange(command.size), command, np.array(row))
+    assert drive_curve([swung]).left > OF_ITS_OWN
+    assert drive_curve([made(1)]).left < 0.5 * OF_ITS_OWN
+
+
 def test_intervals_hold_for_the_next_log():
     """Four machines whose dead zones and slopes differ from day to day, five logs each known."""
     rng = np.random.default_rng(8)

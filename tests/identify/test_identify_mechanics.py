@@ -16,7 +16,9 @@ from cosim.errors import DataError, UsageError
 from cosim.identify.inverse_dynamics import _Problem, coherent_band, identify_mechanics
 from cosim.identify.picture import mechanics_figure
 from cosim.identify.run_mechanics import motion_of
+from cosim.lexicon import Lexicon, speaking
 from cosim.logs import write_log
+from cosim.machines.table import TRAVEL
 from cosim.rig import Noise, as_log, make_log
 
 FRICTION, WEIGHT = 120.0, -60.0
@@ -223,3 +225,13 @@ def test_refusals_name_the_signal_and_the_remedy():
         identify_mechanics(dataclasses.replace(given, torque=-given.torque))
     with pytest.raises(DataError, match=r"moves in .* of the log only"):
         identify_mechanics(dataclasses.replace(given, keep=np.arange(given.angle.size) < 9000))
+
+
+def test_what_a_linear_axis_would_take_is_said_in_its_units():
+    """A torque recorded with the wrong sign: a negative mass, in kg where the axis is a line."""
+    found = motion(rubbing())
+    with (
+        speaking(Lexicon(units=TRAVEL)),
+        pytest.raises(DataError, match=r"it would take J -\d+(\.\d+)? kg and b -?\d+(\.\d+)?(e\+\d+)? N s/m"),
+    ):
+        identify_mechanics(dataclasses.replace(found, torque=-found.torque))

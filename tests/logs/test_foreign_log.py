@@ -696,6 +696,16 @@ def test_of_several_torques_the_one_of_the_axis_drives(write):
     assert guesses(overview(path), machine=True)["torque"].column.label.short == "tau 2"
 
 
+def test_a_robot_s_joints_are_no_flows(write):
+    path = servo_drive(write, "dq_2", "tau_2")
+    text = path.read_text().replace("Droop pulses", "q_2")
+    path.write_text(text)
+    made = guesses(overview(path), machine=True)
+    assert {n: made[n].column.label.short for n in ("slew", "torque")} == {"slew": "q_2", "torque": "tau_2"}
+    path.write_text(text.replace(",q_2", ",q_2 [l/min]"))
+    assert "slew" not in guesses(overview(path), machine=True), "a unit tells more than a name"
+
+
 def test_a_flag_is_no_command(write):
     path = servo_drive(write, torque="Temperature")
     assert "INP digital" not in [g.column.label.short for g in guesses(overview(path), machine=True).values()]

@@ -170,6 +170,27 @@ def test_timeseries(reference, save_objects, version, implicit):
     assert_same(load_log(save_objects(content, version)), reference)
 
 
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+def test_timeseries_that_a_block_streamed_to_a_file(save_objects, version):
+    """Its samples lie in a storage, its stamps in its TimeInfo; one that recorded nothing is passed over."""
+    time, slew = np.arange(200) / 1000, np.sin(np.arange(200) / 30.0)
+
+    def streamed(values, stamps):
+        found = timeseries([], "deg")
+        kept = {"Data": np.asarray(values).reshape(1, -1), "IsTimeStorageFirst": np.array([[False]])}
+        info = {"Units": np.array(["seconds"]), "Time_": np.asarray(stamps).reshape(-1, 1)}
+        found.properties |= {
+            "Data_": np.empty((0, 0)),
+            "Storage_": MatlabOpaque(kept, "tsdata.StreamingStorage"),
+            "TimeInfo": MatlabOpaque(info, "tsdata.timemetadata"),
+        }
+        return found
+
+    log = load_log(save_objects({"slew": streamed(slew, time), "none": streamed([], [])}, version))
+    np.testing.assert_allclose(np.degrees(log["slew"]), slew, atol=1e-12)
+    np.testing.assert_array_equal(log.time, time)
+
+
 def test_timeseries_of_different_rates_share_the_finest_clock(save_objects):
     time = np.arange(200) / 1000
     content = {

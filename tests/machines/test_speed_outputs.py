@@ -5,6 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.diagnosis.answer.remarks import one_way
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.errors import DataError, UsageError
 from cosim.lexicon import Lexicon, speaking
 from cosim.logs import Log, load_log
@@ -201,3 +204,30 @@ def test_what_is_no_torque_is_told_with_the_remedy(tmp_path: Path) -> None:
         DataError, match=r"signals\.drive: .* is a torque \[N\.m\] or a pressure, and no '%'; .*'gain'"
     ):
         made_for(*turned(tmp_path, "%"), folder=tmp_path / "made")
+
+
+def test_of_a_speed_too_the_missing_column_of_the_other_direction_is_asked_for(tmp_path: Path) -> None:
+    mapping, log = motor(tmp_path)
+    machine = machine_of(None, log, mapping)
+    record = prepare(log, machine)
+    assert not one_way(record, machine)
+    record.signals["u"] = np.maximum(record.signals["u"], 0.0)
+    (text,) = one_way(record, machine)
+    # a symmetric command: as far back as forth, but for the lag with which the motor turns at the end of each half
+    assert 80 <= int(text.partition("goes back ")[2].partition(" %")[0]) <= 110
+    assert "name it as `minus`" in text
+
+
+def test_what_a_machine_file_lacks_is_said_with_its_remedy(tmp_path: Path) -> None:
+    mapping, log = motor(tmp_path)
+    text = mapping.read_text(encoding="utf-8")
+    mapping.write_text(text.replace('output = "speed"', 'output = "slew"'), encoding="utf-8")
+    with pytest.raises(DataError, match='it has u, speed; say output = "speed" in'):
+        made_for(mapping, log)
+    forced = text.replace('["dead_zone", "dcv", "continuity", "mechanical"]', '["mechanical"]')
+    forced = forced.replace('input = "u"', 'input = "pull"').replace("u = {", "pull = {", 1)
+    mapping.write_text(
+        forced.replace('column = "u", unit = "1"', 'column = "u", unit = "kip"'), encoding="utf-8"
+    )
+    with pytest.raises(DataError, match="'kip' is a force, and the axis turns: say motion = \"travel\""):
+        made_for(mapping)

@@ -8,6 +8,8 @@ import pytest
 from report_helpers import empty_answer, named
 
 from cosim.diagnosis.answer.schema import (
+    ITSELF,
+    ONE_WAY,
     DataFinding,
     DriveCurve,
     DriveNumber,
@@ -232,6 +234,17 @@ def test_what_would_help_is_said_and_is_the_next_step_where_nothing_is_named():
     told = lines(empty_answer(verdict="unexplained", advice=["slew goes back by 70 deg while u is 0"]), OUT)
     assert "Note: slew angle goes back by 70 deg while u is 0" in told
     assert told[-1].startswith("Next: correct the mapping")
+
+
+@pytest.mark.parametrize(
+    "note", [f"slew goes back by 70 deg while u is 0: {ONE_WAY}", f"slew follows u {ITSELF}"]
+)
+def test_a_mapping_that_is_wrong_is_corrected_before_an_experiment_is_made(note):
+    experiment = NextExperiment(
+        why="tells one from another", excitation={"shape": "steps"}, predicted_gain=9.0, file="x.csv"
+    )
+    told = lines(empty_answer(verdict="unexplained", advice=[note], next_experiment=experiment), OUT)
+    assert told[-1].startswith("Next: correct the mapping as noted")
 
 
 def test_another_machine_is_asked_for_a_second_sensor_and_no_tracker():

@@ -9,7 +9,7 @@ from cosim.diagnosis.answer.schema import DriveCurve
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.groups import Group
 from cosim.errors import DataError
-from cosim.identify.drive_curve import drive_curve
+from cosim.identify.drive_curve import OF_ITS_OWN, drive_curve
 from cosim.identify.drive_fit import Run
 from cosim.identify.run_drive import curve_data, run_of, told_of, way
 from cosim.logs import Log, listed
@@ -31,11 +31,12 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
         log: the log or logs as they were read, the whole of them.
 
     Returns:
-        None where no group goes from the command to a motion, or the log does not tell.
+        None where no group goes from the command to a motion, or it is a demanded place, or the log does
+        not tell, or the curve leaves nearly all of how the speed varies.
     """
     group = integrating(found)
     logs = listed(log)
-    if group is None or group.observed[0] not in logs[0]:
+    if group is None or group.place or group.observed[0] not in logs[0]:
         return None
     drive, motion = group.drive, group.observed[0]
     try:
@@ -52,7 +53,10 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
             more.append(Run(name, record.time, rows[drive], moved))
     for used in ([*runs, *more], runs):
         try:
-            return DriveCurve.model_validate(curve_data(drive_curve(used), told))
+            found_curve = drive_curve(used)
+            if found_curve.left > OF_ITS_OWN:
+                return None
+            return DriveCurve.model_validate(curve_data(found_curve, told))
         except DataError:
             continue
     return None

@@ -1,11 +1,14 @@
 """What the answer says besides its figures: warnings, what was held out or refused, and what was not judged."""
 
 from collections.abc import Collection, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.answer.schema import (
+    ITSELF,
+    ONE_WAY,
     RefusedCause,
 )
 from cosim.diagnosis.found import Diagnosis
@@ -13,10 +16,11 @@ from cosim.diagnosis.held_out.causes import Refused
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, Pieces
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.thresholds import AS_WELL, AT_ZERO, FAR, HELD_LEVEL, UNCOMMANDED
+from cosim.diagnosis.thresholds import AS_WELL, AT_ZERO, FAR, FEWEST_ITSELF, HELD_LEVEL, UNCOMMANDED
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log
+from cosim.machines.rough import stays_with
 
 Array = NDArray[np.float64]
 
@@ -235,19 +239,23 @@ def one_way(record: Record, machine: Machine) -> list[str]:
     """
     drive, (name, is_speed) = machine.drive, moved(record, machine)
     command = record.signals.get(drive)
-    if command is None or not name or is_speed or not never(command):
+    if command is None or not name or not never(command):
         return []
     rest = np.abs(command) <= AT_ZERO * float(np.max(np.abs(command)))
-    steps = np.diff(record.smooth(name))
+    shows = record.smooth(name)
+    steps = 0.5 * (shows[1:] + shows[:-1]) * np.diff(record.time) if is_speed else np.diff(shows)
     steps[[cut - 1 for cut in record.cuts]] = 0.0  # a log does not go on where the one before it ended
     at_rest = rest[1:] & rest[:-1]
     alone, driven = float(np.sum(steps[at_rest])), float(np.sum(steps[~at_rest]))
     if alone * driven >= 0.0 or abs(alone) < UNCOMMANDED * abs(driven):
         return []
     unit, scale = shown(name)
+    back = f"by {abs(alone) * scale:.3g} {unit}"
+    if is_speed:
+        back = f"{100.0 * abs(alone / driven):.0f} % of the way"
     return [
-        f"{name} goes back by {abs(alone) * scale:.3g} {unit} while {drive} is 0, and {drive} never changes its sign: if "
-        "the other direction has a column of its own, name it as `minus` in the mapping"
+        f"{name} goes back {back} while {drive} is 0, and {drive} never changes its sign: if "
+        f"the other direction has a column of its own, {ONE_WAY}"
     ]
 
 
@@ -283,18 +291,33 @@ def no_sign(record: Record, machine: Machine) -> list[str]:
     ]
 
 
+def itself(record: Record, drive: str, place: str) -> bool:
+    """Whether a place follows its drive itself, in most pieces of a record."""
+    if not record.has(drive, place):
+        return False
+    cuts = (0, *record.cuts, record.time.size)
+    rows = (record.time, record.signals[drive], record.signals[place])
+    each = [stays_with(*(row[a:b] for row in rows)) for a, b in pairwise(cuts) if b - a > FEWEST_ITSELF]
+    return 2 * sum(each) > len(each)
+
+
 def at_once(diagnosis: Diagnosis) -> list[str]:
     """That a place follows the command itself and not its sum over time: a demanded place was taken for a command."""
     found = []
     for finding in diagnosis.findings.values():
         group, signal = finding.task.model.group, next(iter(finding.task.measured))
-        linear = finding.reference if finding.lacks_linear else None
-        if linear is None or not group.integrates or group.is_speed(signal) or linear.model.integrates:
+        if (
+            not group.integrates
+            or group.is_speed(signal)
+            or group.drive != (drive := diagnosis.machine.drive)
+        ):
             continue
-        if group.drive == (drive := diagnosis.machine.drive):
+        linear = finding.reference if finding.lacks_linear else None
+        shown_itself = linear is not None and not linear.model.integrates
+        if shown_itself or itself(diagnosis.record, drive, signal):
             found.append(
-                f"{signal} follows {drive} itself and stays with it, where the model goes on while {drive} lasts: "
-                f"if {drive} is a demanded place, log what the controller puts out; "
+                f"{signal} follows {drive} {ITSELF}, where the model goes on while {drive} lasts: "
+                f'if {drive} is a demanded place, say command = "place" in [machine], or log what the controller puts out; '
                 f"if {signal} is a speed, a flow or a level, map it as a speed or flow"
             )
     return found

@@ -4,6 +4,10 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+# of the advice on how to map a log, that without which nothing that is named can be relied on
+ONE_WAY = "name it as `minus` in the mapping"
+ITSELF = "itself and stays with it"
+
 
 class Model(BaseModel):
     """Base of all parts: nothing that is not declared."""

@@ -149,6 +149,8 @@ def onward(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near
     known = finding.task
     found = tried(known, effects, tolerance, near).fit
     task = Drifting(**{f.name: getattr(known, f.name) for f in fields(Task)})
+    if not task.steps_in.size:  # a window a log: nothing goes on from one to the next
+        return found
     wanted, _ = unknowns(task.model, effects, tolerance)
     # where a reading in steps lies within its step nobody knows: two windows, each off by up to half of one
     coarse = task.steps.get(next(iter(task.rules)), 0.0) / np.sqrt(6.0)

@@ -57,6 +57,7 @@ class Group:
         starts: ``component.parameter`` -> the signal whose first value it takes.
         absolute: a constant error counts whatever is measured (see `level_counts`).
         drifting: of a speed it does not count: its zero wanders.
+        place: what stands for its speed is a place: the drive holds the one it is told.
         asked: effects that are candidates on request only and were requested.
         scale: SI unit, or ``component.parameter`` -> how much smaller or larger than on the crane a typical change is, for
             the searches.
@@ -76,6 +77,7 @@ class Group:
     starts: tuple[tuple[str, str], ...] = ()
     absolute: bool = False
     drifting: bool = False
+    place: bool = False
     asked: tuple[str, ...] = ()
     scale: tuple[tuple[str, float], ...] = ()
     loop: tuple[str, str] | None = None

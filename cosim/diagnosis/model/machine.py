@@ -117,7 +117,7 @@ def machine_for(
         values |= read_values(file)
     own = [n for n in options.scale if n.partition(".")[0] in wiring.blocks]  # the others are units
     check_names(wiring, [*values, *own, *(options.named or ())], path)
-    for key in ("absolute", "drifting"):
+    for key in ("absolute", "drifting", "held"):
         for name in getattr(options, key):
             if name not in signals:
                 nearest = registry.suggestion(name, list(signals))
@@ -127,6 +127,7 @@ def machine_for(
             group,
             absolute=group.absolute or bool(set(group.observed) & set(options.absolute)),
             drifting=bool(set(group.observed) & set(options.drifting)),
+            place=bool(set(group.observed) & set(options.held)),
             asked=options.consider,
             excluded=options.exclude,
             scale=tuple(sorted(options.scale.items())),

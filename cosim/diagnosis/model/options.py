@@ -34,6 +34,7 @@ class Options(BaseModel):
         exclude: effects that this machine cannot have.
         absolute: places of which a constant error counts; elsewhere each window has an offset of its own.
         drifting: speeds whose zero wanders, as that of a gyroscope does: each window has an offset of its own.
+        held: places that a drive holds as it is told; the model's speed stands for them.
         scale: SI unit, or ``component.parameter`` for one of this unit -> how much smaller or larger than on the crane a
             typical change is, where searches begin.
         step: longest step of the simulation, s.
@@ -53,6 +54,7 @@ class Options(BaseModel):
     exclude: tuple[str, ...] = ()
     absolute: tuple[str, ...] = ()
     drifting: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
     scale: dict[str, Positive] = {}
     step: float | None = None
     sample: float | None = None
@@ -61,6 +63,11 @@ class Options(BaseModel):
     causes: Annotated[int, Field(ge=1, le=8)] = 3
     units: dict[str, str] = {}
     blocks: dict[str, str] = {}
+
+    @field_validator("held_out_from", mode="before")
+    @classmethod
+    def _from(cls, value: object) -> object:
+        return cls._time(value) if isinstance(value, str) else value
 
     @field_validator("step", "sample", "rest", mode="before")
     @classmethod

@@ -88,8 +88,9 @@ def motion_bases(
 ) -> list[Basis]:
     """A missing torque (demand, in the simplified model) through the linear mechanics (4.28), and a missing reading."""
     h, drive, is_speed = record.h, group.drive, group.is_speed(signal)
-    angle = by_piece(lambda row: h * np.cumsum(row), record.cuts, seen) if is_speed else seen
-    rate = seen if is_speed else slope(angle, h, record.cuts)
+    summed = is_speed and not group.place
+    angle = by_piece(lambda row: h * np.cumsum(row), record.cuts, seen) if summed else seen
+    rate = seen if summed else slope(angle, h, record.cuts)
     drivers = {"omega": rate, "theta": angle}
     if "p_load" in record.signals:
         drivers["p_load"] = record.smooth("p_load")

@@ -1,0 +1,185 @@
+"""A servo that closes a position loop of its own: the demanded place and the place that it holds (synthetic)."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.browser.form import machine_of as machine_of_page
+from cosim.diagnosis.answer.curve import curve_of
+from cosim.diagnosis.answer.remarks import at_once, itself
+from cosim.diagnosis.model.choice import machine_of
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.errors import DataError
+from cosim.identify.run_drive import drive_answer
+from cosim.lexicon import speaking
+from cosim.logs import Log, load_log, load_mapping
+from cosim.logs.guess import guesses, mapping_text
+from cosim.logs.overview import overview
+from cosim.machines import made_for
+from cosim.report.words import kind_of_motion, quantity
+
+PLAIN = """
+time = { column = "t", unit = "s" }
+[signals]
+u = { column = "u", unit = "1" }
+slew = { column = "x", unit = "deg" }
+[machine]
+chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]
+"""
+LATE, LAG, STEP = 0.12, 0.06, 0.01  # s
+
+
+def servo(folder: Path, late: float = LATE) -> tuple[Path, Path]:
+    """A log of steps with supply voltage and temperature, and its mapping as `cosim init --machine` writes it."""
+    t = STEP * np.arange(4000)
+    rng = np.random.default_rng(5)
+    # ramps of 0.5 s: what stands between the corners of a step is the business of a linear model of free order
+    goal = np.interp(t, 0.5 * np.arange(81), rng.uniform(-1.0, 1.0, 81))
+    asked = np.roll(goal, round(late / STEP))
+    asked[: round(late / STEP)] = goal[0]
+    place = np.full(t.size, goal[0])
+    kept = np.exp(-STEP / LAG)
+    for k in range(1, t.size):
+        place[k] = kept * place[k - 1] + (1.0 - kept) * asked[k - 1]
+    place += rng.normal(0.0, 1e-2, t.size)
+    volts = 12.0 - 0.5 * (np.abs(goal - place) > 0.1)
+    temperature = np.repeat(np.linspace(25.0, 31.0, 8).round(), 500)
+    file = folder / "servo.csv"
+    np.savetxt(
+        file, np.column_stack([t, goal, place, volts, temperature]), delimiter=",", comments="", fmt="%.6g",
+        header="timestamp,goal_position,position,input_volts,temp",
+    )  # fmt: skip
+    found = overview(file)
+    mapping = folder / "servo.toml"
+    mapping.write_text(mapping_text(found, guesses(found, machine=True), None), encoding="utf-8")
+    return file, mapping
+
+
+@pytest.fixture
+def loaded(tmp_path: Path) -> tuple[Path, Log]:
+    file, mapping = servo(tmp_path)
+    return mapping, load_log(file, mapping)
+
+
+def test_what_is_called_goal_is_what_drives_it(loaded):
+    mapping, log = loaded
+    text = mapping.read_text(encoding="utf-8")
+    assert 'column = "goal_position"' in text.partition("[signals.travel]")[0], (
+        "and no supply voltage or temperature"
+    )
+    assert 'command = "place"' in text
+    assert '"sensor"' not in text.partition("[machine]")[2].partition("\n\n")[0]
+    made = made_for(mapping, log, folder=mapping.parent / "made")
+    assert made.table.signals["travel"].variable == "mechanical.omega"
+    assert made.diagnose["held"] == ["travel"]
+    # a demand of 1 is the largest of the log; a start for a fit, which the delay biases
+    assert made.numbers.speed == pytest.approx(np.max(np.abs(log["travel"])), rel=0.2)
+    assert {"dead_zone.mismatch", "mechanical.gravity_load"} < set(made.diagnose["exclude"])
+    assert not {"dcv.delay", "dcv.hysteresis"} & set(made.diagnose["exclude"])
+
+
+def test_the_page_knows_it_too(tmp_path):
+    found = overview(servo(tmp_path)[0])
+    entries = {
+        "u": {"column": "goal_position", "unit": "1"},
+        "travel": {"column": "position", "unit": "m"},
+    }
+    table = machine_of_page(found, entries)
+    assert table["command"] == "place"
+    assert "sensor" not in table["chain"]
+    assert "command" not in machine_of_page(found, entries | {"u": {"column": "input_volts", "unit": "V"}})
+
+
+def test_its_delay_is_named_in_words_of_a_place(loaded):
+    mapping, log = loaded
+    machine = machine_of(None, log, mapping)
+    with speaking(machine.lexicon):
+        found = diagnose(log, model=machine)
+    assert [c.effect.name for c in found.causes] == ["dcv.delay"]
+    (value, _), *_ = found.causes[0].parameters.values()
+    assert value == pytest.approx(LATE, abs=2.0 * STEP), "less what valve and winding are late by, a sample"
+    assert curve_of(found, log) is None, "a place has no static curve of speed against command"
+    with speaking(machine.lexicon):
+        assert kind_of_motion("a missing torque") == "a missing demand"
+        assert [quantity(name)[1] for name in ("theta", "omega")] == ["m", "m/s"]
+
+
+def test_a_place_that_was_taken_for_the_sum_of_its_command_is_told(loaded):
+    mapping, log = loaded
+    text = mapping.read_text(encoding="utf-8")
+    kept = [line for line in text.splitlines() if not line.startswith("command")]
+    mapping.write_text("\n".join(kept).replace('"mechanical"]', '"mechanical", "sensor"]'), encoding="utf-8")
+    machine = machine_of(None, log, mapping)
+    record = prepare(log, machine)
+    assert itself(record, "u", "travel")
+    (told,) = at_once(diagnose(log, model=machine))
+    assert 'say command = "place" in [machine]' in told
+
+
+def test_a_place_whose_sum_of_commands_goes_the_other_way_is_no_reversed_sign(tmp_path):
+    """A slow sine and what holds it: the sum of the command falls where the place rises."""
+    t = STEP * np.arange(1000)
+    goal = np.sin(2.0 * np.pi * 0.25 * t)
+    file = tmp_path / "sine.csv"
+    np.savetxt(
+        file,
+        np.column_stack([t, goal, np.roll(goal, 3)]),
+        delimiter=",",
+        comments="",
+        header="t,u,x",
+        fmt="%.6g",
+    )
+    mapping = tmp_path / "sine.toml"
+    mapping.write_text(PLAIN, encoding="utf-8")
+    with pytest.raises(DataError, match='say command = "place" in \\[machine\\]'):
+        machine_of(None, load_log(file, mapping), mapping)
+
+
+def test_no_static_curve_of_speed_is_asked_of_it(loaded, tmp_path):
+    mapping, log = loaded
+    with pytest.raises(DataError, match="'u' is a demanded place"):
+        drive_answer([log], load_mapping(mapping), None, None)
+    # nor where the mapping does not say so; stamps that are 30 ms late make its speed go against the sine
+    t = STEP * np.arange(6000)
+    goal = np.sin(2.0 * np.pi * 0.25 * t)
+    file = tmp_path / "long.csv"
+    np.savetxt(
+        file,
+        np.column_stack([t, goal, np.roll(goal, -3)]),
+        delimiter=",",
+        comments="",
+        header="t,u,x",
+        fmt="%.6g",
+    )
+    other = tmp_path / "long.toml"
+    other.write_text(PLAIN, encoding="utf-8")
+    with pytest.raises(DataError, match="follows the command itself and stays with it"):
+        drive_answer([load_log(file, other)], load_mapping(other), None, None)
+
+
+def test_a_drive_that_goes_on_while_its_command_lasts_is_no_place(tmp_path):
+    t = STEP * np.arange(4000)
+    command = np.repeat(np.random.default_rng(6).uniform(-1.0, 1.0, 80), 50)
+    lagged = np.convolve(command, np.exp(-np.arange(60) * STEP / 0.1))[: t.size]
+    file = tmp_path / "drive.csv"
+    np.savetxt(
+        file, np.column_stack([t, command, np.cumsum(lagged)]), delimiter=",", comments="", header="t,u,x"
+    )
+    mapping = tmp_path / "drive.toml"
+    mapping.write_text(PLAIN, encoding="utf-8")
+    log = load_log(file, mapping)
+    assert not itself(prepare(log, machine_of(None, log, mapping)), "u", "slew")
+
+
+@pytest.mark.parametrize(
+    "wrong", ['chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]', 'motion = "flow"']
+)
+def test_a_place_ends_at_the_mechanics_and_is_no_flow(tmp_path, wrong):
+    file, mapping = servo(tmp_path)
+    text = mapping.read_text(encoding="utf-8")
+    key = wrong.partition(" ")[0]
+    lines = [wrong if line.startswith(f"{key} = ") else line for line in text.splitlines()]
+    mapping.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(DataError, match='command = "place" is for a chain'):
+        machine_of(None, load_log(file, mapping), mapping)
