@@ -179,7 +179,6 @@ RULES = (
     Rule("search's end", "a search ends where held-out data are predicted no better", {S + "predicts_better": never_asked}),
     Rule("noise anew", "the noise is learned anew where a cause makes it smaller", {N + "relearned": no}),
     Rule("begun anew", "where something is left a search begins again from other starts", {N + "lacking": no}),
-    Rule("beside rivals", "pairs are sought beside close rivals of a single cause", {N + "beside_rivals": empty}),
     Rule("led on", "a fit that went astray begins again where a nested one ended", {T + "led_on": nothing}),
     Rule("untold is free", "a parameter of which no data tell has no price", {T + "unpaid": none_counted}),
     Rule("out of reach", "a limit that a log never meets stays where it was", {T + "out_of_reach": third}),
@@ -243,7 +242,6 @@ STAYS = {  # why a rule stays although the logs of the table show no worth
     "there is hardly one here; more of them are to be tried.",
     "away from stops": "Without it a clean log whose spool grazes its stops has a cause "
     "(`tests/diagnosis/test_local_minima.py` fails without it, measured).",
-    "beside rivals": "A candidate to go: it is to be tried on pairs of friction with another effect of the mechanics.",
     "led on": "A search that sets out from a size of none may never find dry friction "
     "(`tests/diagnosis/test_starts.py`).",
     "forms of a law": "Without other forms a creeping friction or a turbulent leak is given sizes that are not its own "
@@ -323,6 +321,9 @@ STAYS = {  # why a rule stays although the logs of the table show no worth
 }
 
 GONE = (  # with what was measured before
+    "**Pairs beside close rivals of a single cause** (27 November 2026): fired on none of the 35 logs of this page's last "
+    "edition, of 14 logs of the rig with friction and another effect of the mechanics (seed 20261128), and of 16 with two "
+    "effects in one block, one that the library lacks, or friction of another form (seed 2026112701).",
     "**A second search without what held-out data refused** (25 November 2026): on four diagnoses of the excavator, an "
     "axis out and back in one pose fitted and the other pose held out, it changed no name and, with rivals judged in each "
     "search, took up to half of the processor time. One effect is now held against the several that a search ends with, "
