@@ -320,6 +320,7 @@ class Worth:
         named: logs in which something else is named without it.
         told: logs in which something else is named, declared indistinguishable or refused, or the verdict another.
         fired: logs on which it made any difference on the way.
+        waiting: further logs on which it fired, and which were not run without it.
     """
 
     count: int
@@ -330,10 +331,18 @@ class Worth:
     named: int
     told: int
     fired: int
+    waiting: int = 0
 
     def __str__(self) -> str:
+        if not self.fired:
+            return (
+                f"{self.waiting} of {self.count + self.waiting}, not run"
+                if self.waiting
+                else f"0 of {self.count}"
+            )
+        left = f", {self.waiting} not run" if self.waiting else ""
         interval = f"{self.low:+.2f}..{self.high:+.2f}" if math.isfinite(self.high) else "one log"
-        return f"{self.value:+.2f} ({interval}); {self.changed}/{self.named}/{self.told}/{self.fired} of {self.count}"
+        return f"{self.value:+.2f} ({interval}); {self.changed}/{self.named}/{self.told}/{self.fired} of {self.count}{left}"
 
 
 def named_and_told(row: Mapping[str, Any]) -> tuple[list[str], list[str]]:
@@ -343,13 +352,15 @@ def named_and_told(row: Mapping[str, Any]) -> tuple[list[str], list[str]]:
 
 def worth(rows: dict[tuple[str, str, str], dict[str, Any]], source: str, rule: str) -> Worth | None:
     """What a rule is worth on a source's logs; None without any. Where it did not fire, nothing changes without it."""
-    both = []
+    both, waiting = [], 0
     for (own, case, name), row in rows.items():
         if own != source or name != ALL:
             continue
         unfired = "fired" in row and rule not in row["fired"]
         if unfired or (source, case, rule) in rows:
             both.append((row, row if unfired else rows[source, case, rule]))
+        else:
+            waiting += 1
     named = sum(sorted(a.get("named", ())) != sorted(b.get("named", ())) for a, b in both)
     told = sum(named_and_told(a) != named_and_told(b) for a, b in both)
     fired = sum(a is not b for a, b in both)
@@ -362,12 +373,12 @@ def worth(rows: dict[tuple[str, str, str], dict[str, Any]], source: str, rule: s
         half = few * float(np.std(ratio, ddof=1)) / math.sqrt(len(pairs)) if len(pairs) > 1 else math.inf
         mean = float(np.mean(ratio))
         changed = int(np.sum(np.abs(ratio) > 0.005))
-        return Worth(len(pairs), mean, mean - half, mean + half, changed, named, told, fired)
+        return Worth(len(pairs), mean, mean - half, mean + half, changed, named, told, fired, waiting)
     known = [(a["right"], b.get("right", False)) for a, b in both if "right" in a]
     if not known:
         return None
     lost, won = sum(a and not b for a, b in known), sum(b and not a for a, b in known)
-    return Worth(len(known), *paired(lost, won, len(known)), lost + won, named, told, fired)
+    return Worth(len(known), *paired(lost, won, len(known)), lost + won, named, told, fired, waiting)
 
 
 SOURCES = {
@@ -420,7 +431,8 @@ of logs, and the number of logs with both answers:
 - other causes were named, declared indistinguishable or refused, or the verdict is another;
 - the rule fired.
 
-An empty cell: on these logs the rule was not tried. The last column is processor time without the rule over that without
+Where it fired on none, the cell has that only. "Not run" are logs on which it fired and which were not diagnosed without it,
+for want of time. The last column is processor time without the rule over that without
 any other one, on the logs on which it fired.
 
 The logs are few and the intervals wide: one that holds none says that these logs show no worth, not that there is none.
@@ -436,6 +448,16 @@ Where no error of a real log changed, its interval has no width and says nothing
 
 {gone}
 """
+
+
+def in_short(found: Sequence[Worth]) -> str:
+    """On how many logs of all sources a rule fired, and how many answers it changed."""
+    fired, waiting = sum(w.fired for w in found), sum(w.waiting for w in found)
+    told = f"fired on {fired + waiting} of {sum(w.count + w.waiting for w in found)} logs"
+    if not fired:
+        return told + (", none of which was run without it" if waiting else "")
+    run = f" ({waiting} not run without it)" if waiting else ""
+    return f"{told}{run} and changed {sum(w.changed for w in found)} answers"
 
 
 def page(rows: dict[tuple[str, str, str], dict[str, Any]]) -> str:
@@ -459,11 +481,7 @@ def page(rows: dict[tuple[str, str, str], dict[str, Any]]) -> str:
     ]
     table_lines = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
     table_lines += ["| " + " | ".join(line) + " |" for line in table(rows)]
-    stay = [
-        f"- **{rule.name}** fired on {sum(w.fired for w in found)} of {sum(w.count for w in found)} logs and changed "
-        f"{sum(w.changed for w in found)} answers. {STAYS[rule.name]}"
-        for rule, found in unshown
-    ]
+    stay = [f"- **{rule.name}** {in_short(found)}. {STAYS[rule.name]}" for rule, found in unshown]
     today = datetime.now(UTC).date().isoformat()
     return PAGE.format(
         today=today,

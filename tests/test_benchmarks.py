@@ -313,6 +313,14 @@ def test_only_logs_on_which_a_rule_fired_are_diagnosed_again_without_it():
     assert (line.count, line.changed, line.named, line.fired) == (2, 1, 1, 1)
     assert (event.count, event.value, event.changed, event.fired) == (2, 0.0, 0, 0)
     assert ablation.worth(rows, "real", "line") is None
+    assert str(event) == "0 of 2"
+    rows["rig", "1:1", ablation.ALL]["fired"] = ["event", "line"]
+    line, event = (ablation.worth(rows, "rig", name) for name in ("line", "event"))
+    assert (line.fired, line.waiting) == (1, 1)
+    assert str(line).endswith("1/1/1/1 of 1, 1 not run")
+    assert str(event) == "1 of 2, not run"
+    assert ablation.in_short([event]) == "fired on 1 of 2 logs, none of which was run without it"
+    assert ablation.in_short([line, event]).startswith("fired on 3 of 4 logs (2 not run without it)")
 
 
 def test_the_sample_takes_each_kind_of_log_in_turn():
