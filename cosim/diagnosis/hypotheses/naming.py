@@ -140,8 +140,7 @@ def find(
 
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
     whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
-    this log left out do not bear out, or that explain less than what stays unexplained, are taken out again, unless other
-    data judge them (`better`).
+    this log left out do not bear out are taken out again, unless other data judge them (`better`).
     """
     within = better is None
     candidates = candidates_of(task)
