@@ -359,15 +359,16 @@ def worth(rows: dict[tuple[str, str, str], dict[str, Any]], source: str, rule: s
         unfired = "fired" in row and rule not in row["fired"]
         if unfired or (source, case, rule) in rows:
             both.append((row, row if unfired else rows[source, case, rule]))
-        else:
+        elif "fired" in row:
             waiting += 1
     named = sum(sorted(a.get("named", ())) != sorted(b.get("named", ())) for a, b in both)
     told = sum(named_and_told(a) != named_and_told(b) for a, b in both)
     fired = sum(a is not b for a, b in both)
+    unknown = Worth(0, *[math.nan] * 3, 0, 0, 0, 0, waiting) if waiting else None
     if source == "real":
         pairs = [(a["after"], b["after"]) for a, b in both if a.get("after") and b.get("after")]
         if not pairs:
-            return None
+            return unknown
         ratio = np.log([b / a for a, b in pairs])
         few = float(student.isf(0.025, len(pairs) - 1)) if len(pairs) > 1 else math.inf
         half = few * float(np.std(ratio, ddof=1)) / math.sqrt(len(pairs)) if len(pairs) > 1 else math.inf
@@ -376,7 +377,7 @@ def worth(rows: dict[tuple[str, str, str], dict[str, Any]], source: str, rule: s
         return Worth(len(pairs), mean, mean - half, mean + half, changed, named, told, fired, waiting)
     known = [(a["right"], b.get("right", False)) for a, b in both if "right" in a]
     if not known:
-        return None
+        return unknown
     lost, won = sum(a and not b for a, b in known), sum(b and not a for a, b in known)
     return Worth(len(known), *paired(lost, won, len(known)), lost + won, named, told, fired, waiting)
 
