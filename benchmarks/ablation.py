@@ -13,10 +13,11 @@ import itertools
 import json
 import math
 import os
+import statistics
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -38,11 +39,12 @@ from benchmarks import real_logs
 from benchmarks.blind.cases import cases
 from benchmarks.blind.score import honest, knowable, names, reported, true_names
 from benchmarks.blind.trial import run_case as rig_case
+from benchmarks.rules import GONE, RULES, STAYS, Rule
 from benchmarks.second import trial as second_trial
 from benchmarks.second.cases import draw
 from benchmarks.second.out_of_library import draw_out_of_library
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.diagnosis.residuals.local import NO_EVENT, Event
+from cosim.diagnosis.residuals.local import Event
 from cosim.diagnosis.thresholds import INDISTINGUISHABLE, LOCAL
 from fmus.contract import Effect
 
@@ -50,161 +52,6 @@ ALL = "none"  # the rule that is switched off where none is
 RIG_DURATION = 60.0
 DRAWN = 200  # logs of the rig among which the sample is taken, kind by kind
 FIRED = "COSIM_ABLATION_FIRED"  # file into which a child process writes which rules fired
-
-
-@dataclass(frozen=True)
-class Rule:
-    """A decision rule of the diagnosis, and how it is switched off.
-
-    Attributes:
-        name: short, for tables.
-        text: what it decides.
-        off: dotted name of a function -> what stands in its place.
-        shows: dotted names of the functions in whose results it is watched, where these cost little and say more than those
-            of `off`, which are watched otherwise.
-    """
-
-    name: str
-    text: str
-    off: dict[str, Callable[..., Any]]
-    shows: tuple[str, ...] = ()
-
-
-def first(*given: Any, **named: Any) -> Any:
-    """The first argument."""
-    return given[0]
-
-
-def second(*given: Any, **named: Any) -> Any:
-    """The second argument."""
-    return given[1]
-
-
-def third(*given: Any, **named: Any) -> Any:
-    """The third argument."""
-    return given[2]
-
-
-def nothing(*_: Any, **__: Any) -> None:
-    """None."""
-
-
-def empty(*_: Any, **__: Any) -> list[Any]:
-    """An empty list."""
-    return []
-
-
-def no_set(*_: Any, **__: Any) -> set[str]:
-    """An empty set."""
-    return set()
-
-
-def zero(*_: Any, **__: Any) -> float:
-    """0."""
-    return 0.0
-
-
-def yes(*_: Any, **__: Any) -> bool:
-    """True."""
-    return True
-
-
-def as_chosen(finding: Any, *_: Any, **__: Any) -> Any:
-    """A finding and what was named, as they are."""
-    return finding, finding.chosen.effects, []
-
-
-def as_found(_: Any, finding: Any, known: Any, *__: Any, **___: Any) -> Any:
-    """The blocks before and the finding, as they are."""
-    return known, finding
-
-
-def no_event(*_: Any, **__: Any) -> Any:
-    """Nothing that stands out."""
-    return NO_EVENT
-
-
-S, N, T, H, V, P, E, U = (
-    f"cosim.diagnosis.{m}."
-    for m in (
-        "pipeline.diagnose",
-        "hypotheses.naming",
-        "fitting.trials",
-        "held_out.causes",
-        "verdict.verdict",
-        "hypotheses.pruning",
-        "extension.estimate",
-        "pipeline.origin",
-    )
-)
-SIZES = (N + "accepted", H + "worth_naming", E + "worth_naming")
-SURE = dict.fromkeys((N + "worth_naming", *SIZES[1:]), yes)
-PRESSED = dict.fromkeys((N + "impossible", P + "impossible"), empty)
-STANDS = {V + "stands": yes}
-ANSWERS = (S + "causes", S + "rests", U + "causes", U + "rests", E + "rests", E + "what_stands")
-RULES = (
-    Rule("labels first", "a log is held against its own labels", {S + "contradictions": empty, S + "clock": empty}),
-    Rule("not one number", "what free parameters make up for is no candidate", {N + "identifiable": third}),
-    Rule("away from stops", "the nominal fit is tried clear of limits", {N + "away_from_stops": second}),
-    Rule("beside rivals", "pairs are sought beside close rivals of a single cause", {N + "beside_rivals": empty}),
-    Rule("led on", "a fit that went astray begins again where a nested one ended", {T + "led_on": nothing}),
-    Rule("forms of a law", "a law may have another form", {N + "forms": empty}),
-    Rule("plain form", "a form that gains nothing is taken back", {N + "in_plain_form": second}),
-    Rule("exchanges", "single effects of a set are exchanged or dropped", {N + "swapped": second}),
-    Rule("size is sure", "a cause whose size may be none, or does not matter, is none", SURE, SIZES),
-    Rule("sizes together", "several sizes of one effect may be sure together", {N + "joint": zero}, SIZES),
-    Rule("no pressed bounds", "a cause pressed against a bound is none", PRESSED, (SIZES[0], P + "impossible")),
-    Rule("windows left out", "a cause must gain on windows left out", {P + "refuted": empty}),
-    Rule("outweighed", "a cause that explains less than what it leaves is none", {P + "drop_outweighed": first}),
-    Rule("simplified", "one effect in the place of a set that leaves more than the difference", {P + "simplified": first}),
-    Rule("moderated", "a usual size in the place of one beyond all sizes", {P + "moderated": first}),
-    Rule("little left", "a cause that leaves much is none where nominals are trusted", STANDS, ANSWERS),
-    Rule("origin", "an effect is traced to the block before", {S + "traced": as_found}),
-    Rule("event", "something that happens once stands out", {N + "burst": no_event}),
-    Rule("line", "something that rings at one frequency stands out", {N + "line": no_event}),
-    Rule("slow oscillation", "a slow oscillation stands out", {N + "slow_oscillation": no_event}),
-    Rule("strained", "a trusted parameter bent far is a rest", {V + "strained": empty}),
-    Rule("rivals held out", "close rivals are held against a cause on held-out data", {S + "reconsider": as_chosen}),
-    Rule("cancelling", "two causes of which only the sum is known are not both named", {H + "cancelling": no_set}),
-    Rule("linear reference", "nothing is named where a linear model is clearly better", {S + "beside_linear": first}),
-)  # fmt: skip
-
-
-STAYS = {  # why a rule stays although the logs of the table show no worth
-    "labels first": "These logs are labelled rightly; it is for those that are not "
-    "(`tests/diagnosis/test_labels.py`).",
-    "not one number": "It acts on logs of one direction or at one speed (`tests/diagnosis/test_identifiable.py`), of which "
-    "there is hardly one here; more of them are to be tried.",
-    "away from stops": "Without it a clean log whose spool grazes its stops has a cause "
-    "(`tests/diagnosis/test_local_minima.py` fails without it, measured).",
-    "beside rivals": "A candidate to go: it is to be tried on pairs of friction with another effect of the mechanics.",
-    "led on": "A search that sets out from a size of none may never find dry friction "
-    "(`tests/diagnosis/test_starts.py`).",
-    "forms of a law": "Without other forms a creeping friction or a turbulent leak is given sizes that are not its own "
-    "(`tests/diagnosis/test_forms.py`); names alone, which are counted here, do not show that.",
-    "plain form": "It changes no name, only whether another form's parameter is told; names are counted here.",
-    "exchanges": "The only way back from a first cause that is wrong.",
-    "size is sure": "A cause whose interval holds none is no cause: that is what naming one promises.",
-    "sizes together": "Coulomb's level and Stribeck's peak can hardly be told apart one by one; more logs of friction "
-    "are to be tried.",
-    "no pressed bounds": "A cause beyond its stated physical range is never named.",
-    "windows left out": "It is the one held-out veto of a log alone; a cause is promised to hold on data that had no share.",
-    "outweighed": "A candidate to go: where it fires what it drops is mostly not named anyway, since too much is left.",
-    "simplified": "A candidate to go: where it fires mostly nothing is named anyway, since too much is left.",
-    "moderated": "Without it a log of a drive that only creeps has no cause, though one is hidden "
-    "(`tests/diagnosis/test_adequacy.py` fails without it, measured).",
-    "little left": "A cause that the library lacks is promised to be told as such.",
-    "origin": "An asymmetry that only the slew shows is named where it acts (`tests/diagnosis/test_upstream.py`).",
-    "event": "What happens once is told with its seconds: it is what the answer says of a push, whatever is named.",
-    "line": "A ringing that no cause of the library gives is told with its frequency.",
-    "slow oscillation": "Without it a vessel that rolls is adequate (`tests/diagnosis/test_slow_oscillation.py` "
-    "fails without it, measured).",
-    "strained": "A nominal parameter far off without a cause that frees it is a rest; our library has such "
-    "causes for all that are trusted, a machine of other people may not.",
-    "rivals held out": "Acts on real logs only: it changes what is declared indistinguishable more than the error.",
-    "cancelling": "Two sizes of which only the sum is known are not two findings (`tests/diagnosis/test_held_out.py`).",
-    "linear reference": "That a linear model does better is said before anything is named on top of it.",
-}
 
 
 @contextmanager
@@ -249,8 +96,8 @@ def alike_upstream(finding: Finding) -> list[tuple[Effect, float]]:
     return [(e, behind) for e, behind in finding.upstream if behind < INDISTINGUISHABLE]
 
 
-def watching(target: str, rules: Collection[Rule], fired: set[str]) -> Callable[..., Any]:
-    """A function that notes which of the rules that act or show in it made a difference.
+def watching(target: str, rules: Collection[Rule], fired: set[str]) -> Any:
+    """A function, or a property, that notes which of the rules that act or show in it made a difference.
 
     Args:
         target: its dotted name.
@@ -259,8 +106,11 @@ def watching(target: str, rules: Collection[Rule], fired: set[str]) -> Callable[
     """
     real = resolve_name(target)
 
+    decide = real.fget if isinstance(real, property) else real
+
     def watched_function(*given: Any, **named: Any) -> Any:
-        found = real(*given, **named)
+        found = decide(*given, **named)
+        found = list(found) if isinstance(found, Iterator) else found
         for rule in rules:
             if rule.name in fired:
                 continue
@@ -269,13 +119,13 @@ def watching(target: str, rules: Collection[Rule], fired: set[str]) -> Callable[
             else:
                 before = set(fired)
                 with without(rule.name):
-                    other = real(*given, **named)
+                    other = decide(*given, **named)
                 fired.intersection_update(before)  # not what only fires where this rule does not hold
             if not same(found, other):
                 fired.add(rule.name)
         return found
 
-    return watched_function
+    return property(watched_function) if isinstance(real, property) else watched_function
 
 
 @contextmanager
@@ -340,7 +190,7 @@ def done(job: Job, seed: int) -> dict[str, Any]:
         found |= (
             {"error": row["error"]}
             if "error" in row
-            else {"right": right_of_rig(row), "named": list(names(row))}
+            else {"right": right_of_rig(row), "named": list(names(row)), "told": sorted(reported(row))}
         )
         return found | {"cpu": time.process_time() - began}
     with TemporaryDirectory() as folder:
@@ -360,20 +210,22 @@ def in_child(job: Job) -> dict[str, Any]:
     if job.source == "real":
         row = real_logs.run({c.name: c for c in real_logs.cases(True)}[job.case], "", 600.0, program)
         after = row.after if row.after is not None else row.before
-        found = {"after": after, "before": row.before, "named": list(row.causes)}
+        told = [row.verdict, *sorted(row.alike), *sorted(f"not {name}" for name in row.refused)]
+        found = {"after": after, "before": row.before, "named": list(row.causes), "told": told}
         found |= {"error": row.error} if row.error else {}
     else:
         number = int(job.case.partition(":")[2])
         with patch.object(second_trial, "PROGRAM", program):
-            told = second_trial.run_case((draw if job.source == "second" else draw_out_of_library)(number))
+            ended = second_trial.run_case((draw if job.source == "second" else draw_out_of_library)(number))
         good = ("exact", "alike", "rest") if job.source == "second" else ("honest",)
-        found = (
-            {"error": told["error"]}
-            if "error" in told
-            else {"right": told["judged"] in good, "named": [c["effect"] for c in told["causes"]]}
-        )
-    ended = os.times()
-    return found | {"cpu": sum(ended[2:4]) - sum(children[2:4])}
+        if "error" in ended:
+            found = {"error": ended["error"]}
+        else:
+            alike = sorted({name for c in ended["causes"] for name in c["alike"]})
+            found = {"right": ended["judged"] in good, "named": [c["effect"] for c in ended["causes"]]}
+            found["told"] = [ended["verdict"], *alike]
+    after_all = os.times()
+    return found | {"cpu": sum(after_all[2:4]) - sum(children[2:4])}
 
 
 def logs(counts: Mapping[str, int], seed: int, hidden: Collection[str] = ()) -> list[tuple[str, str]]:
@@ -406,18 +258,29 @@ def jobs(
     asked: Sequence[tuple[str, str]],
     rules: Sequence[str],
     rows: Mapping[tuple[str, str, str], dict[str, Any]],
+    most: int = 1,
 ) -> list[Job]:
-    """What is to be run next: the logs that were never run with all rules; after these each log without what fired on it."""
-    first = [job for source, case in asked if (job := Job(source, case, ALL)).key not in rows]
-    if first:
-        return first
-    return [
-        job
-        for source, case in asked
-        for rule in rules
-        if (job := Job(source, case, rule)).key not in rows
-        and rule in rows[source, case, ALL].get("fired", rules)
-    ]
+    """What is to be run next, log by log, so that a run may be stopped at any time.
+
+    A log that was never run with all rules is; then it is run without each that fired on it.
+
+    Args:
+        asked: the logs, in order.
+        rules: the rules.
+        rows: what has been run.
+        most: logs, of those with something to do.
+    """
+    found: list[Job] = []
+    for source, case in asked:
+        whole = Job(source, case, ALL)
+        fired = rows[whole.key].get("fired", rules) if whole.key in rows else ()
+        todo = [Job(source, case, r) for r in rules if r in fired and (source, case, r) not in rows]
+        todo = todo if whole.key in rows else [whole]
+        found += todo
+        most -= bool(todo)
+        if not most:
+            break
+    return found
 
 
 def stored(file: Path) -> dict[tuple[str, str, str], dict[str, Any]]:
@@ -455,7 +318,9 @@ class Worth:
             held-out error without the rule over that with it; with its 95 % interval.
         changed: logs whose answer is right or wrong through it, or whose error differs.
         named: logs in which something else is named without it.
+        told: logs in which something else is named, declared indistinguishable or refused, or the verdict another.
         fired: logs on which it made any difference on the way.
+        waiting: further logs on which it fired, and which were not run without it.
     """
 
     count: int
@@ -464,39 +329,57 @@ class Worth:
     high: float
     changed: int
     named: int
+    told: int
     fired: int
+    waiting: int = 0
 
     def __str__(self) -> str:
+        if not self.fired:
+            return (
+                f"{self.waiting} of {self.count + self.waiting}, not run"
+                if self.waiting
+                else f"0 of {self.count}"
+            )
+        left = f", {self.waiting} not run" if self.waiting else ""
         interval = f"{self.low:+.2f}..{self.high:+.2f}" if math.isfinite(self.high) else "one log"
-        return f"{self.value:+.2f} ({interval}); {self.changed}/{self.named}/{self.fired} of {self.count}"
+        return f"{self.value:+.2f} ({interval}); {self.changed}/{self.named}/{self.told}/{self.fired} of {self.count}{left}"
+
+
+def named_and_told(row: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+    """What an answer names, and what else it says of causes."""
+    return sorted(row.get("named", ())), list(row.get("told", ()))
 
 
 def worth(rows: dict[tuple[str, str, str], dict[str, Any]], source: str, rule: str) -> Worth | None:
     """What a rule is worth on a source's logs; None without any. Where it did not fire, nothing changes without it."""
-    both = []
+    both, waiting = [], 0
     for (own, case, name), row in rows.items():
         if own != source or name != ALL:
             continue
         unfired = "fired" in row and rule not in row["fired"]
         if unfired or (source, case, rule) in rows:
             both.append((row, row if unfired else rows[source, case, rule]))
+        elif "fired" in row:
+            waiting += 1
     named = sum(sorted(a.get("named", ())) != sorted(b.get("named", ())) for a, b in both)
+    told = sum(named_and_told(a) != named_and_told(b) for a, b in both)
     fired = sum(a is not b for a, b in both)
+    unknown = Worth(0, *[math.nan] * 3, 0, 0, 0, 0, waiting) if waiting else None
     if source == "real":
         pairs = [(a["after"], b["after"]) for a, b in both if a.get("after") and b.get("after")]
         if not pairs:
-            return None
+            return unknown
         ratio = np.log([b / a for a, b in pairs])
         few = float(student.isf(0.025, len(pairs) - 1)) if len(pairs) > 1 else math.inf
         half = few * float(np.std(ratio, ddof=1)) / math.sqrt(len(pairs)) if len(pairs) > 1 else math.inf
         mean = float(np.mean(ratio))
         changed = int(np.sum(np.abs(ratio) > 0.005))
-        return Worth(len(pairs), mean, mean - half, mean + half, changed, named, fired)
+        return Worth(len(pairs), mean, mean - half, mean + half, changed, named, told, fired, waiting)
     known = [(a["right"], b.get("right", False)) for a, b in both if "right" in a]
     if not known:
-        return None
+        return unknown
     lost, won = sum(a and not b for a, b in known), sum(b and not a for a, b in known)
-    return Worth(len(known), *paired(lost, won, len(known)), lost + won, named, fired)
+    return Worth(len(known), *paired(lost, won, len(known)), lost + won, named, told, fired, waiting)
 
 
 SOURCES = {
@@ -507,19 +390,24 @@ SOURCES = {
 }
 
 
+def times(rows: Mapping[tuple[str, str, str], dict[str, Any]]) -> dict[tuple[str, str], float]:
+    """Source and case -> median processor time of its diagnoses without one rule each: no rule is watched in those."""
+    found: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for (source, case, rule), row in rows.items():
+        if rule != ALL:
+            found[source, case].append(row["cpu"])
+    return {log: statistics.median(each) for log, each in found.items()}
+
+
 def table(rows: dict[tuple[str, str, str], dict[str, Any]]) -> list[tuple[str, ...]]:
     """Lines of the table: rule, what it decides, its worth on each source, processor time without it."""
-    lines = []
+    lines, usual = [], times(rows)
     for rule in RULES:
         found = [worth(rows, source, rule.name) for source in SOURCES]
         if not any(found):
             continue
-        times = [
-            (rows[source, case, ALL]["cpu"], row["cpu"])
-            for (source, case, name), row in rows.items()
-            if name == rule.name and (source, case, ALL) in rows
-        ]
-        ratio = f"{sum(b for _, b in times) / sum(a for a, _ in times):.2f}" if times else ""
+        own = [(usual[source, case], row["cpu"]) for (source, case, n), row in rows.items() if n == rule.name]
+        ratio = f"{sum(b for _, b in own) / sum(a for a, _ in own):.2f}" if own else ""
         lines.append((rule.name, rule.text, *("" if w is None else str(w) for w in found), ratio))
     return lines
 
@@ -533,11 +421,20 @@ Made by `python benchmarks/ablation.py` on {today}; do not edit by hand. Logs: {
 
 Each log was diagnosed with all rules, and each rule was watched meanwhile: it fires where what it decides differs from what
 stands in its place when it is off. Where it does not fire, nothing changes without it; where it fires, the log was diagnosed
-again without it. A cell has the worth with its 95 % interval; then on how many logs the answer went from right to wrong or
-back (real logs: the error changed by more than 0.5 %), on how many other causes were named, and on how many the rule
-fired, of all logs with both answers. Worth on synthetic logs is the share of them that is right thanks to the rule; on real
-logs the logarithm of the held-out error without the rule over that with it. Positive speaks for the rule. The last column is
-processor time without the rule over that with it, on the logs on which it fired.
+again without it.
+
+A cell has the worth with its 95 % interval: of synthetic logs the share that is right thanks to the rule, of real logs the
+logarithm of the held-out error without the rule over that with it. Positive speaks for the rule. Then a cell has four counts
+of logs, and the number of logs with both answers:
+
+- the answer went from right to wrong or back (real logs: the error changed by more than 0.5 %);
+- other causes were named;
+- other causes were named, declared indistinguishable or refused, or the verdict is another;
+- the rule fired.
+
+Where it fired on none, the cell has that only. "Not run" are logs on which it fired and which were not diagnosed without it,
+for want of time. The last column is processor time without the rule over that without
+any other one, on the logs on which it fired.
 
 The logs are few and the intervals wide: one that holds none says that these logs show no worth, not that there is none.
 Where no error of a real log changed, its interval has no width and says nothing of other logs.
@@ -552,26 +449,16 @@ Where no error of a real log changed, its interval has no width and says nothing
 
 {gone}
 """
-GONE = (  # with what was measured before
-    "**A second search without what held-out data refused** (25 November 2026): on four diagnoses of the excavator, an "
-    "axis out and back in one pose fitted and the other pose held out, it changed no name and, with rivals judged in each "
-    "search, took up to half of the processor time. One effect is now held against the several that a search ends with, "
-    "which it had found once.",
-    "**Causes that learned noise makes nothing of are dropped before held-out data are asked** (25 November 2026): an end "
-    "of travel was lost by it, bucket of the excavator 106 instead of 205 deg without the rule.",
-    "**Two searches where other data judge** (one under noise learned from what is left, one by the size of the "
-    "error, the better end taken; 24 November 2026): on real logs of four machines the second alone ends at the "
-    "same causes or at fewer of them, the same ones from log to log, in a third of the time (docs/scores.md, "
-    "docs/real_logs.md). The first stays where one log alone judges: without it a gear ripple hidden in a "
-    "synthetic log is lost.",
-    "**Bent laws** (two laws each of which had taken another form were compared with free functions of their own signals, "
-    "and declared indistinguishable by that; 23 November 2026): fired on none of 35 logs. Of eight more logs of the second "
-    "simulator, with valves that open softly and friction that creeps or sits on bristles, it fired on three. On two of "
-    "them, one that for which it was written, the rival is declared indistinguishable without it as well, by the held-out "
-    "windows; on the third it added a rival that was not there. On the three that were named wrong it did not fire. "
-    "Of six drawn at random among those with friction, a valve that opens late or a leak it fired on one (929018), "
-    "which was named right and not run again without it: it adds rivals and changes no name.",
-)
+
+
+def in_short(found: Sequence[Worth]) -> str:
+    """On how many logs of all sources a rule fired, and how many answers it changed."""
+    fired, waiting = sum(w.fired for w in found), sum(w.waiting for w in found)
+    told = f"fired on {fired + waiting} of {sum(w.count + w.waiting for w in found)} logs"
+    if not fired:
+        return told + (", none of which was run without it" if waiting else "")
+    run = f" ({waiting} not run without it)" if waiting else ""
+    return f"{told}{run} and changed {sum(w.changed for w in found)} answers"
 
 
 def page(rows: dict[tuple[str, str, str], dict[str, Any]]) -> str:
@@ -595,11 +482,7 @@ def page(rows: dict[tuple[str, str, str], dict[str, Any]]) -> str:
     ]
     table_lines = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
     table_lines += ["| " + " | ".join(line) + " |" for line in table(rows)]
-    stay = [
-        f"- **{rule.name}** fired on {sum(w.fired for w in found)} of {sum(w.count for w in found)} logs and changed "
-        f"{sum(w.changed for w in found)} answers. {STAYS[rule.name]}"
-        for rule, found in unshown
-    ]
+    stay = [f"- **{rule.name}** {in_short(found)}. {STAYS[rule.name]}" for rule, found in unshown]
     today = datetime.now(UTC).date().isoformat()
     return PAGE.format(
         today=today,
@@ -651,7 +534,7 @@ def main() -> int:
         wanted, chosen = logs(counts, asked.seed, asked.hidden), asked.rules or [r.name for r in RULES]
         asked.rows.parent.mkdir(parents=True, exist_ok=True)
         with asked.rows.open("a", encoding="utf-8") as out, ProcessPoolExecutor(asked.workers) as pool:
-            while todo := jobs(wanted, chosen, rows):
+            while todo := jobs(wanted, chosen, rows, asked.workers):
                 running = [pool.submit(done, job, asked.seed) for job in todo]
                 for count, future in enumerate(as_completed(running), 1):
                     row = future.result()

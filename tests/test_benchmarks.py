@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks import ablation, real_logs
+from benchmarks.rules import RULES, STAYS, Rule, empty, first, yes
 from cosim.diagnosis.residuals.local import NO_EVENT
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
@@ -137,7 +138,7 @@ def test_a_case_that_fails_is_a_row_with_its_reason(excavator):
     assert row.cpu > 0.0
 
 
-@pytest.mark.parametrize("rule", ablation.RULES, ids=lambda rule: rule.name)
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.name)
 def test_a_rule_is_switched_off_and_on_again(rule):
     for target, stand_in in rule.off.items():
         module, _, name = target.rpartition(".")
@@ -149,21 +150,25 @@ def test_a_rule_is_switched_off_and_on_again(rule):
 
 
 def test_each_rule_has_a_reason_to_stay_where_the_table_shows_no_worth():
-    assert set(ablation.STAYS) == {rule.name for rule in ablation.RULES}
+    assert set(STAYS) == {rule.name for rule in RULES}
 
 
 def test_what_a_rule_is_worth_is_counted_log_by_log():
     rows = {}
     for case in range(20):
         for rule, right in ((ablation.ALL, case < 18), ("event", case < 12 or case == 19)):
-            rows["rig", str(case), rule] = {"right": right, "cpu": 1.0 if rule == ablation.ALL else 0.5}
+            rows["rig", str(case), rule] = {"right": right, "cpu": 3.0 if rule == ablation.ALL else 0.5}
+        for rule in (
+            "line",
+            "origin",
+        ):  # nothing is watched in these: the time without any one rule is theirs
+            rows["rig", str(case), rule] = {"right": case < 18, "cpu": 1.0}
     found = ablation.worth(rows, "rig", "event")
     assert (found.count, found.changed) == (20, 7)  # six lost without the rule, one won
     assert found.value == pytest.approx(0.25)
     assert found.low < 0.25 < found.high
-    (line,) = ablation.table(rows)
-    assert line[0] == "event"
-    assert line[-1] == "0.50"
+    times = {line[0]: line[-1] for line in ablation.table(rows)}
+    assert times == {"event": "0.50", "line": "1.00", "origin": "1.00"}
     for case, (with_it, without) in enumerate([(1.0, 2.0), (2.0, 4.0), (3.0, 6.0)]):
         rows["real", str(case), ablation.ALL] = {"after": with_it, "cpu": 1.0}
         rows["real", str(case), "event"] = {"after": without, "cpu": 1.0}
@@ -178,6 +183,18 @@ def test_a_rules_worth_of_no_change_holds_none():
     assert ablation.paired(20, 0, 40)[1] > 0.0
 
 
+def test_what_else_an_answer_says_counts_by_itself():
+    both = {"named": ["sensor.lag"], "right": True, "cpu": 1.0}
+    rows = {
+        ("rig", "1", ablation.ALL): both | {"told": ["sensor.lag"]},
+        ("rig", "1", "event"): both | {"told": ["dcv.delay", "sensor.lag"]},
+        ("rig", "2", ablation.ALL): both | {"told": ["sensor.lag"]},
+        ("rig", "2", "event"): both | {"told": ["sensor.lag"]},
+    }
+    found = ablation.worth(rows, "rig", "event")
+    assert (found.changed, found.named, found.told, found.fired) == (0, 0, 1, 2)
+
+
 @pytest.fixture
 def small(monkeypatch):
     """A module that decides in two steps, and three rules in it: the third shows only in what the module answers."""
@@ -187,9 +204,9 @@ def small(monkeypatch):
     home.answer = lambda x: "yes" if home.sure(x) and home.doubled(x) > 1.0 else "no"
     monkeypatch.setitem(sys.modules, "small", home)
     rules = (
-        ablation.Rule("doubled", "", {"small.doubled": ablation.first}),
-        ablation.Rule("sure", "", {"small.sure": ablation.yes}),
-        ablation.Rule("sure at last", "", {"small.sure": ablation.yes}, ("small.answer",)),
+        Rule("doubled", "", {"small.doubled": first}),
+        Rule("sure", "", {"small.sure": yes}),
+        Rule("sure at last", "", {"small.sure": yes}, ("small.answer",)),
     )
     monkeypatch.setattr(ablation, "RULES", rules)
     return home
@@ -210,6 +227,34 @@ def test_a_rule_fires_where_what_stands_in_its_place_would_decide_otherwise(smal
     assert fired_on(small, 0.9, 0.6) == (["yes", "no"], {"doubled", "sure", "sure at last"})
     assert fired_on(small) == ([], set())
     assert (small.answer, small.doubled, small.sure) == plain
+
+
+def test_thresholds_properties_and_what_is_yielded_are_watched(monkeypatch):
+    class Step:
+        size = 2.0
+        large = property(lambda self: self.size > home.LIMIT)
+
+    def parts(count):
+        yield from range(count)
+
+    home = ModuleType("small")
+    home.Step, home.LIMIT, home.parts = Step, 1.0, parts
+    monkeypatch.setitem(sys.modules, "small", home)
+    rules = (
+        Rule("limit", "", {"small.LIMIT": 3.0}, ("small.Step.large",)),
+        Rule("parts", "", {"small.parts": empty}),
+    )
+    monkeypatch.setattr(ablation, "RULES", rules)
+    fired: set[str] = set()
+    with ablation.watched(fired):
+        assert list(home.parts(0)) == []
+        assert not fired
+        assert list(home.parts(2)) == [0, 1]
+        assert fired == {"parts"}
+        assert home.Step().large
+        assert fired == {"parts", "limit"}
+    with ablation.without("limit"):
+        assert not home.Step().large
 
 
 def test_results_are_the_same_only_if_nothing_can_follow_from_a_difference():
@@ -250,19 +295,32 @@ def test_a_child_process_says_which_rules_fired(small, tmp_path, monkeypatch):
 
 def test_only_logs_on_which_a_rule_fired_are_diagnosed_again_without_it():
     logs, rules = [("rig", "1:0"), ("rig", "1:1"), ("real", "boom")], ["event", "line"]
-    rows = {("rig", "1:0", ablation.ALL): {"right": True, "cpu": 1.0, "named": [], "fired": ["line"]}}
-    first = [job.key for job in ablation.jobs(logs, rules, rows)]
-    assert first == [("rig", "1:1", ablation.ALL), ("real", "boom", ablation.ALL)]
+    rows = {}
+
+    def asked(most=1):
+        return [job.key for job in ablation.jobs(logs, rules, rows, most)]
+
+    assert asked() == [("rig", "1:0", ablation.ALL)]
+    rows["rig", "1:0", ablation.ALL] = {"right": True, "cpu": 1.0, "named": [], "fired": ["line"]}
+    assert asked() == [("rig", "1:0", "line")]  # a log is done before the next begins
+    assert asked(2) == [("rig", "1:0", "line"), ("rig", "1:1", ablation.ALL)]
     rows["rig", "1:1", ablation.ALL] = {"right": True, "cpu": 1.0, "named": [], "fired": []}
     rows["real", "boom", ablation.ALL] = {"after": 1.0, "cpu": 1.0, "named": []}  # nobody knows what fired
-    again = [job.key for job in ablation.jobs(logs, rules, rows)]
-    assert again == [("rig", "1:0", "line"), ("real", "boom", "event"), ("real", "boom", "line")]
+    assert asked(2) == [("rig", "1:0", "line"), ("real", "boom", "event"), ("real", "boom", "line")]
     assert ablation.worth(rows, "rig", "line").count == 1  # that on which it fired is still to come
     rows["rig", "1:0", "line"] = {"right": False, "cpu": 1.0, "named": ["sensor.lag"]}
     line, event = (ablation.worth(rows, "rig", name) for name in ("line", "event"))
     assert (line.count, line.changed, line.named, line.fired) == (2, 1, 1, 1)
     assert (event.count, event.value, event.changed, event.fired) == (2, 0.0, 0, 0)
     assert ablation.worth(rows, "real", "line") is None
+    assert str(event) == "0 of 2"
+    rows["rig", "1:1", ablation.ALL]["fired"] = ["event", "line"]
+    line, event = (ablation.worth(rows, "rig", name) for name in ("line", "event"))
+    assert (line.fired, line.waiting) == (1, 1)
+    assert str(line).endswith("1/1/1/1 of 1, 1 not run")
+    assert str(event) == "1 of 2, not run"
+    assert ablation.in_short([event]) == "fired on 1 of 2 logs, none of which was run without it"
+    assert ablation.in_short([line, event]).startswith("fired on 3 of 4 logs (2 not run without it)")
 
 
 def test_the_sample_takes_each_kind_of_log_in_turn():

@@ -1,7 +1,6 @@
 """Which causes held-out data keep: those whose absence makes the prediction worse, even where they help together only."""
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from hidden_logs import only
 
 from cosim.diagnosis.answer.remarks import turned_down
-from cosim.diagnosis.extension.estimate import vanished
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.limits import Passed
@@ -35,7 +33,6 @@ from cosim.diagnosis.model.groups import MODELS
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.diagnosis.verdict.verdict import causes
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -218,25 +215,6 @@ def test_refused_effects_stay_rivals_where_held_out_data_tell_them_apart_no_bett
     assert CRACKING.name in finding.undecided[COULOMB.name]
     (cause,) = causes(finding, 0.01)
     assert set(cause.indistinguishable) == set(finding.undecided[COULOMB.name])
-
-
-def test_what_ended_at_its_off_values_is_no_cause_though_held_out_data_liked_it() -> None:
-    """Borne out or not: of an end of the travel out of reach nothing is left. One that is needed may be of unsure size."""
-    stop = registry.effects()["mechanical.end_stop"]
-    model = SimpleNamespace(
-        nominal=lambda n: {"theta_max": 1e9, "theta_min": -1e9}.get(n.partition(".")[2], 0.0),
-        group=MECHANICS.task.model.group,
-    )
-    finding = SimpleNamespace(task=SimpleNamespace(model=model))
-
-    def fitted(theta_max: float) -> Fit:
-        values = {"mechanical.theta_max": theta_max, "mechanical.theta_min": -1e9, "mechanical.tau_c": 5.0}
-        return replace(FIT, values=values, deviations=dict.fromkeys(values, 1e4))
-
-    gone = partial(vanished, finding, (COULOMB, stop), tolerance=CALIBRATED_TRUST)  # type: ignore[arg-type]
-    assert gone([COULOMB, stop], fitted(1e9)) is stop
-    assert gone([COULOMB, stop], fitted(0.3)) is None
-    assert gone([stop], fitted(0.3)) is COULOMB
 
 
 def test_of_two_that_make_up_for_each_other_neither_is_sure() -> None:

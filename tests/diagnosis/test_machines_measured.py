@@ -105,6 +105,16 @@ def test_the_axis_is_known_as_well_as_published(axis: Answer) -> None:
 
 
 @pytest.mark.slow
+def test_one_log_of_the_axis_alone_tells_its_dry_friction(tmp_path: Path) -> None:
+    """Level and peak of friction that falls with speed are not told apart: the level alone is sure."""
+    told = found(tmp_path, "emps", "emps/DATA_EMPS.mat")
+    (friction,) = (c for c in told.causes if c.effect == "mechanical.coulomb_friction")
+    low, high = friction.parameters["tau_c"].ci95 or (0.0, 0.0)
+    assert low < PUBLISHED["tau_c"][0] < high
+    assert told.gain["position"].rmse_after < 0.1 * told.gain["position"].rmse_before
+
+
+@pytest.mark.slow
 def test_the_excavators_drive(tmp_path: Path) -> None:
     logs = [
         f"mini_excavator/manual_{name}.csv" for name in ("1101_2326", "mitch_1101_2333", "shyam_1101_2002")

@@ -21,7 +21,7 @@ from cosim.diagnosis.held_out.gain import measure
 from cosim.diagnosis.hypotheses.naming import find, nominal
 from cosim.diagnosis.model.groups import MODELS, Group
 from cosim.diagnosis.model.machine import our_machine
-from cosim.diagnosis.pipeline.diagnose import diagnose, least_sure, none_between_logs, prepare
+from cosim.diagnosis.pipeline.diagnose import diagnose, least_sure, none_between_logs, prepare, with_less
 from cosim.diagnosis.record.grid import Grid, Pieces, grid_of
 from cosim.diagnosis.record.record import Record, each_left_out, fixed_values, joined
 from cosim.diagnosis.residuals.cross_validation import repetitions, window_numbers
@@ -338,7 +338,9 @@ def test_a_size_that_the_next_log_may_not_have_is_no_cause() -> None:
     assert not none_between_logs(SimpleNamespace(between={}), cause, model)  # type: ignore[arg-type]
 
 
-STRIBECK, DELAY = (registry.effects()[n] for n in ("mechanical.stribeck_friction", "dcv.delay"))
+STRIBECK, STOP, DELAY = (
+    registry.effects()[n] for n in ("mechanical.stribeck_friction", "mechanical.end_stop", "dcv.delay")
+)
 
 
 @pytest.mark.parametrize(
@@ -369,6 +371,29 @@ def test_a_cause_whose_size_may_be_none_goes(
     )
     model = SimpleNamespace(nominal=lambda name: 0.0)
     assert least_sure(found, [STRIBECK, DELAY], model) == named  # type: ignore[arg-type]
+
+
+def test_what_ended_at_its_off_values_is_no_cause() -> None:
+    """Of an end of the travel out of reach nothing is left, however well it is known to be there."""
+    ends = {"mechanical.theta_max": 1e9, "mechanical.theta_min": -1e9}
+    model = SimpleNamespace(nominal=ends.__getitem__)
+    for farthest, named in ((1e9, [STOP]), (0.3, [])):
+        values = ends | {"mechanical.theta_max": farthest}
+        found = SimpleNamespace(values=values, deviations=dict.fromkeys(ends, 1e-3), correlations={})
+        assert least_sure(found, [STOP], model) == named  # type: ignore[arg-type]
+
+
+def test_where_the_size_of_a_law_is_unsure_one_that_it_holds_may_take_its_place(
+    pair: list[Record], clean: list[Record]
+) -> None:
+    """Of friction whose level and peak may each be none one level was left, and nothing was named: 64 mm in place of 4."""
+    friction = registry.effects()[FRICTION]
+    for record, kept in ((pair[0], (friction,)), (clean[0], ())):
+        task = task_for(MECHANICS, record, [])
+        null = nominal(task, record, 0.01)
+        finding = Finding(task, null, tried(task, (STRIBECK,), 0.01, null.fit))
+        assert with_less(finding, [STRIBECK], null, 0.01).effects == kept
+        assert with_less(finding, [DELAY], null, 0.01) is null  # it holds no other
 
 
 def test_two_logs_that_differ_by_a_sixth_still_tell_a_size() -> None:

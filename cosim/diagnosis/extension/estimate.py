@@ -14,11 +14,11 @@ from cosim.diagnosis.extension.together import weighed
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import standing
 from cosim.diagnosis.fitting.noise import Whitener
-from cosim.diagnosis.fitting.trials import Trial, without
+from cosim.diagnosis.fitting.trials import Trial
 from cosim.diagnosis.fitting.whole import fitted_chain, whole_run
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.between import over_logs
-from cosim.diagnosis.held_out.causes import Held, Refused, left_out_errors
+from cosim.diagnosis.held_out.causes import Held, left_out_errors
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import Gain, begun_anew, measure, run_package
 from cosim.diagnosis.hypotheses.naming import worth_naming
@@ -26,10 +26,10 @@ from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import of_piece
 from cosim.diagnosis.record.record import fixed_values, is_start
 from cosim.diagnosis.record.signatures import SAMPLED
-from cosim.diagnosis.residuals.cross_validation import errs_less, held_windows, log_numbers, repetitions
+from cosim.diagnosis.residuals.cross_validation import held_windows, log_numbers, repetitions
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
-from cosim.diagnosis.verdict.verdict import rests, what_stands
+from cosim.diagnosis.verdict.verdict import what_stands
 from cosim.ssp.stimulus import stimulus_csv
 from fmus.contract import Effect
 
@@ -121,23 +121,11 @@ def estimate_alone(
     if held is not None and signal in held.record.signals and task.model.group.drifts:
         error = partial(held_error, finding, held, signal, tolerance)
         other = onward(finding, effects, tolerance, near)
-        unsure = vanished(finding, effects, [], best, tolerance) is not None
-        if unsure or error(effects, other, True) <= error(effects, best, False):
+        sure = all(worth_naming(Trial(effects, best, 0), e, task.model, tolerance) for e in effects)
+        if not sure or error(effects, other, True) <= error(effects, best, False):
             best, walked = other, True
         other = onward(finding, (), tolerance, finding.null.fit)
         plain = min((plain, False), (other, True), key=lambda fit: error((), *fit))[0]
-    else:
-        # what held-out data have borne out stays: they decide
-        needed = [e for e in effects if e.name in finding.borne and finding.borne[e.name].sure]
-        while lost := vanished(finding, effects, needed, best, tolerance):
-            rest = tuple(e for e in effects if e is not lost)
-            fewer = free(finding, rest, tolerance, near)
-            less = errs_less(task, best, fewer, demean=False)
-            if less and lost not in needed:  # its parameters may be unsure, itself it is not
-                needed.append(lost)
-                continue
-            finding = turn_down(diagnosis, finding, lost, best, fewer, tolerance)
-            best, effects = fewer, rest
     diagnosis.values, diagnosis.deviations = constants | best.values, best.deviations
     diagnosis.correlations = best.correlations
     if (
@@ -172,36 +160,6 @@ def held_error(
     if held.in_turn:
         return rms(np.concatenate(left_out_errors(finding, effects, found, signal, tolerance, walked)))
     return rms(errors(finding, found, held.record)[signal][held.first :])
-
-
-def vanished(
-    finding: Finding, effects: tuple[Effect, ...], needed: list[Effect], found: Fit, tolerance: float
-) -> Effect | None:
-    """An effect of which a free run over the log leaves nothing, or, of those not `needed`, nothing that is determined."""
-    trial, model = Trial(effects, found, 0), finding.task.model
-
-    def gone(effect: Effect) -> bool:
-        names = [f"{effect.component}.{p}" for p in effect.free]
-        if all(found.values[n] == model.nominal(n) for n in names):
-            return True
-        return effect not in needed and not worth_naming(trial, effect, model, tolerance)
-
-    return next((e for e in effects if gone(e)), None)
-
-
-def turn_down(
-    diagnosis: Diagnosis, finding: Finding, effect: Effect, with_it: Fit, without_it: Fit, tolerance: float
-) -> Finding:
-    """The finding without a cause of which the free run leaves nothing; it is refused."""
-    name, signal = finding.task.model.group.name, next(iter(finding.task.measured))
-    before, after = rms(without_it.residuals[signal]), rms(with_it.residuals[signal])
-    gain = next(c.gain for c in diagnosis.causes if c.effect is effect)
-    diagnosis.refused.append(Refused(effect, name, signal, gain, before, after, sure=False, in_fitted=True))
-    diagnosis.causes = [c for c in diagnosis.causes if c.effect is not effect]
-    left = without(finding.task, finding.chosen, effect, finding.null, tolerance)
-    diagnosis.findings[name] = finding = finding.accept(left, diagnosis.record)
-    diagnosis.rests = [r for r in diagnosis.rests if r.block != name] + rests(finding, tolerance)
-    return finding
 
 
 def write_packages(diagnosis: Diagnosis, folder: Path) -> tuple[Path, dict[str, float], dict[str, float]]:

@@ -140,8 +140,7 @@ def find(
 
     Noise is what remains when all causes are known: learned too early it hides the next cause or bends the first, so
     whenever a cause has made it smaller, everything is fitted again before the next is looked for. Causes that windows of
-    this log left out do not bear out, or that explain less than what stays unexplained, are taken out again, unless other
-    data judge them (`better`).
+    this log left out do not bear out are taken out again, unless other data judge them (`better`).
     """
     within = better is None
     candidates = candidates_of(task)
@@ -425,28 +424,10 @@ def extended(
         better = [
             t for t in tried_all(task, further, tolerance) if accepted(t, chosen, task.model, tolerance)
         ]
-    if not better and len(chosen.effects) == 1:
-        better = beside_rivals(task, chosen, single, candidates, tolerance)
     if not better:
         return None
     found = swapped(task, polished(task, better[0], tolerance), candidates, tolerance)
     return found if freed(found.effects) != freed(chosen.effects) else None
-
-
-def beside_rivals(
-    task: Task, chosen: Trial, single: list[Trial], candidates: tuple[Effect, ...], tolerance: float
-) -> list[Trial]:
-    """Pairs to be believed over the one chosen effect that hold, in its place, one that explains the log nearly as well.
-
-    Which of two such effects it is may show only once what else is wrong is known.
-    """
-    close = [t for t in single if t.names != chosen.names and t.score > chosen.score - INDISTINGUISHABLE]
-    found: list[Trial] = []
-    for one in close[:2]:
-        rest = promising(task, one, (e for e in candidates if e not in one.effects), tolerance)
-        found += tried_all(task, [(*one.effects, e) for e in rest], tolerance, one.fit)
-    believed = [t for t in found if accepted(t, chosen, task.model, tolerance)]
-    return sorted(believed, key=lambda t: -t.score)
 
 
 def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:

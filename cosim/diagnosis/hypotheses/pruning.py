@@ -1,4 +1,4 @@
-"""Causes taken out again: impossible, refuted, outweighed by what they leave, or more than the log can tell."""
+"""Causes taken out again: impossible, refuted, or more than the log can tell."""
 
 from cosim.diagnosis.fitting.bounds import impossible
 from cosim.diagnosis.fitting.fit import Task
@@ -6,8 +6,8 @@ from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.trials import Trial, of_usual_size, polished, tried_all, without
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.residuals.cross_validation import refuted
-from cosim.diagnosis.residuals.finding import Finding, unexplained
-from cosim.diagnosis.thresholds import INDISTINGUISHABLE, SYSTEMATIC, USUAL_SIZE
+from cosim.diagnosis.residuals.finding import Finding
+from cosim.diagnosis.thresholds import INDISTINGUISHABLE, USUAL_SIZE
 from fmus.contract import Effect
 
 
@@ -21,55 +21,11 @@ def confirmed(task: Task, chosen: Trial, null: Trial, tolerance: float) -> Trial
 
 
 def prune(finding: Finding, record: Record, tolerance: float) -> Finding:
-    """The finding without what explains less than it leaves, and what is more than the log can tell."""
-    if not finding.free:  # a model known only roughly leaves more than any cause explains
-        finding = drop_outweighed(finding, record, tolerance)
-        finding = simplified(finding, record, tolerance)
+    """The finding without what is more than the log can tell."""
     finding = moderated(finding, record, tolerance)
     # what is left of a set, or has taken its place, must hold in other windows as well
     held = confirmed(finding.task, finding.chosen, finding.null, tolerance)
     return finding if held is finding.chosen else finding.accept(held, record)
-
-
-def drop_outweighed(finding: Finding, record: Record, tolerance: float) -> Finding:
-    """The finding without causes that explain less than what stays unexplained."""
-    while out := outweighed(finding, tolerance):
-        finding = finding.accept(without(finding.task, finding.chosen, out, finding.null, tolerance), record)
-    return finding
-
-
-def outweighed(finding: Finding, tolerance: float) -> Effect | None:
-    """The least of the causes, if more is left unexplained than it explains: it may be what it imitates of that."""
-    left = sum(r.gain for r in finding.after.values() if r.p_value < SYSTEMATIC and r.held_out > 0.0)
-    if not finding.chosen.effects or left <= 0.0:
-        return None
-    losses = []
-    for effect in finding.chosen.effects:
-        fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance)
-        losses.append((finding.chosen.fit.log_likelihood - fewer.fit.log_likelihood, effect))
-    loss, effect = min(losses, key=lambda item: item[0])
-    return effect if loss < left else None
-
-
-def simplified(finding: Finding, record: Record, tolerance: float) -> Finding:
-    """The simplest effect in the place of a set, if the difference is less than what both leave unexplained.
-
-    Where even the best set leaves something, its law is known only nearly, and a difference smaller than what is left
-    tells nothing: friction of another form than the library's is friction, not a falling curve with more damping.
-    """
-    chosen, left = finding.chosen, unexplained(finding)
-    if not chosen.effects or left <= INDISTINGUISHABLE:
-        return finding
-    simpler = [
-        t
-        for t in finding.single
-        if t.price < chosen.price
-        and t.score > max(chosen.score - left, finding.null.score + left)
-        and not impossible(t, finding.task.model)
-    ]
-    in_order = sorted(simpler, key=lambda t: (t.price, -t.score))
-    best = next((t for t in in_order if not refuted(finding.task, t, finding.null, tolerance)), None)
-    return finding if best is None else finding.accept(polished(finding.task, best, tolerance), record)
 
 
 def moderated(finding: Finding, record: Record, tolerance: float) -> Finding:

@@ -32,11 +32,13 @@ from cosim.diagnosis.held_out.causes import (
     predicts_better,
     reconsider,
     refuse,
+    simpler,
 )
 from cosim.diagnosis.held_out.free_run import onward, refitted
 from cosim.diagnosis.hypotheses.exercised import never_exercised
 from cosim.diagnosis.hypotheses.naming import (
     Judge,
+    accepted,
     find,
     rivals,
     sizes_of,
@@ -77,6 +79,7 @@ from cosim.diagnosis.verdict.verdict import (
     Cause,
     Rest,
     adequate,
+    cause_of,
     causes,
     names_of,
     negligible,
@@ -412,11 +415,14 @@ def untenable_taken_back(found: Diagnosis, trust: float) -> bool:
         kept = tuple(e for e in others if unsure or borne_by_itself(finding, e))
         rest = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
         found.refused += [refused_unsure(finding, c, rest) for c in own if c.effect in unsure]
+        # held-out data have judged the simpler ones already
+        rest = rest if finding.borne else with_less(finding, unsure, rest, trust)
         finding = replace(
-            finding.accept(rest, found.record), rivals={}, confirmed=finding.confirmed and kept != ()
+            finding.accept(rest, found.record), rivals={}, confirmed=finding.confirmed and rest.effects != ()
         )
         found.findings[name] = finding
         found.causes = [c for c in found.causes if c not in own or c.effect in kept]
+        found.causes += [cause_of(finding, e, trust) for e in rest.effects if e not in kept]
         found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
     concluded(found)
     return taken
@@ -433,6 +439,17 @@ def least_sure(found: Diagnosis, effects: Sequence[Effect], model: GroupModel) -
     """The effect of whose size the last estimate says least, if that may be none: a name without a size helps nobody."""
     shares = {e: share_of_sure(found, e, model) for e in effects}
     return sorted((e for e, share in shares.items() if share < 1.0), key=lambda e: shares[e])[:1]
+
+
+def with_less(finding: Finding, gone: Sequence[Effect], rest: Trial, trust: float) -> Trial:
+    """What is left without an effect, with a simpler one that it holds in its place where that explains the log better.
+
+    Coulomb's level may be sure where a peak beside it is not, nor the two apart.
+    """
+    instead = [e for effect in gone for e in simpler(finding, effect) if e not in rest.effects]
+    sets = [tried(finding.task, (*rest.effects, e), trust, finding.chosen.fit) for e in instead]
+    better = [t for t in sets if accepted(t, rest, finding.task.model, trust)]
+    return max(better, key=lambda t: t.score, default=rest)
 
 
 def refused_unsure(finding: Finding, cause: Cause, without: Trial) -> Refused:

@@ -10,8 +10,8 @@ from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import Trial, without
 from cosim.diagnosis.record.signatures import SAMPLED
-from cosim.inference.held_out import HeldOutGain, gain_between, left_out, ratio_ci95, steps_without
-from cosim.inference.thresholds import FEWEST_PARTS, HELD_EVERY
+from cosim.inference.held_out import HeldOutGain, gain_between, left_out, steps_without
+from cosim.inference.thresholds import HELD_EVERY
 from fmus.contract import Effect
 
 Array = NDArray[np.float64]
@@ -61,25 +61,6 @@ def log_numbers(
         log = next(iter(rules.values())).log_of(count)
         rows.append(log[:-1][np.diff(log) == 0])
     return np.concatenate(rows)
-
-
-def errs_less(task: Task, one: Fit, other: Fit, demean: bool) -> bool:
-    """True if one fit leaves less of a group's first signal than another, by more than the choice of the windows may make.
-
-    Args:
-        task: data of the group.
-        one: a fit.
-        other: the one it is held against.
-        demean: what is constant over a window does not count.
-    """
-    signal = next(iter(task.measured))
-    squares = []
-    for fit_ in (one, other):
-        rows = task.rules[signal].windows(fit_.residuals[signal])
-        rows = rows - rows.mean(axis=1, keepdims=True) if demean else rows
-        parts = np.array_split(rows, -(-FEWEST_PARTS // len(rows)), axis=1)  # of few windows, for an interval
-        squares.append(np.concatenate([np.mean(part**2, axis=1) for part in parts]))
-    return ratio_ci95(*squares)[1] < 1.0
 
 
 def part(task: Task, mask: NDArray[np.bool_]) -> Task:

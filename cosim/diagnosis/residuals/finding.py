@@ -176,8 +176,3 @@ def gained(finding: Finding) -> float:
         white = finding.task.white(finding.task.residuals({}))
         null = min(null, -0.5 * float(white @ white))
     return finding.chosen.fit.log_likelihood - null
-
-
-def unexplained(finding: Finding) -> float:
-    """Log-likelihood that free functions still gain over the chosen effects: how far off their law may be."""
-    return sum(left.gain for left in finding.after.values() if left.p_value < SYSTEMATIC)
