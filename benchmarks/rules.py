@@ -331,7 +331,7 @@ GONE = (  # with what was measured before
     "hide what the library lacks, of 6 of the second simulator that do, and of 11 with friction of another form (seed "
     "20261129). Laws that may have another form leave it nothing to do.",
     "**A cause of which the free run leaves nothing sure is refused there, unless the run errs more without it** "
-    "(27 November 2026): the estimate of the whole refuses the same causes, the least sure one first. Of 12 real logs with "
+    "(27 November 2026): the estimate of the whole refuses the same causes, the least sure one first. Of 15 real logs with "
     "others held out it fired on none. Of four real logs alone it fired on two, EMPS and the small excavator's bucket, and "
     "both had the same names and refusals without it: what the exception had kept was refused next.",
     "**A second search without what held-out data refused** (25 November 2026): on four diagnoses of the excavator, an "
