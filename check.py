@@ -28,11 +28,12 @@ def steps(fix: bool, slow: bool, pytest_arguments: list[str]) -> dict[str, list[
         "format": ["ruff", "format", *([] if fix else ["--check"]), "."],
         "lint": ["ruff", "check", *(["--fix"] if fix else []), "."],
         "types": ["mypy"],
-        # a file stays with one of the two workers, as do its fixtures; tests/conftest.py orders the files
+        # three for two cores, because some tests wait. A file stays with one of them, as do its fixtures;
+        # tests/conftest.py orders the files
         "tests": [
             "pytest",
             "-n",
-            "2",
+            "3",
             "--dist",
             "loadfile",
             "--no-loadscope-reorder",
