@@ -56,6 +56,17 @@ def servo(folder: Path, late: float = LATE) -> tuple[Path, Path]:
     return file, mapping
 
 
+def recorded(
+    folder: Path, name: str, time: np.ndarray, command: np.ndarray, place: np.ndarray
+) -> tuple[Path, Path]:
+    """A log of a command and a place, and a mapping that says nothing of a demanded place."""
+    file, mapping = folder / f"{name}.csv", folder / f"{name}.toml"
+    rows = np.column_stack([time, command, place])
+    np.savetxt(file, rows, delimiter=",", comments="", header="t,u,x", fmt="%.6g")
+    mapping.write_text(PLAIN, encoding="utf-8")
+    return file, mapping
+
+
 @pytest.fixture
 def loaded(tmp_path: Path) -> tuple[Path, Log]:
     file, mapping = servo(tmp_path)
@@ -121,17 +132,7 @@ def test_a_place_whose_sum_of_commands_goes_the_other_way_is_no_reversed_sign(tm
     """A slow sine and what holds it: the sum of the command falls where the place rises."""
     t = STEP * np.arange(1000)
     goal = np.sin(2.0 * np.pi * 0.25 * t)
-    file = tmp_path / "sine.csv"
-    np.savetxt(
-        file,
-        np.column_stack([t, goal, np.roll(goal, 3)]),
-        delimiter=",",
-        comments="",
-        header="t,u,x",
-        fmt="%.6g",
-    )
-    mapping = tmp_path / "sine.toml"
-    mapping.write_text(PLAIN, encoding="utf-8")
+    file, mapping = recorded(tmp_path, "sine", t, goal, np.roll(goal, 3))
     with pytest.raises(DataError, match='say command = "place" in \\[machine\\]'):
         machine_of(None, load_log(file, mapping), mapping)
 
@@ -143,17 +144,7 @@ def test_no_static_curve_of_speed_is_asked_of_it(loaded, tmp_path):
     # nor where the mapping does not say so; stamps that are 30 ms late make its speed go against the sine
     t = STEP * np.arange(6000)
     goal = np.sin(2.0 * np.pi * 0.25 * t)
-    file = tmp_path / "long.csv"
-    np.savetxt(
-        file,
-        np.column_stack([t, goal, np.roll(goal, -3)]),
-        delimiter=",",
-        comments="",
-        header="t,u,x",
-        fmt="%.6g",
-    )
-    other = tmp_path / "long.toml"
-    other.write_text(PLAIN, encoding="utf-8")
+    file, other = recorded(tmp_path, "long", t, goal, np.roll(goal, -3))
     with pytest.raises(DataError, match="follows the command itself and stays with it"):
         drive_answer([load_log(file, other)], load_mapping(other), None, None)
 
@@ -162,12 +153,7 @@ def test_a_drive_that_goes_on_while_its_command_lasts_is_no_place(tmp_path):
     t = STEP * np.arange(4000)
     command = np.repeat(np.random.default_rng(6).uniform(-1.0, 1.0, 80), 50)
     lagged = np.convolve(command, np.exp(-np.arange(60) * STEP / 0.1))[: t.size]
-    file = tmp_path / "drive.csv"
-    np.savetxt(
-        file, np.column_stack([t, command, np.cumsum(lagged)]), delimiter=",", comments="", header="t,u,x"
-    )
-    mapping = tmp_path / "drive.toml"
-    mapping.write_text(PLAIN, encoding="utf-8")
+    file, mapping = recorded(tmp_path, "drive", t, command, np.cumsum(lagged))
     log = load_log(file, mapping)
     assert not itself(prepare(log, machine_of(None, log, mapping)), "u", "slew")
 

@@ -31,13 +31,13 @@
 
 #include "saved.h"
 
+#include "stepping.h"
+
 #include "exchange.h"
 
 #include "life.h"
 
 #include "values.h"
-
-#include "stepping.h"
 
 #if FMI_VERSION == 3
 #include "fmi3.h"

@@ -35,12 +35,12 @@ typedef struct {
     double time; /* at which the simulation starts, then of the last step's end */
     double step; /* that the coefficients belong to */
     double motion; /* between two events of model exchange, by the model's own numbers */
-    double begun_at, samples; /* of what is sampled in model exchange: its start, and the number of the next sample */
-    double held[N_INPUTS + 1]; /* its inputs at the last sample */
     double values[N_VARIABLES];
     int slopes; /* an input's derivative is set for the next step, which FMI 2.0 alone allows */
     double derivatives[N_INPUTS + 1][ORDERS];
     Model model;
+    double begun_at, samples; /* of what is sampled in model exchange: its start, and the number of the next sample */
+    double held[N_INPUTS + 1]; /* its inputs at the last sample */
 } Instance;
 
 /* The next number up, in size, of as many digits. */

@@ -57,25 +57,14 @@ static Status prepare(Instance *I, double time, double step) {
     return STATUS_OK;
 }
 
-static Status make_step(Instance *I, double time, double step) {
-    double outputs[N_OUTPUTS], moved[N_INPUTS + 1], *inputs;
+/* The step from `time` to `end` with these inputs, in co-simulation and at a sample of model exchange. */
+static Status step_with(Instance *I, const double inputs[], double time, double end) {
+    double outputs[N_OUTPUTS];
     char a[NUMBER_SIZE], b[NUMBER_SIZE], text[160];
     double sizes = 0.0;
     int k, fault = PY_NO_FAULT;
-    if (I->failed || prepare(I, time, step) != STATUS_OK) {
-        return STATUS_ERROR;
-    }
-    inputs = I->values;
-    if (I->slopes) {
-        if (move_inputs(I, step, moved) != STATUS_OK) {
-            return STATUS_ERROR;
-        }
-        inputs = moved;
-        I->slopes = 0;
-        memset(I->derivatives, 0, sizeof I->derivatives);
-    }
     memcpy(outputs, I->values + N_INPUTS, sizeof outputs);
-    model_step(&I->model, inputs, outputs, time + step, &fault);
+    model_step(&I->model, inputs, outputs, end, &fault);
     if (fault) {
         snprintf(text, sizeof text, "the step at t = %s s", number(time, a));
         return refuse_fault(I, text, fault);
@@ -90,6 +79,26 @@ static Status make_step(Instance *I, double time, double step) {
         }
     }
     memcpy(I->values + N_INPUTS, outputs, sizeof outputs);
+    return STATUS_OK;
+}
+
+static Status make_step(Instance *I, double time, double step) {
+    double moved[N_INPUTS + 1], *inputs;
+    if (I->failed || prepare(I, time, step) != STATUS_OK) {
+        return STATUS_ERROR;
+    }
+    inputs = I->values;
+    if (I->slopes) {
+        if (move_inputs(I, step, moved) != STATUS_OK) {
+            return STATUS_ERROR;
+        }
+        inputs = moved;
+        I->slopes = 0;
+        memset(I->derivatives, 0, sizeof I->derivatives);
+    }
+    if (step_with(I, inputs, time, time + step) != STATUS_OK) {
+        return STATUS_ERROR;
+    }
     I->begun = 1;
     I->time = time + step;
     return STATUS_OK;

@@ -51,7 +51,7 @@ static Status get_reals(Instance *I, const Reference r[], size_t n, double value
     if (I->mode == INITIALISING && !I->begun) {
         status = begin(I);
     }
-    if (I->exchange && !SAMPLED && I->mode == RUNNING && !I->begun && !I->failed) {
+    if (I->exchange && I->mode == RUNNING && !I->begun && !I->failed) {
         double rates[N_STATES + 1];
         status = refresh(I, rates);
         I->begun = status == STATUS_OK;
