@@ -12,7 +12,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import ablation, real_logs
+from benchmarks import ablation, real_logs, third_log
 from benchmarks.rules import RULES, STAYS, Rule, empty, first, yes
 from cosim.diagnosis.residuals.local import NO_EVENT
 
@@ -85,6 +85,29 @@ def test_all_duties_of_one_pose_are_held_against_those_of_the_other(excavator, t
     }
     low = tuple(f"boom-up-{duty}-L-single" for duty in (50, 70, 90))
     assert found == {low: ["boom-up-50-H-single"], ("boom-up-50-H-single",): list(low)}
+
+
+def test_a_third_log_had_no_share_in_a_case(excavator, tmp_path):
+    for name in ("boom-dn-50-L-single", "boom-up-50-H-coupled"):
+        (tmp_path / "excavator" / f"{name}.csv").touch()
+    case = excavator.Case("excavator", "boom up", "", ("excavator/boom-up-50-L-single.csv",), ())
+    found = third_log.further_logs(replace(case, held=("excavator/boom-up-90-L-single.csv",)))
+    assert [Path(f).stem for f in found] == [
+        "boom-up-50-H-coupled",
+        "boom-up-70-L-single",
+    ]  # none of the way down
+
+
+def test_shares_that_a_third_log_bears_out():
+    named = [third_log.Asked("", "", "", True, True, 0.5, 0.1, third) for third in (0.4, 0.3, -0.1)]
+    refused = [third_log.Asked("", "", "", False, True, 0.1, -0.3, third) for third in (0.2, -0.2)]
+    assert third_log.share(named).startswith("2 of 3")
+    assert third_log.share([]) == "none"
+    by_causes, by_certainty = third_log.tables([*named, *refused])
+    cells = [[*column.cells] for column in by_causes.columns]
+    assert [c.split(" (")[0] for c in cells[1]] == ["2 of 3", "1 of 2", "3 of 5"]
+    cells = [[*column.cells] for column in by_certainty.columns]
+    assert [c.split(" (")[0] for c in cells[1]] == ["none", "1 of 2", "none", "2 of 3"]
 
 
 def test_an_interrupted_run_goes_on(excavator, tmp_path, monkeypatch):

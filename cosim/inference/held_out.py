@@ -12,12 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from cosim.inference.thresholds import ANCHOR, MANY_BLOCKS, MOST_BLOCKS, STANDS
+from cosim.inference.thresholds import ANCHOR, ASKED_FOR, MANY_BLOCKS, MOST_BLOCKS, STANDS
 
 Array = NDArray[np.float64]
 
 TINY = 1e-9  # of a regressor's square: keeps what is nearly collinear solvable
 RESAMPLED = 2000  # times the windows, for the interval of a ratio of errors
+OUTSIDE = 0.05  # share outside a 95 % interval
+# one tail q for which the odds (1 - q) / q, times those of what is asked for, are those of a 95 % interval's tail
+OUTSIDE_ASKED = 2.0 / (1.0 + (2.0 / OUTSIDE - 1.0) * (1.0 - ASKED_FOR) / ASKED_FOR)
 SPANS = 32  # of a part, over each of which the means of two errors are compared
 
 
@@ -31,19 +34,34 @@ class HeldOutGain:
             where nobody knows it.
         repetitions: blocks of which the deviation was learned; infinite where there are many.
         ends: of the 95 % interval, where that does not follow from the deviation.
+        asked_ends: of the interval for what the fitted data ask for (`borne_out`), likewise.
     """
 
     gain: float
     deviation: float = float("nan")
     repetitions: float = float("inf")
     ends: tuple[float, float] | None = None
+    asked_ends: tuple[float, float] | None = None
 
     @property
     def ci95(self) -> tuple[float, float]:
         """95 % interval; of few repetitions Student's."""
         if self.ends is not None:
             return self.ends
-        reach = self.deviation * quantile(self.repetitions)
+        return self._interval(OUTSIDE)
+
+    @property
+    def asked(self) -> tuple[float, float]:
+        """Interval that excludes no gain where one that the fitted data ask for is as sure as `sure` says of any."""
+        return self.asked_ends if self.asked_ends is not None else self._interval(OUTSIDE_ASKED)
+
+    @property
+    def decided(self) -> tuple[float, float]:
+        """The interval that decides whether a cause is named: `asked` where other data judge what a log has asked for."""
+        return self.ci95 if self.asked_ends is None else self.asked
+
+    def _interval(self, outside: float) -> tuple[float, float]:
+        reach = self.deviation * quantile(self.repetitions, outside)
         return self.gain - reach, self.gain + reach
 
     @property
@@ -51,10 +69,19 @@ class HeldOutGain:
         """True if the interval excludes no gain."""
         return self.ci95[0] > 0.0
 
+    @property
+    def borne_out(self) -> bool:
+        """True if no gain is excluded of what the fitted data ask for.
 
-def quantile(repetitions: float) -> float:
-    """Deviations of a 95 % interval on either side; of few repetitions Student's."""
-    return float(student.ppf(0.975, repetitions))
+        Before held-out data are looked at such a cause is likelier than not to help on them (`ASKED_FOR`); by Bayes' rule
+        less is needed for the same certainty than of one that nothing speaks for.
+        """
+        return self.asked[0] > 0.0
+
+
+def quantile(repetitions: float, outside: float = OUTSIDE) -> float:
+    """Deviations of an interval on either side that leaves this share outside; of few repetitions Student's."""
+    return float(student.ppf(1.0 - outside / 2.0, repetitions))
 
 
 def steps_without(rows: Array, slopes: Array, block: NDArray[np.int64]) -> Array:
@@ -119,27 +146,27 @@ def contrast(one: Array, other: Array) -> Array:
     return np.asarray(0.5 * (np.log(other + scale) - np.log(one + scale)))
 
 
-def smaller_by(one: Array, other: Array) -> tuple[float, tuple[float, float]]:
-    """Mean `contrast` of two errors, and its 95 % interval by resampling parts, those side by side kept together."""
+def smaller_by(one: Array, other: Array, outside: float = OUTSIDE) -> tuple[float, tuple[float, float]]:
+    """Mean `contrast` of two errors, and its interval by resampling parts, those side by side kept together."""
     found = contrast(one, other)
     blocks = np.array_split(found, min(found.size, MOST_BLOCKS))
     sums, sizes = (np.array([f(b) for b in blocks], float) for f in (np.sum, np.size))
     rows = np.random.default_rng(1).integers(0, sums.size, (RESAMPLED, sums.size))
     means = sums[rows].sum(axis=1) / sizes[rows].sum(axis=1)
-    low, high = np.quantile(means, [0.025, 0.975])
+    low, high = np.quantile(means, [outside / 2.0, 1.0 - outside / 2.0])
     return float(found.mean()), (float(low), float(high))
 
 
-def smaller_in_size(one: Array, other: Array) -> tuple[float, tuple[float, float]]:
+def smaller_in_size(one: Array, other: Array, outside: float = OUTSIDE) -> tuple[float, tuple[float, float]]:
     """As `smaller_by`, by the logarithm of the ratio of the two RMSE: for the parts of one run whose place counts."""
     ratio = float(np.sqrt(one.sum() / max(float(other.sum()), 1e-300)))
-    low, high = ratio_ci95(one, other)
+    low, high = ratio_interval(one, other, outside)
     gain, least, most = (-float(np.log(max(r, 1e-300))) for r in (ratio, high, low))
     return gain, (least, most)
 
 
-def as_excited(richer: Array, poorer: Array, apart: Array) -> tuple[float, float]:
-    """95 % interval of the logarithm of the ratio of two RMSE, the excitation taken as given.
+def as_excited(richer: Array, poorer: Array, apart: Array, outside: float = OUTSIDE) -> tuple[float, float]:
+    """Interval of the logarithm of the ratio of two RMSE, the excitation taken as given.
 
     As in `gain_between` a part gains d'd/2 + d'e, and only the second is chance: an end of travel that a machine meets in
     one part of the data is there, though resampled parts often lack that one. Errors of one run are slow: within a part
@@ -151,11 +178,12 @@ def as_excited(richer: Array, poorer: Array, apart: Array) -> tuple[float, float
         richer: (parts,) mean square of the error e with the effect.
         poorer: (parts,) the same without it.
         apart: (parts,) mean square of the difference d of the two errors, or of what is slow of it.
+        outside: share that the interval leaves outside.
     """
     # they differ at least by the difference of their sizes
     spread = richer * np.maximum(apart, (np.sqrt(poorer) - np.sqrt(richer)) ** 2)
     repetitions = float(spread.sum() ** 2 / max(np.sum(spread**2), 1e-300))
-    reach = float(np.sqrt(spread.sum())) * quantile(max(repetitions, 1.0))
+    reach = float(np.sqrt(spread.sum())) * quantile(max(repetitions, 1.0), outside)
     gain, left = 0.5 * float(np.sum(poorer - richer)), max(float(np.sum(richer)), 1e-300)
     low, high = (0.5 * float(np.log(max(1.0 + 2.0 * g / left, 1e-300))) for g in (gain - reach, gain + reach))
     return low, high
@@ -174,10 +202,13 @@ def gain_of_errors(
             little, and what one shows by far, are both sure: of the two intervals that with the higher lower end holds.
     """
     parts = min(richer.size, MOST_BLOCKS)
-    gain, ends = (smaller_in_size if placed else smaller_by)(richer, poorer)
-    if placed and apart is not None:
-        ends = max(ends, as_excited(richer, poorer, apart))
-    return HeldOutGain(parts * gain, ends=(parts * ends[0], parts * ends[1]))
+    found = []
+    for outside in (OUTSIDE, OUTSIDE_ASKED):
+        gain, ends = (smaller_in_size if placed else smaller_by)(richer, poorer, outside)
+        if placed and apart is not None:
+            ends = max(ends, as_excited(richer, poorer, apart, outside))
+        found.append((parts * ends[0], parts * ends[1]))
+    return HeldOutGain(parts * gain, ends=found[0], asked_ends=found[1])
 
 
 def course_of(error: Array, parts: int) -> Array:
@@ -207,12 +238,17 @@ def mean_squares(error: Array, parts: int, anew: bool = False, cuts: tuple[int, 
 
 
 def ratio_ci95(one: Array, other: Array) -> tuple[float, float]:
-    """95 % interval of the ratio of two RMSE, from paired mean squares (windows,), windows side by side kept together."""
+    """As `ratio_interval`, of 95 %."""
+    return ratio_interval(one, other, OUTSIDE)
+
+
+def ratio_interval(one: Array, other: Array, outside: float) -> tuple[float, float]:
+    """Interval of the ratio of two RMSE, from paired mean squares (windows,), windows side by side kept together."""
     parts = min(one.size, MOST_BLOCKS)
     sums = [np.array([part.sum() for part in np.array_split(values, parts)]) for values in (one, other)]
     rows = np.random.default_rng(1).integers(0, parts, (RESAMPLED, parts))
     above, below = (total[rows].sum(axis=1) for total in sums)
     # of errors that are none a ratio is large, and a number all the same
     ratios = np.sqrt(above / np.maximum(below, np.maximum(1e-30 * above, 1e-300)))
-    low, high = np.quantile(ratios, [0.025, 0.975])
+    low, high = np.quantile(ratios, [outside / 2.0, 1.0 - outside / 2.0])
     return float(low), float(high)

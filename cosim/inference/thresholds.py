@@ -107,6 +107,13 @@ FEWEST_PARTS: Annotated[
     "of one or two an interval would be empty",
     "not measured by itself",
 ] = 8
+ASKED_FOR: Annotated[
+    float,
+    "share",
+    "causes that a fitted log asks for which a further log of the machine bears out",
+    "what is known before held-out data are looked at; with it they decide by Bayes' rule",
+    "third logs of an excavator and a small one (benchmarks/third_log.py)",
+] = 0.8
 MOST_BLOCKS: Annotated[
     int,
     "parts",

@@ -98,7 +98,7 @@ def test_what_goes_by_small_steps_goes_no_further_than_one_step_might() -> None:
     rng = np.random.default_rng(3)
     noise = rng.normal(size=(2, 24))
     noise = (noise - noise.mean(axis=1, keepdims=True)) / noise.std(axis=1, keepdims=True)
-    fewer, none = 0.05 * np.cumsum(1.6 / np.sqrt(24) + noise, axis=0)
+    fewer, none = 0.05 * np.cumsum(1.0 / np.sqrt(24) + noise, axis=0)
     logs = {2: np.zeros(24), 1: fewer, 0: none}
 
     def step(effects: tuple[Effect, ...]) -> Step:
@@ -112,7 +112,25 @@ def test_what_goes_by_small_steps_goes_no_further_than_one_step_might() -> None:
     assert found.effects == (COULOMB,)
     # what decided: the two against none
     assert borne(found, COULOMB, step) == step(named).gain_over(step(()))
-    assert borne(found, COULOMB, step).sure
+    assert borne(found, COULOMB, step).borne_out
+
+
+def test_what_the_fitted_log_asks_for_needs_less_than_an_exchange() -> None:
+    """The same errors: a cause more is borne out by them, another cause in its place is not clearly better."""
+    noise = np.random.default_rng(3).normal(size=24)
+    noise = (noise - noise.mean()) / noise.std()
+    poorer = np.exp(2.0 * 0.05 * (1.6 / np.sqrt(24) + noise))  # 1.6 standard errors from none
+    one, both, other = (
+        Step(effects, FIT, 1.0, 1.0, squares=squares)
+        for effects, squares in (
+            ((COULOMB,), poorer),
+            ((COULOMB, BACKLASH), np.ones(24)),
+            ((BACKLASH,), np.ones(24)),
+        )
+    )
+    assert both.clearly_better(one)
+    assert not other.clearly_better(one)
+    assert not both.gain_over(one).sure
 
 
 def test_a_cause_does_not_go_where_a_simpler_one_in_its_place_is_about_as_good() -> None:
@@ -120,7 +138,7 @@ def test_a_cause_does_not_go_where_a_simpler_one_in_its_place_is_about_as_good()
     rng = np.random.default_rng(3)
     noise = rng.normal(size=(2, 24))
     noise = (noise - noise.mean(axis=1, keepdims=True)) / noise.std(axis=1, keepdims=True)
-    simple, none = 0.05 * np.cumsum(1.6 / np.sqrt(24) + noise, axis=0)
+    simple, none = 0.05 * np.cumsum(1.0 / np.sqrt(24) + noise, axis=0)
     logs = {(STRIBECK,): np.zeros(24), (COULOMB,): simple, (): none}
 
     def step(effects: tuple[Effect, ...]) -> Step:

@@ -134,11 +134,9 @@ def test_the_excavators_drive(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_crane_actuators_load_rings_or_cannot_be_told_from_what_is_named(tmp_path: Path) -> None:
+def test_the_crane_actuators_load_rings(tmp_path: Path) -> None:
     result = found(tmp_path, "actuator_forest_crane", "actuator_forest_crane/actuator.mat")
-    # the held-out samples do not clearly bear the ringing out: rounding decides whether it is named, and 0.53 or 0.71 left
-    told = {c.effect for c in result.causes} | {n for c in result.causes for n in c.indistinguishable_from}
-    assert "continuity.travel_flow" in told
+    assert "continuity.travel_flow" in {c.effect for c in result.causes}
     # linear models reach 1.01 in a free run over samples 513 to 1024, a four-branch Hammerstein model 0.61
-    assert result.gain["pressure"].rmse_after < 0.75
+    assert result.gain["pressure"].rmse_after < 0.61
     assert any("counts samples" in note for note in result.warnings)

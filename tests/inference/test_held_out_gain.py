@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import norm
 from scipy.stats import t as student
 
 from cosim.inference.held_out import (
+    OUTSIDE_ASKED,
     HeldOutGain,
     as_excited,
     contrast,
@@ -17,6 +19,7 @@ from cosim.inference.held_out import (
     smaller_by,
     steps_without,
 )
+from cosim.inference.thresholds import ASKED_FOR
 
 Array = NDArray[np.float64]
 BLOCK = np.repeat(np.arange(10), 30)
@@ -94,8 +97,30 @@ def test_a_gain_is_sure_where_its_interval_excludes_none() -> None:
     assert not HeldOutGain(-0.5, 0.01).sure
 
 
+def test_what_fitted_data_ask_for_is_borne_out_by_less() -> None:
+    """At the end of its interval the odds, with those of before, are those of any cause at the end of 95 %."""
+    tail = 0.5 * OUTSIDE_ASKED
+    assert (1.0 - tail) / tail * ASKED_FOR / (1.0 - ASKED_FOR) == pytest.approx(0.975 / 0.025)
+    reach = norm.ppf(1.0 - tail)
+    assert HeldOutGain(0.5, 0.499 / reach).borne_out
+    assert not HeldOutGain(0.5, 0.499 / reach).sure
+    assert not HeldOutGain(0.5, 0.501 / reach).borne_out
+    assert not HeldOutGain(-0.5, 0.01).borne_out
+
+
+def test_of_causes_at_the_edge_of_being_borne_out_one_in_forty_does_not_help() -> None:
+    """Of many causes, as many of which help as is said, those whose measured gain is just enough to be named."""
+    rng = np.random.default_rng(12)
+    helps = rng.random(2_000_000) < ASKED_FOR
+    true = np.where(helps, 1.0, -1.0) * rng.uniform(0.0, 8.0, helps.size)
+    measured = true + rng.standard_normal(helps.size)
+    edge = np.abs(measured - norm.ppf(1.0 - 0.5 * OUTSIDE_ASKED)) < 0.05
+    assert np.mean(~helps[edge]) == pytest.approx(0.025, abs=0.004)
+
+
 def test_an_unknown_deviation_is_never_sure() -> None:
     assert not HeldOutGain(10.0).sure
+    assert not HeldOutGain(10.0).borne_out
 
 
 def test_the_ratio_of_equal_errors_includes_one_and_of_halves_does_not() -> None:

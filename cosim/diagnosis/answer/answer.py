@@ -189,7 +189,7 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         Rival(effect=name, why_not=reason(behind, name in cause.indistinguishable))
         for name, behind in list(nearest.items())[:8]
     ]
-    low, high = cause.held_out.ci95
+    low, high = cause.held_out.decided
     evidence = {
         "log_likelihood_gain": cause.gain,
         "held_out_gain": cause.held_out.gain,

@@ -150,8 +150,12 @@ class Step:
         return not self.unsure
 
     def clearly_better(self, other: "Step") -> bool:
-        """True if the difference on held-out data is more than the choice of these windows may have made."""
-        return self.sure and self.gain_over(other).sure
+        """True if the difference on held-out data is more than the choice of these windows may have made.
+
+        Of what this set has beyond another the fitted log has asked for, which counts, too.
+        """
+        gain = self.gain_over(other)
+        return self.sure and (gain.borne_out if {*other.effects} < {*self.effects} else gain.sure)
 
     def about_as_good(self, other: "Step") -> bool:
         """True if another set is not clearly better on held-out data, or by so little that nobody would mind."""
@@ -247,7 +251,7 @@ def compared(task: Task, held: Held) -> str:
 def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) -> HeldOutGain:
     """What is lost on held-out data where an effect is left out of a set: over this set, or one above it that is surer."""
     fewer = step(tuple(e for e in at.effects if e != effect))
-    return max((s.gain_over(fewer) for s in (at, *at.above)), key=lambda gain: gain.ci95[0])
+    return max((s.gain_over(fewer) for s in (at, *at.above)), key=lambda gain: gain.asked[0])
 
 
 def loss(finding: Finding, effect: Effect, tolerance: float) -> float:
@@ -475,7 +479,7 @@ def reconsider(
                 break
             instead[other] = step((*rest, other))
         cause = min(
-            (e for e, s in instead.items() if s.clearly_better(best)),
+            (e for e, s in instead.items() if not best.about_as_good(s)),
             key=lambda e: instead[e].fitted,
             default=effect,
         )
@@ -484,7 +488,7 @@ def reconsider(
             taken = tuple(cause if e == effect else e for e in taken)
         bare = step(rest)
         undecided = [e for e, s in instead.items() if may_stand(e, s, bare, best)]
-        proven = [e for e in undecided if instead[e].gain_over(bare).sure]
+        proven = [e for e in undecided if instead[e].gain_over(bare).borne_out]
         told[cause.name] = [e.name for e in undecided]
         # should the set be kept as it was: what took its place is the first that may stand there
         first = [cause] if cause != effect else []
@@ -533,7 +537,7 @@ def may_stand(other: Effect, instead: Step, bare: Step, at: Step) -> bool:
         at: the set with the cause.
     """
     gained = instead.gain_over(bare)
-    gains = gained.sure or (gained.gain > 0.0 and instead.fitted < at.fitted)
+    gains = gained.borne_out or (gained.gain > 0.0 and instead.fitted < at.fitted)
     return other.name not in instead.unsure and gains and instead.about_as_good(at)
 
 
@@ -588,7 +592,7 @@ def balanced(
             for effect in at.effects:
                 rest = tuple(e for e in at.effects if e != effect)
                 more = [step((*rest, e)) for e, _ in indistinguishable(finding, effect) if e not in rest]
-                better += [s for s in more if s.clearly_better(at)]
+                better += [s for s in more if not at.about_as_good(s)]
             if not better:
                 better = [s for s in map(step, pairs(finding, at.effects, waiting)) if s.clearly_better(at)]
             # the one that describes the fitting log best, of those that held-out data bear out

@@ -478,7 +478,7 @@ def known_in(found: Diagnosis, effect: Effect) -> bool:
 
 def borne_by_itself(finding: Finding, effect: Effect) -> bool:
     """True if data held out are sure to be predicted better with an effect."""
-    return effect.name in finding.borne and finding.borne[effect.name].sure
+    return effect.name in finding.borne and finding.borne[effect.name].borne_out
 
 
 def taken_back(found: Diagnosis, folder: Path, trust: float) -> None:
