@@ -124,6 +124,30 @@ class Program:
         return rated(text) if self.with_rates else text
 
 
+_translated: dict[tuple[object, ...], Program] = {}
+KEPT = 256  # programs that are remembered
+
+
+def program_of(
+    composed: Composed,
+    prefix: str,
+    called: Mapping[str, tuple[str | Kind, ...]] = CO_SIMULATION,
+    with_rates: bool = False,
+) -> Program:
+    """The program of a block, translated once a process: FMUs of several packages and versions hold the same text.
+
+    Raises:
+        ModelError: an equation of the block or of one of its effects has no translation.
+    """
+    lists = tuple(n for n, item in composed.memory.items() if isinstance(item, Buffer))
+    key = composed.source, composed.block.title, lists, prefix, tuple(called.items()), with_rates
+    if key not in _translated:
+        if len(_translated) >= KEPT:
+            _translated.clear()
+        _translated[key] = Program(composed, prefix, called, with_rates)
+    return _translated[key]
+
+
 LITERAL = re.compile(r"(?<![\w.)])-?(?:\d+\.\d+(?:e[-+]?\d+)?|\d+e[-+]?\d+|HUGE_VAL|NAN)\b")
 
 
