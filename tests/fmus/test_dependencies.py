@@ -85,6 +85,7 @@ def test_what_was_asked_before_changes_no_answer():
         timed, plain = at_start(stimulus, time=True), at_start(stimulus)
         assert time in frozenset().union(*timed.values())
         assert time not in frozenset().union(*plain.values())
+        assert plain.keys() == timed.keys()
         plain.clear()
     assert at_start(composed_block("reference")) != at_start(stimulus)
 
