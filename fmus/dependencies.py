@@ -7,8 +7,8 @@ small, and too large only where terms cancel.
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import wraps
+from dataclasses import dataclass, field
+from functools import lru_cache, wraps
 
 from fmus.compose import Composed
 from fmus.contract import Buffer
@@ -35,22 +35,24 @@ class Fields:
 
 Value = Names | Row | Fields
 LAYOUTS = ("Input", "Output", "State", "Memory", "Parameters", "Coefficients")
-KEPT = 256  # answers of one question that are remembered
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A composed block, equal to any other of the same text and names."""
+
+    known_by: tuple[object, ...]
+    composed: Composed = field(compare=False)
 
 
 def _once(question: Callable[..., dict[str, Names]]) -> Callable[..., dict[str, Names]]:
     """A question that is answered once for blocks of the same text: FMUs of several packages and versions ask it again."""
-    known: dict[tuple[object, ...], dict[str, Names]] = {}
+    kept = lru_cache(maxsize=256)(lambda asked, **more: question(asked.composed, **more))
 
     @wraps(question)
     def answered(composed: Composed, **more: bool) -> dict[str, Names]:
         names = (composed.block.inputs, composed.inputs, composed.parameters)
-        key = composed.source, *map(tuple, names), tuple(more.items())
-        if key not in known:
-            if len(known) >= KEPT:
-                known.clear()
-            known[key] = question(composed, **more)
-        return dict(known[key])
+        return dict(kept(_Asked((composed.source, *map(tuple, names)), composed), **more))
 
     return answered
 

@@ -9,6 +9,8 @@ same (tests/native/test_native_twin.py). What cannot be translated is refused wi
 import ast
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 from cosim.errors import ModelError
 from cosim.native.expressions import FAILING, SAFE, TESTS, RefusedError
@@ -124,8 +126,19 @@ class Program:
         return rated(text) if self.with_rates else text
 
 
-_translated: dict[tuple[object, ...], Program] = {}
-KEPT = 256  # programs that are remembered
+@dataclass(frozen=True)
+class _Woven:
+    """A composed block, equal to any other of the same text."""
+
+    known_by: tuple[object, ...]
+    composed: Composed = field(compare=False)
+
+
+@lru_cache(maxsize=256)
+def _translated(
+    woven: _Woven, prefix: str, called: tuple[tuple[str, tuple[str | Kind, ...]], ...], with_rates: bool
+) -> Program:
+    return Program(woven.composed, prefix, dict(called), with_rates)
 
 
 def program_of(
@@ -140,12 +153,8 @@ def program_of(
         ModelError: an equation of the block or of one of its effects has no translation.
     """
     lists = tuple(n for n, item in composed.memory.items() if isinstance(item, Buffer))
-    key = composed.source, composed.block.title, lists, prefix, tuple(called.items()), with_rates
-    if key not in _translated:
-        if len(_translated) >= KEPT:
-            _translated.clear()
-        _translated[key] = Program(composed, prefix, called, with_rates)
-    return _translated[key]
+    woven = _Woven((composed.source, composed.block.title, lists), composed)
+    return _translated(woven, prefix, tuple(called.items()), with_rates)
 
 
 LITERAL = re.compile(r"(?<![\w.)])-?(?:\d+\.\d+(?:e[-+]?\d+)?|\d+e[-+]?\d+|HUGE_VAL|NAN)\b")
