@@ -21,18 +21,18 @@ whose name nobody knows yet, or which leave work to a loop of events that would 
 
 
 class _Struck:
-    """What the handlers of `stoppable` know; only the main thread gets signals.
+    """What the handlers of `stoppable` and `often_uninterrupted` know; only the main thread gets signals.
 
     Attributes:
         waits: they are set, and wait for compiled code by themselves.
         inside: compiled code runs.
-        came: a signal that must end everything came meanwhile.
+        came: what is to be done once it ends, for the first signal that came meanwhile.
         raised: the last signal that raised a KeyboardInterrupt.
     """
 
     waits = False
     inside = False
-    came = False
+    came: Callable[[], object] | None = None
     raised: int | None = None
 
 
@@ -49,9 +49,9 @@ def uninterrupted() -> Iterator[None]:
             yield
         finally:
             _Struck.inside = before
-            if _Struck.came and not before:
-                _Struck.came = False
-                raise KeyboardInterrupt
+            if not before and (strike := _Struck.came) is not None:
+                _Struck.came = None
+                strike()
         return
     handlers = {s: h for s in HANDLED if callable(h := signal.getsignal(s))}
     came: list[int] = []
@@ -65,6 +65,37 @@ def uninterrupted() -> Iterator[None]:
         if came:
             # the frame of now, when nothing is in the way any more
             handlers[signal.Signals(came[0])](came[0], inspect.currentframe())
+
+
+@contextmanager
+def often_uninterrupted() -> Iterator[None]:
+    """Within this context `uninterrupted` takes next to no time: handlers are set once, not around each of many runs."""
+    if threading.current_thread() is not threading.main_thread() or _Struck.waits:
+        yield
+        return
+    handlers = {s: h for s in HANDLED if callable(h := signal.getsignal(s))}
+
+    def struck(number: int, frame: FrameType | None) -> None:
+        handler = handlers[signal.Signals(number)]
+        if not _Struck.inside:
+            handler(number, frame)
+        elif _Struck.came is None:
+            # the frame of then, when nothing is in the way any more
+            _Struck.came = lambda: handler(number, inspect.currentframe())
+
+    try:
+        with ExitStack() as stack:  # a signal may strike between any two of these
+            for number, handler in handlers.items():
+                stack.callback(signal.signal, number, handler)
+                signal.signal(number, struck)
+            _Struck.waits = True
+            yield
+    finally:
+        _Struck.waits, _Struck.came = False, None
+
+
+def _interrupt() -> None:
+    raise KeyboardInterrupt
 
 
 @contextmanager
@@ -83,7 +114,7 @@ def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
         if stop():
             return
         if _Struck.inside:
-            _Struck.came = True
+            _Struck.came = _interrupt
             return
         _Struck.raised = number
         raise KeyboardInterrupt
@@ -94,7 +125,7 @@ def stoppable(stop: Callable[[], bool]) -> Iterator[None]:
     try:
         yield
     finally:
-        _Struck.waits = _Struck.came = False
+        _Struck.waits, _Struck.came = False, None
         for number, handler in before.items():
             signal.signal(number, handler)
 

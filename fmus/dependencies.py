@@ -6,8 +6,9 @@ small, and too large only where terms cancel.
 """
 
 import ast
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache, wraps
 
 from fmus.compose import Composed
 from fmus.contract import Buffer
@@ -36,6 +37,27 @@ Value = Names | Row | Fields
 LAYOUTS = ("Input", "Output", "State", "Memory", "Parameters", "Coefficients")
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """A composed block, equal to any other of the same text and names."""
+
+    known_by: tuple[object, ...]
+    composed: Composed = field(compare=False)
+
+
+def _once(question: Callable[..., dict[str, Names]]) -> Callable[..., dict[str, Names]]:
+    """A question that is answered once for blocks of the same text: FMUs of several packages and versions ask it again."""
+    kept = lru_cache(maxsize=256)(lambda asked, **more: question(asked.composed, **more))
+
+    @wraps(question)
+    def answered(composed: Composed, **more: bool) -> dict[str, Names]:
+        names = (composed.block.inputs, composed.inputs, composed.parameters)
+        return dict(kept(_Asked((composed.source, *map(tuple, names)), composed), **more))
+
+    return answered
+
+
+@_once
 def at_start(composed: Composed, time: bool = False) -> dict[str, Names]:
     """Inputs and parameters on which each output, and each state as ``x.name``, depends at initialisation.
 
@@ -54,6 +76,7 @@ def at_start(composed: Composed, time: bool = False) -> dict[str, Names]:
     return {name: names & known for name, names in found.items()}
 
 
+@_once
 def after_step(composed: Composed) -> dict[str, Names]:
     """Inputs, parameters and states (as ``x.name``) on which each state depends after a step, without what is remembered."""
     text = _Text(composed)
@@ -62,6 +85,7 @@ def after_step(composed: Composed) -> dict[str, Names]:
     return dict(named(text.call("step", [x, u, text.layout("Memory", "m."), p, c])))
 
 
+@_once
 def of_states(composed: Composed) -> dict[str, Names]:
     """States (as ``x.name``) on which each output depends."""
     text = _Text(composed)
@@ -122,9 +146,9 @@ class _Text:
         tree = parsed(composed.source)
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         self.fields = {name: tuple(getattr(composed.module, name)._fields) for name in LAYOUTS}
-        self.open: list[
-            str
-        ] = []  # functions that are being followed: one that calls itself is not followed again
+        # functions that are being followed: one that calls itself is not followed again
+        self.open: list[str] = []
+        self.within: dict[ast.stmt, tuple[bool, list[ast.expr]]] = {}
 
     def layout(self, name: str, prefix: str = "") -> Fields:
         """A named tuple whose fields depend on themselves."""
@@ -145,17 +169,20 @@ class _Text:
         """Follow statements; after one that may leave, all that comes depends on whether it did."""
         for statement in body:
             self.statement(statement, frame)
-            leaves = (ast.Return, ast.Break, ast.Continue)
-            if isinstance(statement, ast.If | ast.While | ast.For) and any(
-                isinstance(n, leaves) for n in ast.walk(statement)
-            ):
-                frame.conditions |= self.conditions(statement, frame)
+            if isinstance(statement, ast.If | ast.While | ast.For):
+                leaves, conditions = self.inside(statement)
+                if leaves:
+                    frame.conditions |= NONE.union(*(flat(self.value(c, frame)) for c in conditions))
 
-    def conditions(self, statement: ast.stmt, frame: _Frame) -> Names:
-        """Names behind all conditions in a statement, in the variables as they are."""
-        tests = [n.test for n in ast.walk(statement) if isinstance(n, ast.If | ast.While)]
-        loops = [n.iter for n in ast.walk(statement) if isinstance(n, ast.For)]
-        return NONE.union(*(flat(self.value(t, frame)) for t in (*tests, *loops)))
+    def inside(self, statement: ast.stmt) -> tuple[bool, list[ast.expr]]:
+        """Whether a statement may leave, and all conditions in it: looked for once, however often it is followed."""
+        if statement not in self.within:
+            nodes = list(ast.walk(statement))
+            tests = [n.test for n in nodes if isinstance(n, ast.If | ast.While)]
+            loops = [n.iter for n in nodes if isinstance(n, ast.For)]
+            leaves = any(isinstance(n, ast.Return | ast.Break | ast.Continue) for n in nodes)
+            self.within[statement] = leaves, [*tests, *loops]
+        return self.within[statement]
 
     def statement(self, node: ast.stmt, frame: _Frame) -> None:
         """Follow one statement."""

@@ -37,14 +37,15 @@ CHROMIUM = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-backgr
             "--disable-component-update", "--disable-sync"]  # fmt: skip
 
 
-# files of a few long tests: begun last, one of them would keep one process busy while the other waits; the first compiles
-# on a new host what the diagnosis runs, and the second needs nothing of it, so that it is compiled once only; so does the
-# last what the tests of the live link run in two processes at once
+# files of a few long tests: begun last, one of them would keep one process busy while the others wait; the first compiles
+# on a new host what the diagnosis runs, and the three behind it need nothing of it, so that it is compiled once only; so
+# does the last what the tests of the live link run in two processes at once
 LONG = (
     "diagnosis/test_blind.py",
     "test_closed_loop.py",
-    "diagnosis/test_computed_logs.py",
     "native/test_native_package.py",
+    "clients/test_clients.py",
+    "diagnosis/test_computed_logs.py",
     "diagnosis/test_forms.py",
     "test_tutorials.py",
     "test_notebooks.py",

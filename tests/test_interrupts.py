@@ -1,5 +1,6 @@
 """Ctrl-C waits for compiled code, and is not lost."""
 
+import contextlib
 import importlib
 import os
 import signal
@@ -7,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
@@ -17,7 +19,7 @@ import typer
 
 from cosim import cli
 from cosim.compiled import CompiledBlock, load_compiled
-from cosim.interrupts import ended_in_order, stoppable, uninterrupted
+from cosim.interrupts import ended_in_order, often_uninterrupted, stoppable, uninterrupted
 from fmus import registry
 from fmus.compose import compose
 
@@ -57,16 +59,36 @@ def struck_twice(reached: list[bool]) -> None:
         reached.append(True)
 
 
-def test_the_handler_is_called_when_the_block_ends() -> None:
+@pytest.mark.parametrize("around", [contextlib.nullcontext, often_uninterrupted])
+def test_the_handler_is_called_when_the_block_ends(
+    around: Callable[[], contextlib.AbstractContextManager[None]],
+) -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     reached: list[bool] = []
     try:
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt), around():
             struck_twice(reached)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
     assert reached == [True]
+
+
+def test_between_many_runs_handlers_are_called_at_once_and_set_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    own = signal.getsignal(signal.SIGINT)
+    try:
+        with often_uninterrupted():
+            with monkeypatch.context() as patched:
+                patched.delattr(signal, "signal")
+                struck_twice([])
+            assert came == [signal.SIGINT]  # the first one's, once the block had ended
+            os.kill(os.getpid(), signal.SIGINT)
+            assert came == [signal.SIGINT] * 2
+        assert signal.getsignal(signal.SIGINT) is own
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_signal_that_strikes_as_others_are_held_back_leaves_their_handlers(

@@ -13,6 +13,7 @@ from cosim.calibrate.problem import Problem
 from cosim.errors import SimulationError, UsageError
 from cosim.inference.noise import Noise, quietest
 from cosim.inference.spectrum import bands, learn
+from cosim.interrupts import often_uninterrupted
 
 Array = NDArray[np.float64]
 SCREENED = 4  # points looked at for each start that is drawn
@@ -106,6 +107,7 @@ def _between(low: float, high: float, part: float) -> float:
     return low + part * (high - low)
 
 
+@often_uninterrupted()
 def search(problem: Problem, *, starts: int, seed: int, coloured: bool) -> Found:
     """Fit from several starts, learn the noise from what is left, and fit again until nothing moves.
 

@@ -25,7 +25,7 @@ from cosim.errors import CosimError, ModelError, UsageError
 from cosim.files import Scratch, whole, write_bytes
 from cosim.native import fmi3
 from cosim.native.exchange import extended
-from cosim.native.header import header, read_as
+from cosim.native.header import guid_line, header, read_as
 from cosim.native.model import Model, single
 from cosim.native.page import ICON, page
 from cosim.paths import cache_folder
@@ -214,6 +214,11 @@ def sources(model: Model, guid: str, fmi: str = "2.0") -> dict[str, bytes]:
     return own | standard_headers(fmi) | {"model.h": header(model, guid, fmi).encode()}
 
 
+def identified(text: bytes, guid: str) -> bytes:
+    """The text of a model.h that has no GUID yet with one; its equations are translated once for both."""
+    return text.replace(guid_line("").encode(), guid_line(guid).encode(), 1)
+
+
 def standard_headers(fmi: str) -> dict[str, bytes]:
     """The C headers of a version of the standard by name."""
     folder = Path(fmpy.__file__).parent / "c-code"
@@ -295,7 +300,8 @@ def entries(
     description = extended(description, model, digested)
     if fmi == "3.0":
         description = fmi3.description(description, model, digested)
-    content = sources(model, description.get("guid") or description.get("instantiationToken"), fmi)
+    guid = description.get("guid") or description.get("instantiationToken")
+    content = plain | {"model.h": identified(plain["model.h"], guid)}
     folder = fmpy.platform if fmi == "2.0" else fmpy.platform_tuple
     library = f"binaries/{folder}/{model.name}{fmpy.sharedLibraryExtension}"
     found = {

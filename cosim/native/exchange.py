@@ -24,7 +24,7 @@ from lxml.builder import E
 from cosim.native.glue import function
 from cosim.native.kinds import REAL, c_name, real_text
 from cosim.native.model import Model, Part, buffers
-from cosim.native.translate import CO_SIMULATION, Program
+from cosim.native.translate import CO_SIMULATION, Program, program_of
 from cosim.units import base_exponents
 from fmus.contract import Variable
 from fmus.dependencies import after_step, at_start, of_states
@@ -145,7 +145,7 @@ def lines(model: Model) -> list[str]:
     step = "step_without_event" if indicators(model) else "step"
     moving = {"coefficients": CO_SIMULATION["coefficients"], "output": CO_SIMULATION["output"]}
     moving[step] = MOVING if step == "step" else (*MOVING, REAL)
-    program = Program(part.composed, f"rate_{part.program.prefix}", moving, with_rates=True)
+    program = program_of(part.composed, f"rate_{part.program.prefix}", moving, with_rates=True)
     fields = [f"{own}.x.{c_name(n)}" for n in found.states]
     out = [f"to[{k}] = {field};" for k, field in enumerate(fields)]
     back = [f"{field} = from[{k}];" for k, field in enumerate(fields)]
@@ -175,7 +175,7 @@ def copied(part: Part, program: Program, layout: str, place: str, made: str = "{
 def events(model: Model, own: str) -> list[str]:
     """What tells that an event has come, and what follows it."""
     part = model.parts[0]
-    program = Program(part.composed, f"event_{part.program.prefix}", EVENTS)
+    program = program_of(part.composed, f"event_{part.program.prefix}", EVENTS)
     entries = entries_of(model)
     kinds = {name: struct.c for name, struct in program.layouts.items()}
     inputs = ", ".join(f"inputs[{entries[n]}]" for n in part.composed.inputs) or "0"

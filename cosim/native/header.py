@@ -37,7 +37,7 @@ def definitions(model: Model, guid: str, fmi: str) -> list[str]:
     return [
         f"#define FMI_VERSION {fmi[0]}",
         f'#define MODEL_NAME "{model.name}"',
-        f'#define MODEL_GUID "{guid}"',
+        guid_line(guid),
         f"#define N_INPUTS {len(model.of('input'))}",
         f"#define N_OUTPUTS {len(model.of('output'))}",
         f"#define N_VARIABLES {len(names)}",
@@ -61,6 +61,11 @@ def definitions(model: Model, guid: str, fmi: str) -> list[str]:
         array("int", "model_table_columns", [str(c) for _, c in model.tables]),
         *exchange.definitions(model),
     ]
+
+
+def guid_line(guid: str) -> str:
+    """The line that says what an instance is asked for."""
+    return f'#define MODEL_GUID "{guid}"'
 
 
 def read_as(model: Model, name: str) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from cosim.native.kinds import c_name
-from cosim.native.translate import Program
+from cosim.native.translate import Program, program_of
 from fmus.compose import Composed
 from fmus.contract import Buffer, Variable
 from fmus.dependencies import at_start, through
@@ -25,7 +25,7 @@ class Part:
     @cached_property
     def program(self) -> Program:
         """Its equations in C; ModelError if they have no translation."""
-        return Program(self.composed, f"{c_name(self.name)}_")
+        return program_of(self.composed, f"{c_name(self.name)}_")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ same (tests/native/test_native_twin.py). What cannot be translated is refused wi
 import ast
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 from cosim.errors import ModelError
 from cosim.native.expressions import FAILING, SAFE, TESTS, RefusedError
@@ -122,6 +124,37 @@ class Program:
         structs = [s.definition() for s in (*self.layouts.values(), *self.plain.values())]
         text = "\n\n".join([comment, *structs, *(f.text() for f in self.done.values())]) + "\n"
         return rated(text) if self.with_rates else text
+
+
+@dataclass(frozen=True)
+class _Woven:
+    """A composed block, equal to any other of the same text."""
+
+    known_by: tuple[object, ...]
+    composed: Composed = field(compare=False)
+
+
+@lru_cache(maxsize=256)
+def _translated(
+    woven: _Woven, prefix: str, called: tuple[tuple[str, tuple[str | Kind, ...]], ...], with_rates: bool
+) -> Program:
+    return Program(woven.composed, prefix, dict(called), with_rates)
+
+
+def program_of(
+    composed: Composed,
+    prefix: str,
+    called: Mapping[str, tuple[str | Kind, ...]] = CO_SIMULATION,
+    with_rates: bool = False,
+) -> Program:
+    """The program of a block, translated once a process: FMUs of several packages and versions hold the same text.
+
+    Raises:
+        ModelError: an equation of the block or of one of its effects has no translation.
+    """
+    lists = tuple(n for n, item in composed.memory.items() if isinstance(item, Buffer))
+    woven = _Woven((composed.source, composed.block.title, lists), composed)
+    return _translated(woven, prefix, tuple(called.items()), with_rates)
 
 
 LITERAL = re.compile(r"(?<![\w.)])-?(?:\d+\.\d+(?:e[-+]?\d+)?|\d+e[-+]?\d+|HUGE_VAL|NAN)\b")

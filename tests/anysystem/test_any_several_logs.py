@@ -196,12 +196,13 @@ def test_a_limit_that_is_another_in_each_log_is_named_with_its_interval(
             tmp_path / f"{k}.csv",
             [Hidden("port.saturation", "plant.u", "input", {"low": -0.45 * size, "high": 0.5 * size})],
             7 + k,
+            every=2,
         )
         for k, size in enumerate(sizes)
     ]
     if held:
         last = [Hidden("port.saturation", "plant.u", "input", {"low": -0.5, "high": 0.55})]
-        logs += ["--held-out", systems.log(tmp_path / "held.csv", last, 17)]
+        logs += ["--held-out", systems.log(tmp_path / "held.csv", last, 17, every=2)]
     found = told(command, tmp_path / "out", *logs, "--model", native)
     (cause,) = found["causes"]
     assert (cause["effect"], cause["connector"]) == ("port.saturation", "u")
@@ -226,6 +227,7 @@ def test_a_limit_that_one_of_three_logs_lacks_is_one_of_the_others(
             tmp_path / f"{k}.csv",
             [Hidden("port.saturation", "plant.u", "input", {"low": -size, "high": size})] if size else [],
             7 + k,
+            every=2,
         )
         for k, size in enumerate((0.45, 0.0, 0.5))
     ]

@@ -17,7 +17,7 @@ from cosim.rig import make_log
 from cosim.rig.write import as_log
 
 MACHINE = our_machine("full_order")
-SECONDS = 10.0
+SECONDS = 6.0
 
 
 @cache

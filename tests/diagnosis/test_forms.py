@@ -82,7 +82,7 @@ def test_sharp_friction_keeps_its_simplest_form(effect) -> None:
 )
 def test_leakage_through_an_orifice_is_leakage(root, named, noise_scale) -> None:
     """The pressure is made by scipy from the rig's spool: the rig has no such leakage."""
-    run = make_log("steps", 30.0, [], seed=99, settings=off(99), noise=Noise(scale=noise_scale))
+    run = make_log("steps", 15.0, [], seed=99, settings=off(99), noise=Noise(scale=noise_scale))
     log = as_log(run)
     spool, noise = run.true["spool"], log.signals["p_a"] - 0.5 * (run.true["p_supply"] + run.true["p_load"])
     gain, lag = off(99)["continuity.K_c"], off(99)["continuity.T"]

@@ -77,6 +77,19 @@ def test_a_start_depends_on_what_is_listed_and_on_nothing_else(block):
     assert listed - seen == CANCELS.get(block, set())
 
 
+def test_what_was_asked_before_changes_no_answer():
+    """Answers are kept by the block's text: with the time and without, and whatever is done with one of them."""
+    stimulus = composed_block("stimulus")
+    (time,) = (n for n, v in stimulus.block.inputs.items() if v.kind == "time")
+    for _ in range(2):
+        timed, plain = at_start(stimulus, time=True), at_start(stimulus)
+        assert time in frozenset().union(*timed.values())
+        assert time not in frozenset().union(*plain.values())
+        assert plain.keys() == timed.keys()
+        plain.clear()
+    assert at_start(composed_block("reference")) != at_start(stimulus)
+
+
 @equation
 def capped(slew, m, p):
     """Said in ways that our own equations do not use."""

@@ -17,6 +17,7 @@ from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.rounded import beyond
 from cosim.diagnosis.record.signatures import bridged
 from cosim.inference.pieces import by_piece, slope
+from cosim.interrupts import often_uninterrupted
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -208,6 +209,7 @@ def uneven(count: int) -> Array:
     return np.random.default_rng(0).standard_normal(count)
 
 
+@often_uninterrupted()
 def fit(
     task: Task,
     unknowns: list[Unknown],

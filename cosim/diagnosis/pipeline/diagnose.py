@@ -87,6 +87,7 @@ from cosim.diagnosis.verdict.verdict import (
 )
 from cosim.diagnosis.watch import Watch, watched_by
 from cosim.errors import DataError, UsageError
+from cosim.interrupts import often_uninterrupted
 from cosim.logs import Log, Tracker, listed
 from cosim.memory import returned
 from fmus.contract import Effect
@@ -550,6 +551,7 @@ def verdict_of(named: list[Cause], left: list[Rest]) -> str:
     return "partly_explained" if left else "explained"
 
 
+@often_uninterrupted()
 def diagnose(
     log: Log | Sequence[Log],
     *,
@@ -596,7 +598,8 @@ def diagnose(
             "an external tracker goes" if tracker is not None else "diagnose.held_out_from in a mapping goes"
         )
         raise UsageError(f"{what} with one log; give one log, or hold out whole logs (--held-out)")
-    each = [labelled(one, machine, trust, tracker is not None) for one in logs]
+    with threadpool_limits(1):  # small matrices: more threads only wait for one another
+        each = [labelled(one, machine, trust, tracker is not None) for one in logs]
     parts, data = [part for part, _, _ in each], [told for _, _, found in each for told in found]
     record, held = parted(joined([record for _, record, _ in each]), machine)
     if held_out is not None:
@@ -613,7 +616,6 @@ def diagnose(
         return found
     watch, found.budget = watch or Watch(), budget or Budget()
     try:
-        # small matrices: more threads only wait for one another
         with threadpool_limits(1), watched_by(watch), within_budget(found.budget), returned():
             stages(found, logs, parts, tracker, trust, folder, watch)
     except KeyboardInterrupt:
