@@ -12,7 +12,7 @@ import pytest
 import pythonfmu
 import toy_fmus
 
-from cosim.ssp import archive, binary, read_ssp
+from cosim.ssp import archive, binary, read_fmu, read_ssp
 
 LIBRARY = next(
     (Path(pythonfmu.__file__).parent / "resources" / "binaries" / fmpy.platform).iterdir()
@@ -53,6 +53,29 @@ def test_a_bad_library_is_invalid_and_is_not_loaded(
         code, out, err = command(*words)
         assert code == 3
         assert message in " ".join((out + err).split())
+
+
+@pytest.mark.skipif(not bad_fmus.COMPILER, reason="needs a C compiler")
+def test_a_library_without_what_it_cannot_do_is_run_and_said(tmp_path: Path, command: Any) -> None:
+    """Hand-written FMUs leave out the functions of what they do not declare; no run calls these."""
+    whole = bad_fmus.build("NONE", tmp_path)
+    with zipfile.ZipFile(whole) as packed:
+        library = packed.read(f"binaries/{fmpy.platform}/bad{fmpy.sharedLibraryExtension}")
+    poor = library.replace(b"fmi2GetFMUstate\0", b"fmi2GotFMUstate\0")
+    assert poor != library
+    fmu = bad_fmus.pack(
+        tmp_path / "poor.fmu",
+        poor,
+        lambda text: text.replace('"bad"/>', '"bad" canGetAndSetFMUstate="true"/>'),
+    )
+    code, out, _ = command("validate", fmu)
+    assert code == 3
+    assert "exports no fmi2GetFMUstate, which FMI 2.0 demands" in " ".join(out.split())
+    code, out, err = command("simulate", fmu)
+    assert code == 0, err
+    assert "exports no fmi2GetFMUstate, which FMI 2.0 demands" in " ".join(err.split())
+    with read_fmu(fmu) as system:
+        assert not next(iter(system.components.values())).fmu.keeps_state, "its state cannot be read"
 
 
 @pytest.mark.skipif(fmpy.platform != "linux64", reason="changes an ELF library for x86-64")
