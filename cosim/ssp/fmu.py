@@ -18,7 +18,7 @@ from lxml import etree
 from cosim.errors import ModelError
 from cosim.ssp import binary
 from cosim.ssp.archive import read_entry, unpack
-from cosim.ssp.quantities import UnitDefinition, from_xml
+from cosim.ssp.quantities import UnitDefinition, from_xml, misshown
 from cosim.ssp.system import Fmu, Value, Variable
 from cosim.ssp.xml import number, parse, safe_parser
 from fmus.describe import AT_START, TOOL
@@ -289,6 +289,8 @@ def _fmu(
         for display in unit.displayUnits
         if (unit.name, display.name) not in inverse
     }
+    wrong = [place for place, (factor, _) in shown.items() if misshown(*place, factor, units)]
+    shown = {place: scale for place, scale in shown.items() if place not in wrong}
     variables: dict[str, Variable] = {}
     left_out = []
     for item in description.modelVariables:
@@ -324,6 +326,7 @@ def _fmu(
         keeps_state=bool(slave.canGetAndSetFMUstate),
         version=version,
         left_out=tuple(left_out),
+        misshown=tuple(f"'{display}' of '{unit}'" for unit, display in wrong),
     )
 
 

@@ -353,6 +353,27 @@ def test_integers_and_booleans_are_signals_too_held_over_each_step(toys: Any) ->
     assert np.array_equal(found["gearbox.moves"][1:], (y[1:] > 0.5).astype(float))
 
 
+def test_a_whole_number_can_drive_a_real_input(toys: Any) -> None:
+    """easySSP connects a counter so, its connector declared as Real: nothing is lost on the way."""
+    boxes = {"a": "gearbox", "g": "gain"}
+    time = 0.1 * np.arange(11)
+    gear = np.where(time < 0.45, 1.0, 3.0)
+    results = []
+    for way in ("compiled", "python"):
+        wires = ["gear -> a.gear", "a.shown -> g.u"]
+        with Runner(toys.ssp(boxes, wires, kinds={"a.shown": "output"})) as runner:
+            result = runner.run(
+                1.0, 0.1, inputs={"gear": (time, gear)}, record=["a.shown", "g.u", "g.y"], engine=way
+            )
+        assert any("hands a whole number on as a Real" in note for note in result.notes)
+        results.append(result)
+    for result in results:
+        assert set(result["a.shown"]) == {0.0, 1.0, 3.0}
+        assert np.array_equal(result["g.u"], result["a.shown"])
+        # what is discrete is handed over at the start of the next step
+        assert np.array_equal(result["g.y"][1:], 2.0 * result["a.shown"][:-1])
+
+
 def test_a_boolean_output_can_drive_a_boolean_input_but_no_real_one(toys: Any) -> None:
     kinds = {"a.moves": "output"}
     boxes = {"a": "gearbox", "b": "gearbox"}
