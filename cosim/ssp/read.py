@@ -296,10 +296,12 @@ class _Reader:
         fed = {wire.target for wire in system.wires} | {
             wire.target for item in system.inputs.values() for wire in item.targets
         }
+        # by reference: FMI 3.0 has other names for one variable
+        known = {(port.component, system.variable(port).reference) for port in fed}
         for component in system.components.values():
             for variable in component.fmu.variables.values():
                 port = Port(component.name, variable.name)
-                if variable.causality == "input" and port not in fed:
+                if variable.causality == "input" and (component.name, variable.reference) not in known:
                     start = component.starts.get(variable.name, variable.start)
                     system.notes.append(
                         f"input {port} is not connected and keeps its start value {start!r} {variable.unit}".rstrip()

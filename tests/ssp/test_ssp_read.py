@@ -2,13 +2,18 @@
 
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import bad_fmus
+import fmpy
 import pytest
+import pythonfmu
 import toy_fmus
 from lxml import etree
 from toy_fmus import binding, ssv
 
+from cosim.anysystem.pipeline import unmeasured
 from cosim.errors import ModelError, UsageError
 from cosim.master import Runner
 from cosim.ssp import Port, check_ssp, read_ssp, read_ssv, read_system
@@ -265,6 +270,27 @@ def edited(toys: Any, old: str, new: str, tmp_path: Path) -> Path:
 def test_bad_descriptions_are_refused(toys: Any, tmp_path: Path, old: str, new: str, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         read_ssp(edited(toys, old, new, tmp_path))
+
+
+def test_another_name_of_a_fed_input_is_not_open(toys: Any, tmp_path: Path) -> None:
+    """FMI 3.0 lists other names of a variable, FMI 2.0 gives them its reference: what feeds one feeds all."""
+
+    def change(text: str) -> str:
+        other = '<ScalarVariable name="other" valueReference="1" causality="input"><Real start="0"/></ScalarVariable>'
+        return text.replace("</ModelVariables>", f"{other}</ModelVariables>")
+
+    platform = Path(pythonfmu.__file__).parent / "resources" / "binaries" / fmpy.platform
+    plain = bad_fmus.pack(tmp_path / "bad.fmu", next(platform.iterdir()).read_bytes(), change)
+    text = toy_fmus.ssd({"w": "wave", "b": "bad"}, ["w.y -> b.u"])
+    path = toy_fmus.pack(tmp_path / "names.ssp", text, {"wave": toys.fmu("wave"), "bad": plain})
+    with read_ssp(path) as system:
+        assert not [note for note in system.notes if "not connected" in note]
+        group: Any = SimpleNamespace(
+            components=["b"], drives=[SimpleNamespace(port=Port("b", "u"))], inner=[]
+        )
+        assert unmeasured(system, group) == {}
+        group.drives = []
+        assert set(unmeasured(system, group)) == {"b.u", "b.other"}
 
 
 def test_a_prefix_that_nobody_declared_stops_nobody_and_is_invalid(toys: Any, tmp_path: Path) -> None:
