@@ -90,6 +90,7 @@ def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, ours: bool = F
         oddities=_oddities(description.coSimulation, source, _python_module(folder) is not None, absent),
         ours=ours,
         begins=_begins(root),
+        house=root.get("generationTool", "").startswith(TOOL),
     )
 
 
