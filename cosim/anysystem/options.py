@@ -4,7 +4,7 @@
 trusted = ["valve.K", "plant.T"]     # or a table: trusted = { "valve.K" = "2 %" }
 free = ["plant.friction"]
 exclude = ["port.gain"]
-constant = { "valve.supply" = 2e7 }  # inputs that are not measured: their value all along, in the unit of the FMU
+constant = { "valve.supply" = 2e7 }  # inputs that are not measured, and parameters: their value, in the unit of the FMU
 """
 
 import math
@@ -27,7 +27,7 @@ class AnyOptions(BaseModel):
         trusted: ``component.parameter`` -> relative standard deviation, or None for the tolerance of the command line.
         free: parameters that are fitted freely with every cause.
         exclude: effects that are no candidates.
-        constant: inputs that are not measured -> their value all along, in the unit of the FMU.
+        constant: inputs that are not measured, and parameters -> their value all along, in the unit of the FMU.
         causes: causes looked for in one group at most.
         sample: what one sample counts as, s, where the log counts samples.
     """

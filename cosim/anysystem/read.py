@@ -1,7 +1,7 @@
 """Logs of any system: which column is which connector, in the unit of the FMU's variable."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -214,6 +214,7 @@ def read(
             if not lacking
             for end, _, _ in ends(system, port_of(system, targets[n][0]))
         }
+        options = with_parameters(system, options)
         lacking += _bad_parameters(system, options, measured)
         if lacking:
             raise DataError(f"{mapping}: " + "; ".join(lacking))
@@ -260,6 +261,24 @@ def ends(system: System, port: Port) -> list[tuple[Port, float, float]]:
     if port.component:
         return [(port, 1.0, 0.0)]
     return [(w.target, w.factor, w.offset) for w in system.inputs[port.variable].targets]
+
+
+def with_parameters(system: System, options: AnyOptions) -> AnyOptions:
+    """Give the system what the mapping says of parameters, as a package would; what is left is said of inputs."""
+    inputs = {}
+    for name, value in options.constant.items():
+        component, _, parameter = name.partition(".")
+        part = system.components.get(component)
+        variable = part.fmu.variables.get(parameter) if part else None
+        if part is None or variable is None or variable.causality != "parameter" or not variable.can_be_set:
+            inputs[name] = value
+        elif variable.kind == "Real":
+            system.components[component] = replace(part, starts={**part.starts, parameter: value})
+        elif variable.kind == "Integer" and value.is_integer():
+            system.components[component] = replace(part, starts={**part.starts, parameter: int(value)})
+        else:
+            inputs[name] = value
+    return options.model_copy(update={"constant": inputs})
 
 
 def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Port]) -> list[str]:

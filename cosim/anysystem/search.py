@@ -1219,6 +1219,10 @@ class Search:
                 finding.refused.append(
                     (action, "is no further from what is trusted than two programs with one model differ")
                 )
+            elif action.effect != PARAMETER and self._none_within(action, best.fit, agreed):
+                finding.refused.append(
+                    (action, "may be none within what two programs with one model differ by")
+                )
             elif not matters or self._small(action, best.fit):
                 finding.refused.append((action, "is too small to matter"))
             elif self._none_between(action, between):
@@ -1406,6 +1410,17 @@ class Search:
         own = max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0)
         allowed = np.sqrt((deviation * (abs(value) or 1.0)) ** 2 + own)
         return bool(abs(fit.values[name] - value) <= SURE * allowed)
+
+    def _none_within(self, action: Action, fit: Fit, agreed: Fit) -> bool:
+        """Whether what two programs make of one model holds, at 95 %, for each size of a cause that there is none of it."""
+        known = {u.name for u in fit.unknowns}
+        differ = [
+            abs(fit.values[name] - none)
+            > 1.96 * np.sqrt(max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0))
+            for name, none in self._off(action).items()
+            if name in known
+        ]
+        return bool(differ) and not any(differ)
 
     def _white(self, signal: str) -> float:
         """White noise of a reading; what is rounded has at least that of its steps, and all what two runs differ by."""

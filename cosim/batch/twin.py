@@ -19,7 +19,7 @@ from cosim.compiled import CompiledBlock, compiled_block
 from cosim.errors import ModelError, SimulationError, UsageError
 from cosim.master.inputs import Sampler, Series, checked_value, time_grid
 from cosim.master.plan import Plan, make_plan
-from cosim.master.runner import HELD, Sink
+from cosim.master.runner import Sink, usually_held
 from cosim.results import DisplayUnit, Result
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import resolve, settable_names
@@ -104,7 +104,7 @@ class Twin:
         *,
         parameters: Mapping[str, Value] | None = None,
         inputs: Mapping[str, Series] | None = None,
-        hold: Collection[str] = HELD,
+        hold: Collection[str] | None = None,
         record: Sequence[str] | None = None,
         start_time: float = 0.0,
         partial_step: bool = False,
@@ -122,6 +122,7 @@ class Twin:
         if whole != len(grid) - 1:
             raise UsageError(f"the compiled engine has no shorter last step: {REMEDY}")
         given = dict(inputs or {})
+        hold = usually_held(self.system) if hold is None else hold
         plan = self._plan(tuple(given), tuple(sorted(hold)), None if record is None else tuple(record))
         settings = self._settings(parameters or {})
         begun = clock.perf_counter()

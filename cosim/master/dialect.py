@@ -32,7 +32,7 @@ HIGHS = (
 
 
 class _Whole:
-    """A library for fmpy, which wants every function that FMI 3.0 has: those that are missing are there in name only."""
+    """A library for fmpy, which wants every function that FMI has: those that are missing are there in name only."""
 
     def __init__(self, library: ctypes.CDLL) -> None:
         self._library = library
@@ -41,8 +41,8 @@ class _Whole:
         return getattr(self._library, name, SimpleNamespace())
 
 
-class Slave3(FMU3Slave):
-    """An FMU of FMI 3.0 that may lack what it is not for, as exports of 2024 do; `cosim.ssp.binary` has what is called."""
+class _Lenient:
+    """An FMU that may lack what it is not for, as exports of 2024 do; `cosim.ssp.binary` has what is called."""
 
     dll: Any
 
@@ -50,9 +50,17 @@ class Slave3(FMU3Slave):
         library = self.dll
         self.dll = _Whole(library)
         try:
-            super()._loadFunctions()
+            super()._loadFunctions()  # type: ignore[misc]  # of fmpy's class, which comes after this one
         finally:
             self.dll = library
+
+
+class FMU2Lenient(_Lenient, FMU2Slave):
+    """Of FMI 2.0; fmpy tells the version by the beginning of the name."""
+
+
+class FMU3Lenient(_Lenient, FMU3Slave):
+    """Of FMI 3.0."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +88,7 @@ class Dialect:
 
 _INTEGER, _TRUTH = ctypes.c_int, ctypes.c_bool
 FMI2 = Dialect(
-    "2.0", "fmi2", "FMUstate", ("Real", "Integer", "Boolean"), (ctypes.c_double, _INTEGER, _INTEGER), False, FMU2Slave
+    "2.0", "fmi2", "FMUstate", ("Real", "Integer", "Boolean"), (ctypes.c_double, _INTEGER, _INTEGER), False, FMU2Lenient
 )  # fmt: skip
 FMI3 = Dialect(
     "3.0",
@@ -90,7 +98,7 @@ FMI3 = Dialect(
     (ctypes.c_double, ctypes.c_int32, _TRUTH, ctypes.c_float, ctypes.c_int8, ctypes.c_uint8, ctypes.c_int16,
      ctypes.c_uint16, ctypes.c_uint32, ctypes.c_int64, ctypes.c_uint64),
     True,
-    Slave3,
+    FMU3Lenient,
 )  # fmt: skip
 
 

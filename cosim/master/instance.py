@@ -7,6 +7,7 @@ import atexit
 import ctypes
 import itertools
 import os
+import re
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -138,6 +139,15 @@ def _callbacks(number: int) -> fmi2CallbackFunctions:
     return callbacks
 
 
+def _remedy(said: str) -> str:
+    """What to do about a library that the dynamic linker refuses; empty where that is not known."""
+    if lacking := re.search(r"(\S+): cannot open shared object file", said):
+        return f": it needs '{lacking[1]}', which is not installed here: install it, or export the FMU with what it needs"
+    if newer := re.search(r"version `([^']+)' not found", said):
+        return f": it needs {newer[1]}, of a newer system than this one: export it on an older one, or run it there"
+    return ""
+
+
 class Instance:
     """An instantiated component.
 
@@ -192,7 +202,9 @@ class Instance:
         except FileNotFoundError:
             raise  # not the library's: the current folder is gone, to which fmpy would go back
         except Exception as error:  # fmpy raises bare exceptions
-            raise ModelError(f"{fmu.source}: the library cannot be loaded: {error}") from None
+            raise ModelError(
+                f"{fmu.source}: the library cannot be loaded: {error}{_remedy(str(error))}"
+            ) from None
         self._bind()
 
     def _bind(self) -> None:
@@ -215,7 +227,7 @@ class Instance:
                     slave.dll = ctypes.cdll.LoadLibrary(file)
             except OSError as error:
                 raise ModelError(
-                    f"{self.component.fmu.source}: the library cannot be loaded again: {error}"
+                    f"{self.component.fmu.source}: the library cannot be loaded again: {error}{_remedy(str(error))}"
                 ) from None
             finally:
                 os.chdir(here)

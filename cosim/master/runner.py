@@ -28,7 +28,17 @@ from cosim.ssp.system import Port, System, Value
 Array = NDArray[np.float64]
 Sink = Callable[[int, Mapping[str, Array]], None]
 """Takes (index of the first value, signal -> values (m,)), piece after piece."""
-HELD = ("u",)  # the valve command is held over each step, whatever its FMU declares
+HELD = ("u",)  # the valve command of our models is held over each step, whatever its FMU declares
+
+
+def usually_held(system: System) -> tuple[str, ...]:
+    """Inputs that are held by default: the valve command `u`, but not what an FMU of others calls so."""
+    return tuple(
+        n
+        for n in HELD
+        if n not in system.inputs
+        or all(system.components[w.target.component].fmu.house for w in system.inputs[n].targets)
+    )
 
 
 class Runner:
@@ -109,7 +119,7 @@ class Runner:
         *,
         parameters: Mapping[str, Value] | None = None,
         inputs: Mapping[str, Series] | None = None,
-        hold: Collection[str] = HELD,
+        hold: Collection[str] | None = None,
         record: Sequence[str] | None = None,
         start_time: float = 0.0,
         partial_step: bool = False,
@@ -126,7 +136,7 @@ class Runner:
             step_size: communication step [s].
             parameters: start values by name, in the FMU's (SI) unit: ``component.variable``, or a connector of the system.
             inputs: ``(times, values)`` or constants for inputs; held ones act from a step's start, others at its end.
-            hold: inputs held even if their FMU does not declare them discrete.
+            hold: inputs held even if their FMU does not declare them discrete; by default the valve command of our models.
             record: signals to record; None for all outputs that are numbers, and driven inputs.
             start_time: [s].
             partial_step: let the last step be shorter where the stop time is no multiple of the step size.
@@ -144,6 +154,7 @@ class Runner:
             raise UsageError("this Runner is closed: make a new one")
         grid, whole, notes = time_grid(start_time, stop_time, step_size, partial_step)
         settings = self._settings(parameters or {})
+        hold = usually_held(self.system) if hold is None else hold
         plan = self._plan(tuple(inputs or {}), tuple(sorted(hold)), None if record is None else tuple(record))
         sampler = Sampler(dict(inputs or {}), grid, plan.held)
         task = Task(

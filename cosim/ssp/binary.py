@@ -25,9 +25,16 @@ FUNCTIONS = (
     "fmi2SetInteger",
     "fmi2SetBoolean",
     "fmi2SetString",
+)
+"""Of what FMI 2.0, section 4.2.3, has every co-simulation slave export, what a run calls."""
+
+STATE = (
     "fmi2GetFMUstate",
     "fmi2SetFMUstate",
     "fmi2FreeFMUstate",
+)
+CAPABILITIES = (
+    *STATE,
     "fmi2SerializedFMUstateSize",
     "fmi2SerializeFMUstate",
     "fmi2DeSerializeFMUstate",
@@ -41,7 +48,7 @@ FUNCTIONS = (
     "fmi2GetBooleanStatus",
     "fmi2GetStringStatus",
 )
-"""What FMI 2.0, section 4.2.3, has every co-simulation slave export."""
+"""The others, each for what an FMU of FMI 2.0 may declare that it can; hand-written ones leave out what they cannot."""
 
 _TYPES = (
     "Float64", "Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String",
@@ -115,6 +122,11 @@ def problem(data: bytes, folder: str, version: str = "2.0", architecture: str | 
     if len(missing) > 3:
         missing[3:] = [f"nor {len(missing) - 3} more functions of FMI {version}"]
     return f"exports no {', '.join(missing)}" if missing else None
+
+
+def absent(data: bytes, version: str = "2.0") -> tuple[str, ...]:
+    """Functions that FMI 2.0 demands of a library, which it does not export and a run can do without."""
+    return tuple(n for n in CAPABILITIES if version == "2.0" and n.encode() + b"\0" not in data)
 
 
 def _other(machine: int, architecture: str | None) -> bool:

@@ -20,6 +20,10 @@ _CAUSALITIES = {
 }
 
 
+WIDENING = ("Integer", "Real")
+"""What a connection may change without loss; SSP leaves conversions to who implements it."""
+
+
 class Connected(NamedTuple):
     """What `connect` finds, in the order that `System` takes it."""
 
@@ -112,9 +116,11 @@ class _Wiring:
             )
         # Binary is what SSP leaves to others to read (Dymola: text/x-modelica; path=Modelica.Units.SI.Time)
         if connector.type not in ("", "Binary") and alike(connector.type) != alike(variable.kind):
-            self.problems.append(
-                f"connector {component}.{name} is of type {connector.type}, but the FMU's variable is {variable.kind}"
-            )
+            text = f"connector {component}.{name} is of type {connector.type}, but the FMU's variable is {variable.kind}"
+            if (alike(variable.kind), alike(connector.type)) == WIDENING:
+                self.notes.append(f"{text}, which is handed on")
+            else:
+                self.problems.append(text)
         if not agree(connector.unit, self.units, variable.unit, fmu.units):
             self.problems.append(
                 f"connector {component}.{name} is in '{connector.unit}', but its variable in '{variable.unit}': correct it"
@@ -184,7 +190,10 @@ class _Wiring:
         if source is None or target is None:
             return  # said already, at the connector
         self.numbers(what, source, (factor, offset))
-        if alike(source.kind) != alike(target.kind):
+        types = alike(source.kind), alike(target.kind)
+        if types == WIDENING:
+            self.notes.append(f"{what} hands a whole number on as a Real")
+        elif types[0] != types[1]:
             raise ModelError(
                 f"{what} joins the types {source.kind} and {target.kind}: put a component between them that converts"
             )

@@ -18,7 +18,7 @@ from lxml import etree
 from cosim.errors import ModelError
 from cosim.ssp import binary
 from cosim.ssp.archive import read_entry, unpack
-from cosim.ssp.quantities import UnitDefinition, from_xml
+from cosim.ssp.quantities import UnitDefinition, from_xml, misshown
 from cosim.ssp.system import Fmu, Value, Variable
 from cosim.ssp.xml import number, parse, safe_parser
 from fmus.describe import AT_START, TOOL
@@ -76,18 +76,21 @@ def load_fmu(archive: zipfile.ZipFile, source: str, folder: Path, ours: bool = F
     units = _units(root, source)
     experiment = _experiment(root, source)
     _check_numbers(root, source)
-    _check_binary(archive, source, co_simulation.get("modelIdentifier", ""), version)
+    absent = _check_binary(archive, source, co_simulation.get("modelIdentifier", ""), version)
     unpack(archive, folder, source)
     description = described(folder, source)
+    fmu = _fmu(description, source, folder, units, version, _inverse(root))
     return replace(
-        _fmu(description, source, folder, units, version, _inverse(root)),
+        fmu,
+        keeps_state=fmu.keeps_state and not set(absent) & set(binary.STATE),
         start_time=experiment.get("startTime"),
         stop_time=experiment.get("stopTime"),
         step_size=experiment.get("stepSize"),
         tolerance=experiment["tolerance"] if experiment.get("tolerance", 0.0) > 0.0 else None,
-        oddities=_oddities(description.coSimulation, source, _python_module(folder) is not None),
+        oddities=_oddities(description.coSimulation, source, _python_module(folder) is not None, absent),
         ours=ours,
         begins=_begins(root),
+        house=root.get("generationTool", "").startswith(TOOL),
     )
 
 
@@ -216,7 +219,8 @@ def libraries(names: Iterable[str]) -> dict[str, list[str]]:
     return held
 
 
-def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, version: str) -> None:
+def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, version: str) -> tuple[str, ...]:
+    """Refuse an FMU without a library that runs here; the functions that this one lacks and is run without."""
     if not re.fullmatch(r"\w[\w.+ -]*", identifier, re.ASCII):
         raise ModelError(f"{source}: modelIdentifier='{identifier}' is no C identifier, which FMI demands")
     names = archive.namelist()
@@ -229,7 +233,7 @@ def _check_binary(archive: zipfile.ZipFile, source: str, identifier: str, versio
         wrong = binary.problem(library, platform, version, own)
         if wrong:
             raise ModelError(f"{source}: the library '{wanted}' {wrong}: export or copy the FMU again")
-        return
+        return binary.absent(library, version)
     held = libraries(names)
     if platform in held:
         raise ModelError(
@@ -251,8 +255,13 @@ def promises_initial_outputs(fmu: Fmu) -> bool:
     return not outputs or "<InitialUnknown" in text
 
 
-def _oddities(slave: CoSimulation, source: str, python: bool) -> tuple[str, ...]:
+def _oddities(slave: CoSimulation, source: str, python: bool, absent: tuple[str, ...]) -> tuple[str, ...]:
     found = []
+    if absent:
+        found.append(
+            f"{source}: its library exports no {', '.join(absent)}, which FMI 2.0 demands of every FMU; "
+            "it is run all the same"
+        )
     if not re.fullmatch(r"[A-Za-z_]\w*", slave.modelIdentifier, re.ASCII):
         found.append(
             f"{source}: modelIdentifier='{slave.modelIdentifier}' is no C identifier, which FMI demands; "
@@ -281,6 +290,8 @@ def _fmu(
         for display in unit.displayUnits
         if (unit.name, display.name) not in inverse
     }
+    wrong = [place for place, (factor, _) in shown.items() if misshown(*place, factor, units)]
+    shown = {place: scale for place, scale in shown.items() if place not in wrong}
     variables: dict[str, Variable] = {}
     left_out = []
     for item in description.modelVariables:
@@ -316,6 +327,7 @@ def _fmu(
         keeps_state=bool(slave.canGetAndSetFMUstate),
         version=version,
         left_out=tuple(left_out),
+        misshown=tuple(f"'{display}' of '{unit}'" for unit, display in wrong),
     )
 
 

@@ -42,7 +42,10 @@ def read_set(root: etree._Element, what: str) -> list[ParameterValue]:
         ModelError: it is no parameter set, holds a value that cannot be read, or a name twice.
     """
     if root.tag != f"{IN_SSV}ParameterSet":
-        raise ModelError(f"{what} is no SSP 1.0 parameter set: its root element is {root.tag}")
+        raise ModelError(
+            f"{what} is no SSP 1.0 parameter set: its root element is {root.tag}, "
+            f"and not {IN_SSV}ParameterSet: correct its name or namespace"
+        )
     units = units_of(root, what)
     label = root.get("name", "")
     found: dict[str, ParameterValue] = {}

@@ -92,6 +92,17 @@ def contradiction(unit: str, known: Mapping[str, UnitDefinition]) -> str:
     return f"the unit '{unit}' is defined as {own.factor:.6g} of the SI unit, but by its name it is {named.factor:.6g}"
 
 
+def misshown(unit: str, display: str, factor: float, known: Mapping[str, UnitDefinition]) -> bool:
+    """Whether a display unit (shown = factor * value) contradicts its name by more than rounding.
+
+    Some exporters write the inverse of the factor: degree as 0.01745 of a radian, where FMI has 57.3 of them shown.
+    """
+    own, named = definition(unit, known), definition(display, {})
+    if own is None or named is None or own.exponents != named.exponents or own.offset:
+        return False
+    return abs(factor * named.factor / own.factor - 1.0) > ROUNDED
+
+
 def of_reading(
     label: str, si: str, unit: str, known: Mapping[str, UnitDefinition]
 ) -> tuple[float, float] | None:

@@ -96,7 +96,7 @@ def read_fmu(path: Path) -> System:
         }
         component = Component(name, fmu, {})
         stack.pop_all()
-    notes = ([note] if note else []) + left_out(fmu)
+    notes = ([note] if note else []) + remarks(fmu)
     return System(
         name,
         path,
@@ -111,12 +111,23 @@ def read_fmu(path: Path) -> System:
     )
 
 
-def left_out(fmu: Fmu) -> list[str]:
-    """What the user should know of variables that are not read."""
-    if not fmu.left_out:
-        return []
-    some = ", ".join(fmu.left_out[:5]) + (", ..." if len(fmu.left_out) > 5 else "")
-    return [f"{fmu.source}: arrays, clocks and binary data are left out and keep their start values: {some}"]
+def remarks(fmu: Fmu) -> list[str]:
+    """What the user should know of variables that are not read, or not shown as their FMU asks."""
+    found = []
+    if fmu.left_out:
+        found.append(
+            f"arrays, clocks and binary data are left out and keep their start values: {_few(fmu.left_out)}"
+        )
+    if fmu.misshown:
+        found.append(
+            f"display units whose factor contradicts their name are not used, numbers are shown in the unit itself: "
+            f"{_few(fmu.misshown)}"
+        )
+    return [f"{fmu.source}: {text}" for text in found]
+
+
+def _few(names: Sequence[str]) -> str:
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
 class _Reader:
@@ -218,7 +229,7 @@ class _Reader:
             folder = Path(self.folder.name, f"c{len(self.fmus)}")
             fmu = load_fmu(archive, entry, folder, ours)
             self.fmus[entry] = fmu
-            self.notes += left_out(fmu)
+            self.notes += remarks(fmu)
         if element.get("implementation", "any") == "ModelExchange":
             self.notes.append(
                 f"component '{name}': model exchange is asked for; the FMU is run for co-simulation, with its own solver"
@@ -245,6 +256,12 @@ class _Reader:
 
     def ignored(self, value: ParameterValue, what: str, known: list[str]) -> None:
         """SSP 1.0 ignores names it does not find; silently would hide a misspelling."""
+        if value.name in known:
+            self.notes.append(
+                f"the value '{value.name}' of the parameter set '{value.set_name}' is for a connector of {what} that leads "
+                "to no component, and is ignored: connect it"
+            )
+            return
         self.notes.append(
             f"the value '{value.name}' of the parameter set '{value.set_name}' matches nothing in {what} and is ignored"
             f"{did_you_mean(value.name, known)}"
@@ -279,10 +296,12 @@ class _Reader:
         fed = {wire.target for wire in system.wires} | {
             wire.target for item in system.inputs.values() for wire in item.targets
         }
+        # by reference: FMI 3.0 has other names for one variable
+        known = {(port.component, system.variable(port).reference) for port in fed}
         for component in system.components.values():
             for variable in component.fmu.variables.values():
                 port = Port(component.name, variable.name)
-                if variable.causality == "input" and port not in fed:
+                if variable.causality == "input" and (component.name, variable.reference) not in known:
                     start = component.starts.get(variable.name, variable.start)
                     system.notes.append(
                         f"input {port} is not connected and keeps its start value {start!r} {variable.unit}".rstrip()

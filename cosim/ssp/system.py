@@ -102,6 +102,8 @@ class Fmu:
         oddities: rules of FMI that it breaks and that stop nobody from running it, with words.
         version: of FMI, 2.0 or 3.0.
         left_out: variables of FMI 3.0 that are no single number or text: arrays, clocks, binary data. They keep their start.
+        misshown: display units whose factor contradicts their name: numbers are shown in the unit itself.
+        house: this project exported it, on whatever machine.
     """
 
     source: str
@@ -124,6 +126,8 @@ class Fmu:
     begins: frozenset[str] = frozenset()
     version: str = "2.0"
     left_out: tuple[str, ...] = ()
+    misshown: tuple[str, ...] = ()
+    house: bool = False
 
 
 @dataclass(frozen=True)

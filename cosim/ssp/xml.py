@@ -41,10 +41,14 @@ def parse(data: bytes, what: str) -> etree._Element:
     Raises:
         ModelError: it is not well formed, or holds a DOCTYPE (entities could read files or exhaust the memory).
     """
+    parser = safe_parser(remove_pis=True)
     try:
-        root = etree.fromstring(data, safe_parser(remove_pis=True))
+        root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        raise ModelError(f"{what} is not well-formed XML: {error}") from None
+        if any(entry.type != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE for entry in parser.error_log):
+            raise ModelError(f"{what} is not well-formed XML: {error}") from None
+        # annotations of a tool whose prefix nobody declared: others read on, and so can we
+        root = etree.fromstring(data, safe_parser(remove_pis=True, recover=True))
     if root.getroottree().docinfo.doctype:
         raise ModelError(f"{what} has a DOCTYPE, which is refused: remove it, FMI and SSP files need none")
     return root
@@ -95,4 +99,18 @@ def schema_problems(root: etree._Element) -> list[str]:
         return []  # its schema is not at hand
     schema = _schema(_SCHEMAS[root.tag])
     schema.validate(root)
-    return [f"line {entry.line}: {entry.message}" for entry in schema.error_log]
+    return [*undeclared(root), *(f"line {entry.line}: {entry.message}" for entry in schema.error_log)]
+
+
+def undeclared(root: etree._Element) -> list[str]:
+    """Prefixes of elements and attributes that the document does not declare, which no XML with namespaces may hold."""
+    found: dict[str, str] = {}
+    for element in root.iter(etree.Element):
+        for name in (element.tag, *element.attrib):
+            prefix, colon, _ = str(name).partition(":")
+            if colon and not str(name).startswith("{"):
+                found.setdefault(
+                    prefix,
+                    f"line {element.sourceline}: the prefix '{prefix}' is not declared: add xmlns:{prefix}",
+                )
+    return list(found.values())

@@ -72,6 +72,23 @@ def test_an_input_that_was_not_measured_keeps_no_cause_from_being_named(
     assert len(said) == (0 if more else 1)
 
 
+def test_the_mapping_gives_an_fmu_by_itself_the_values_of_the_machine(command, tmp_path: Path) -> None:
+    """The gain of the FMU's description is 1, the machine's 1.25: known, it is no fault, and trusted from there on."""
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    fmu, log = written(tmp_path, 0.0, gain=1.25)
+    known = 'constant = { "part_sum.K" = 1.25 }\ntrusted = ["part_sum.K"]'
+    found = diagnosed(command, tmp_path, fmu, log, known)
+    assert (found["verdict"], found["causes"]) == ("adequate", [])
+    # trusted at another value it is off from that one
+    found = diagnosed(command, tmp_path, fmu, log, known.replace("1.25", "0.9"))
+    (cause,) = found["causes"]
+    assert "parameter part_sum.K" in {
+        f"parameter {cause['component']}.{cause['parameter']}",
+        *cause["indistinguishable_from"],
+    }
+
+
 def test_a_constant_that_is_no_open_input_is_told(command, tmp_path: Path) -> None:
     if parts.COMPILER is None:
         pytest.skip("no C compiler")

@@ -22,7 +22,10 @@ from cosim.interrupts import ended_in_order
 from cosim.master import Runner, engine, time_grid
 from cosim.master.engine import EngineName
 from cosim.master.instance import _unsettled
+from cosim.master.runner import usually_held
 from cosim.results import Result
+from cosim.ssp import read_fmu
+from fmus.build import build_fmu, composed_block
 
 TOP = Path(__file__).resolve().parents[2]
 
@@ -172,8 +175,21 @@ def test_bad_series_are_refused(toys: Any, series: Any, message: str) -> None:
 def test_a_held_series_may_end_one_interval_early(toys: Any) -> None:
     t = np.arange(10) * 0.1
     with Runner(toys.fmu("gain")) as runner:
-        result = runner.run(1.0, 0.1, inputs={"u": (t, t)})
+        result = runner.run(1.0, 0.1, inputs={"u": (t, t)}, hold=("u",))
     assert result["gain.y"][-1] == pytest.approx(2 * 0.9)
+
+
+def test_what_others_call_u_is_no_valve_command(toys: Any) -> None:
+    """Our models hold their `u` over a step; an input of others acts by its declaration, whatever it is called."""
+    t = np.arange(11) * 0.1
+    with Runner(toys.fmu("gain")) as runner:
+        assert usually_held(runner.system) == ()
+        result = runner.run(1.0, 0.1, inputs={"u": (t, t)})
+        assert result["gain.y"][1:] == pytest.approx(2 * t[1:]), "its value at the end of the step"
+        held = runner.run(1.0, 0.1, inputs={"u": (t, t)}, hold=("u",))
+        assert held["gain.y"][1:] == pytest.approx(2 * t[:-1])
+    with read_fmu(build_fmu(composed_block("dead_zone"), toys.folder / "dead_zone.fmu")) as ours:
+        assert usually_held(ours) == ("u",)
 
 
 def test_unknown_and_doubled_inputs_are_refused(toys: Any) -> None:
@@ -351,6 +367,27 @@ def test_integers_and_booleans_are_signals_too_held_over_each_step(toys: Any) ->
     np.testing.assert_allclose(found["gearbox.y"], y, rtol=1e-12)
     assert np.array_equal(found["gearbox.shown"][1:], gear[:-1])
     assert np.array_equal(found["gearbox.moves"][1:], (y[1:] > 0.5).astype(float))
+
+
+def test_a_whole_number_can_drive_a_real_input(toys: Any) -> None:
+    """easySSP connects a counter so, its connector declared as Real: nothing is lost on the way."""
+    boxes = {"a": "gearbox", "g": "gain"}
+    time = 0.1 * np.arange(11)
+    gear = np.where(time < 0.45, 1.0, 3.0)
+    results = []
+    for way in ("compiled", "python"):
+        wires = ["gear -> a.gear", "a.shown -> g.u"]
+        with Runner(toys.ssp(boxes, wires, kinds={"a.shown": "output"})) as runner:
+            result = runner.run(
+                1.0, 0.1, inputs={"gear": (time, gear)}, record=["a.shown", "g.u", "g.y"], engine=way
+            )
+        assert any("hands a whole number on as a Real" in note for note in result.notes)
+        results.append(result)
+    for result in results:
+        assert set(result["a.shown"]) == {0.0, 1.0, 3.0}
+        assert np.array_equal(result["g.u"], result["a.shown"])
+        # what is discrete is handed over at the start of the next step
+        assert np.array_equal(result["g.y"][1:], 2.0 * result["a.shown"][:-1])
 
 
 def test_a_boolean_output_can_drive_a_boolean_input_but_no_real_one(toys: Any) -> None:

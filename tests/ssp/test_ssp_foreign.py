@@ -1,5 +1,6 @@
 """What `validate`, `simulate` and `info` say of FMUs and packages by strangers: exit code 3, and the place that is bad."""
 
+import subprocess
 import time
 import zipfile
 from collections.abc import Callable
@@ -12,7 +13,7 @@ import pytest
 import pythonfmu
 import toy_fmus
 
-from cosim.ssp import archive, binary, read_ssp
+from cosim.ssp import archive, binary, read_fmu, read_ssp
 
 LIBRARY = next(
     (Path(pythonfmu.__file__).parent / "resources" / "binaries" / fmpy.platform).iterdir()
@@ -53,6 +54,76 @@ def test_a_bad_library_is_invalid_and_is_not_loaded(
         code, out, err = command(*words)
         assert code == 3
         assert message in " ".join((out + err).split())
+
+
+@pytest.mark.skipif(not bad_fmus.COMPILER, reason="needs a C compiler")
+def test_a_library_without_what_it_cannot_do_is_run_and_said(tmp_path: Path, command: Any) -> None:
+    """Hand-written FMUs leave out the functions of what they do not declare; no run calls these."""
+    whole = bad_fmus.build("NONE", tmp_path)
+    with zipfile.ZipFile(whole) as packed:
+        library = packed.read(f"binaries/{fmpy.platform}/bad{fmpy.sharedLibraryExtension}")
+    poor = library.replace(b"fmi2GetFMUstate\0", b"fmi2GotFMUstate\0")
+    assert poor != library
+    fmu = bad_fmus.pack(
+        tmp_path / "poor.fmu",
+        poor,
+        lambda text: text.replace('"bad"/>', '"bad" canGetAndSetFMUstate="true"/>'),
+    )
+    code, out, _ = command("validate", fmu)
+    assert code == 3
+    assert "exports no fmi2GetFMUstate, which FMI 2.0 demands" in " ".join(out.split())
+    code, out, err = command("simulate", fmu)
+    assert code == 0, err
+    assert "exports no fmi2GetFMUstate, which FMI 2.0 demands" in " ".join(err.split())
+    with read_fmu(fmu) as system:
+        assert not next(iter(system.components.values())).fmu.keeps_state, "its state cannot be read"
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "used"),
+    [
+        ("inch", "39.370078740157", True),
+        ("inch", "0.0254", False),
+        ("mm", "1000", True),
+        ("thing", "3", True),
+    ],
+)
+def test_a_display_unit_whose_factor_contradicts_its_name_is_not_used(
+    tmp_path: Path, name: str, factor: str, used: bool
+) -> None:
+    """FMI has shown = factor * value; exporters that write the inverse would have an inch of 0.0254 shown per metre."""
+
+    def change(text: str) -> str:
+        base = '<BaseUnit m="1" factor="1"/>'
+        text = text.replace(base, f'{base}<DisplayUnit name="{name}" factor="{factor}"/>')
+        return text.replace('<Real unit="m"/>', f'<Real unit="m" displayUnit="{name}"/>')
+
+    with read_fmu(bad_fmus.pack(tmp_path / "shown.fmu", LIBRARY, change)) as system:
+        y = next(iter(system.components.values())).fmu.variables["y"]
+        assert (y.display_unit, y.display_factor) == ((name, float(factor)) if used else ("", 1.0))
+        assert any("contradicts" in note and f"'{name}' of 'm'" in note for note in system.notes) != used
+
+
+@pytest.mark.skipif(not bad_fmus.COMPILER or fmpy.platform != "linux64", reason="needs a C compiler and ELF")
+def test_what_a_library_lacks_is_said_with_a_remedy(tmp_path: Path, command: Any) -> None:
+    other = tmp_path / "libabsent.so.3"
+    source = tmp_path / "absent.c"
+    source.write_text("int absent(void) { return 0; }\n")
+    compiler = str(bad_fmus.COMPILER)
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-Wl,-soname,libabsent.so.3", "-o", other, source], check=True
+    )
+    library = tmp_path / "bad.so"
+    bad = Path(bad_fmus.__file__).with_name("bad_fmu.c")
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-DMISCHIEF=NONE", "-Wl,--no-as-needed", "-o", library, bad, other],
+        check=True,
+        capture_output=True,
+    )
+    other.unlink()
+    code, _, err = command("simulate", bad_fmus.pack(tmp_path / "needy.fmu", library.read_bytes()))
+    assert code == 3
+    assert "it needs 'libabsent.so.3', which is not installed here: install it" in " ".join(err.split())
 
 
 @pytest.mark.skipif(fmpy.platform != "linux64", reason="changes an ELF library for x86-64")

@@ -2,16 +2,21 @@
 
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import bad_fmus
+import fmpy
 import pytest
+import pythonfmu
 import toy_fmus
 from lxml import etree
 from toy_fmus import binding, ssv
 
+from cosim.anysystem.pipeline import unmeasured
 from cosim.errors import ModelError, UsageError
 from cosim.master import Runner
-from cosim.ssp import Port, read_ssp, read_ssv, read_system
+from cosim.ssp import Port, check_ssp, read_ssp, read_ssv, read_system
 
 WITH_NAMESPACES = (
     "<ssd:ParameterBindings xmlns:ssd='http://ssp-standard.org/SSP1/SystemStructureDescription'"
@@ -265,6 +270,66 @@ def edited(toys: Any, old: str, new: str, tmp_path: Path) -> Path:
 def test_bad_descriptions_are_refused(toys: Any, tmp_path: Path, old: str, new: str, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         read_ssp(edited(toys, old, new, tmp_path))
+
+
+def test_another_name_of_a_fed_input_is_not_open(toys: Any, tmp_path: Path) -> None:
+    """FMI 3.0 lists other names of a variable, FMI 2.0 gives them its reference: what feeds one feeds all."""
+
+    def change(text: str) -> str:
+        other = '<ScalarVariable name="other" valueReference="1" causality="input"><Real start="0"/></ScalarVariable>'
+        return text.replace("</ModelVariables>", f"{other}</ModelVariables>")
+
+    platform = Path(pythonfmu.__file__).parent / "resources" / "binaries" / fmpy.platform
+    plain = bad_fmus.pack(tmp_path / "bad.fmu", next(platform.iterdir()).read_bytes(), change)
+    text = toy_fmus.ssd({"w": "wave", "b": "bad"}, ["w.y -> b.u"])
+    path = toy_fmus.pack(tmp_path / "names.ssp", text, {"wave": toys.fmu("wave"), "bad": plain})
+    with read_ssp(path) as system:
+        assert not [note for note in system.notes if "not connected" in note]
+        group: Any = SimpleNamespace(
+            components=["b"], drives=[SimpleNamespace(port=Port("b", "u"))], inner=[]
+        )
+        assert unmeasured(system, group) == {}
+        group.drives = []
+        assert set(unmeasured(system, group)) == {"b.u", "b.other"}
+
+
+def test_a_prefix_that_nobody_declared_stops_nobody_and_is_invalid(toys: Any, tmp_path: Path) -> None:
+    """Packages of the Open Simulation Platform hold annotations of its own so; what it says is not for us."""
+    extra = "<ssd:Annotations><ssc:Annotation type='x'><osp:Algorithm osp:a='1'/></ssc:Annotation></ssd:Annotations>"
+    path = edited(toys, "</ssd:System>", f"</ssd:System>{extra}", tmp_path)
+    with read_ssp(path) as system:
+        assert list(system.components) == ["w", "g"]
+    texts = [p.text for p in check_ssp(path) if p.severity == "error"]
+    assert sum("the prefix 'osp' is not declared: add xmlns:osp" in text for text in texts) == 1
+
+
+def test_a_value_for_a_connector_that_leads_nowhere_is_said_to_be_so(toys: Any) -> None:
+    bound = binding(ssv({"level": 1.0}))
+    path = toys.ssp(PAIR, ["w.y -> g.u", "level -> g.u"], system_bindings=bound)
+    with zipfile.ZipFile(path) as archive:
+        entries = {n: archive.read(n) for n in archive.namelist()}
+    text = entries["SystemStructure.ssd"].decode()
+    loose = text.replace(
+        '<ssd:Connection startConnector="level" endElement="g" endConnector="u"></ssd:Connection>', ""
+    )
+    assert loose != text
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in {**entries, "SystemStructure.ssd": loose.encode()}.items():
+            archive.writestr(name, data)
+    with read_ssp(path) as system:
+        (note,) = (n for n in system.notes if "'level'" in n)
+        assert "leads to no component" in note
+        assert "closest" not in note
+
+
+def test_a_parameter_set_of_another_namespace_is_refused_with_the_right_one(tmp_path: Path) -> None:
+    file = tmp_path / "a.ssv"
+    other = ssv({"a": 1.0}).replace("/SSP1/SystemStructureParameterValues", "/SSP1/ParameterValues")
+    file.write_text(other, encoding="utf-8")
+    with pytest.raises(
+        ModelError, match=r"and not \{.*/SystemStructureParameterValues\}ParameterSet: correct"
+    ):
+        read_ssv(file)
 
 
 def test_two_modules_of_one_name_and_other_content_in_one_system_are_refused(
