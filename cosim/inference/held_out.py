@@ -12,15 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from cosim.inference.thresholds import ANCHOR, ASKED_FOR, MANY_BLOCKS, MOST_BLOCKS, STANDS
+from cosim.inference.thresholds import ANCHOR, ASKED_FOR, MANY_BLOCKS, MOST_BLOCKS, OUTSIDE, STANDS
 
 Array = NDArray[np.float64]
 
 TINY = 1e-9  # of a regressor's square: keeps what is nearly collinear solvable
 RESAMPLED = 2000  # times the windows, for the interval of a ratio of errors
-OUTSIDE = 0.05  # share outside a 95 % interval
-# one tail q for which the odds (1 - q) / q, times those of what is asked for, are those of a 95 % interval's tail
-OUTSIDE_ASKED = 2.0 / (1.0 + (2.0 / OUTSIDE - 1.0) * (1.0 - ASKED_FOR) / ASKED_FOR)
 SPANS = 32  # of a part, over each of which the means of two errors are compared
 
 
@@ -53,7 +50,7 @@ class HeldOutGain:
     @property
     def asked(self) -> tuple[float, float]:
         """Interval that excludes no gain where one that the fitted data ask for is as sure as `sure` says of any."""
-        return self.asked_ends if self.asked_ends is not None else self._interval(OUTSIDE_ASKED)
+        return self.asked_ends if self.asked_ends is not None else self._interval(outside_asked())
 
     @property
     def decided(self) -> tuple[float, float]:
@@ -77,6 +74,14 @@ class HeldOutGain:
         less is needed for the same certainty than of one that nothing speaks for.
         """
         return self.asked[0] > 0.0
+
+
+def outside_asked() -> float:
+    """Share outside the interval for what the fitted data ask for.
+
+    The odds (1 - q) / q of its tail q, times those of such a cause, are those of the tail of a 95 % interval.
+    """
+    return 2.0 / (1.0 + (2.0 / OUTSIDE - 1.0) * (1.0 - ASKED_FOR) / ASKED_FOR)
 
 
 def quantile(repetitions: float, outside: float = OUTSIDE) -> float:
@@ -203,7 +208,7 @@ def gain_of_errors(
     """
     parts = min(richer.size, MOST_BLOCKS)
     found = []
-    for outside in (OUTSIDE, OUTSIDE_ASKED):
+    for outside in (OUTSIDE, outside_asked()):
         gain, ends = (smaller_in_size if placed else smaller_by)(richer, poorer, outside)
         if placed and apart is not None:
             ends = max(ends, as_excited(richer, poorer, apart, outside))

@@ -114,6 +114,13 @@ ASKED_FOR: Annotated[
     "what is known before held-out data are looked at; with it they decide by Bayes' rule",
     "third logs of an excavator and a small one (benchmarks/third_log.py)",
 ] = 0.8
+OUTSIDE: Annotated[
+    float,
+    "share",
+    "share that an interval leaves outside",
+    "the usual 95 %: one in forty on either side",
+    "convention",
+] = 0.05
 MOST_BLOCKS: Annotated[
     int,
     "parts",

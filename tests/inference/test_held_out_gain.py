@@ -7,7 +7,6 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from cosim.inference.held_out import (
-    OUTSIDE_ASKED,
     HeldOutGain,
     as_excited,
     contrast,
@@ -15,6 +14,7 @@ from cosim.inference.held_out import (
     gain_between,
     gain_of_errors,
     left_out,
+    outside_asked,
     ratio_ci95,
     smaller_by,
     steps_without,
@@ -99,7 +99,7 @@ def test_a_gain_is_sure_where_its_interval_excludes_none() -> None:
 
 def test_what_fitted_data_ask_for_is_borne_out_by_less() -> None:
     """At the end of its interval the odds, with those of before, are those of any cause at the end of 95 %."""
-    tail = 0.5 * OUTSIDE_ASKED
+    tail = 0.5 * outside_asked()
     assert (1.0 - tail) / tail * ASKED_FOR / (1.0 - ASKED_FOR) == pytest.approx(0.975 / 0.025)
     reach = norm.ppf(1.0 - tail)
     assert HeldOutGain(0.5, 0.499 / reach).borne_out
@@ -114,7 +114,7 @@ def test_of_causes_at_the_edge_of_being_borne_out_one_in_forty_does_not_help() -
     helps = rng.random(2_000_000) < ASKED_FOR
     true = np.where(helps, 1.0, -1.0) * rng.uniform(0.0, 8.0, helps.size)
     measured = true + rng.standard_normal(helps.size)
-    edge = np.abs(measured - norm.ppf(1.0 - 0.5 * OUTSIDE_ASKED)) < 0.05
+    edge = np.abs(measured - norm.ppf(1.0 - 0.5 * outside_asked())) < 0.05
     assert np.mean(~helps[edge]) == pytest.approx(0.025, abs=0.004)
 
 
