@@ -21,31 +21,23 @@ from unittest.mock import patch
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 from scipy.stats import beta
 
 from benchmarks import real_logs
 from benchmarks.real_logs import MAPPINGS, Case, cases, excavator_logs, stratified
-from cosim.diagnosis.held_out.causes import Held, Step, Steps, compared, held_logs, parts_of
-from cosim.diagnosis.held_out.free_run import errors
+from cosim.diagnosis.held_out.causes import Held, Step, Steps, compared, errs, held_logs
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.pipeline import diagnose as pipeline
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.inference.held_out import course_of
 from cosim.inference.thresholds import MOST_BLOCKS
 from cosim.logs import load_log
 
 MOST = 4  # further logs of a case
-SURE = (
-    -math.inf,
-    0.0,
-    0.5,
-    1.0,
-    math.inf,
-)  # edges, gain over the distance to the lower end of its 95 % interval
+# edges of classes by the gain over the distance to the lower end of its 95 % interval
+SURE = (-math.inf, 0.0, 0.5, 1.0, math.inf)
 
 
 @dataclass(frozen=True)
@@ -97,12 +89,7 @@ def further_logs(case: Case) -> list[str]:
 
 def on(held: Held, finding: Finding, step: Step, signal: str) -> Step:
     """A set of causes, as it was estimated, on other data."""
-    model = finding.task.model
-    anew = model.group.drifts
-    gone = errors(finding, step.fit, held.record)[signal]
-    found = parts_of(gone, finding.task.rules[signal], anew, held.record.cuts)
-    squares = np.maximum(found, held.record.rounding(signal) ** 2)
-    course = course_of(gone, squares.size) if model.group.integrates and not anew else None
+    squares, course = errs(finding, step.fit, held, signal)
     return Step(step.effects, step.fit, step.fitted, 0.0, step.unsure, squares, course is not None, course)
 
 
@@ -136,10 +123,8 @@ def asked_for(case: Case, mappings: Path = MAPPINGS) -> Iterator[Asked]:
         signal = compared(finding.task, third)
         sets = {frozenset(e.name for e in step.effects): step for step in done.values()}
         for effect in finding.chosen.effects if signal else ():
-            richer, poorer = (
-                sets.get(frozenset({*named, effect.name})),
-                sets.get(frozenset(named) - {effect.name}),
-            )
+            richer = sets.get(frozenset({*named, effect.name}))
+            poorer = sets.get(frozenset(named) - {effect.name})
             if richer is None or poorer is None:
                 continue  # it was never held against the named set
             again = [on(third, finding, step, signal) for step in (richer, poorer)]

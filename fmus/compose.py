@@ -11,7 +11,7 @@ import inspect
 import linecache
 import textwrap
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any
@@ -80,6 +80,19 @@ class Composed:
         linecache.cache[name] = (len(self.source), None, self.source.splitlines(keepends=True), name)
         exec(compile(self.source, name, "exec"), module.__dict__)
         return module
+
+
+@dataclass(frozen=True)
+class Known:
+    """A composed block, equal to any other that is known by the same: what follows from that alone is found once.
+
+    Attributes:
+        by: its text, and names that are asked for beside it.
+        composed: the block.
+    """
+
+    by: tuple[object, ...]
+    composed: Composed = field(compare=False)
 
 
 def merged_parameters(block: Block, effects: Iterable[Effect]) -> dict[str, Variable]:

@@ -7,10 +7,10 @@ small, and too large only where terms cancel.
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache, wraps
 
-from fmus.compose import Composed
+from fmus.compose import Composed, Known
 from fmus.contract import Buffer
 from fmus.syntax import names, parsed
 
@@ -37,14 +37,6 @@ Value = Names | Row | Fields
 LAYOUTS = ("Input", "Output", "State", "Memory", "Parameters", "Coefficients")
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """A composed block, equal to any other of the same text and names."""
-
-    known_by: tuple[object, ...]
-    composed: Composed = field(compare=False)
-
-
 def _once(question: Callable[..., dict[str, Names]]) -> Callable[..., dict[str, Names]]:
     """A question that is answered once for blocks of the same text: FMUs of several packages and versions ask it again."""
     kept = lru_cache(maxsize=256)(lambda asked, **more: question(asked.composed, **more))
@@ -52,7 +44,7 @@ def _once(question: Callable[..., dict[str, Names]]) -> Callable[..., dict[str, 
     @wraps(question)
     def answered(composed: Composed, **more: bool) -> dict[str, Names]:
         names = (composed.block.inputs, composed.inputs, composed.parameters)
-        return dict(kept(_Asked((composed.source, *map(tuple, names)), composed), **more))
+        return dict(kept(Known((composed.source, *map(tuple, names)), composed), **more))
 
     return answered
 

@@ -426,16 +426,14 @@ def behind(finding: Finding, signal: str, candidate: Candidate | None = None) ->
 
 def unmeasured(system: System, group: CutGroup) -> dict[str, float | None]:
     """Inputs of a group that nothing measured enters: ``component.input`` -> start value, None where the FMU gives none."""
-    entered = {d.port for d in group.drives} | {w.target for w in group.inner}
-    # by reference: FMI 3.0 has other names for one variable
-    known = {(port.component, system.variable(port).reference) for port in entered}
+    entered = system.places([*(d.port for d in group.drives), *(w.target for w in group.inner)])
     found = {}
     for component in group.components:
         for variable in system.components[component].fmu.variables.values():
             if (
                 variable.causality == "input"
                 and variable.kind == "Real"
-                and (component, variable.reference) not in known
+                and (component, variable.reference) not in entered
             ):
                 name = f"{component}.{variable.name}"
                 found[name] = value_of(system, name)

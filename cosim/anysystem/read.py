@@ -270,14 +270,13 @@ def with_parameters(system: System, options: AnyOptions) -> AnyOptions:
         component, _, parameter = name.partition(".")
         part = system.components.get(component)
         variable = part.fmu.variables.get(parameter) if part else None
-        if part is None or variable is None or variable.causality != "parameter" or not variable.can_be_set:
+        settable = variable is not None and variable.causality == "parameter" and variable.can_be_set
+        whole = variable is not None and variable.kind == "Integer" and value.is_integer()
+        if part is None or variable is None or not settable or not (whole or variable.kind == "Real"):
             inputs[name] = value
-        elif variable.kind == "Real":
-            system.components[component] = replace(part, starts={**part.starts, parameter: value})
-        elif variable.kind == "Integer" and value.is_integer():
-            system.components[component] = replace(part, starts={**part.starts, parameter: int(value)})
-        else:
-            inputs[name] = value
+            continue
+        start = int(value) if whole else value
+        system.components[component] = replace(part, starts={**part.starts, parameter: start})
     return options.model_copy(update={"constant": inputs})
 
 

@@ -181,6 +181,11 @@ class Finding:
         return (*self.chosen.actions, *self.read)
 
 
+def _between_programs(name: str, fit: Fit, agreed: Fit) -> float:
+    """Variance of an estimate by what two programs make of one model, which `agreed` has in its covariance and `fit` not."""
+    return max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0)
+
+
 def worth(finding: Finding) -> float:
     """How well a finding's causes explain the group's readings, less the price of what they take; for another drive.
 
@@ -1407,16 +1412,14 @@ class Search:
         """Whether a parameter is off by no more than trust, and what two programs make of one model, allow together."""
         name = f"{PARAMETER}|{action.port}"
         value, deviation = self.trusted[str(action.port)]
-        own = max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0)
-        allowed = np.sqrt((deviation * (abs(value) or 1.0)) ** 2 + own)
+        allowed = np.sqrt((deviation * (abs(value) or 1.0)) ** 2 + _between_programs(name, fit, agreed))
         return bool(abs(fit.values[name] - value) <= SURE * allowed)
 
     def _none_within(self, action: Action, fit: Fit, agreed: Fit) -> bool:
         """Whether what two programs make of one model holds, at 95 %, for each size of a cause that there is none of it."""
         known = {u.name for u in fit.unknowns}
         differ = [
-            abs(fit.values[name] - none)
-            > 1.96 * np.sqrt(max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0))
+            abs(fit.values[name] - none) > 1.96 * np.sqrt(_between_programs(name, fit, agreed))
             for name, none in self._off(action).items()
             if name in known
         ]

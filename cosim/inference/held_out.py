@@ -6,6 +6,7 @@ had that block been left out: one Gauss-Newton step on the other blocks moves th
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -151,12 +152,20 @@ def contrast(one: Array, other: Array) -> Array:
     return np.asarray(0.5 * (np.log(other + scale) - np.log(one + scale)))
 
 
+@lru_cache(maxsize=MOST_BLOCKS)
+def resampled(parts: int) -> NDArray[np.int64]:
+    """(RESAMPLED, parts) which parts each resampling has; the same each time, so that an answer does not change."""
+    rows = np.random.default_rng(1).integers(0, parts, (RESAMPLED, parts))
+    rows.setflags(write=False)
+    return rows
+
+
 def smaller_by(one: Array, other: Array, outside: float = OUTSIDE) -> tuple[float, tuple[float, float]]:
     """Mean `contrast` of two errors, and its interval by resampling parts, those side by side kept together."""
     found = contrast(one, other)
     blocks = np.array_split(found, min(found.size, MOST_BLOCKS))
     sums, sizes = (np.array([f(b) for b in blocks], float) for f in (np.sum, np.size))
-    rows = np.random.default_rng(1).integers(0, sums.size, (RESAMPLED, sums.size))
+    rows = resampled(sums.size)
     means = sums[rows].sum(axis=1) / sizes[rows].sum(axis=1)
     low, high = np.quantile(means, [outside / 2.0, 1.0 - outside / 2.0])
     return float(found.mean()), (float(low), float(high))
@@ -251,7 +260,7 @@ def ratio_interval(one: Array, other: Array, outside: float) -> tuple[float, flo
     """Interval of the ratio of two RMSE, from paired mean squares (windows,), windows side by side kept together."""
     parts = min(one.size, MOST_BLOCKS)
     sums = [np.array([part.sum() for part in np.array_split(values, parts)]) for values in (one, other)]
-    rows = np.random.default_rng(1).integers(0, parts, (RESAMPLED, parts))
+    rows = resampled(parts)
     above, below = (total[rows].sum(axis=1) for total in sums)
     # of errors that are none a ratio is large, and a number all the same
     ratios = np.sqrt(above / np.maximum(below, np.maximum(1e-30 * above, 1e-300)))

@@ -9,14 +9,13 @@ same (tests/native/test_native_twin.py). What cannot be translated is refused wi
 import ast
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
 
 from cosim.errors import ModelError
 from cosim.native.expressions import FAILING, SAFE, TESTS, RefusedError
 from cosim.native.function import Function
 from cosim.native.kinds import ARRAY, ARRAYS, REAL, Kind, Struct, c_name
-from fmus.compose import Composed
+from fmus.compose import Composed, Known
 from fmus.contract import Buffer
 from fmus.syntax import parsed
 
@@ -126,19 +125,11 @@ class Program:
         return rated(text) if self.with_rates else text
 
 
-@dataclass(frozen=True)
-class _Woven:
-    """A composed block, equal to any other of the same text."""
-
-    known_by: tuple[object, ...]
-    composed: Composed = field(compare=False)
-
-
 @lru_cache(maxsize=256)
 def _translated(
-    woven: _Woven, prefix: str, called: tuple[tuple[str, tuple[str | Kind, ...]], ...], with_rates: bool
+    block: Known, prefix: str, called: tuple[tuple[str, tuple[str | Kind, ...]], ...], with_rates: bool
 ) -> Program:
-    return Program(woven.composed, prefix, dict(called), with_rates)
+    return Program(block.composed, prefix, dict(called), with_rates)
 
 
 def program_of(
@@ -153,8 +144,8 @@ def program_of(
         ModelError: an equation of the block or of one of its effects has no translation.
     """
     lists = tuple(n for n, item in composed.memory.items() if isinstance(item, Buffer))
-    woven = _Woven((composed.source, composed.block.title, lists), composed)
-    return _translated(woven, prefix, tuple(called.items()), with_rates)
+    known = Known((composed.source, composed.block.title, lists), composed)
+    return _translated(known, prefix, tuple(called.items()), with_rates)
 
 
 LITERAL = re.compile(r"(?<![\w.)])-?(?:\d+\.\d+(?:e[-+]?\d+)?|\d+e[-+]?\d+|HUGE_VAL|NAN)\b")

@@ -296,8 +296,7 @@ class _Reader:
         fed = {wire.target for wire in system.wires} | {
             wire.target for item in system.inputs.values() for wire in item.targets
         }
-        # by reference: FMI 3.0 has other names for one variable
-        known = {(port.component, system.variable(port).reference) for port in fed}
+        known = system.places(fed)
         for component in system.components.values():
             for variable in component.fmu.variables.values():
                 port = Port(component.name, variable.name)

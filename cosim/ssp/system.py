@@ -1,7 +1,7 @@
 """What reading an SSP or FMU gives: plain data about components, wires and values. Nothing here loads a library."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -192,6 +192,10 @@ class System:
     def variable(self, port: Port) -> Variable:
         """The declaration of a component's variable (KeyError if there is none)."""
         return self.components[port.component].fmu.variables[port.variable]
+
+    def places(self, ports: Iterable[Port]) -> set[tuple[str, int]]:
+        """Component and reference of each variable: aliases, which FMI 3.0 lists, share them."""
+        return {(port.component, self.variable(port).reference) for port in ports}
 
     @property
     def step_size(self) -> float | None:

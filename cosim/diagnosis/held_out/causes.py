@@ -304,11 +304,8 @@ def stepper(
                 slow = [course_of(e, count) / np.sqrt(v) for e, v in zip(each, spread, strict=True)]
                 course = np.concatenate(slow)
         else:
-            gone = errors(finding, fit_, held.record)[signal][held.first :]
-            cuts = tuple(c - held.first for c in held.record.cuts)
-            square = squares = np.maximum(parts_of(gone, rule, anew, cuts), quiet)
-            if placed:
-                course = course_of(gone, squares.size)
+            squares, course = errs(finding, fit_, held, signal)
+            square = squares
         error = float(np.sqrt(np.mean(square)))
         return Step(effects, fit_, fitted, error, unsure, squares, placed, course)
 
@@ -326,6 +323,16 @@ def stepper(
         return done[key]
 
     return step
+
+
+def errs(finding: Finding, fit_: Fit, held: Held, signal: str) -> tuple[Array, Array | None]:
+    """What is left of a signal on held-out data with the estimates of a fit, as `Step` has its squares and its course."""
+    group = finding.task.model.group
+    gone = errors(finding, fit_, held.record)[signal][held.first :]
+    cuts = tuple(c - held.first for c in held.record.cuts)
+    found = parts_of(gone, finding.task.rules[signal], group.drifts, cuts)
+    squares = np.maximum(found, held.record.rounding(signal) ** 2)
+    return squares, course_of(gone, squares.size) if group.integrates and not group.drifts else None
 
 
 def predicts_better(held: Held, tolerance: float, done: Steps) -> Judge:
