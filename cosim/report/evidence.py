@@ -50,6 +50,7 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "mechanical.constant_load": (torque.over_speed,),
     "mechanical.coulomb_asymmetry": (torque.over_speed,),
     "mechanical.viscous_friction": (torque.over_speed,),
+    "mechanical.viscous_asymmetry": (torque.over_speed,),
     "mechanical.inertia": (torque.over_acceleration,),
     "mechanical.gravity_load": (torque.over_angle,),
     "mechanical.gear_ripple": (torque.over_angle,),

@@ -108,6 +108,8 @@ def law(material: Material, cause: NamedCause, motion: Motion) -> Array:
         return size("tau_load") + zero
     if cause.effect == "mechanical.coulomb_asymmetry":
         return size("tau_d") + zero
+    if cause.effect == "mechanical.viscous_asymmetry":
+        return size("a_b") * motion.damping * np.abs(omega)
     if cause.effect == "mechanical.gravity_load":
         return size("tau_g") * np.sin(motion.theta - size("theta_g"))
     if cause.effect == "mechanical.gear_ripple":
@@ -206,6 +208,7 @@ def law_over(
     grid = omega if omega is not None else theta
     assert grid is not None
     view = object.__new__(Motion)
+    view.damping = motion.damping
     view.omega = omega if omega is not None else np.zeros_like(grid)
     view.theta = theta if theta is not None else np.zeros_like(grid)
     return law(material, cause, view)

@@ -143,7 +143,8 @@ def free_torque(s: State, t: float, p: Plant) -> float:
     """Torque [N.m] on the column from everything but dry friction."""
     m, q = p.mechanical, p.unknown
     felt = s.p_load - clip(s.p_load, -p.continuity.p_c, p.continuity.p_c)
-    torque = felt * m.A * m.r - m.b * s.omega - m.tau_load
+    viscous = m.b * (1.0 + m.a_b if s.omega > 0.0 else 1.0 - m.a_b)
+    torque = felt * m.A * m.r - viscous * s.omega - m.tau_load
     if m.tau_g != 0.0:
         torque -= m.tau_g * math.sin(s.theta - m.theta_g)
     if m.tau_r != 0.0:

@@ -99,6 +99,7 @@ class Mechanical(NamedTuple):
     tau_r: float = 0.0
     n_r: float = 20.0
     phi_r: float = 0.0
+    a_b: float = 0.0
 
 
 class Sensor(NamedTuple):
@@ -251,6 +252,9 @@ PARAMETERS: dict[str, Parameter] = {
     "mechanical.tau_r": Parameter("N.m", -1e6, 1e6, "Torque ripple of the gear", _D),
     "mechanical.n_r": Parameter("1", 0.1, 2000.0, "Ripples a revolution", _D),
     "mechanical.phi_r": Parameter("rad", -2 * PI, 2 * PI, "Phase of the ripple", _D),
+    "mechanical.a_b": Parameter(
+        "1", -1.0, 1.0, "Viscous friction is b (1 + a_b) forwards, b (1 - a_b) backwards", _D
+    ),
     "sensor.bias": Parameter("rad", -PI, PI, "Zero error", _D),
     "sensor.gain": Parameter("1", 0.1, 10.0, "Scale", _D),
     "sensor.low": Parameter("rad", -1e6, 1e6, "Lowest reading", _D),

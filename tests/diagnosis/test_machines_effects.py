@@ -63,6 +63,19 @@ def test_friction_that_differs_between_the_directions(force: float) -> None:
     assert found == pytest.approx(speed(force, tau_c=20.0, tau_load=5.0), rel=1e-9)
 
 
+@pytest.mark.parametrize("force", [60.0, -60.0])
+def test_viscous_friction_that_differs_between_the_directions(force: float) -> None:
+    side = np.sign(force)
+    assert speed(force, a_b=0.25) == pytest.approx(force / (200.0 * (1.0 + side * 0.25)), rel=1e-4)
+
+
+def test_viscous_friction_never_drives() -> None:
+    """Where one direction has none left the axis is accelerated uniformly and does not run away."""
+    assert speed(60.0, a_b=1.0) == pytest.approx(60.0 / 400.0, rel=1e-4)
+    free = 60.0 / 95.0 * 8.0  # over the eight seconds
+    assert speed(-60.0, a_b=1.0) == pytest.approx(-free, rel=1e-3)
+
+
 def test_asymmetric_friction_holds_at_rest_and_never_drives() -> None:
     assert speed(19.0, tau_c=20.0, tau_d=5.0) == 0.0
     assert speed(-60.0, tau_c=20.0, tau_d=50.0) == pytest.approx(-60.0 / 200.0, rel=1e-4)

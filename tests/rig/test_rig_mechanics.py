@@ -26,6 +26,13 @@ def test_constant_load_against_positive_motion():
     assert run.true["omega"][-1] * B == pytest.approx(0.5 * TORQUE - 80.0, rel=1e-6)
 
 
+@pytest.mark.parametrize("command", [0.5, -0.5])
+def test_viscous_friction_that_differs_between_the_directions(command):
+    run = clean(held((command, 4.0)), settings={"mechanical.a_b": 0.15})
+    friction = B * (1.0 + np.sign(command) * 0.15)
+    assert run.true["omega"][-1] * friction == pytest.approx(command * TORQUE, rel=1e-6)
+
+
 def test_gravity_pulls_to_its_zero_as_a_damped_pendulum():
     run = clean(
         np.zeros(6000), "mechanical.gravity_load:tau_g=50000 N.m,theta_g=20 deg", start=np.radians(20.5)
