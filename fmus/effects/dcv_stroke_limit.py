@@ -12,4 +12,5 @@ EFFECT = Effect(
         "x_max": Free(starts=(1.2e-3, 1.8e-3, 2.2e-3), scale=0.4e-3, limits="spool"),
         "x_min": Free(starts=(-1.2e-3, -1.8e-3, -2.2e-3), scale=0.4e-3, limits="spool"),
     },
+    bends=True,
 )

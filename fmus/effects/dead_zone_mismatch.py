@@ -13,4 +13,5 @@ EFFECT = Effect(
         "b_l": Free(starts=(-0.45, -0.35), scale=0.05, floor=0.004),
     },
     prior=1.0,  # every directional valve has an overlap, of several per cent of the command as a rule
+    bends=True,
 )

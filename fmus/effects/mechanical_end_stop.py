@@ -13,4 +13,5 @@ EFFECT = Effect(
         "theta_min": Free(starts=(-1e9,), scale=0.1, limits="theta"),
     },
     sole_form=True,
+    bends=True,
 )

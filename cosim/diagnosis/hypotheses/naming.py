@@ -31,6 +31,7 @@ from cosim.diagnosis.hypotheses.forms import forms, in_plain_form, in_same_form
 from cosim.diagnosis.hypotheses.local_minima import away_from_stops
 from cosim.diagnosis.hypotheses.pruning import confirmed, prune
 from cosim.diagnosis.hypotheses.screening import identifiable, promising
+from cosim.diagnosis.hypotheses.static_curve import together
 from cosim.diagnosis.record.grid import Pieces
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.record.signatures import Signature, signatures
@@ -338,6 +339,19 @@ def least_error(
         weighed(chosen)
         return None
 
+    def begun() -> Trial | None:
+        # one by one, what bends the same curve would each be found where the others are missing
+        bent = together(task, null, candidates, tolerance)
+        if bent is None:
+            return None
+        weighed(bent)
+        if worth(bent) <= worth(tried(task, (), tolerance, null.fit)):
+            weighed(chosen)
+            return None
+        found = swapped(task, bent, candidates, tolerance, worth)
+        weighed(found)
+        return found
+
     def joined_by(one: Trial) -> list[Trial]:
         rest = promising(task, one, (e for e in candidates if e not in one.effects), tolerance)
         return tried_all(task, [(*one.effects, e) for e in rest], tolerance, one.fit)
@@ -346,6 +360,10 @@ def least_error(
         weighed(null)
         chosen = null = tried(task, (), tolerance, null.fit)
         proven, in_vain = chosen, 0
+        if (bent := begun()) is not None:
+            chosen = bent
+            if better is None or better(task, null, chosen, proven):
+                proven = chosen
         for _ in range(most):
             further = [e for e in candidates if e not in chosen.effects]
             if chosen.effects:

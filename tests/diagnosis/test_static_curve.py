@@ -1,0 +1,88 @@
+"""Dead zone, end of the opening and ends of the travel together: found where one by one each bends the others."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim.diagnosis.fitting.chain import task_for
+from cosim.diagnosis.fitting.fit import Task
+from cosim.diagnosis.fitting.trials import Trial, candidates_of, copied, starting, tried
+from cosim.diagnosis.hypotheses.naming import nominal, remaining
+from cosim.diagnosis.hypotheses.static_curve import Edge, boxed, together
+from cosim.diagnosis.model.groups import merged
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.thresholds import GUESSED_TRUST
+from cosim.rig import make_log
+
+H, NOISE = 0.02, 2e-4  # s, rad
+HIDDEN = {"dead_zone.b_r": 0.5, "dcv.x_max": 0.6e-3, "mechanical.theta_max": np.radians(14.0)}
+SPEED = {"mechanical.J": 1500.0, "mechanical.b": 9000.0}  # a drive three times as fast as its nominal numbers
+
+
+@pytest.fixture(scope="module")
+def begun() -> tuple[Task, Trial]:
+    """Three synthetic logs, each a step from rest to an end of the travel, of which command and angle are known."""
+    rng, machine, records = np.random.default_rng(5), our_machine("full_order"), []
+    for level, seconds in ((0.12, 14.0), (0.25, 8.0), (0.8, 8.0)):
+        command = np.concatenate([np.zeros(500), np.full(round(1e3 * seconds), level)])
+        run = make_log(command, settings=HIDDEN | SPEED, noise=0)
+        every = round(1e3 * H)
+        slew = run.slew[::every] + NOISE * rng.standard_normal(run.slew[::every].size)
+        records.append(Record(H, {"u": run.u[::every], "slew": slew}))
+    record = joined(records)
+    (group,) = merged(machine.groups, record.signals)
+    task = task_for(replace(group, absolute=True, trusted=("mechanical.J", "mechanical.b")), record, [])
+    return task, nominal(task, record, GUESSED_TRUST)
+
+
+@pytest.fixture(scope="module")
+def found(begun: tuple[Task, Trial]) -> Trial:
+    task, null = begun
+    trial = together(copied(task), null, candidates_of(task), GUESSED_TRUST)
+    assert trial is not None
+    return trial
+
+
+def test_all_that_bends_the_curve_is_found_at_once(found: Trial) -> None:
+    assert set(found.names) == {"dead_zone.mismatch", "dcv.stroke_limit", "mechanical.end_stop"}
+    for name, truth in HIDDEN.items():
+        assert found.fit.values[name] == pytest.approx(truth, rel=0.02), name
+
+
+def test_nothing_but_noise_is_left_where_a_search_from_nominal_ends_far_off(
+    begun: tuple[Task, Trial], found: Trial
+) -> None:
+    task, null = begun
+    assert remaining(task, found) < 1.1 * NOISE
+    straight = tried(copied(task), found.effects, GUESSED_TRUST, null.fit)
+    assert remaining(task, straight) > 10.0 * NOISE
+
+
+def test_what_the_log_does_not_drive_to_is_not_sought(begun: tuple[Task, Trial]) -> None:
+    task, null = begun
+    bending = tuple(e for e in candidates_of(task) if e.bends)
+    box = {
+        e.name: e for e in boxed(task, null.fit, bending, *starting(task, bending, GUESSED_TRUST, null.fit))
+    }
+    assert {"dead_zone.b_r", "dcv.x_max", "mechanical.theta_max", "mechanical.J"} <= box.keys()
+    assert not {"dead_zone.b_l", "dcv.x_min", "mechanical.theta_min"} & box.keys()
+    stop = box["mechanical.theta_max"]
+    assert stop.low < HIDDEN["mechanical.theta_max"] + 4.0 * NOISE < stop.high + 8.0 * NOISE
+
+
+def test_one_alone_or_where_windows_have_offsets_is_left_to_the_usual_search(
+    begun: tuple[Task, Trial],
+) -> None:
+    task, null = begun
+    few = tuple(e for e in candidates_of(task) if e.name == "dead_zone.mismatch")
+    assert together(copied(task), null, few, GUESSED_TRUST) is None
+    drifting = copied(task)
+    drifting.set_rules({s: replace(rule, demean=True) for s, rule in task.rules.items()})
+    assert together(drifting, null, candidates_of(task), GUESSED_TRUST) is None
+
+
+def test_the_ends_of_an_edge() -> None:
+    assert [Edge("a", 2.0, 8.0).at(s) for s in (0.0, 0.5, 1.0)] == [2.0, 5.0, 8.0]
+    assert [Edge("a", -2.0, -8.0, True).at(s) for s in (0.0, 0.5, 1.0)] == pytest.approx([-2.0, -4.0, -8.0])
