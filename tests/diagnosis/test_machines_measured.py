@@ -84,24 +84,30 @@ def axis(tmp_path_factory: pytest.TempPathFactory) -> Answer:
     return found(tmp_path_factory.mktemp("emps"), "emps", "emps/DATA_EMPS.mat", "emps/DATA_EMPS_PULSES.mat")
 
 
-@pytest.mark.slow
-def test_the_axis_has_dry_friction_and_an_offset(axis: Answer) -> None:
-    named = {c.effect: c for c in axis.causes}
-    load = named.pop("mechanical.constant_load").parameters["tau_load"]
-    assert load.ci95[1] < 0.0
-    assert set(named) in ({"mechanical.coulomb_friction"}, {"mechanical.stribeck_friction"})
-    assert axis.gain["position"].rmse_after < 0.1 * axis.gain["position"].rmse_before
+@pytest.fixture(scope="module")
+def axis_back(tmp_path_factory: pytest.TempPathFactory) -> Answer:
+    """The same the other way round."""
+    return found(tmp_path_factory.mktemp("emps"), "emps", "emps/DATA_EMPS_PULSES.mat", "emps/DATA_EMPS.mat")
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True, reason="the free run has several minima: 7.03 mm, load -3.45 to -3.27 N (docs/scores.md)"
-)
+def test_either_log_of_the_axis_tells_the_same_friction(axis: Answer, axis_back: Answer) -> None:
+    """Dry, and viscous friction that differs between the directions; with the latter no constant load is left."""
+    sizes = []
+    for told in (axis, axis_back):
+        named = {c.effect: c for c in told.causes}
+        assert set(named) == {"mechanical.coulomb_friction", "mechanical.viscous_asymmetry"}
+        assert told.gain["position"].rmse_after < 0.1 * told.gain["position"].rmse_before
+        sizes.append({p: v.ci95 for c in told.causes for p, v in c.parameters.items()})
+    for name in ("tau_c", "a_b"):
+        (low, high), (least, most) = (size[name] for size in sizes)
+        assert max(low, least) < min(high, most), name
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="the free run leaves 5.82 mm (docs/scores.md)")
 def test_the_axis_is_known_as_well_as_published(axis: Answer) -> None:
-    load = next(c for c in axis.causes if c.effect == "mechanical.constant_load").parameters["tau_load"]
-    # published (A. Janot et al., 2019), with Coulomb's law: -3.165 N; linear state space: 5.53 mm
-    assert load.ci95[0] < -3.165 < load.ci95[1]
-    assert axis.gain["position"].rmse_after < 5.53
+    assert axis.gain["position"].rmse_after < 5.53  # linear state space
 
 
 @pytest.mark.slow
