@@ -292,13 +292,13 @@ def no_sign(record: Record, machine: Machine) -> list[str]:
 
 
 def itself(record: Record, drive: str, place: str) -> bool:
-    """Whether a place follows its drive itself, in most pieces of a record."""
+    """Whether a place follows its drive itself, in most pieces of a record of those that tell."""
     if not record.has(drive, place):
         return False
     cuts = (0, *record.cuts, record.time.size)
     rows = (record.time, record.signals[drive], record.signals[place])
     each = [stays_with(*(row[a:b] for row in rows)) for a, b in pairwise(cuts) if b - a > FEWEST_ITSELF]
-    return 2 * sum(each) > len(each)
+    return each.count(True) > each.count(False)
 
 
 def at_once(diagnosis: Diagnosis) -> list[str]:
