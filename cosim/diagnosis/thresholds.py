@@ -894,6 +894,13 @@ CHANCE_ON_GRID: Annotated[
     "the width of `OFF_GRID` on both sides",
     "arithmetic",
 ] = 50.0
+STEPS_A_SAMPLE: Annotated[
+    float,
+    "steps",
+    "motion from sample to sample below which readings in steps may repeat by themselves",
+    "one step, and one that noise holds back",
+    "arithmetic",
+] = 2.0
 SURE_REPEATS: Annotated[
     float,
     "standard deviations",

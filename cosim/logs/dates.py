@@ -30,7 +30,8 @@ def seconds(cells: Sequence[str]) -> Array:
     """Seconds (n,) since the first stamp; NaN for an empty cell.
 
     Of the two numbers of a date such as ``3/4/2024`` that is the day which changes, or which no month can be. Where there
-    are no dates, a time that goes back by more than half a day is of the next day.
+    are no dates, a time that goes back by more than half a day is of the next day; one that goes on by as much in a log
+    whose newest row stands first is of the day before.
 
     Raises:
         ValueError: a cell is no stamp; its argument is the index of the cell.
@@ -55,8 +56,10 @@ def seconds(cells: Sequence[str]) -> Array:
         stamps[k] = (days[key] - next(iter(days.values()))) * DAY + _of_day(match)
     if not any(days.values()):
         there = np.isfinite(stamps)
-        turns = np.diff(stamps[there], prepend=stamps[there][:1]) < -0.5 * DAY
-        stamps[there] += DAY * np.cumsum(turns)
+        steps = np.diff(stamps[there], prepend=stamps[there][:1])
+        small = steps[np.abs(steps) <= 0.5 * DAY]
+        falls = np.sum(small < 0.0) > np.sum(small > 0.0)
+        stamps[there] += DAY * np.cumsum(-1.0 * (steps > 0.5 * DAY) if falls else steps < -0.5 * DAY)
     # to the nanosecond: what is beyond it comes of taking two times of day off each other
     return np.round(stamps - (stamps[np.isfinite(stamps)][:1] if matches else 0.0), 9)
 

@@ -19,7 +19,8 @@ _PRESSURE = (
     r"pressure|druck|pression|presion|pressione|pressao|\bdruk|tryk|tryck|paine|cisnien|\bp\b|\bpress\b"
     r"|gauge|manomet|\bp[gt]\b(?= \d|$)"
 )
-_FLOW = r"flow|durchfl|volumenstrom|debit|caudal|vazao|portata|debiet"
+# a plant's tags (ISA-5.1): FT 211 measures a flow, FV 211 is its valve
+_FLOW = r"\bf[it] \d+$|flow|durchfl|volumenstrom|debit|caudal|vazao|portata|debiet"
 _ESTIMATE = r"estimat|schatz|observ|beobacht|estimad|stima"
 _RATE = (
     r"rate|speed|velocity|\bvelo?\b|geschw|drehzahl|vitesse|velocidad|velocit|hastig|snelheid|nopeus|predkosc|omega"
@@ -27,7 +28,7 @@ _RATE = (
 )
 _COMMAND = (
     r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|controle|consigne|orden|kommando|stuur|styr|ohjaus"
-    r"|sterow|duty|\bpwm\b"
+    r"|sterow|duty|\bpwm\b|\b(f|l|t|fc|lc|pc|tc)v \d+$"
 )
 _DRIVES = rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape|\bklep"
 # what a command may be called where nothing is called a command
@@ -73,7 +74,7 @@ _NO_MOTION = (
 # what a controller reports of itself in steps: no command either
 _STATE = (
     r"status|\bstate\b|zustand|\bflag|enable|freigabe|alarm|\berr\b|error|fehler|fault|\bdigital\b|\bbit\b|\bmode\b"
-    r"|limit switch|endschalter|trigger"
+    r"|limit switch|\blim\b|endschalter|trigger"
 )
 # what drives an axis where it is measured and no command is
 _FRICTION = r"friction|reib|constant|\bmax|\bmin|limit|sensor"
@@ -166,6 +167,7 @@ SECOND = (
     (r"[tT]rain(?![a-z])", lambda m: "Test" if m[0][0] == "T" else "test"),
     (r"[tT]rain(?![a-z])", lambda m: "Val" if m[0][0] == "T" else "val"),
 )
+TOGETHER = 0.5  # correlation beyond which two columns drive at the same time: the two directions of one command never do
 BY_ITSELF = 0.5  # part of an integrator's misfit that a column which falls back by itself leaves
 WHOLE = 0.8  # of a column's range: jumps by so much begin it anew
 STRETCHES, LAGS = (
@@ -387,6 +389,10 @@ def opposite(command: Column, free: list[Column]) -> Column | None:
         differing = [pair for pair in zip(own, words, strict=True) if pair[0] != pair[1]]
         if len(differing) != 1 or min(command.finite.min(), column.finite.min()) < 0.0:
             continue
+        if command.values.size == column.values.size:
+            both = np.isfinite(command.values) & np.isfinite(column.values)
+            if _correlation(command.values[both], column.values[both]) > TOGETHER:
+                continue  # two axes, as the left and right wheel of a vehicle
         one, two = differing[0]
         if any((one in a and two in b) or (one in b and two in a) for a, b in OPPOSITE):
             return column

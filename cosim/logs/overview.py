@@ -5,7 +5,7 @@ Nothing is mended or converted here; `cosim.logs.load` does that once it is know
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from cosim.errors import DataError, HeadlessError, UsageError
 from cosim.logs.clocks import RATES, TIME_WORDS, counted, is_time, plain
 from cosim.logs.load import open_source
 from cosim.logs.mapping import Mapping
-from cosim.logs.repair import wide_intervals
+from cosim.logs.repair import newest_first, wide_intervals
 from cosim.logs.source import Label, Source
 from cosim.signals import check_spelling, conversion
 from cosim.units import parse_unit
@@ -226,6 +226,8 @@ def overview(path: Path, mapping: Mapping | None = None, source: Source | None =
     except HeadlessError:
         source, header = open_source(path, header=False), False
     columns = tuple(_column(source, k, values) for k, values in enumerate(_values(source)))
+    if any(_tells_time(c) and newest_first(c.finite) for c in columns):  # the loader reads it backwards too
+        columns = tuple(replace(c, values=c.values[::-1]) for c in columns)
     clock, interval = _clock(source, columns), _interval(source.constants)
     return Overview(path, columns, clock, tuple(source.warnings), header, interval)
 
@@ -333,7 +335,7 @@ def _clock(source: Source, columns: tuple[Column, ...]) -> Clock | None:
         for c in columns
         if c.finite.size > 1 and c.missing < c.finite.size and float(np.mean(np.diff(c.finite) > 0.0)) > 0.9
     ]
-    named = [c for c in rising if TIME_WORDS.search(plain(c.label.name.rpartition(".")[2]))]
+    named = [c for c in rising if _named_time(c)]
     timed = [c for c in rising if c.unit is not None and is_time(c.unit)]
     even = [c for c in rising if c.unit is None and _even(np.diff(c.finite))]
     likely = [*(c for c in named if c in timed), *named, *timed, *even]
@@ -346,6 +348,16 @@ def _clock(source: Source, columns: tuple[Column, ...]) -> Clock | None:
     step, scale = float(np.median(np.diff(column.finite))), conversion(unit, "s")
     why = f"steps of {step:.4g}, so {1.0 / (step * scale):.4g} samples a second if it counts {unit}"
     return Clock(column.index, unit, why, column.finite * scale)
+
+
+def _named_time(column: Column) -> bool:
+    """Whether the heading is that of a clock."""
+    return bool(TIME_WORDS.search(plain(column.label.name.rpartition(".")[2])))
+
+
+def _tells_time(column: Column) -> bool:
+    """Whether the heading or the unit is that of a clock."""
+    return _named_time(column) or (column.unit is not None and is_time(column.unit))
 
 
 def _even(intervals: Array) -> bool:

@@ -44,6 +44,9 @@ class TimeRepair:
         if len(time) == 0:
             raise DataError(f"{where(0).rpartition(':')[0]}: there is no data row")
         self._drop_unusable()
+        if newest_first(self.time):
+            self.keep = self._rows(np.arange(len(self.time))[::-1])
+            self.warnings.append("the newest row stands first: the rows are read from the last to the first")
         if (np.diff(self.time) <= 0).any():
             self._reorder()
             self._drop_repeated()
@@ -122,6 +125,12 @@ class TimeRepair:
         mask = np.ones(len(time), dtype=bool)
         mask[later] = False
         self.keep = self._rows(np.flatnonzero(mask))
+
+
+def newest_first(stamps: Array) -> bool:
+    """Whether nearly all stamps (n,) fall, as in what a plant's historian writes; a clock that was set falls once."""
+    steps = np.diff(stamps)
+    return bool(steps.size > 1 and np.sum(steps < 0.0) >= (1.0 - BAD_SHARE) * steps.size)
 
 
 def counted(number: int, noun: str) -> str:

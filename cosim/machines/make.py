@@ -87,7 +87,7 @@ def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path
     plain, given = load_mapping(mapping)
     if not plain.machine:
         raise DataError(f"{mapping}: there is no table [machine] from which a model could be made")
-    machine = machine_table(plain.machine, mapping)
+    machine = machine_table(plain.machine, mapping, units_of(plain))
     wires(machine, mapping)  # a chain that does not fit together is said before anything is asked of a log
     logs = () if log is None else listed(log)
     first = logs[0] if logs else None  # all were read with this mapping: their units and clocks are the same
@@ -122,6 +122,11 @@ def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path
     if logs and told.lag > 0.0:
         diagnose.setdefault("step", longest_step(logs, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
+
+
+def units_of(plain: Mapping) -> dict[str, str | None]:
+    """A mapping's signals, and the unit of each that it states."""
+    return {name: own.unit for name, own in plain.signals.items()}
 
 
 def unstated_supply(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, str]:
@@ -269,7 +274,7 @@ def in_package(system: System, plain: Mapping, given: CompareTable) -> dict[str,
     """
     if not plain.machine or plain.path is None:
         return {}
-    machine = machine_table(plain.machine, plain.path)
+    machine = machine_table(plain.machine, plain.path, units_of(plain))
     units = {n: item.unit for n, item in system.inputs.items()}
     units |= {n: system.variable(port).unit for n, port in system.outputs.items()}
     found = {}

@@ -88,12 +88,16 @@ def first_order(
     return max(at(float(found.x)), at(float(tried[first])), key=lambda f: f.share)
 
 
-def stays_with(time: Array, drive: Array, response: Array) -> bool:
-    """Whether a place follows its drive itself, a demanded place, and does not go on as long as that lasts."""
-    itself, summed = (first_order(time, drive, response, integrates=on, windows=True) for on in (False, True))
-    return itself.gain > 0.0 and 1.0 - itself.share < NEARER * (
-        1.0 - max(summed.share * (summed.gain > 0.0), 0.0)
-    )
+def stays_with(time: Array, drive: Array, response: Array) -> bool | None:
+    """Whether a place follows its drive itself, a demanded place, or (False) goes on as long as that lasts.
+
+    None where neither leaves much less than the other, as of a servo whose limited speed never lets it arrive.
+    """
+    fits = [first_order(time, drive, response, integrates=on, windows=True) for on in (False, True)]
+    itself, summed = (1.0 - max(fit.share * (fit.gain > 0.0), 0.0) for fit in fits)
+    if itself < NEARER * summed:
+        return True
+    return False if summed < NEARER * itself else None
 
 
 def reach(values: Array) -> float:

@@ -9,13 +9,14 @@ lag = "?"
 "dcv.w0" = "8 Hz"
 """
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from cosim.errors import UsageError
 from cosim.tables import checked
-from cosim.units import parse_quantity
+from cosim.units import parse_quantity, parse_unit
 from fmus import registry
 from fmus.contract import Variable
 
@@ -53,6 +54,13 @@ PLACE = {
     "rad/s": "rad",
     "rad/s2": "rad/s",
 }
+# what a chain starts and ends with where the mapping's signals leave no choice
+DRIVES, SHOWS = ("u", "torque", "force"), ("slew", "travel", "speed", "flow")
+MOTION_OF = {
+    "m": "travel",
+    "m/s": "travel",
+    "m3/s": "flow",
+}  # unit of what the machine shows -> kind of motion
 HERTZ = 6.283185307179586  # rad/s
 Stated = dict[str, str | float]
 
@@ -193,14 +201,40 @@ def block_of(component: str) -> Any:
     return registry.block(registry.FMU_OF_COMPONENT.get(component, component))
 
 
-def machine_table(content: dict[str, Any], source: object) -> MachineTable:
+def machine_table(
+    content: dict[str, Any], source: object, signals: Mapping[str, str | None] | None = None
+) -> MachineTable:
     """The table, checked.
 
     Args:
         content: the table as read.
         source: the mapping file, for messages.
+        signals: the mapping's signals and their units, where it states them. What the table leaves out follows from them.
 
     Raises:
         DataError: a key or value is wrong; the message names it.
     """
-    return checked(MachineTable, content, TABLE, "a machine", source)
+    given = content if signals is None else {**following(content, signals), **content}
+    return checked(MachineTable, given, TABLE, "a machine", source)
+
+
+def following(content: dict[str, Any], signals: Mapping[str, str | None]) -> dict[str, str]:
+    """What signals say of input, output and motion: the only one that can be meant, and a length or flow by its unit."""
+    found: dict[str, str] = {}
+    for way, names in (("input", DRIVES), ("output", SHOWS)):
+        there = [name for name in names if name in signals]
+        if len(there) == 1:
+            found[way] = there[0]
+    unit = signals.get(str(content.get("output", found.get("output"))))
+    for known, motion in MOTION_OF.items():
+        if unit is not None and _of_kind(unit, known):
+            found["motion"] = motion
+    return found
+
+
+def _of_kind(unit: str, known: str) -> bool:
+    """Whether a unit measures what a known one does; an unreadable one is told where the log is read."""
+    try:
+        return bool(parse_unit(unit).dimensionality == parse_unit(known).dimensionality)
+    except UsageError:
+        return False

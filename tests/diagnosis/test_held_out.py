@@ -34,6 +34,7 @@ from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.verdict.verdict import causes
+from cosim.report.language import reported_in, said
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from fmus import registry
@@ -322,6 +323,18 @@ def test_how_an_error_changes_shows(with_it, told) -> None:
     """ "rises from 15.6610503 to 15.6610503" says nothing: what six digits do not tell apart stays as it is."""
     error = turned_down(Refused(COULOMB, "mechanical", "slew", 5.0, 0.2732324560, with_it), ())
     assert told in error.why
+
+
+@pytest.mark.parametrize("in_fitted", [False, True])
+def test_a_fall_that_was_not_held_against_a_cause_is_no_mere_one(in_fitted) -> None:
+    """A delay that halved the error was refused for its interval, and "falls only" blamed the half."""
+    item = Refused(COULOMB, "mechanical", "slew", 5.0, 0.2, 0.1, sure=False, in_fitted=in_fitted)
+    why = turned_down(item, ()).why
+    assert "do not determine its size" in why
+    assert "falls from 11.46 to 5.73 deg" in why
+    with reported_in("de"):
+        assert "Größe nicht" in said(why)
+        assert "nur" not in said(why)
 
 
 def test_what_would_stand_in_place_of_a_cause_is_said_of_named_ones_only() -> None:

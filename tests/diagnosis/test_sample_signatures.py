@@ -66,6 +66,23 @@ def test_a_log_at_rest_without_noise_has_no_stale_samples() -> None:
     assert share < 1e-3
 
 
+@pytest.mark.parametrize(("speed", "count"), [(0.3, 1.0), (0.3, 0.0659), (3.0, 1.0)])
+def test_an_encoder_that_counts_slowly_loses_no_packets(speed: float, count: float) -> None:
+    """Its reading repeats until the next count, whatever the link does, also where a count is printed as 0.06 or 0.07.
+
+    At three counts a sample nothing repeats by itself, and what was lost is seen.
+    """
+    rng = np.random.default_rng(4)
+    way = speed * 4000 / np.pi * (1.0 - np.cos(np.arange(8000) * np.pi / 4000))
+    counts = np.round(count * np.round(way + rng.normal(0.0, 0.05, way.size)), 2)
+    rate = np.gradient(way)
+    assert stale_share(counts, rate)[0] < 0.005, "no more than may be left unsaid"
+    held = rng.random(counts.size) < 0.1
+    late = np.maximum.accumulate(np.where(held, 0, np.arange(counts.size)))
+    if speed > 1.0:
+        assert stale_share(counts[late], rate)[0] == pytest.approx(0.1, abs=0.02)
+
+
 def test_a_cause_seen_in_the_samples_has_an_interval_of_its_gain() -> None:
     """Of 200 in log-likelihood two standard deviations are some 40; no number could not be read back from the answer."""
     task = SimpleNamespace(model=SimpleNamespace(group=SimpleNamespace(name="mechanical")))

@@ -37,6 +37,13 @@ def test_of_two_numbers_the_day_is_the_one_that_changes():
     assert seconds([days[0].format("3/4"), days[1].format("4/4")])[1] == 7200.0
 
 
+def test_the_newest_row_may_stand_first():
+    """A plant's historian writes backwards; midnight is then where the time of day goes on by a day."""
+    np.testing.assert_allclose(seconds(["0:00:01", "0:00:00", "23:59:58"]), [0.0, -1.0, -3.0])
+    dated = [f"2024-03-0{day} {clock}" for day, clock in ((2, "0:00:01"), (2, "0:00:00"), (1, "23:59:58"))]
+    np.testing.assert_allclose(seconds(dated), [0.0, -1.0, -3.0])
+
+
 def test_a_missing_stamp_is_missing_and_a_wrong_one_is_named():
     assert np.isnan(seconds(["10:00:00", "", "10:00:02"])).tolist() == [False, True, False]
     for wrong in ("soon", "2024-02-30 10:00:00"):
@@ -69,6 +76,31 @@ def test_a_log_with_dates_is_a_log(tmp_path):
     log = load_log(path, load_mapping(mapping))
     np.testing.assert_allclose(log.time, [0.0, 0.1, 0.2, 0.3], atol=1e-9)
     np.testing.assert_allclose(log["travel"], [0.01, 0.0101, 0.0103, 0.0109])
+
+
+def test_a_log_whose_newest_row_stands_first_is_read_backwards(tmp_path):
+    head, *lines = DATED.splitlines()
+    path, mapping = tmp_path / "log.csv", tmp_path / "log.toml"
+    path.write_text("\n".join([head, *lines[::-1]]) + "\n", encoding="utf-8")
+    found = overview(path)
+    assert found.clock is not None
+    assert (found.clock.column, found.clock.step) == (0, pytest.approx(0.1))
+    np.testing.assert_allclose(found.columns[2].values, [10.0, 10.1, 10.3, 10.9])
+    mapping.write_text(mapping_text(found, guesses(found, machine=True), None), encoding="utf-8")
+    log = load_log(path, load_mapping(mapping))
+    np.testing.assert_allclose(log.time, [-0.3, -0.2, -0.1, 0.0], atol=1e-9)
+    np.testing.assert_allclose(log["travel"], [0.01, 0.0101, 0.0103, 0.0109])
+    assert any("the newest row stands first" in w for w in log.warnings)
+
+
+def test_a_clock_that_was_set_back_once_is_still_refused(tmp_path):
+    path, mapping = tmp_path / "log.csv", tmp_path / "log.toml"
+    rows = "".join(f"{t / 10},{t % 3},{t}\n" for t in [*range(50, 100), *range(50)])
+    path.write_text(f"time [s],command,travel [mm]\n{rows}", encoding="utf-8")
+    found = overview(path)
+    mapping.write_text(mapping_text(found, guesses(found, machine=True), None), encoding="utf-8")
+    with pytest.raises(DataError, match="time goes back"):
+        load_log(path, load_mapping(mapping))
 
 
 def test_dates_are_read_alike_by_the_fast_and_by_the_careful_reader(tmp_path):

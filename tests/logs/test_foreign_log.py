@@ -544,6 +544,25 @@ def test_a_command_with_a_column_for_each_direction(down, write, tmp_path):
     assert np.allclose(log.signals["u"], (up - dn) / 100)
 
 
+def test_the_commands_of_two_wheels_are_not_the_directions_of_one(write):
+    time = np.arange(200) / 20
+    left = 40.0 * (time > 2) + 20.0 * (time > 5)
+    table = np.column_stack([time, left, 0.9 * left, np.cumsum(left), np.cumsum(0.9 * left)])
+    path = write("time,leftCommand,rightCommand,left_position,right_position\n" + rows(table))
+    made = guesses(overview(path), machine=True)
+    assert (made["u"].column.label.name, made["u"].minus) == ("leftCommand", None)
+    assert made["travel"].column.label.name == "left_position"
+
+
+def test_tags_of_a_plant(write):
+    """ISA-5.1: FT measures a flow and FV is its valve; PV may be the valve of a pressure or what is measured."""
+    t = np.arange(100) / 10
+    table = rows(np.column_stack([t, 34.0 + np.sin(t), 80.0 + np.sin(t - 0.1)]))
+    made = guesses(overview(write("time,FV_211,FT_211\n" + table)), machine=True)
+    assert {n: g.column.label.name for n, g in made.items()} == {"u": "FV_211", "flow": "FT_211"}
+    assert "u" not in guesses(overview(write("time,PV_211,TT_211\n" + table)), machine=True)
+
+
 def test_the_travel_of_the_crane_is_not_that_of_another_machine(write, tmp_path):
     path = write(
         "time [s],u [1],slew [deg]\n" + rows([[k / 20, 0.1 * (k % 3), 500.0 + k] for k in range(50)])
@@ -709,6 +728,11 @@ def test_a_robot_s_joints_are_no_flows(write):
 def test_a_flag_is_no_command(write):
     path = servo_drive(write, torque="Temperature")
     assert "INP digital" not in [g.column.label.short for g in guesses(overview(path), machine=True).values()]
+    t = np.arange(400) / 100
+    drive = np.sign(np.sin(t))
+    table = rows(np.column_stack([t, drive + 0.01 * np.sin(9 * t), np.cumsum(drive)]))
+    made = guesses(overview(write("Time,Lim_3,Angle\n" + table)), machine=True)
+    assert list(made) == ["slew"], "nor is a limit switch, whatever it does"
 
 
 @pytest.mark.parametrize(

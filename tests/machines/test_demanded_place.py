@@ -10,6 +10,7 @@ from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.remarks import at_once, itself
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.record.record import joined
 from cosim.errors import DataError
 from cosim.identify.run_drive import drive_answer
 from cosim.lexicon import speaking
@@ -17,6 +18,7 @@ from cosim.logs import Log, load_log, load_mapping
 from cosim.logs.guess import guesses, mapping_text
 from cosim.logs.overview import overview
 from cosim.machines import made_for
+from cosim.machines.rough import stays_with
 from cosim.report.words import kind_of_motion, quantity
 
 PLAIN = """
@@ -156,6 +158,24 @@ def test_a_drive_that_goes_on_while_its_command_lasts_is_no_place(tmp_path):
     file, mapping = recorded(tmp_path, "drive", t, command, np.cumsum(lagged))
     log = load_log(file, mapping)
     assert not itself(prepare(log, machine_of(None, log, mapping)), "u", "slew")
+
+
+def test_a_record_in_which_a_servo_never_arrives_says_nothing_against_one_in_which_it_does(tmp_path):
+    """Its speed is limited: a demand that is reversed before it arrives is followed neither by it nor by its sum."""
+    t = STEP * np.arange(1000)
+    levels = np.random.default_rng(8).uniform(-1.0, 1.0, 200)
+    slow, fast = np.repeat(levels[:5], 200), np.repeat(levels, 5)
+    told = []
+    for name, demand in (("slow", slow), ("fast", fast)):
+        place = np.zeros(t.size)
+        for k in range(1, t.size):
+            place[k] = place[k - 1] + np.clip(demand[k - 1] - place[k - 1], -3.0 * STEP, 3.0 * STEP)
+        told.append(stays_with(t, demand, place))
+        recorded(tmp_path, name, t, demand, place)
+    assert told == [True, None]
+    logs = [load_log(tmp_path / f"{name}.csv", tmp_path / "slow.toml") for name in ("slow", "fast")]
+    machine = machine_of(None, logs, tmp_path / "slow.toml")
+    assert itself(joined([prepare(log, machine) for log in logs]), "u", "slew")
 
 
 @pytest.mark.parametrize(

@@ -233,6 +233,26 @@ def test_mistakes_are_named(tmp_path, old, new, words):
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "left_out", [(), ("input",), ("output",), ("motion",), ("input", "output", "motion")]
+)
+def test_what_the_signals_leave_no_choice_of_need_not_be_said(axis, left_out):
+    mapping, log = axis
+    text = AXIS.replace("position =", "travel =").replace('output = "position"', 'output = "travel"')
+    lines = [line for line in text.splitlines() if line.partition(" =")[0] not in left_out]
+    mapping.write_text("\n".join(lines), encoding="utf-8")
+    machine = made_for(mapping, load_log(log, mapping)).machine
+    assert (machine.input, machine.output, machine.motion) == ("force", "travel", "travel")
+
+
+def test_of_two_motions_neither_is_taken(drive):
+    mapping, log = drive
+    both = DRIVE.replace("slew =", "travel =") + '[signals.speed]\ncolumn = "angle"\nunit = "rad/s"\n'
+    mapping.write_text(both, encoding="utf-8")
+    with pytest.raises(DataError, match=r"machine\.output = 'slew' is no signal"):
+        made_for(mapping, load_log(log, mapping))
+
+
 def test_a_log_against_the_command_is_refused(drive):
     mapping, log = drive
     mapping.write_text(mapping.read_text().replace('unit = "rad"', 'unit = "rad", sign = -1'))

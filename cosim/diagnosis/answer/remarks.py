@@ -128,12 +128,19 @@ def files(logs: Sequence[Log]) -> dict[str, str]:
     return found
 
 
-def changed(one: float, other: float, unit: str) -> str:
-    """How an error changes, with as many digits as show it, up to six: beyond these it stays."""
+def changed(one: float, other: float, unit: str, counts: bool = True) -> str:
+    """How an error changes, with as many digits as show it, up to six: beyond these it stays.
+
+    Args:
+        one: before.
+        other: after.
+        unit: of both.
+        counts: a fall of this size was held against the cause; else something else was.
+    """
     for digits in range(4, 7):
         texts = f"{one:.{digits}g}", f"{other:.{digits}g}"
         if texts[0] != texts[1]:
-            way = "falls only" if other < one else "rises"
+            way = ("falls only" if counts else "falls") if other < one else "rises"
             return f"{way} from {texts[0]} to {texts[1]} {unit}"
     return f"stays at {one:.4g} {unit}"
 
@@ -143,7 +150,7 @@ def turned_down(item: Refused, named: Collection[str]) -> RefusedCause:
     unit, scale = shown(item.signal)
     without, with_it = item.without * scale, item.with_it * scale
     where = "in a free run over them" if item.in_fitted else "on held-out data"
-    way = changed(without, with_it, unit)
+    way = changed(without, with_it, unit, counts=item.sure or bool(item.instead))
     chance = ", no more than chance may do" if way.startswith("falls") and item.sure else ""
     error = f"{where} the error of {item.signal} {way} with it{chance}"
     why = f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but {error}"
@@ -292,13 +299,13 @@ def no_sign(record: Record, machine: Machine) -> list[str]:
 
 
 def itself(record: Record, drive: str, place: str) -> bool:
-    """Whether a place follows its drive itself, in most pieces of a record."""
+    """Whether a place follows its drive itself, in most pieces of a record of those that tell."""
     if not record.has(drive, place):
         return False
     cuts = (0, *record.cuts, record.time.size)
     rows = (record.time, record.signals[drive], record.signals[place])
     each = [stays_with(*(row[a:b] for row in rows)) for a, b in pairwise(cuts) if b - a > FEWEST_ITSELF]
-    return 2 * sum(each) > len(each)
+    return each.count(True) > each.count(False)
 
 
 def at_once(diagnosis: Diagnosis) -> list[str]:

@@ -23,6 +23,7 @@ from cosim.diagnosis.thresholds import (
     OFF_GRID,
     ON_GRID,
     RESTING_RUN,
+    STEPS_A_SAMPLE,
     SURE_REPEATS,
 )
 from cosim.inference.held_out import HeldOutGain
@@ -59,15 +60,9 @@ class Signature:
 
 def grid_step(values: Array) -> float:
     """Step of the grid on which readings (n,) lie, in their unit; 0 if they lie on none that is coarser than rounding."""
-    distinct = np.unique(values)
-    if distinct.size < 3 or distinct.size > values.size / 2:
+    distinct, step = np.unique(values), finest(values)
+    if step == 0.0:
         return 0.0
-    gaps = np.diff(distinct)
-    # readings that differ by conversion of units alone are one reading
-    gaps = gaps[gaps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
-    if gaps.size < 2:
-        return 0.0
-    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
     for _ in range(3):  # the step is known to the spread of all readings once each has its number
         numbers = np.round((values - distinct[0]) / step)
         weight = float(numbers @ numbers)
@@ -76,6 +71,20 @@ def grid_step(values: Array) -> float:
         step = float(numbers @ (values - distinct[0])) / weight
     off = np.abs((values - distinct[0]) / step - np.round((values - distinct[0]) / step))
     return step if float(np.mean(off < OFF_GRID)) > ON_GRID else 0.0
+
+
+def finest(values: Array) -> float:
+    """Smallest difference that readings (n,) show between each other, in their unit; 0 if hardly any two are the same.
+
+    Of a grid it is the step, also where the file was printed with so few digits that the step is not the same everywhere.
+    """
+    distinct = np.unique(values)
+    if distinct.size < 3 or distinct.size > values.size / 2:
+        return 0.0
+    gaps = np.diff(distinct)
+    # readings that differ by conversion of units alone are one reading
+    gaps = gaps[gaps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
+    return float(np.median(gaps[gaps < 1.5 * gaps.min()])) if gaps.size > 1 else 0.0
 
 
 def sharpness(values: Array) -> float:
@@ -101,7 +110,8 @@ def stale_share(values: Array, rate: Array) -> tuple[float, float, float]:
         values: (n,) readings.
         rate: (n,) smoothed rate of them.
     """
-    moving = (np.abs(rate) > MOVING * max(float(np.abs(rate).max()), 1e-300))[2:] & ~resting(values)[2:]
+    moving = (np.abs(rate) > MOVING * max(float(np.abs(rate).max()), 1e-300))[2:]
+    moving &= ~(resting(values) | rounded(values))[2:]
     same = (values[2:] == values[1:-1])[moving]
     chance = ((values[2:] == values[:-2]) & (values[2:] != values[1:-1]))[moving]
     n = max(int(moving.sum()), 1)
@@ -130,6 +140,17 @@ def resting(values: Array) -> NDArray[np.bool_]:
         if after.size < 2 or after[0] <= GENTLE_START * after[1]:
             found[first : last + 1] = True
     return found
+
+
+def rounded(values: Array) -> NDArray[np.bool_]:
+    """(n,) True where readings (n,) may repeat because they come in steps and move by less than two a sample.
+
+    A lost packet repeats a reading however fast the motion is; one in steps stays until the next.
+    """
+    if values.size < RESTING_RUN:
+        return np.zeros(values.size, dtype=bool)
+    motion = np.abs(uniform_filter1d(np.gradient(values), RESTING_RUN, mode="nearest"))
+    return motion < STEPS_A_SAMPLE * finest(values)
 
 
 def noisy(values: Array) -> bool:
@@ -185,4 +206,4 @@ def stale(values: Array, rate: Array) -> NDArray[np.bool_]:
     """(n,) True where readings (n,) are stale, with their smoothed rate (n,); nowhere if no packets were lost."""
     if values.size < 4 or coarse_step(values) or not lost(*stale_share(values, rate)):
         return np.zeros(values.size, dtype=bool)
-    return np.concatenate([[False], values[1:] == values[:-1]]) & ~resting(values)
+    return np.concatenate([[False], values[1:] == values[:-1]]) & ~(resting(values) | rounded(values))
