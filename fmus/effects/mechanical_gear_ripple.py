@@ -60,4 +60,5 @@ EFFECT = Effect(
             of="torque",
         )
     },
+    repeats=True,
 )

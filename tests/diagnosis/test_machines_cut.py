@@ -21,6 +21,9 @@ from cosim.ssp.write import write_ssp
 EXAMPLES = examples_folder()
 
 
+RIPPLE = "mechanical.gear_ripple"
+
+
 def test_the_cranes_groups() -> None:
     valve, continuity, mechanics = MODELS["full_order"]
     assert [c for c, _ in valve.stages] == ["compensator", "dead_zone", "dcv"]
@@ -191,6 +194,24 @@ def test_only_a_place_drifts(measured: tuple[str, ...], integrates: bool, level_
     assert group.moves
     assert (group.integrates, group.drifts, group.level_counts) == (integrates, integrates, level_counts)
     assert not replace(group, drifting=True).level_counts, "the zero of a gyroscope wanders"
+
+
+@pytest.mark.parametrize(
+    ("measured", "asked", "looked_for"),
+    [
+        (("slew",), (), True),
+        (("slew", "gyro"), (), True),
+        (("gyro",), (), False),
+        (("gyro",), (RIPPLE,), True),
+    ],
+)
+def test_a_ripple_of_the_gear_takes_a_place(
+    measured: tuple[str, ...], asked: tuple[str, ...], looked_for: bool
+) -> None:
+    """Of a speed alone the model's angle drifts by more than a tooth."""
+    speed = (("gyro", (("mechanical.omega", 1.0),)),)
+    group = replace(MODELS["full_order"][-1], observed=measured, parts=speed, asked=asked)
+    assert (RIPPLE in {e.name for e in group.effects()}) == looked_for
 
 
 @pytest.mark.parametrize("key", ["absolute", "drifting"])

@@ -164,6 +164,9 @@ class Group:
             asked = effect.name in self.asked
             if not asked and (effect.asked or (effect.alone and lumped)):
                 continue
+            # the angle that a model makes of a speed alone drifts by more than such a law's period
+            if not asked and effect.repeats and not self.integrates:
+                continue
             handed_on = set(effect.fills) == {"driving_pressure"}
             inside = effect.component in self.components[:-1] or not handed_on
             handed = slot and handed_on and effect.component == slot[0] and slot[2] in effect.fills
