@@ -212,7 +212,7 @@ def test_a_refused_value_stops_steps_until_a_reset(mechanical) -> None:
         ("getInt32", ([0],), "p_load is a Float64, not an Int32"),
         ("getFloat64", ([0], 2), "1 variables and 2 values: every variable has one"),
         ("setFloat64", ([1], [0.0]), "theta is an output and cannot be set"),
-        ("setFloat64", ([35], [0.0]), "the variable with value reference 35 is calculated and cannot be set"),
+        ("setFloat64", ([36], [0.0]), "the variable with value reference 36 is calculated and cannot be set"),
         ("getFloat32", ([0],), "there is no Float32 variable"),
         ("setUInt64", ([0], [1]), "there is no UInt64 variable"),
         ("getBinary", ([0],), "there is no Binary variable"),
@@ -228,7 +228,7 @@ def test_a_refused_value_stops_steps_until_a_reset(mechanical) -> None:
 )  # fmt: skip
 def test_what_is_not_there_is_refused_in_words(mechanical, call, arguments, text) -> None:
     mechanical.initialise()
-    assert mechanical.vr["time"] == 35
+    assert mechanical.vr["time"] == 36
     assert mechanical.status(getattr(mechanical.fmu, call), *arguments) == ERROR
     assert len(mechanical.messages) == 1
     assert text in mechanical.messages[0]
