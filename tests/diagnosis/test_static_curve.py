@@ -72,6 +72,16 @@ def test_what_the_log_does_not_drive_to_is_not_sought(begun: tuple[Task, Trial])
     assert stop.low < HIDDEN["mechanical.theta_max"] + 4.0 * NOISE < stop.high + 8.0 * NOISE
 
 
+def test_a_valve_that_the_command_never_opens_has_no_end_to_be_sought(begun: tuple[Task, Trial]) -> None:
+    task, null = begun
+    bending = tuple(e for e in candidates_of(task) if e.bends)
+    wanted, starts = starting(task, bending, GUESSED_TRUST, null.fit)
+    shut = replace(null.fit, values=null.fit.values | {"dead_zone.b_r": 5.0})
+    closed = copied(task)
+    closed.model.fixed = closed.model.fixed | {"dead_zone.b_r": 5.0}
+    assert "dcv.x_max" not in {e.name for e in boxed(closed, shut, bending, wanted, starts)}
+
+
 def test_one_alone_or_where_windows_have_offsets_is_left_to_the_usual_search(
     begun: tuple[Task, Trial],
 ) -> None:

@@ -122,7 +122,8 @@ def boxed(
             yield Edge(u.name, max(ends[0], u.low), min(ends[1], u.high), u.ratio)
             continue
         effect, free = of[u.name]
-        if float(np.sign(free.starts[0])) not in driven or (free.limits and u.name not in extremes):
+        side = float(np.sign(free.starts[0]))
+        if side not in driven or (free.limits and u.name not in extremes):
             continue
         if not free.limits:
             nominal = task.model.nominal(u.name)
@@ -131,6 +132,5 @@ def boxed(
         elif measured_by(task, effect, free):
             extreme, inside = extremes[u.name]
             yield Edge(u.name, extreme + WIDER * (inside - extreme), extreme)
-        else:
-            extreme = extremes[u.name][0]
+        elif side * (extreme := extremes[u.name][0]) > 0.0:  # what the model never opens has no end
             yield Edge(u.name, LEAST_OPENING * extreme, extreme, True)
