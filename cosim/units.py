@@ -158,7 +158,15 @@ def base_exponents(unit: str) -> tuple[dict[str, int], float]:
     return exponents, scale
 
 
+def same_kind(one: str, other: str) -> bool:
+    """True if one unit can be converted into another.
+
+    Raises:
+        UsageError: one of them is not a unit.
+    """
+    return bool(parse_unit(one).dimensionality == parse_unit(other).dimensionality)
+
+
 def is_speed(unit: str) -> bool:
     """True if a signal of this unit is a speed, of an angle, a length or a volume (a flow)."""
-    own = parse_unit(unit).dimensionality
-    return any(own == parse_unit(s).dimensionality for s in ("rad/s", "m/s", "m3/s"))
+    return any(same_kind(unit, s) for s in ("rad/s", "m/s", "m3/s"))

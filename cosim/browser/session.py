@@ -44,7 +44,6 @@ from cosim.logs.mapping import load_mapping
 from cosim.logs.markers import holds_markers
 from cosim.logs.overview import Overview, overview
 from cosim.logs.source import digest
-from cosim.machines.make import units_of
 from cosim.machines.table import machine_table
 from cosim.paths import calling, examples_folder
 from cosim.report.folder import ANSWER, read_answer
@@ -437,7 +436,7 @@ class Session:
         plain = load_mapping(dropped.path)
         content = tomllib.loads(dropped.path.read_text(encoding="utf-8"))
         if plain.machine:
-            machine_table(plain.machine, dropped.path, units_of(plain))
+            machine_table(plain, dropped.path)
         named, parameters = plain.model_reference, content.get("compare", {}).get("parameters", [])
         if named is not None and named not in MODELS:
             if dropped.ours:
@@ -484,11 +483,7 @@ class Session:
         if self._choice != OWN:
             return crane_form(found)
         if self._plain is not None:
-            machine = (
-                machine_table(self._plain.machine, "the mapping", units_of(self._plain))
-                if self._plain.machine
-                else None
-            )
+            machine = machine_table(self._plain, "the mapping") if self._plain.machine else None
             ends = () if machine is None else (machine.input, machine.output)
             own = machine_form(found) if machine is not None else self._form_of_model(found)
             return file_form(found, self._plain, ends, {row.signal: row for row in own.rows})

@@ -23,7 +23,7 @@ from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
-from cosim.units import parse_quantity, parse_unit
+from cosim.units import parse_quantity, parse_unit, same_kind
 from fmus import registry
 
 BAR = 1e5  # Pa
@@ -87,7 +87,7 @@ def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path
     plain, given = load_mapping(mapping)
     if not plain.machine:
         raise DataError(f"{mapping}: there is no table [machine] from which a model could be made")
-    machine = machine_table(plain.machine, mapping, units_of(plain))
+    machine = machine_table(plain, mapping)
     wires(machine, mapping)  # a chain that does not fit together is said before anything is asked of a log
     logs = () if log is None else listed(log)
     first = logs[0] if logs else None  # all were read with this mapping: their units and clocks are the same
@@ -122,11 +122,6 @@ def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path
     if logs and told.lag > 0.0:
         diagnose.setdefault("step", longest_step(logs, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
-
-
-def units_of(plain: Mapping) -> dict[str, str | None]:
-    """A mapping's signals, and the unit of each that it states."""
-    return {name: own.unit for name, own in plain.signals.items()}
 
 
 def unstated_supply(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, str]:
@@ -274,7 +269,7 @@ def in_package(system: System, plain: Mapping, given: CompareTable) -> dict[str,
     """
     if not plain.machine or plain.path is None:
         return {}
-    machine = machine_table(plain.machine, plain.path, units_of(plain))
+    machine = machine_table(plain, plain.path)
     units = {n: item.unit for n, item in system.inputs.items()}
     units |= {n: system.variable(port).unit for n, port in system.outputs.items()}
     found = {}
@@ -293,11 +288,6 @@ def table_in_package(source: Path, plain: Mapping | None, given: CompareTable) -
         return given
     with read_system(source) as system:
         return given.model_copy(update={"signals": {**given.signals, **in_package(system, plain, given)}})
-
-
-def same_kind(one: str, other: str) -> bool:
-    """True if one unit can be converted into another."""
-    return bool(parse_unit(one).dimensionality == parse_unit(other).dimensionality)
 
 
 def gains_of(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, float]:

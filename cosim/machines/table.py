@@ -9,14 +9,15 @@ lag = "?"
 "dcv.w0" = "8 Hz"
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping as Values
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from cosim.errors import UsageError
+from cosim.logs import Mapping
 from cosim.tables import checked
-from cosim.units import parse_quantity, parse_unit
+from cosim.units import parse_quantity, same_kind
 from fmus import registry
 from fmus.contract import Variable
 
@@ -201,25 +202,29 @@ def block_of(component: str) -> Any:
     return registry.block(registry.FMU_OF_COMPONENT.get(component, component))
 
 
-def machine_table(
-    content: dict[str, Any], source: object, signals: Mapping[str, str | None] | None = None
-) -> MachineTable:
-    """The table, checked.
+def machine_table(plain: Mapping, source: object) -> MachineTable:
+    """The table [machine] of a mapping, checked. What it leaves out follows from the mapping's signals.
 
     Args:
-        content: the table as read.
-        source: the mapping file, for messages.
-        signals: the mapping's signals and their units, where it states them. What the table leaves out follows from them.
+        plain: the mapping.
+        source: its file, for messages.
 
     Raises:
         DataError: a key or value is wrong; the message names it.
     """
-    given = content if signals is None else {**following(content, signals), **content}
-    return checked(MachineTable, given, TABLE, "a machine", source)
+    units = {name: own.unit for name, own in plain.signals.items()}
+    return checked(
+        MachineTable, {**following(plain.machine, units), **plain.machine}, TABLE, "a machine", source
+    )
 
 
-def following(content: dict[str, Any], signals: Mapping[str, str | None]) -> dict[str, str]:
-    """What signals say of input, output and motion: the only one that can be meant, and a length or flow by its unit."""
+def following(content: dict[str, Any], signals: Values[str, str | None]) -> dict[str, str]:
+    """What signals say of input, output and motion: the only one that can be meant, and a length or flow by its unit.
+
+    Args:
+        content: the table as read.
+        signals: the mapping's signals and their units, where it states them.
+    """
     found: dict[str, str] = {}
     for way, names in (("input", DRIVES), ("output", SHOWS)):
         there = [name for name in names if name in signals]
@@ -235,6 +240,6 @@ def following(content: dict[str, Any], signals: Mapping[str, str | None]) -> dic
 def _of_kind(unit: str, known: str) -> bool:
     """Whether a unit measures what a known one does; an unreadable one is told where the log is read."""
     try:
-        return bool(parse_unit(unit).dimensionality == parse_unit(known).dimensionality)
+        return same_kind(unit, known)
     except UsageError:
         return False
