@@ -13,7 +13,8 @@ def correlations(names: Sequence[str], covariance: NDArray[np.float64]) -> dict[
         names: of the estimates.
         covariance: (p, p) in their order, NaN where it is not known.
     """
-    sizes = np.sqrt(np.diag(covariance))
+    # a variance that rounding made negative is none
+    sizes = np.sqrt(np.fmax(np.diag(covariance), 0.0))
     found = {}
     for i in range(len(names)):
         for k in range(i):

@@ -81,12 +81,12 @@ GUESSED_TRUST: Annotated[
     "any positive value of a plausible order of magnitude",
     "real logs as a whole, not by itself",
 ] = 30.0
-PAIRED: Annotated[
+IN_TURN: Annotated[
     int,
     "effects",
-    "likeliest effects by the size of the error that are tried in turn, and in pairs where none of them is sure alone",
-    "the best may have a size that nobody knows; an end of the travel shows only once the machine moves at the right speed",
-    "arm of the excavator: nothing named without pairs, 48.9 -> 20.1 deg on the log held out with them",
+    "likeliest effects by the size of the error that are tried in turn",
+    "the best may have a size that nobody knows",
+    "the real logs as a whole, not by itself",
 ] = 3
 RIVAL_WITHIN: Annotated[
     float,

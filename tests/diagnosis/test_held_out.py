@@ -17,7 +17,6 @@ from cosim.diagnosis.held_out.causes import (
     Held,
     Refused,
     Step,
-    alone,
     balanced,
     borne,
     cancelling,
@@ -485,27 +484,6 @@ def test_of_two_that_explain_the_fitted_log_alike_the_held_out_log_takes_the_one
     found = diagnose(steps, model=only("dcv"), held_out=back_and_forth)
     assert [c.effect.name for c in found.causes] == ["dead_zone.mismatch"]
     assert "dcv.hysteresis" in [r.effect.name for r in found.refused]
-
-
-@pytest.mark.parametrize(
-    ("error", "sure", "takes"), [(1.05, True, True), (1.05, False, False), (2.0, True, False)]
-)
-def test_one_effect_takes_the_place_of_two_that_do_no_better(error: float, sure: bool, takes: bool) -> None:
-    """A search may exchange a dead zone for friction and an asymmetry, which together bend the same curve."""
-    zone = registry.effects()["dead_zone.mismatch"]
-
-    def step(effects: tuple[Effect, ...]) -> Step:
-        if effects != (zone,):
-            return Step(effects, FIT, 1.0, 1.0, (), np.linspace(0.5, 1.5, 24))
-        unsure = () if sure else (zone.name,)
-        return Step(effects, FIT, 1.0, error, unsure, error**2 * np.linspace(1.5, 0.5, 24))
-
-    listed = [SimpleNamespace(effects=(e,), score=s) for e, s in ((COULOMB, 1.0), (zone, 2.0))]
-    found = alone(SimpleNamespace(single=listed), step((COULOMB, BACKLASH)), step)  # type: ignore[arg-type]
-    assert (found.effects == (zone,)) == takes
-    assert not takes or [s.effects for s in found.above] == [(COULOMB, BACKLASH)]
-    by_itself = step((COULOMB,))
-    assert alone(SimpleNamespace(single=listed), by_itself, step) is by_itself  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

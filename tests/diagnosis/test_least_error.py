@@ -81,16 +81,6 @@ def test_an_end_of_the_travel_that_was_met_is_among_the_first(begun: Begun) -> N
     assert task.rules == rules  # the noise is as it was learned
 
 
-def test_where_no_effect_is_sure_alone_pairs_are_tried(begun: Begun, monkeypatch: pytest.MonkeyPatch) -> None:
-    task, null, candidates = begun
-    monkeypatch.setattr(naming, "believable", lambda new, *_: len(new.effects) == 2)
-    few = ("mechanical.end_stop", "mechanical.coulomb_friction", "mechanical.gear_ripple")
-    found = least_error(task, null, tuple(e for e in candidates if e.name in few), CALIBRATED_TRUST, 1)
-    assert found is not None
-    assert len(found.effects) == 2
-    assert "mechanical.end_stop" in found.names
-
-
 def test_a_law_is_not_sought_beside_one_that_holds_it(begun: Begun) -> None:
     """Coulomb's and Stribeck's friction share a level: both named would say the same thing twice."""
     task, null, candidates = begun

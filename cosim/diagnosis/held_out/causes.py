@@ -209,7 +209,6 @@ def refuse(
     at = balanced(finding, step(waiting), waiting, step, losses)
     if len(at.effects) < len(waiting):  # some that were left out may help with fewer beside them
         at = least([at, balanced(finding, step(()), waiting, step, losses)])
-    at = alone(finding, at, step)
     if done is not None:
         done[key_of(at.effects)] = at  # with what stands above it
     kept = {e.name for e in at.effects}
@@ -610,20 +609,6 @@ def balanced(
         if {e.name for e in at.effects} == {e.name for e in before.effects}:
             break
     return at
-
-
-def alone(finding: Finding, at: Step, step: Callable[[tuple[Effect, ...]], Step]) -> Step:
-    """The one effect that explains the fitting log best, in the place of several that held-out data prefer no more.
-
-    A search may have exchanged it for two that together do the same.
-    """
-    singles = [t for t in finding.single if t.effects[0].name not in SAMPLED]
-    if len(at.effects) < 2 or not singles or current().over:
-        return at
-    one = step(max(singles, key=lambda t: t.score).effects)
-    passed = (*at.above, at)
-    held_against = any(s.clearly_better(one) for s in passed)
-    return at if held_against or not one.sure else replace(one, above=passed)
 
 
 def pairs(

@@ -41,13 +41,13 @@ from cosim.diagnosis.residuals.slow_oscillation import slow_oscillation
 from cosim.diagnosis.thresholds import (
     BEYOND_TRUST,
     CALIBRATED_TRUST,
+    IN_TURN,
     IN_VAIN,
     INDISTINGUISHABLE,
     LINE_PERIODS,
     NAMING_GAIN,
     NOMINAL_TRUST,
     ONE_SIDED_95,
-    PAIRED,
     RIVAL_WITHIN,
     SINGLE_WITHIN,
     SURE_SIZE,
@@ -304,9 +304,8 @@ def least_error(
 
     Where parameters are free and much is wrong, the noise learned from what a poor model leaves is as large and as slow as
     its errors: they cost nothing, and no cause that would mend them gains. Here all that is left by the richer of two sets
-    counts as white noise, as few independent values as its correlation allows. Where no single effect is sure, pairs are
-    tried with the likeliest: an end of the travel shows only once the machine moves at the right speed. The
-    search ends where `IN_VAIN` steps have made nothing noticeably better on the data that judge it.
+    counts as white noise, as few independent values as its correlation allows. The search ends where `IN_VAIN` steps have
+    made nothing noticeably better on the data that judge it.
     """
     known, chosen = task.rules, null
 
@@ -324,7 +323,7 @@ def least_error(
 
     def foremost(options: list[Trial]) -> list[Trial]:
         # by quick fits they stand in an order of chance
-        ahead = sorted(options, key=worth, reverse=True)[:PAIRED]
+        ahead = sorted(options, key=worth, reverse=True)[:IN_TURN]
         return sorted(fitted_on(task, ahead, tolerance, worth), key=worth, reverse=True)
 
     def believed(options: list[Trial]) -> Trial | None:
@@ -352,10 +351,6 @@ def least_error(
         weighed(found)
         return found
 
-    def joined_by(one: Trial) -> list[Trial]:
-        rest = promising(task, one, (e for e in candidates if e not in one.effects), tolerance)
-        return tried_all(task, [(*one.effects, e) for e in rest], tolerance, one.fit)
-
     try:
         weighed(null)
         chosen = null = tried(task, (), tolerance, null.fit)
@@ -371,10 +366,7 @@ def least_error(
             options = tried_all(task, [(*chosen.effects, e) for e in further], tolerance, chosen.fit)
             if not options or current().over:
                 break
-            near = foremost(options)
-            more = believed(near)
-            if more is None and not chosen.effects:
-                more = believed(foremost([pair for one in near for pair in joined_by(one)]))
+            more = believed(foremost(options))
             if more is None:
                 break
             # few values count here: whether what pays its price is sure is asked later
