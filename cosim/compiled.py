@@ -242,6 +242,11 @@ class CompiledBlock:
         # declarations are read once: looking at type hints takes longer than a short run
         self.outputs = tuple(composed.outputs)
         self._lengths = [b.length for b in composed.memory.values() if isinstance(b, Buffer)]
+        self._known: tuple[object, Any, Any] = (
+            None,
+            None,
+            None,
+        )  # values and step, parameters and coefficients of these
 
     def parameters(self, values: Mapping[str, float]) -> Any:
         """Parameters of the block: nominal ones, those in `values` (SI) replaced.
@@ -250,13 +255,12 @@ class CompiledBlock:
             KeyError: a name that the block does not have; the message gives the closest.
         """
         self._refuse_unknown(values)
-        return self.module.Parameters(*map(float, {**self.nominal, **values}.values()))
+        return self.module.Parameters._make(map(float, {**self.nominal, **values}.values()))
 
     def _refuse_unknown(self, values: Mapping[str, float]) -> None:
-        for name in values:
-            if name not in self.nominal:
-                block = self.composed.block.name
-                raise KeyError(f"{block} has no '{name}'; {registry.suggestion(name, list(self.nominal))}")
+        for name in values.keys() - self.nominal.keys():
+            block = self.composed.block.name
+            raise KeyError(f"{block} has no '{name}'; {registry.suggestion(name, list(self.nominal))}")
 
     def buffers(self) -> list[Array]:
         """Fresh arrays for what block and effects remember."""
@@ -288,33 +292,35 @@ class CompiledBlock:
             (n_outputs, n + 1) outputs: at initialisation, then after each step.
         """
         block, own = self.acting(values)
-        if block is not self:
-            return block.run(inputs, h, own, first)
         inputs = np.ascontiguousarray(inputs, dtype=np.float64)
-        x, m, p, c, y = self.begun(inputs[:, 0] if first is None else first, h, values)
-        outputs = np.empty((len(self.outputs), inputs.shape[1] + 1))
+        x, m, p, c, y = block.begun(inputs[:, 0] if first is None else first, h, own)
+        outputs = np.empty((len(y), inputs.shape[1] + 1))
         outputs[:, 0] = y
         with uninterrupted():
-            self.module.run(x, m, p, c, inputs, outputs)
+            block.module.run(x, m, p, c, inputs, outputs)
         return outputs
 
     def acting(self, values: Mapping[str, float]) -> "tuple[CompiledBlock, dict[str, float]]":
         """The block without effects where they are all off, else the block itself; and the parameters of it in `values`."""
         self._refuse_unknown(values)
-        if self.alone is not self and all(self.switches.get(n, v) == v for n, v in values.items()):
+        if self.alone is not self and all(values.get(n, off) == off for n, off in self.switches.items()):
             known = self.alone.nominal
             return self.alone, {n: v for n, v in values.items() if n in known}
         return self, dict(values)
 
     def begun(self, inputs: Array, h: float, values: Mapping[str, float]) -> tuple[Any, Any, Any, Any, Any]:
         """State, memory, parameters, coefficients and outputs at initialisation, with these inputs (n_inputs,)."""
-        module, p = self.module, self.parameters(values)
-        u = module.Input(*(float(v) for v in inputs))
-        # coefficients in CPython: compiled exp differs in the last bit now and then, and the FMU computes them there
+        module, key = self.module, (h, *values.items())
+        known, p, c = self._known  # of a fit's runs most change another block
+        if known != key:
+            # coefficients in CPython: compiled exp differs in the last bit now and then, and the FMU computes them there
+            p = self.parameters(values)
+            c = module.coefficients(p, h)
+            c = c._make(map(float, c))
+            self._known = key, p, c
+        u = module.Input._make(map(float, inputs))
         x = module.start(u, p)
-        x = type(x)(*(float(v) for v in x))
-        c = module.coefficients(p, h)
-        c = type(c)(*(float(v) for v in c))
+        x = x._make(map(float, x))
         m = module.begin(x, u, p, self.buffers())
         return x, m, p, c, module.output(x, u, m, p)
 

@@ -95,7 +95,7 @@ def test_a_stop_that_is_never_met_is_left_where_it_was() -> None:
 
 def test_the_side_to_which_a_log_never_moves_costs_nothing() -> None:
     """Else a dead zone pays for two sizes where friction, which explains as much, pays for one."""
-    group = dataclasses.replace(our_machine("full_order").groups[-1], starts=False)
+    group = dataclasses.replace(our_machine("full_order").groups[-1], starts=())
     model = GroupModel(group, np.zeros(100), 1e-3)
     names = ["dead_zone.b_r", "dead_zone.b_l", "mechanical.theta_max", "mechanical.theta_min"]
     values = dict(zip(names, (0.3, -0.09, 1.0, model.nominal("mechanical.theta_min")), strict=True))

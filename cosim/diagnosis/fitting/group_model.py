@@ -1,7 +1,7 @@
 """A group of blocks simulated over a log, again and again with other parameters."""
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,7 @@ class GroupModel:
             self.pair = at, CompiledPair(self.stages[at][1], self.stages[at + 1][1])
         self.kept: dict[int, tuple[tuple[float, ...], Array]] = {}
         self.driving: Array | None = None  # the drive at the steps
+        self.begins = [*(n for n, _ in group.starts), *(f"{c}.omega_0" for c, _ in self.stages)]
         self.parts: list[GroupModel] = []
         if isinstance(grid, Pieces):
             drives = np.split(self.drive, grid.cuts)
@@ -138,14 +139,13 @@ class GroupModel:
     def alone(self, values: dict[str, float]) -> dict[str, Array]:
         """Predicted signals of one log, (n,) each, SI."""
         settings = self.fixed | values
-        read = [*(n for n, _ in self.group.starts), *(f"{c}.omega_0" for c, _ in self.stages)]
-        settings |= standing({n: settings[n] for n in read if n in settings}, settings)
+        settings |= standing({n: settings[n] for n in self.begins if n in settings}, settings)
         signal = self.fed(settings)
         h = self.h
         if isinstance(self.grid, Grid):
             signal, h = self.stepped(signal), self.grid.step
         changed = False
-        outputs = np.empty((0, 0))
+        rows: list[Array] = []
         owned: dict[str, dict[str, float]] = {component: {} for component, _ in self.stages}
         for name, value in settings.items():
             component, parameter = parted(name)
@@ -177,8 +177,9 @@ class GroupModel:
                     outputs = block.run(steps[None, :], h, own, signal[:1])
                 if i + 1 < len(self.stages):
                     self.kept[i] = (key, outputs)
+            rows.append(outputs)
             signal = outputs[0]
-        return self.observed(outputs)
+        return self.observed(rows)
 
     def stepped(self, signal: Array) -> Array:
         """The drive at the steps of the grid; the measured one is the same in every run."""
@@ -236,20 +237,24 @@ class GroupModel:
             getattr(compiled.module, f"over_{equation}")(self.drive, memory, compiled.parameters(own))
         )
 
-    def observed(self, outputs: Array) -> dict[str, Array]:
-        """Measured signals from the outputs of the last stage, and of those before it that were kept."""
-        names = self.stages[-1][1].outputs
-        row = dict(zip(names, outputs, strict=True))
-        for i, (_, kept) in self.kept.items():
-            component, block = self.stages[i]
-            row |= {f"{component}.{n}": values for n, values in zip(block.outputs, kept, strict=True)}
+    @cached_property
+    def shown(self) -> list[tuple[str, list[tuple[int, int, float]]]]:
+        """Each measured signal, and of what it is the sum: place of the stage and of its output, factor."""
+        names = dict(enumerate(block.outputs for _, block in self.stages))
+        at = {f"{self.stages[i][0]}.{n}": (i, k) for i, own in names.items() for k, n in enumerate(own)}
+        last = len(self.stages) - 1
+        at |= {n: (last, k) for k, n in enumerate(names[last])}
         parts = dict(self.group.parts)
+        # what the sensors show, which is not always what the next block feels
+        each = {s: parts.get(s, ((s, 1.0),)) for s in self.group.observed}
+        return [(s, [(*at[output], factor) for output, factor in own]) for s, own in each.items()]
+
+    def observed(self, rows: list[Array]) -> dict[str, Array]:
+        """Measured signals from the outputs of each stage."""
         found = {}
-        for signal in self.group.observed:
-            # what the sensors show, which is not always what the next block feels
-            (output, factor), *more = parts.get(signal, ((signal, 1.0),))
-            values = row[output] if factor == 1.0 else factor * row[output]
-            for output, factor in more:
-                values = values + factor * row[output]
+        for signal, ((stage, output, factor), *more) in self.shown:
+            values = rows[stage][output] if factor == 1.0 else factor * rows[stage][output]
+            for stage, output, factor in more:
+                values = values + factor * rows[stage][output]
             found[signal] = values if self.grid is None else self.grid.sampled(values)
         return found
