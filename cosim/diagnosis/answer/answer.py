@@ -265,7 +265,10 @@ def reason(behind: float, indistinguishable: bool) -> str:
             return f"{-behind:.1f} in log-likelihood ahead on the fitted data: this log cannot tell the two apart"
         return f"only {behind:.1f} in log-likelihood behind: this log cannot tell the two apart"
     if behind < 0.0:  # what is named was chosen with other data, or with the other causes, in view
-        return f"is ahead by {-behind:.0f} in log-likelihood on the fitted data, which alone does not decide"
+        return (
+            f"explains the fitted data better by {-behind:.0f} in log-likelihood, but not data held out, "
+            "or not beside the other causes"
+        )
     return f"explains the log worse by {behind:.0f} in log-likelihood (less the price of its parameters)"
 
 
