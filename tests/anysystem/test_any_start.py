@@ -10,6 +10,8 @@ import systems
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
 from cosim.anysystem.start import ALIKE, likeness, matches, only_by_unit
+from cosim.compare.binding import gain_between
+from cosim.errors import UsageError
 from cosim.logs.source import Label
 from cosim.ssp.read import read_system
 from cosim.system.graph import cut
@@ -29,6 +31,15 @@ def test_init_matches_columns_and_its_mapping_is_diagnosed(native: Path, command
     code, out, err = command("diagnose", log, "--mapping", mapping, "--out", tmp_path / "o", "--json")
     assert code == 0, err
     assert [c["effect"] for c in json.loads(out)["causes"]] == ["port.gain"]
+    code, out, err = command("compare", log, "--mapping", mapping, "--json")
+    assert code == 0, err
+    assert {"valve.y", "plant.y"} <= json.loads(out)["signals"].keys()
+
+
+def test_an_fmu_that_states_no_unit_takes_any() -> None:
+    assert gain_between("torque", "N.m", "", None) == 1.0
+    with pytest.raises(UsageError, match="wrong dimension"):
+        gain_between("torque", "N.m", "1", None)
 
 
 def test_a_column_that_fits_nothing_stays_a_comment(native: Path, command, tmp_path: Path) -> None:
