@@ -174,14 +174,20 @@ def within_reach(values: dict[str, float], command: float, travel: float | None)
             of reach; None for a spool of which something is known.
     """
     command = max(command, 1.0)
-    scale = {"dead_zone.limit": command, "compensator.limit": command}
+    limits = {n: command * values[n] for n in ("dead_zone.limit", "compensator.limit") if n in values}
     if travel is not None and {"dcv.K", "continuity.K_c"} <= values.keys():
-        scale |= {"dcv.K": travel / command, "continuity.K_c": command / travel}
-    for name, factor in scale.items():
-        if name in values and factor != 1.0:
-            component, _, parameter = name.partition(".")
-            variable = block_of(component).parameters[parameter]
-            values[name] = float(np.clip(factor * values[name], variable.low, variable.high))
+        both = values["dcv.K"] * values["continuity.K_c"]  # all that shows
+        values["dcv.K"] = within("dcv.K", values["dcv.K"] * travel / command)
+        values["continuity.K_c"] = within("continuity.K_c", both / values["dcv.K"])
+    for name, value in limits.items():
+        values[name] = within(name, value)
+
+
+def within(name: str, value: float) -> float:
+    """A value of ``component.parameter`` within its bounds."""
+    component, _, parameter = name.partition(".")
+    variable = block_of(component).parameters[parameter]
+    return float(np.clip(value, variable.low, variable.high))
 
 
 def sources(logs: Sequence[Log]) -> str:
@@ -306,9 +312,7 @@ def put(found: Numbers, told_now: Mapping[str, float], always: bool = False) -> 
     """Take over what the log tells of unknown parameters (or `always`), within their bounds."""
     for name, value in told_now.items():
         if always or name in found.from_log:
-            component, _, parameter = name.partition(".")
-            variable = block_of(component).parameters[parameter]
-            found.values[name] = float(f"{np.clip(value, variable.low, variable.high):.4g}")
+            found.values[name] = float(f"{within(name, value):.4g}")
 
 
 def forward(values: Mapping[str, float], blocks: list[str]) -> float:

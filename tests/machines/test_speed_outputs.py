@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.answer.remarks import one_way
+from cosim.diagnosis.answer.remarks import as_stated, one_way
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.errors import DataError, UsageError
@@ -259,6 +259,18 @@ def test_a_motor_as_its_file_states_it_is_adequate(tmp_path: Path, largest: floa
     mapping, log = stated(tmp_path, largest)
     found = diagnose(log, model=machine_of(None, log, mapping))
     assert found.verdict == "adequate"
+    # one of the command is one of the torque: what the answer shows is in the command's unit
+    assert found.values["mechanical.b"] == pytest.approx(0.5, rel=0.01)
+
+
+def test_a_wrong_speed_is_told_in_the_file_s_own_numbers(tmp_path: Path) -> None:
+    """Within 1 %: noise of a hundredth of the largest speed leaves a tenth of that."""
+    mapping, log = stated(tmp_path, 24.0, 'speed = "2.2 rad/s"\nlag = "100 ms"')
+    found = diagnose(log, model=machine_of(None, log, mapping))
+    (said,) = as_stated(found)
+    number = said.partition("speed ")[2].partition(" rad/s instead of 2.2 rad/s and lag ")
+    assert float(number[0]) == pytest.approx(2.0, rel=0.01)
+    assert float(number[2].partition(" ms instead of 100 ms")[0]) == pytest.approx(100.0, rel=0.01)
 
 
 def test_a_record_that_begins_with_its_only_step_tells_speed_and_lag(tmp_path: Path) -> None:
