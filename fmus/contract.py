@@ -209,8 +209,11 @@ class Range:
     def edges(
         self, nominal: float, torque: float = math.nan, travel: float = math.nan
     ) -> tuple[float, float]:
-        """Lowest and highest value, SI, by the nominal value, the greatest torque and the travel; NaN where these are not known."""
-        whole = {"": 1.0, "nominal": nominal, "torque": torque, "travel": travel}[self.of]
+        """Lowest and highest value, SI, by the nominal value, the greatest torque and the travel; NaN where these are not known.
+
+        Nor is a nominal value of zero, of which any part is zero.
+        """
+        whole = {"": 1.0, "nominal": nominal or math.nan, "torque": torque, "travel": travel}[self.of]
         low, high = sorted((self.low * whole, self.high * whole))
         return low, high
 

@@ -341,7 +341,8 @@ def _recording(
         column = mapping.signals[name]
         own = column.text == OWN or not unit
         factor, offset = (1.0, 0.0) if own else _conversion(log, name, log.units[name], port, system, stated)
-        scale = conversion(shown, log.units[name]) if not own else 1.0
+        # an FMU that states no unit takes SI; people read it in the log's unit
+        scale = 1.0 if column.text == OWN else conversion(shown, log.units[name])
         if not own and (odd := contradiction(unit, _known(system, port))):
             told = (
                 "the log's numbers are taken as they are"
@@ -349,9 +350,7 @@ def _recording(
                 else "the FMU's definition is taken"
             )
             found.warnings.append(f"{port}: {odd}: {told}; have the FMU corrected")
-        text = column.unit if own and column.unit not in (None, "1") else shown
-        if own and unit:
-            text = unit
+        text = unit if own and unit else shown
         found.signals[connector] = factor * values + offset
         found.columns[connector] = Column(name, connector, text or "1", factor * scale, offset)
     return found

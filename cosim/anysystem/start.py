@@ -96,6 +96,7 @@ class Matches:
         units: connector -> unit of the FMU's variable, empty where it has none.
         by_unit: columns of `taken` of which only the unit fits, and that of no other column or connector.
         by_place: columns of `taken` that have no name but stand where the output does.
+        left_over: the column of `taken` that was left over, as its connector was.
     """
 
     labels: tuple[Label, ...]
@@ -104,11 +105,14 @@ class Matches:
     units: dict[str, str]
     by_unit: frozenset[int] = frozenset()
     by_place: frozenset[int] = frozenset()
+    left_over: frozenset[int] = frozenset()
 
     def check(self, column: int) -> str:
         """What is uncertain in a match, or empty."""
         if column in self.by_unit:
             return "only the unit fits"
+        if column in self.left_over:
+            return "the only ones left over"
         return "by its place among the outputs" if column in self.by_place else ""
 
 
@@ -156,7 +160,9 @@ def matches(
     placed = by_place(system, labels, taken)
     taken |= placed
     guessed = only_by_unit(labels, times, taken, units)
-    return Matches(labels, clock, taken | guessed, units, frozenset(guessed), frozenset(placed))
+    taken |= guessed
+    last = left_over(labels, times, taken, units)
+    return Matches(labels, clock, taken | last, units, frozenset(guessed), frozenset(placed), frozenset(last))
 
 
 def by_place(system: System, labels: Sequence[Label], taken: Mapping[int, str]) -> dict[int, str]:
@@ -229,14 +235,28 @@ def only_by_unit(
     }
 
 
+def left_over(
+    labels: Sequence[Label], times: Collection[int], taken: Mapping[int, str], units: Mapping[str, str]
+) -> dict[int, str]:
+    """The one column and the one connector that are left over where others were found, if their units may fit."""
+    rest = [k for k in range(len(labels)) if k not in times and k not in taken]
+    left = [p for p in units if p not in taken.values()]
+    if not taken or len(rest) != 1 or len(left) != 1:
+        return {}
+    own, wanted = labels[rest[0]].unit, units[left[0]]
+    return {rest[0]: left[0]} if not (own and wanted) or same_dimension(own, wanted) else {}
+
+
 def dimensional(unit: str) -> bool:
     """Whether a unit is known and no pure number."""
     found = definition(unit, {}) if unit else None
     return found is not None and any(found.exponents[:7])
 
 
-def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[str, list[str], list[str]]:
-    """A mapping as text, the columns that were matched, and what is left to the user.
+def mapping_text(
+    system: System, model: Path, log: Path, folder: Path
+) -> tuple[str, list[str], list[str], str]:
+    """A mapping as text, the columns that were matched, what is left to the user, and what a diagnosis cannot do without.
 
     Args:
         system: the model as read.
@@ -285,11 +305,10 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
     open_ += [
         f"connector {p} is not measured" for p in ports if p not in taken.values() and p in system.inputs
     ]
-    if not taken:
-        known = ports or internal(system)
-        what = "a connector" if ports else "a variable, and there are no connectors,"
+    if not taken and not ports:
         raise DataError(
-            f"{log}: no column looks like {what} of {model} ({', '.join(known[:20])}): write the mapping by hand"
+            f"{log}: no column looks like a variable, and there are no connectors, of {model} "
+            f"({', '.join(internal(system)[:20])}): write the mapping by hand"
         )
     numbers = [
         f"{c.name}.{v.name}"
@@ -306,7 +325,21 @@ def mapping_text(system: System, model: Path, log: Path, folder: Path) -> tuple[
         ["# trusted = { " + ", ".join(f'{_quoted(n)} = "1 %"' for n in numbers) + " }"] if numbers else []
     )
     lines += ["# parameters that nobody knows: fitted with every cause", "# free = []", ""]
-    return "\n".join(lines), told, open_
+    return "\n".join(lines), told, open_, lacking(system, found, matched)
+
+
+def lacking(system: System, found: Overview, matched: Matches) -> str:
+    """What a diagnosis cannot do without and no column was found for; empty if nothing is."""
+    known = set(matched.taken.values())
+    outputs = [p for p in matched.units if p not in system.inputs]
+    lacks = []
+    if not known & set(outputs) and outputs:
+        lacks.append(f"a column for what was measured ({', '.join(outputs[:20])})")
+    if not known & system.inputs.keys() and system.inputs:
+        lacks.append(f"a column for what drives it ({', '.join(list(system.inputs)[:20])})")
+    if found.clock is None and found.interval is None:
+        lacks.append("the interval between samples ('step', for which 0.001 s stands now)")
+    return "; ".join(lacks)
 
 
 def settable(variable: Variable) -> bool:

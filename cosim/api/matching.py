@@ -51,14 +51,14 @@ def write_mapping(
         raise UsageError("--machine makes a model of its own: give no other beside it")
     asked = model or "full_order"
     if asked.lower().endswith(MODELS):
-        (text, made, left), needed = _of_connectors(Path(asked), log, target), ""
+        text, made, left, needed = _of_connectors(Path(asked), log, target)
     else:
         text, made, left, needed = _of_signals(None if machine else asked, log)
     write_text(target, text)
     return Matched(target, made, left, needed)
 
 
-def _of_connectors(model: Path, log: Path, target: Path) -> tuple[str, list[str], list[str]]:
+def _of_connectors(model: Path, log: Path, target: Path) -> tuple[str, list[str], list[str], str]:
     """A mapping for any system; raises as `cosim.anysystem.start.mapping_text`."""
     from cosim.anysystem.start import mapping_text
     from cosim.ssp.read import read_system

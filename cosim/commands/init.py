@@ -60,7 +60,8 @@ def init(
     check = "complete it" if needed else "check each line, above all those marked CHECK"
     say(f"written to {target}: {check}")
     if needed:
-        other = "" if machine else ". Another machine than the crane: --machine; any FMU: --model"
+        own = machine or (asked or "").lower().endswith(MODELS)
+        other = "" if own else ". Another machine than the crane: --machine; any FMU: --model"
         say(f"Missing: {needed}{other}")
         say(
             f"Next: complete {target} in an editor, or choose the columns on a page: cosim open {console.typed(log)}"

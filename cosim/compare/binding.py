@@ -92,6 +92,11 @@ def bind(system: System, units: dict[str, str], table: CompareTable) -> dict[str
                 f"compare.signals names '{name}', which the log does not hold{did_you_mean(name, units)}"
             )
         found[name] = _bound(system, name, units[name], target.variable, target.factor)
+    for (
+        name
+    ) in units:  # a signal called like a connector, as in a mapping of `cosim init MODEL LOG`, is that one
+        if "." in name and name not in found and _exists(system, name):
+            found[name] = _bound(system, name, units[name], name, None)
     taken = {b.port for b in found.values() if b.port} | {w.target for b in found.values() for w in b.wires}
     names = [*system.inputs, *system.outputs, *(n for n in DEFAULTS if _exists(system, DEFAULTS[n]))]
     for name in (n for n in dict.fromkeys(names) if n not in table.aside):
@@ -212,7 +217,7 @@ def gain_between(signal: str, unit: str, target: str, factor: str | None) -> flo
         if gain == 0.0:
             raise UsageError(f"compare.signals.{signal}: a factor of 0 leaves nothing of the signal")
         return gain
-    if (target or "1") == (unit or "1"):
+    if not target or target == (unit or "1"):  # an FMU that states no unit takes SI
         return 1.0
     parse_unit(unit)
     try:

@@ -119,7 +119,8 @@ def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path
     diagnose = completed(
         plain.diagnose, machine, told, inner, sizes, driven_by_pressure(machine, plain, first)
     )
-    if logs and told.lag > 0.0:
+    # numbers that the file states count to a percent, and each block hands on with up to half a step's delay
+    if told.from_log and told.lag > 0.0:
         diagnose.setdefault("step", longest_step(logs, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
 

@@ -54,6 +54,7 @@ def first_order(
     h = float(even[1] - even[0])
     u = drive[np.clip(np.searchsorted(time, even, side="right") - 1, 0, time.size - 1)]
     y = np.interp(even, time, response)
+    before = u[0] if np.ptp(u) > 0.0 else 0.0  # a log that begins with its only step: at rest before it
     length = max(round(WINDOW / h), 8) if (integrates if windows is None else windows) else count
     length = min(length, count)
     rows = count // length
@@ -69,7 +70,7 @@ def first_order(
         lag = float(np.exp(log_lag))
         kept = float(np.exp(-h / lag))
         lagged, _ = lfilter(
-            [0.0, 1.0 - kept], [1.0, -kept], u, zi=[u[0]]
+            [0.0, 1.0 - kept], [1.0, -kept], u, zi=[before]
         )  # the drive is held from its stamp on
         row = inside(cumulative_trapezoid(lagged, dx=h, initial=0.0) if integrates else lagged)
         size = float(row @ row)

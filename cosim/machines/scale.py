@@ -118,8 +118,9 @@ def scales(
             if name in given or variable.unit in given:
                 continue
             factor = factor_of(name, variable.unit, numbers.values, sizes)
-            if name in LINEAR and name in numbers.values and own[parameter].start:
-                factor = abs(numbers.values[name] / own[parameter].start)
+            value = numbers.values.get(name, 0.0)
+            if name in LINEAR and value and own[parameter].start:
+                factor = abs(value / own[parameter].start)
             if factor > OFF and f"{factor:.3g}" != "1":
                 found[name] = float(f"{factor:.3g}")
     return found
@@ -140,6 +141,8 @@ def factor_of(name: str, unit: str, values: Mapping[str, float], sizes: Sizes) -
         "N.m": sizes.torque / TORQUE,
         "rad": sizes.angle / (0.5 * ANGLE),
     }
+    if unit == "N.m.s/rad":  # of a mass that the file gives no friction
+        return ratios["N.m"] * SPEED / sizes.speed if sizes.speed > OFF else 0.0
     if unit == "1/Pa":
         return 1.0 / ratios["Pa"] if ratios["Pa"] > OFF else 0.0
     if unit == "Pa/m":

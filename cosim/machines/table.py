@@ -147,6 +147,11 @@ class MachineTable(BaseModel):
         return self.chain[0] == "mechanical" and not {"mechanical.A", "mechanical.r"} & set(self.parameters)
 
     @property
+    def commanded(self) -> bool:
+        """True if a command drives the chain, and no force or pressure."""
+        return self.chain[0] not in ("continuity", "mechanical")
+
+    @property
     def units(self) -> dict[str, str]:
         """SI unit -> the name people read for it on this machine."""
         if self.places:

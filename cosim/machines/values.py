@@ -25,6 +25,8 @@ NEUTRAL: dict[str, dict[str, float]] = {
     "sensor": {"gain": 1.0},
 }
 UNSEEN = 0.1  # of the machine's lag: what blocks of which nothing is said may add to it
+SHORT = 1e-2  # mm, way of such a spool at full command where the file states the motion: its fastest, 1 m/s, shows nowhere
+EXACT = 1e-3  # of a lag that the file states, well within the percent to which it is then trusted
 TOLD = 2.0  # intervals between samples: rough numbers come out at one of them where a log tells no lag
 ZETA = 0.8  # damping taken for a valve whose natural frequency only the log tells
 SHOWN = {"dcv": "spool", "continuity": "p_load"}  # block -> its signal, where it is measured
@@ -123,6 +125,12 @@ def numbers(
         values |= {"mechanical.A": 1.0, "mechanical.r": 1.0}
     values |= stated
     asked = unknown(table, inner)
+    if table.commanded and logs:
+        far = max(float(np.max(np.abs(log.require(table.input)))) for log in logs)
+        own = not {"dcv.K", "continuity.K_c"} & stated.keys() and not {"dcv", "continuity"} & inner.keys()
+        far *= abs(gains.get(table.input, 1.0))
+        if not asked or far > NEUTRAL["dead_zone"]["limit"]:
+            within_reach(values, far, (1.0 if asked else SHORT) if own else None)
     if asked and not logs:
         raise UsageError(
             f"{' and '.join(asked)} must be told by a log of the machine: give one (cosim machine --log LOG, "
@@ -156,6 +164,32 @@ def numbers(
     return found
 
 
+def within_reach(values: dict[str, float], command: float, travel: float | None) -> None:
+    """Keep the limits of blocks of which nothing is said beyond a command that goes far past 1, as one in volts does.
+
+    Args:
+        values: the parameters; the neutral ones are changed.
+        command: how far it goes.
+        travel: of a spool that is neither measured nor stated, mm at the largest command: so its fastest, 1 m/s, stays out
+            of reach; None for a spool of which something is known.
+    """
+    command = max(command, 1.0)
+    limits = {n: command * values[n] for n in ("dead_zone.limit", "compensator.limit") if n in values}
+    if travel is not None and {"dcv.K", "continuity.K_c"} <= values.keys():
+        both = values["dcv.K"] * values["continuity.K_c"]  # all that shows
+        values["dcv.K"] = within("dcv.K", values["dcv.K"] * travel / command)
+        values["continuity.K_c"] = within("continuity.K_c", both / values["dcv.K"])
+    for name, value in limits.items():
+        values[name] = within(name, value)
+
+
+def within(name: str, value: float) -> float:
+    """A value of ``component.parameter`` within its bounds."""
+    component, _, parameter = name.partition(".")
+    variable = block_of(component).parameters[parameter]
+    return float(np.clip(value, variable.low, variable.high))
+
+
 def sources(logs: Sequence[Log]) -> str:
     """Where logs are from."""
     return ", ".join(str(log.source) for log in logs)
@@ -163,6 +197,8 @@ def sources(logs: Sequence[Log]) -> str:
 
 def unnoticed(found: Numbers, stated: Collection[str], interval: float, rate: bool) -> None:
     """Make valve and oil of which nothing is said so fast that a log does not show them beside the machine's own lag.
+
+    Where the file states the motion in full, its simulation is that and no more: they are next to nothing.
 
     A motor of 7 ms sampled at 2 kHz shows the 15 ms of the neutral valve and oil, which would stand for its own dynamics. So
     does a valve of 60 ms sampled every 20 ms whose flow is measured: in a speed or flow a lag shorter than an interval shows
@@ -181,7 +217,9 @@ def unnoticed(found: Numbers, stated: Collection[str], interval: float, rate: bo
     if "continuity.T" in values and "continuity.T" not in known:
         lags["continuity.T"] = values["continuity.T"]
     least = UNSEEN * found.lag
-    if not rate or found.lag <= TOLD * interval:
+    if not found.from_log:
+        least = EXACT * found.lag
+    elif not rate or found.lag <= TOLD * interval:
         least = max(least, interval)
     if not lags or found.lag == 0.0 or sum(lags.values()) <= least:
         return
@@ -213,6 +251,8 @@ def told(
         return
     pairs = [(log.time * sample, *(log.require(n) * gains.get(n, 1.0) for n in ends)) for log in logs]
     rough = plainest(pairs, integrates=moving and not rate)
+    if rough.gain == 0.0 and not asked:
+        return
     if rough.gain == 0.0:
         raise DataError(
             f"{sources(logs)}: '{drive}' or '{seen}' does not move, so {' and '.join(asked)} cannot be told from it"
@@ -248,7 +288,10 @@ def told(
         }
     found.lag += lag
     if moving:
-        found.speed = gain if not table.forced else 1.0 / values["mechanical.b"]
+        b = values.get("mechanical.b", 0.0)
+        found.speed = (
+            1.0 / b if table.forced and b > 0.0 else gain
+        )  # a mass without friction has no speed of its own
 
 
 def plainest(logs: Sequence[tuple[Array, ...]], *, integrates: bool) -> FirstOrder:
@@ -269,9 +312,7 @@ def put(found: Numbers, told_now: Mapping[str, float], always: bool = False) -> 
     """Take over what the log tells of unknown parameters (or `always`), within their bounds."""
     for name, value in told_now.items():
         if always or name in found.from_log:
-            component, _, parameter = name.partition(".")
-            variable = block_of(component).parameters[parameter]
-            found.values[name] = float(f"{np.clip(value, variable.low, variable.high):.4g}")
+            found.values[name] = float(f"{within(name, value):.4g}")
 
 
 def forward(values: Mapping[str, float], blocks: list[str]) -> float:

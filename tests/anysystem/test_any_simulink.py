@@ -153,7 +153,7 @@ def test_an_array_without_name_stands_for_the_output_of_one_fmu(recorded, tmp_pa
         {"tout": stamps(recorded)[:, None], "yout": recorded["valve.y"][:, None], "u": recorded["command"]},
     )
     with read_system(fmu) as system:
-        text, told, open_ = mapping_text(system, fmu, path, tmp_path)
+        text, told, open_, _ = mapping_text(system, fmu, path, tmp_path)
     (component,) = {line.partition(" -> ")[2].partition(".")[0] for line in told if line.startswith("yout")}
     assert f"yout -> {component}.y (by its place among the outputs: CHECK)" in told
     assert "by its place among the outputs: CHECK" in text

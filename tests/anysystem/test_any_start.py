@@ -10,6 +10,8 @@ import systems
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
 from cosim.anysystem.start import ALIKE, likeness, matches, only_by_unit
+from cosim.compare.binding import gain_between
+from cosim.errors import UsageError
 from cosim.logs.source import Label
 from cosim.ssp.read import read_system
 from cosim.system.graph import cut
@@ -29,6 +31,15 @@ def test_init_matches_columns_and_its_mapping_is_diagnosed(native: Path, command
     code, out, err = command("diagnose", log, "--mapping", mapping, "--out", tmp_path / "o", "--json")
     assert code == 0, err
     assert [c["effect"] for c in json.loads(out)["causes"]] == ["port.gain"]
+    code, out, err = command("compare", log, "--mapping", mapping, "--json")
+    assert code == 0, err
+    assert {"valve.y", "plant.y"} <= json.loads(out)["signals"].keys()
+
+
+def test_an_fmu_that_states_no_unit_takes_any() -> None:
+    assert gain_between("torque", "N.m", "", None) == 1.0
+    with pytest.raises(UsageError, match="wrong dimension"):
+        gain_between("torque", "N.m", "1", None)
 
 
 def test_a_column_that_fits_nothing_stays_a_comment(native: Path, command, tmp_path: Path) -> None:
@@ -38,6 +49,32 @@ def test_a_column_that_fits_nothing_stays_a_comment(native: Path, command, tmp_p
     assert code == 0, err
     assert json.loads(out)["open"] == ["column 'oil temperature [K]'"]
     assert '# column = "oil temperature [K]"' in log.with_suffix(".toml").read_text()
+
+
+def test_a_log_of_which_no_column_is_known_gets_a_mapping_to_complete(
+    native: Path, command, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("first,second\n0.5,3.0\n0.1,1.0\n0.2,1.5\n")
+    code, out, err = command("init", native, log)
+    assert code == 0, err
+    assert "Missing: a column for what was measured (" in out
+    assert "the interval between samples" in out
+    assert '# column = "first"' in log.with_suffix(".toml").read_text()
+
+
+def test_the_last_column_is_the_last_connector(native: Path) -> None:
+    with read_system(native) as system:
+        *others, last = matches(system, [Label("time", "time", None)]).units
+        labels = [Label(n, n, None) for n in ("time", *others, "what")]
+        found = matches(system, labels)
+        assert (found.taken[len(labels) - 1], found.check(len(labels) - 1)) == (
+            last,
+            "the only ones left over",
+        )
+        assert len(labels) - 2 not in matches(system, [*labels[:-2], labels[-1]]).taken, (
+            "of two it may be either"
+        )
 
 
 def test_what_only_goes_on_inside_an_fmu_is_matched_by_its_own_name(native: Path, tmp_path: Path) -> None:

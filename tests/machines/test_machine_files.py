@@ -312,3 +312,20 @@ def test_a_response_that_does_not_integrate(excitation):
     assert found.gain == pytest.approx(5.0, rel=0.03)
     assert found.lag == pytest.approx(0.3, rel=0.15)
     assert found.share > 0.99
+
+
+def test_a_mass_without_friction_is_a_model_too(tmp_path):
+    """The friction that it lacks is named with its size: 1 % is more than five of its standard deviations."""
+    fine = 0.001 * np.arange(12000)
+    force = 60.0 * np.sin(0.9 * fine) + 40.0 * np.sin(2.3 * fine + 1.0)
+    kept = np.exp(-0.001 * DRAG / MASS)
+    speed = lfilter([1.0 - kept], [1.0, -kept], force / DRAG)
+    position = 1e3 * 0.001 * np.cumsum(speed) + np.random.default_rng(1).normal(0.0, 5.0, fine.size)
+    columns = {"t": fine, "force": force, "position": position}
+    text = AXIS + '[machine.parameters]\n"mechanical.J" = "40 kg"\n"mechanical.b" = "0 N.s/m"\n'
+    mapping, log = written(tmp_path, text, {name: values[::20] for name, values in columns.items()})
+    loaded = load_log(log, mapping)
+    found = diagnose(loaded, model=machine_of(None, loaded, mapping))
+    (cause,) = found.causes
+    assert cause.effect.name == "mechanical.viscous_friction"
+    assert cause.parameters["b"][0] == pytest.approx(DRAG, rel=0.01)

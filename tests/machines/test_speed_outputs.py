@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.answer.remarks import one_way
+from cosim.diagnosis.answer.remarks import as_stated, one_way
 from cosim.diagnosis.model.choice import machine_of
-from cosim.diagnosis.pipeline.diagnose import prepare
+from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.errors import DataError, UsageError
 from cosim.lexicon import Lexicon, speaking
 from cosim.logs import Log, load_log
@@ -231,3 +231,58 @@ def test_what_a_machine_file_lacks_is_said_with_its_remedy(tmp_path: Path) -> No
     )
     with pytest.raises(DataError, match="'kip' is a force, and the axis turns: say motion = \"travel\""):
         made_for(mapping)
+
+
+STATED = 'speed = "2 rad/s"\nlag = "100 ms"'
+
+
+def stated(folder: Path, largest: float, stated: str = STATED) -> tuple[Path, Log]:
+    """A motor of 2 rad/s and 100 ms at a command of 1 that steps every second (synthetic), and what a file states of it."""
+    rng = np.random.default_rng(2)
+    t = 0.01 * np.arange(2000)
+    u = np.repeat(rng.uniform(-largest, largest, 20), 100)
+    w = np.zeros_like(t)
+    keep = np.exp(-0.1)
+    for k in range(1, t.size):
+        w[k] = keep * w[k - 1] + (1.0 - keep) * 2.0 * u[k - 1]
+    w += rng.normal(0.0, 0.01 * largest, t.size)
+    file, mapping = folder / "log.csv", folder / "motor.toml"
+    np.savetxt(file, np.column_stack([t, u, w]), delimiter=",", header="t,u,w", comments="")
+    text = MACHINE.format(unit="rad/s", more="").replace('speed = "?"\nlag = "?"', stated)
+    mapping.write_text(text, encoding="utf-8")
+    return mapping, load_log(file, mapping)
+
+
+@pytest.mark.parametrize("largest", [1.0, 24.0])
+def test_a_motor_as_its_file_states_it_is_adequate(tmp_path: Path, largest: float) -> None:
+    """Whatever the unit of the command, 1 or volts: no limit, valve or oil of which nothing was said shows."""
+    mapping, log = stated(tmp_path, largest)
+    found = diagnose(log, model=machine_of(None, log, mapping))
+    assert found.verdict == "adequate"
+    # one of the command is one of the torque: what the answer shows is in the command's unit
+    assert found.values["mechanical.b"] == pytest.approx(0.5, rel=0.01)
+
+
+def test_a_wrong_speed_is_told_in_the_file_s_own_numbers(tmp_path: Path) -> None:
+    """Within 1 %: noise of a hundredth of the largest speed leaves a tenth of that."""
+    mapping, log = stated(tmp_path, 24.0, 'speed = "2.2 rad/s"\nlag = "100 ms"')
+    found = diagnose(log, model=machine_of(None, log, mapping))
+    (said,) = as_stated(found)
+    number = said.partition("speed ")[2].partition(" rad/s instead of 2.2 rad/s and lag ")
+    assert float(number[0]) == pytest.approx(2.0, rel=0.01)
+    assert float(number[2].partition(" ms instead of 100 ms")[0]) == pytest.approx(100.0, rel=0.01)
+
+
+def test_a_record_that_begins_with_its_only_step_tells_speed_and_lag(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(200)
+    file, mapping = tmp_path / "log.csv", tmp_path / "motor.toml"
+    w = 20.0 * -np.expm1(-t / 0.1)
+    np.savetxt(file, np.column_stack([t, 10.0 + 0.0 * t, w]), delimiter=",", header="t,u,w", comments="")
+    mapping.write_text(MACHINE.format(unit="rad/s", more=""), encoding="utf-8")
+    numbers = made_for(mapping, load_log(file, mapping), folder=tmp_path / "made").numbers
+    assert (numbers.speed, numbers.lag) == (pytest.approx(2.0, rel=0.02), pytest.approx(0.1, rel=0.05))
+
+
+def test_what_is_stated_is_not_asked_of_a_log_that_stands_still(tmp_path: Path) -> None:
+    mapping, log = stated(tmp_path, 0.0)
+    assert made_for(mapping, log, folder=tmp_path / "made").numbers.speed == pytest.approx(2.0)

@@ -17,6 +17,7 @@ from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, Pieces
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.thresholds import AS_WELL, AT_ZERO, FAR, FEWEST_ITSELF, HELD_LEVEL, UNCOMMANDED
+from cosim.diagnosis.verdict.verdict import names_of
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log
@@ -330,11 +331,35 @@ def at_once(diagnosis: Diagnosis) -> list[str]:
     return found
 
 
+def as_stated(diagnosis: Diagnosis) -> list[str]:
+    """Speed and lag as the log has them, where the machine's file states its motion so and a cause changes it."""
+    mapping = diagnosis.machine.mapping
+    stated = mapping.machine if mapping is not None else {}
+    freed = {n for c in diagnosis.causes for n in names_of(c.effect).values()}
+    inertia, friction = (diagnosis.values.get(n) for n in ("mechanical.J", "mechanical.b"))
+    if not freed & {"mechanical.J", "mechanical.b"} or not inertia or not friction:
+        return []
+    model = next(
+        f.task.model for f in diagnosis.findings.values() if "mechanical" in dict(f.task.model.group.stages)
+    )
+    slower = friction / (model.nominal("mechanical.b") or np.nan)
+    longer = inertia / (model.nominal("mechanical.J") or np.nan) / slower
+    said = []
+    for name, ratio in (("speed", 1.0 / slower), ("lag", longer)):
+        number, _, unit = str(stated.get(name, "")).partition(" ")
+        try:
+            said.append(f"{name} {float(number) * ratio:.4g} {unit} instead of {float(number):.4g} {unit}")
+        except ValueError:  # not stated, or left to the log
+            continue
+    return [f"in the numbers of [machine] the log has {' and '.join(said)}"] if said else []
+
+
 def advice(diagnosis: Diagnosis) -> list[str]:
-    """How to record or map a log that tells more."""
+    """How to record or map a log that tells more, and what it says in the numbers that the file states."""
     record, machine = diagnosis.record, diagnosis.machine
     direction = one_way(record, machine) or one_sided(record, machine)
-    return direction + no_sign(record, machine) + at_once(diagnosis) + one_level(diagnosis)
+    more = no_sign(record, machine) + at_once(diagnosis) + one_level(diagnosis)
+    return as_stated(diagnosis) + direction + more
 
 
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:

@@ -305,8 +305,12 @@ def strained(finding: Finding, tolerance: float) -> list[Rest]:
             or not matters(finding, chosen, known)
         ):
             continue
-        change = chosen.fit.values[known.name] / known.start - 1.0
-        words = f"{signal} asks for {known.name} {change:+.1%} off its nominal value, and no cause of the library says why"
+        off_by = (
+            f"{chosen.fit.values[known.name] / known.start - 1.0:+.1%} off" if known.start else "other than"
+        )
+        words = (
+            f"{signal} asks for {known.name} {off_by} its nominal value, and no cause of the library says why"
+        )
         left = finding.before[signal]
         found.append(Rest(finding.task.model.group.name, signal, left, words))
     return found
