@@ -92,9 +92,8 @@ def bind(system: System, units: dict[str, str], table: CompareTable) -> dict[str
                 f"compare.signals names '{name}', which the log does not hold{did_you_mean(name, units)}"
             )
         found[name] = _bound(system, name, units[name], target.variable, target.factor)
-    for (
-        name
-    ) in units:  # a signal called like a connector, as in a mapping of `cosim init MODEL LOG`, is that one
+    # a signal called like a connector, as in a mapping of `cosim init MODEL LOG`, is that one
+    for name in units:
         if "." in name and name not in found and _exists(system, name):
             found[name] = _bound(system, name, units[name], name, None)
     taken = {b.port for b in found.values() if b.port} | {w.target for b in found.values() for w in b.wires}

@@ -289,9 +289,8 @@ def told(
     found.lag += lag
     if moving:
         b = values.get("mechanical.b", 0.0)
-        found.speed = (
-            1.0 / b if table.forced and b > 0.0 else gain
-        )  # a mass without friction has no speed of its own
+        # a mass without friction has no speed of its own
+        found.speed = 1.0 / b if table.forced and b > 0.0 else gain
 
 
 def plainest(logs: Sequence[tuple[Array, ...]], *, integrates: bool) -> FirstOrder:
