@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from cosim.compare import Comparator, load_mapping, open_model
+from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.model.options import Options, options_of
 from cosim.diagnosis.pipeline import diagnose as steps
@@ -329,3 +330,16 @@ def test_a_mass_without_friction_is_a_model_too(tmp_path):
     (cause,) = found.causes
     assert cause.effect.name == "mechanical.viscous_friction"
     assert cause.parameters["b"][0] == pytest.approx(DRAG, rel=0.01)
+
+
+def test_a_force_that_is_held_from_sample_to_sample_is_no_cause(tmp_path, excitation):
+    """As a straight line from stamp to stamp it came half a sample early, and a machine as stated had play."""
+    time, force = STEP * np.arange(excitation.size), 100.0 * excitation
+    noise = np.random.default_rng(1).normal(0.0, 0.5, time.size)
+    position = 1e3 * moved(force, 1.0 / DRAG, MASS / DRAG) + noise
+    stated = '[machine.parameters]\n"mechanical.J" = "40 kg"\n"mechanical.b" = "90 N.s/m"\n'
+    mapping, path = written(tmp_path, AXIS + stated, {"t": time, "force": force, "position": position})
+    log = load_log(path, mapping)
+    found = diagnose(log, model=machine_of(None, log, mapping))
+    assert (found.verdict, found.causes) == ("adequate", [])
+    assert curve_of(found, log) is None  # a force has no dead zone of a valve

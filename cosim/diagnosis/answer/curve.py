@@ -18,7 +18,7 @@ from cosim.logs import Log, listed
 def integrating(found: Diagnosis) -> Group | None:
     """The group that goes from the command to an angle or a position in one, if there is one."""
     for group in found.groups:
-        if group.moves and group.drive == found.machine.drive and group.held:
+        if group.moves and group.drive == found.machine.drive and group.commanded:
             return group
     return None
 

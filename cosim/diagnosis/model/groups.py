@@ -88,6 +88,11 @@ class Group:
         return tuple(component for component, _ in self.stages)
 
     @property
+    def commanded(self) -> bool:
+        """True if a command drives it: its first block takes it as held, or hands it on as it comes."""
+        return set(registry.block(self.stages[0][1]).reads.values()) <= {"held", "instant"}
+
+    @property
     def kind(self) -> str:
         """Block whose linear part carries what is missing to the signal: the last one with dynamics."""
         moving = [block for _, block in self.stages if block in DYNAMIC]

@@ -63,7 +63,7 @@ def pressure_bases(
     h, drive, seen = record.h, group.drive, group.observed[0]
     K_c, T = (values[name] for name in group.linear)
     drivers = {seen: predicted[seen]}
-    if not group.held:
+    if not group.commanded:
         spool = record.smooth(drive, 20.0)
         drivers |= {drive: spool, f"{drive}_rate": record.rate(drive, 10.0)}
     else:
@@ -95,8 +95,8 @@ def motion_bases(
     if "p_load" in record.signals:
         drivers["p_load"] = record.smooth("p_load")
     else:
-        name = drive if not group.held and group.stages[0][1] == "mechanical" else command_of(record, drive)
-        drivers[name] = record.smooth(name) if name == drive and not group.held else record.signals[name]
+        name = drive if not group.commanded and group.stages[0][1] == "mechanical" else command_of(record, drive)
+        drivers[name] = record.smooth(name) if name == drive and not group.commanded else record.signals[name]
     transfer = to_motion(group, values, is_speed)
     what, unit = ("demand", "1") if group.kind == "simplified" else ("torque", "N.m")
     found = missing_torque(record, drivers, transfer, what, unit)
@@ -138,7 +138,7 @@ def loop_bases(
     """A missing torque and a missing opening, each through pressure and mechanics that feed back, and a missing reading."""
     h, drive, cuts = record.h, group.drive, record.cuts
     shown = {s: group.output_of(s) for s in predicted}
-    opened: dict[str, Array] = {drive: record.signals[drive] if group.held else record.smooth(drive, 20.0)}
+    opened: dict[str, Array] = {drive: record.signals[drive] if group.commanded else record.smooth(drive, 20.0)}
     moved: dict[str, Array] = {}
     for signal, output in shown.items():
         if output == "p_load":
@@ -151,7 +151,7 @@ def loop_bases(
     if moved and "p_load" in opened:
         moved["p_load"] = opened["p_load"]
     # where the spool was not measured, at its neutral
-    loop = around(group, values, 0.0 if group.held else float(np.mean(np.abs(opened[drive]))))
+    loop = around(group, values, 0.0 if group.commanded else float(np.mean(np.abs(opened[drive]))))
     found: dict[str, list[Basis]] = {}
     for signal, output in shown.items():
         if output == "p_supply":
