@@ -593,7 +593,7 @@ def diagnose(
     free = CALIBRATED_TRUST if isinstance(model, str) or not machine.options.named else GUESSED_TRUST
     trust = free if calibrate or machine.options.free else tolerance
     logs = listed(log)
-    machine = held_as_told(machine, logs)
+    machine = with_held_drive(machine, logs)
     if len(logs) > 1 and (tracker is not None or machine.options.held_out_from is not None):
         what = (
             "an external tracker goes" if tracker is not None else "diagnose.held_out_from in a mapping goes"
@@ -624,7 +624,7 @@ def diagnose(
     return found
 
 
-def held_as_told(machine: Machine, logs: Sequence[Log]) -> Machine:
+def with_held_drive(machine: Machine, logs: Sequence[Log]) -> Machine:
     """The model, its drive held from sample to sample where the logs say so of one that its block takes as it goes."""
     if not all(machine.drive in log.held for log in logs):
         return machine

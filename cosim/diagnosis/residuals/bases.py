@@ -95,7 +95,9 @@ def motion_bases(
     if "p_load" in record.signals:
         drivers["p_load"] = record.smooth("p_load")
     else:
-        name = drive if not group.commanded and group.stages[0][1] == "mechanical" else command_of(record, drive)
+        name = (
+            drive if not group.commanded and group.stages[0][1] == "mechanical" else command_of(record, drive)
+        )
         drivers[name] = record.smooth(name) if name == drive and not group.commanded else record.signals[name]
     transfer = to_motion(group, values, is_speed)
     what, unit = ("demand", "1") if group.kind == "simplified" else ("torque", "N.m")
@@ -138,7 +140,9 @@ def loop_bases(
     """A missing torque and a missing opening, each through pressure and mechanics that feed back, and a missing reading."""
     h, drive, cuts = record.h, group.drive, record.cuts
     shown = {s: group.output_of(s) for s in predicted}
-    opened: dict[str, Array] = {drive: record.signals[drive] if group.commanded else record.smooth(drive, 20.0)}
+    opened: dict[str, Array] = {
+        drive: record.signals[drive] if group.commanded else record.smooth(drive, 20.0)
+    }
     moved: dict[str, Array] = {}
     for signal, output in shown.items():
         if output == "p_load":
