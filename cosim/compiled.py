@@ -242,11 +242,8 @@ class CompiledBlock:
         # declarations are read once: looking at type hints takes longer than a short run
         self.outputs = tuple(composed.outputs)
         self._lengths = [b.length for b in composed.memory.values() if isinstance(b, Buffer)]
-        self._known: tuple[object, Any, Any] = (
-            None,
-            None,
-            None,
-        )  # values and step, parameters and coefficients of these
+        # step and values of the last run, parameters and coefficients that follow from these
+        self._known: tuple[object, Any, Any] = (None, None, None)
 
     def parameters(self, values: Mapping[str, float]) -> Any:
         """Parameters of the block: nominal ones, those in `values` (SI) replaced.
@@ -258,8 +255,8 @@ class CompiledBlock:
         return self.module.Parameters._make(map(float, {**self.nominal, **values}.values()))
 
     def _refuse_unknown(self, values: Mapping[str, float]) -> None:
-        for name in values.keys() - self.nominal.keys():
-            block = self.composed.block.name
+        if not values.keys() <= self.nominal.keys():
+            name, block = next(n for n in values if n not in self.nominal), self.composed.block.name
             raise KeyError(f"{block} has no '{name}'; {registry.suggestion(name, list(self.nominal))}")
 
     def buffers(self) -> list[Array]:
