@@ -55,7 +55,7 @@ from cosim.diagnosis.pipeline.parts import part as part_of
 from cosim.diagnosis.pipeline.reading import clear_of_lag, known_of, take_over
 from cosim.diagnosis.pipeline.stretch import by_twin, chosen_stretch, elsewhere, others
 from cosim.diagnosis.record.ends import lost_at_ends
-from cosim.diagnosis.record.grid import grid_of
+from cosim.diagnosis.record.grid import Grid, grid_of
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.finding import Finding
@@ -593,7 +593,6 @@ def diagnose(
     free = CALIBRATED_TRUST if isinstance(model, str) or not machine.options.named else GUESSED_TRUST
     trust = free if calibrate or machine.options.free else tolerance
     logs = listed(log)
-    machine = with_held_drive(machine, logs)
     if len(logs) > 1 and (tracker is not None or machine.options.held_out_from is not None):
         what = (
             "an external tracker goes" if tracker is not None else "diagnose.held_out_from in a mapping goes"
@@ -605,6 +604,7 @@ def diagnose(
     record, held = parted(joined([record for _, record, _ in each]), machine)
     if held_out is not None:
         held = held_logs([prepare(one, machine) for one in listed(held_out)], listed(held_out))
+    machine = with_held_drive(machine, logs, record)
     groups = merged(machine.groups, record.signals)
     if trust > ROUGH_TRUST:  # what is known of a machine tells of its ends in windows, too
         groups = tuple(at_its_ends(group, record) for group in groups)
@@ -624,9 +624,13 @@ def diagnose(
     return found
 
 
-def with_held_drive(machine: Machine, logs: Sequence[Log]) -> Machine:
-    """The model, its drive held from sample to sample where the logs say so of one that its block takes as it goes."""
-    if not all(machine.drive in log.held for log in logs):
+def with_held_drive(machine: Machine, logs: Sequence[Log], record: Record) -> Machine:
+    """The model, its drive held from sample to sample where the logs say so of one that its block takes as it goes.
+
+    Only in steps finer than the samples: in steps of a sample it would be half a step late, and is half a step early.
+    """
+    finer = all(isinstance(piece.grid, Grid) for piece in record.pieces)
+    if not finer or not all(machine.drive in log.held for log in logs):
         return machine
     groups = (replace(g, held=True) if g.drive == machine.drive else g for g in machine.groups)
     return replace(machine, groups=tuple(groups))
