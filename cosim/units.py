@@ -123,6 +123,21 @@ def factor(unit: str, target: str) -> float:
     return float(registry().Quantity(1.0, source).to(goal).magnitude)
 
 
+def number_and_unit(text: str, like: str = "kg.m2") -> tuple[float, str]:
+    """A number and the unit behind it, empty for none: ``number_and_unit("900 kg.m2") == (900.0, "kg.m2")``.
+
+    Raises:
+        UsageError: the text is no number with something behind it; `like` is the unit of the example given.
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise UsageError(f"'{text}' is not a number with a unit, such as '900 {like}'")
+    number, unit = match.groups()
+    if abs(float(number)) == float("inf"):
+        raise UsageError(f"'{text}' is beyond the range of numbers")
+    return float(number), unit
+
+
 def parse_quantity(text: str, target: str) -> float:
     """A number with or without unit, in `target`: ``parse_quantity("900 kg.m2", "kg.m2") == 900.0``.
 
@@ -131,13 +146,8 @@ def parse_quantity(text: str, target: str) -> float:
     Raises:
         UsageError: the text is not a number with a unit of `target`'s dimension.
     """
-    match = _QUANTITY.fullmatch(text)
-    if match is None:
-        raise UsageError(f"'{text}' is not a number with a unit, such as '900 {target}'")
-    number, unit = match.groups()
-    if abs(float(number)) == float("inf"):
-        raise UsageError(f"'{text}' is beyond the range of numbers")
-    return float(number) * (factor(unit, target) if unit.strip() else 1.0)
+    number, unit = number_and_unit(text, target)
+    return number * (factor(unit, target) if unit.strip() else 1.0)
 
 
 def base_exponents(unit: str) -> tuple[dict[str, int], float]:

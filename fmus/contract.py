@@ -130,6 +130,11 @@ class Block:
     step_size: float = 1e-3
 
     @property
+    def commanded(self) -> bool:
+        """True if it is made for a command: it takes that as held, or hands it on as it comes."""
+        return set(self.reads.values()) <= {"held", "instant"}
+
+    @property
     def inputs(self) -> dict[str, Variable]:
         """Input variables by name, in order; one of kind "time" is not an FMI variable."""
         return fields(self.module.Input)

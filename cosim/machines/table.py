@@ -149,7 +149,7 @@ class MachineTable(BaseModel):
     @property
     def commanded(self) -> bool:
         """True if a command drives the chain, and no force or pressure."""
-        return self.chain[0] not in ("continuity", "mechanical")
+        return bool(block_of(self.chain[0]).commanded)
 
     @property
     def units(self) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """What the answer says besides its figures: warnings, what was held out or refused, and what was not judged."""
 
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
@@ -18,10 +19,12 @@ from cosim.diagnosis.record.grid import Grid, Pieces
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.thresholds import AS_WELL, AT_ZERO, FAR, FEWEST_ITSELF, HELD_LEVEL, UNCOMMANDED
 from cosim.diagnosis.verdict.verdict import names_of
+from cosim.errors import UsageError
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log
 from cosim.machines.rough import stays_with
+from cosim.units import number_and_unit
 
 Array = NDArray[np.float64]
 
@@ -346,11 +349,9 @@ def as_stated(diagnosis: Diagnosis) -> list[str]:
     longer = inertia / (model.nominal("mechanical.J") or np.nan) / slower
     said = []
     for name, ratio in (("speed", 1.0 / slower), ("lag", longer)):
-        number, _, unit = str(stated.get(name, "")).partition(" ")
-        try:
-            said.append(f"{name} {float(number) * ratio:.4g} {unit} instead of {float(number):.4g} {unit}")
-        except ValueError:  # not stated, or left to the log
-            continue
+        with suppress(UsageError):  # not stated, or left to the log
+            number, unit = number_and_unit(str(stated.get(name, "")))
+            said.append(f"{name} {number * ratio:.4g} {unit} instead of {number:.4g} {unit}")
     return [f"in the numbers of [machine] the log has {' and '.join(said)}"] if said else []
 
 

@@ -281,8 +281,7 @@ def group_of(
         tuple(stages),
         drive,
         tuple(observed),
-        # a static block hands a command on as it comes
-        held=set(registry.block(stages[0][1]).reads.values()) <= {"held", "instant"},
+        held=registry.block(stages[0][1]).commanded,
         moves=moves,
         upstream_slot=slot,
         trusted=own,

@@ -89,8 +89,8 @@ class Group:
 
     @property
     def commanded(self) -> bool:
-        """True if a command drives it: its first block takes it as held, or hands it on as it comes."""
-        return set(registry.block(self.stages[0][1]).reads.values()) <= {"held", "instant"}
+        """True if a command drives it."""
+        return registry.block(self.stages[0][1]).commanded
 
     @property
     def kind(self) -> str:

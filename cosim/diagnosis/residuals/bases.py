@@ -95,9 +95,7 @@ def motion_bases(
     if "p_load" in record.signals:
         drivers["p_load"] = record.smooth("p_load")
     else:
-        name = (
-            drive if not group.commanded and group.stages[0][1] == "mechanical" else command_of(record, drive)
-        )
+        name = drive if group.stages[0][1] == "mechanical" else command_of(record, drive)
         drivers[name] = record.smooth(name) if name == drive and not group.commanded else record.signals[name]
     transfer = to_motion(group, values, is_speed)
     what, unit = ("demand", "1") if group.kind == "simplified" else ("torque", "N.m")
