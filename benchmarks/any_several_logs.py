@@ -43,9 +43,9 @@ SHOWS = 3.0  # times its noise, by which what is hidden changes a reading of one
 
 def scattered(case: Case, factor: float) -> Case:
     """The case with what is hidden in it this many times as far from none."""
-    if case.parameter:
-        name, value, times = case.parameter
-        return replace(case, parameter=(name, value, 1.0 + factor * (times - 1.0)))
+    if case.numbers:
+        numbers = {n: (value, 1.0 + factor * (times - 1.0)) for n, (value, times) in case.numbers.items()}
+        return replace(case, numbers=numbers)
     hidden = [
         Hidden(
             h.effect,
@@ -60,8 +60,8 @@ def scattered(case: Case, factor: float) -> Case:
 
 def true_sizes(case: Case) -> dict[str, float]:
     """Numbers of what is hidden, by the keys of the diagnosis."""
-    if case.parameter:
-        return {f"{PARAMETER}|{case.parameter[0]}": case.parameter[1] * case.parameter[2]}
+    if case.numbers:
+        return {f"{PARAMETER}|{n}": value * times for n, (value, times) in case.numbers.items()}
     (h,) = case.hidden
     return {f"{h.effect}|{h.port}|{h.where}|{n}": v for n, v in h.values.items()}
 
@@ -95,7 +95,7 @@ def run(
         signals = log_of(scattered(case, float(factor)), np.random.default_rng(1000 * case.seed + k))
         columns = {n: Column(n, n, "1", 1.0, 0.0) for n in signals}
         logs.append(Recording(folder / f"log{k}.csv", H * np.arange(COUNT), signals, columns))
-    trusted = {case.parameter[0]: None} if case.parameter else {}
+    trusted = dict.fromkeys(case.numbers)
     begun = time.perf_counter()
     with read_system(package) as system, Runs(system, apart=False) as runs:
         found = diagnose_system(system, logs, runs, AnyOptions(trusted=trusted))
@@ -112,7 +112,7 @@ def run(
             low, high = between[name].next_ci95
             following.append(bool(low <= next_sizes[name] <= high))
     row |= {"class": case.kind, "right": score(case, told), "verdict": told.verdict}
-    row["hidden"] = [[h.effect, h.port, h.where, dict(h.values)] for h in case.hidden] or case.parameter
+    row["hidden"] = [[h.effect, h.port, h.where, dict(h.values)] for h in case.hidden] or case.numbers
     row["factors"] = [round(float(f), 3) for f in factors]
     row["refused"] = [[r.effect, r.why] for r in told.refused]
     return row | {"holds": holds, "next": following, "named": [a.words for _, a in found.causes()]}
@@ -170,7 +170,7 @@ def run_lacking(seed: int, fmus: dict[str, Path], folder: Path) -> dict[str, obj
         "lacked": lacked,
         "logs": count + 1,
         "wires": case.wires,
-        "hidden": [[h.effect, h.port, h.where, dict(h.values)] for h in case.hidden] or case.parameter,
+        "hidden": [[h.effect, h.port, h.where, dict(h.values)] for h in case.hidden] or case.numbers,
         "right": score(case, told),
         "verdict": told.verdict,
         "named": [a.words for _, a in found.causes()],

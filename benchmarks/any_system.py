@@ -34,6 +34,7 @@ from cosim.system.runs import Runs
 
 H, COUNT, NOISE = 0.01, 3000, 0.01
 CLASSES = ("port", "parameter", "two", "none", "outside")
+NUMBERS = "numbers"  # several parameters at once, by --kind alone: the classes of the seeds stay as they were
 EFFECTS = (
     "port.gain", "port.offset", "port.delay", "port.lag", "port.saturation", "port.dead_zone", "port.play",
     "port.rate_limit", "port.quantisation", "port.drift", "port.dropout",
@@ -53,7 +54,9 @@ class Case:
     wires: list[tuple[str, str]]
     measured: list[str]
     hidden: list[Hidden] = field(default_factory=list)
-    parameter: tuple[str, float, float] | None = None  # component.parameter, value, factor
+    numbers: dict[str, tuple[float, float]] = field(
+        default_factory=dict
+    )  # component.parameter: value, factor
 
 
 def command(rng: np.random.Generator, size: float = 1.0) -> np.ndarray:
@@ -191,7 +194,14 @@ def make_case(seed: int, most: int = 8, kind: str | None = None, least: int = 2)
         name = str(rng.choice(list(kinds)))
         parameter = str(rng.choice(list(values[name])))
         factor = float(rng.choice([rng.uniform(0.6, 0.85), rng.uniform(1.2, 1.6)]))
-        case.parameter = f"{name}.{parameter}", values[name][parameter], factor
+        case.numbers[f"{name}.{parameter}"] = values[name][parameter], factor
+    if kind == NUMBERS:  # those of one component, and some of the others'
+        own = str(rng.choice(list(kinds)))
+        for name in kinds:
+            for parameter, value in values[name].items():
+                if rng.random() < (0.9 if name == own else 0.15):
+                    factor = float(rng.choice([rng.uniform(0.5, 0.9), rng.uniform(1.1, 1.8)]))
+                    case.numbers[f"{name}.{parameter}"] = value, factor
     return case
 
 
@@ -199,8 +209,7 @@ def log_of(case: Case, rng: np.random.Generator | None = None, size: float = 1.0
     """What was measured; `rng` draws the command (`size` times as large) and the noise, by default those of the case."""
     rng = rng or np.random.default_rng(case.seed + 10**6)
     values = {n: dict(v) for n, v in case.values.items()}
-    if case.parameter:
-        name, value, factor = case.parameter
+    for name, (value, factor) in case.numbers.items():
         component, _, parameter = name.partition(".")
         values[component][parameter] = value * factor
     true = simulate(case.kinds, values, case.wires, {"command": command(rng, size)}, H, case.hidden)
@@ -210,7 +219,7 @@ def log_of(case: Case, rng: np.random.Generator | None = None, size: float = 1.0
 
 def trusted_of(case: Case) -> dict[str, None]:
     """All parameters where one of them is hidden or nothing is, and in every second system of the other classes."""
-    if case.kind in ("parameter", "none") or case.seed // len(CLASSES) % 2:
+    if case.kind in ("parameter", "none", NUMBERS) or case.seed // len(CLASSES) % 2:
         return {f"{n}.{p}": None for n, v in case.values.items() for p in v}
     return {}
 
@@ -246,8 +255,7 @@ def score(case: Case, found: Answer) -> dict[str, bool]:
     """What is right."""
     result: dict[str, bool] = {}
     wanted = [f"{h.effect} at {h.port} ({h.where})" for h in case.hidden]
-    if case.parameter:
-        wanted = [f"parameter {case.parameter[0]}"]
+    wanted += [f"parameter {name}" for name in case.numbers]
     sets = [told(c) for c in found.causes]
     if case.kind == "none":
         return {"clean": not found.causes, "adequate": found.verdict == "adequate"}
@@ -270,11 +278,8 @@ def score(case: Case, found: Answer) -> dict[str, bool]:
     result["kind"] = all(any(w.split(" ")[0] in {t.split(" ")[0] for t in s} for s in sets) for w in wanted)
     if case.kind in ("port", "parameter") and result["exact"]:
         (cause,) = found.causes
-        true = (
-            case.hidden[0].values
-            if case.hidden
-            else {case.parameter[0].partition(".")[2]: case.parameter[1] * case.parameter[2]}
-        )
+        true = {n.partition(".")[2]: value * factor for n, (value, factor) in case.numbers.items()}
+        true = case.hidden[0].values if case.hidden else true
         if named(cause) == wanted[0]:
             errors = [abs(p.value - true[n]) / max(abs(true[n]), 1e-12) for n, p in cause.parameters.items()]
             result["size 5 %"] = max(errors, default=1.0) < 0.05
@@ -284,7 +289,7 @@ def score(case: Case, found: Answer) -> dict[str, bool]:
 
 def shows(case: Case) -> float:
     """How far the readings are changed by what is hidden: the largest RMS of a signal over that of its noise."""
-    clean = log_of(replace(case, hidden=[], parameter=None))
+    clean = log_of(replace(case, hidden=[], numbers={}))
     return max(
         float(np.sqrt(np.mean((values - clean[name]) ** 2)) / (NOISE * np.std(clean[name])))
         for name, values in log_of(case).items()
@@ -295,8 +300,7 @@ def shows(case: Case) -> float:
 def row_of(case: Case, found: Answer, seconds: float, runs: int) -> dict[str, object]:
     """Everything that is kept of a case."""
     hidden = [[h.effect, h.port, h.where, {n: round(v, 4) for n, v in h.values.items()}] for h in case.hidden]
-    if case.parameter:
-        name, value, factor = case.parameter
+    for name, (value, factor) in case.numbers.items():
         hidden.append(["parameter", name, "", {"was": value, "is": round(value * factor, 4)}])
     return {
         "seed": case.seed,
@@ -364,7 +368,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--most", type=int, default=8, help="components")
     parser.add_argument("--least", type=int, default=2, help="components")
-    parser.add_argument("--kind", choices=CLASSES)
+    parser.add_argument("--kind", choices=(*CLASSES, NUMBERS))
     parser.add_argument("--python", action="store_true", help="FMUs of plain pythonfmu")
     parser.add_argument(
         "--rows", type=Path, help="a JSON line for each case; seeds that it holds are not run again"

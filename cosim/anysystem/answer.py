@@ -13,6 +13,7 @@ from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.missing import Missing
 from cosim.anysystem.model import Segment
 from cosim.anysystem.pipeline import NO_LOGS, AnyDiagnosis, listed
+from cosim.anysystem.read import value_of
 from cosim.anysystem.readings import ON, Grid, Stale
 from cosim.anysystem.search import CLOSE, Finding
 from cosim.compare.metrics import fit_percent, rms
@@ -215,7 +216,10 @@ def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, 
         unit = found.system.variable(action.port).unit or "1"
         ends = finding.between[name].ci95 if name in finding.between else (value - reach, value + reach)
         told = over_logs(finding.between.get(name), lambda x: x)
-        return {action.port.variable: Parameter(value=value, unit=unit, ci95=ends, **told)}
+        instead = value_of(found.system, str(action.port))
+        return {
+            action.port.variable: Parameter(value=value, unit=unit, ci95=ends, instead_of=instead, **told)
+        }
     signal, factor, _ = unit_at(found, action)
     for parameter, declared in EFFECTS[action.effect].parameters.items():
         key = action.key(parameter)
@@ -420,7 +424,9 @@ def nominal(found: AnyDiagnosis) -> dict[str, Parameter]:
         for name, (value, deviation) in finding.free.items():
             component, _, variable = name.partition(".")
             unit = found.system.components[component].fmu.variables[variable].unit or "1"
+            reach = 1.96 * deviation
+            instead = value_of(found.system, name)
             result[name] = Parameter(
-                value=value, unit=unit, ci95=(value - 1.96 * deviation, value + 1.96 * deviation)
+                value=value, unit=unit, ci95=(value - reach, value + reach), instead_of=instead
             )
     return result

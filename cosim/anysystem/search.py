@@ -48,7 +48,8 @@ TOLD = 0.05  # share of a residual's variance that inputs must tell before it co
 UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
-BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic
+BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
+RENUMBERED = 0.5  # and a set of parameters alone this: another number is no other law, and a real log always leaves more
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
 KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
@@ -69,6 +70,8 @@ HORIZON_STEPS = 6  # of each of these fits
 OFF_STEP = 0.01  # of a parameter: where the first of them begins
 SEARCHING = 0.8  # of the time that is left: what was found is then decided upon, with its last estimate
 LOOKED = 0.5  # of the time that is left: candidates are looked at before the best of them are fitted
+DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
+ALONG = 0.9  # of the square of a slope that lies along another's: what may do the same is fitted in its place
 KEPT = 3  # of them from which a second cause is looked for
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
@@ -181,6 +184,11 @@ class Finding:
         return (*self.chosen.actions, *self.read)
 
 
+def renumbered(actions: Sequence[Action]) -> bool:
+    """Whether causes are other numbers of the model, and no other law."""
+    return all(action.effect == PARAMETER for action in actions)
+
+
 def _between_programs(name: str, fit: Fit, agreed: Fit) -> float:
     """Variance of an estimate by what two programs make of one model, which `agreed` has in its covariance and `fit` not."""
     return max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0)
@@ -264,6 +272,7 @@ class Search:
         self.estimated: dict[str, tuple[float, float]] = {}
         self.null = self._null()
         self.learned = False
+        self.steady = False  # what stays wrong passes for no noise
         self.on_all = False  # the estimates are of the whole log
         self.tried: list[Candidate] = []  # all sets that were fitted
         self.sizes: dict[
@@ -742,11 +751,14 @@ class Search:
                 self.tried += found
                 if not found:
                     break
-                found = self._relearned(found, [best, *singles])
-                if count == 1 and found[0].score > self._scored(best).score + NAMED:
-                    found = self._scattered(found, best)
                 if count == 1:
-                    singles = found
+                    found = self._with_numbers(found)
+                found = self._relearned(found, [best, *singles])
+                if count == 1:
+                    found = self._by_score([self._needed(c) if len(c.actions) > 1 else c for c in found])
+                    if len(found[0].actions) == 1 and found[0].score > self._scored(best).score + NAMED:
+                        found = self._scattered(found, best)
+                    singles = [c for c in found if len(c.actions) == 1]
                 richer = found[0]
                 poorer = self._scored(best)
                 if richer.score < poorer.score + NAMED:
@@ -853,7 +865,9 @@ class Search:
     def _settle(self, best: Candidate) -> None:
         """Nuisances and noise as the best set leaves them."""
         self._share(best.fit.values)
-        self.problem.learn(self.problem.residuals(best.fit.values))
+        residual = self.problem.residuals(best.fit.values)
+        wrong = self._wrong(self._told(residual, best), residual) if self.steady else ()
+        self.problem.learn(residual, [place for signal in wrong for place in self.model.places(signal)])
         self._scored(best)
 
     def _scored(self, candidate: Candidate) -> Candidate:
@@ -864,6 +878,7 @@ class Search:
         else:
             likelihood = self.problem.log_likelihood(rows, candidate.fit.values, ())
             candidate.fit = replace(candidate.fit, rows=rows, log_likelihood=likelihood)
+            candidate.price = self._price(candidate.actions)
             candidate.score = likelihood - candidate.price
         return candidate
 
@@ -930,8 +945,67 @@ class Search:
                         continue
                     self._reached(action, self._kept_in_step(base, action), looks[action])
             found = self._best_fitted(base, looks, found)
-        ordered = sorted(found.values(), key=lambda c: -c.score)
+        ordered = self._by_score(list(found.values()))
         return [self._both_sides(c) if k < KEPT else c for k, c in enumerate(ordered)]
+
+    def _with_numbers(self, singles: list[Candidate]) -> list[Candidate]:
+        """The causes one by one, and before them several wrong numbers of the model at once where these explain more.
+
+        One number in the place of several leaves so much that effects elsewhere seem to explain it better, and that what
+        is left passes for noise. Hence they are fitted before the noise is learned.
+        """
+        best = singles[0]
+        if len(self.trusted) < 2 or not self._systematic(best, 2):
+            return singles
+        if self.budget.over:
+            self._left_out("several parameters at once")
+            return singles
+        actions = self._seen_apart()
+        if len(actions) < 2:
+            return singles
+        begin = {**self._from_trusted(actions), **self.null.fit.values}
+        starts = [begin]
+        if best.actions[0] in actions:
+            starts.append(begin | best.fit.values)
+        fits = [fit for at in starts if (fit := self._fit(actions, at, 25)) is not None]
+        if not fits:
+            return singles
+        fit = max(fits, key=lambda f: f.log_likelihood)
+        several = self._needed(self._scored(Candidate(actions, fit, self._price(actions))))
+        if len(several.actions) < 2 or several.score < best.score + NAMED:
+            return singles
+        self.tried.append(several)
+        return [several, *singles]
+
+    def _from_trusted(self, actions: Sequence[Action]) -> dict[str, float]:
+        """Parameters as they are trusted to be."""
+        return {f"{PARAMETER}|{a.port}": self.trusted[str(a.port)][0] for a in actions}
+
+    def _seen_apart(self) -> tuple[Action, ...]:
+        """Trusted parameters of which a moderate size shows beside all others: of two that do the same, one."""
+        changes = {}
+        for name, slope in self.slopes.items():
+            value, deviation = self.trusted[name]
+            (size,) = self.moderate(Action(PARAMETER, Port(*name.split(".", 1)))).values()
+            times = (size - value) / (deviation * (abs(value) or 1.0))
+            changes[name] = {n: times * s for n, s in slope.items()}
+        return tuple(Action(PARAMETER, Port(*n.split(".", 1))) for n in self.problem.apart(changes, NAMED))
+
+    def _needed(self, several: Candidate) -> Candidate:
+        """Of several parameters those that count, by the fit's slopes; fitted again."""
+        trusted = self._from_trusted(several.actions)
+        price = self._price(several.actions[:1])
+        spare = self.problem.spare(several.fit, trusted, NAMED + price)[: len(several.actions) - 1]
+        while spare and not self.budget.over:
+            lost = [a for a in several.actions if f"{PARAMETER}|{a.port}" in spare]
+            actions = tuple(a for a in several.actions if a not in lost)
+            fit = self._fit(actions, self._values_without(several, lost), 8)
+            if fit is not None:
+                fewer = self._scored(Candidate(actions, fit, self._price(actions)))
+                if fewer.score > several.score - NAMED:
+                    return self._needed(fewer) if len(actions) > 1 else fewer
+            spare = spare[: len(spare) // 2]  # slopes do not reach so far
+        return several
 
     def _at_first_sight(self, base: Candidate, part: float = 1.0) -> dict[Action, float]:
         """Log-likelihood that each trusted parameter would gain by its slope alone, in the first part of the log."""
@@ -1129,36 +1203,57 @@ class Search:
         return self._scored(candidate)
 
     def _price(self, actions: Sequence[Action]) -> float:
-        count = float(self.problem.mask.sum())
-        return 0.5 * float(np.log(count)) * len(self._free(actions))
+        return 0.5 * float(np.log(self.problem.independent)) * len(self._free(actions))
 
     @staticmethod
-    def _unique(found: list[Candidate]) -> list[Candidate]:
+    def _by_score(found: Sequence[Candidate]) -> list[Candidate]:
+        return sorted(found, key=lambda c: -c.score)
+
+    def _unique(self, found: list[Candidate]) -> list[Candidate]:
         seen: dict[frozenset[Action], Candidate] = {}
-        for candidate in sorted(found, key=lambda c: -c.score):
+        for candidate in self._by_score(found):
             seen.setdefault(frozenset(candidate.actions), candidate)
         return list(seen.values())
 
     def _relearned(self, found: list[Candidate], others: Sequence[Candidate]) -> list[Candidate]:
         """The candidates fitted again with the noise that the best of them leaves; twice, since the best may change."""
+        again = self._refitted(found, others)
+        if not self.steady and self._drift(found, again):
+            self.steady = True
+            again = self._refitted(found, others)
+        for other in others:
+            self._scored(other)
+        return again
+
+    def _refitted(self, given: Sequence[Candidate], others: Sequence[Candidate]) -> list[Candidate]:
+        found = [replace(candidate) for candidate in given]
         for _ in range(2):
             best = max(found, key=lambda c: c.score)
             self._settle(best)
             self.learned = True
             again = []
             near = best.score - PROMISE * (best.score - self._scored(others[0]).score)
-            for rank, candidate in enumerate(sorted(found, key=lambda c: -c.score)):
+            for rank, candidate in enumerate(self._by_score(found)):
                 # one that explains nearly as much may be the same: it is judged at its best, as the best is
                 if rank < SURELY_AGAIN or (rank < SCREENED + OTHERS and self._scored(candidate).score > near):
                     fit = self._fit(candidate.actions, candidate.fit.values, 8)
                     candidate = Candidate(candidate.actions, fit or candidate.fit, candidate.price)
                 again.append(self._scored(candidate))
-            found = sorted(again, key=lambda c: -c.score)
+            found = self._by_score(again)
             if found[0].actions == best.actions:
                 break
-        for other in others:
-            self._scored(other)
         return found
+
+    def _drift(self, found: Sequence[Candidate], again: Sequence[Candidate]) -> bool:
+        """Whether several numbers came far nearer to the log before their noise was learned: then it is none.
+
+        What the model lacks beside them is slow, as noise may be, and fits that believe so let the run drift.
+        """
+        best = max(found, key=lambda c: c.score)
+        if len(best.actions) < 2 or not renumbered(best.actions):
+            return False
+        now = next(self._rms(c.fit) for c in again if c.actions == best.actions)
+        return any(n > DRIFTS * then for n, then in zip(now, self._rms(best.fit), strict=True))
 
     def _pruned(self, best: Candidate) -> Candidate:
         """Without causes that the others make up for."""
@@ -1262,7 +1357,7 @@ class Search:
                 np.sqrt(max(b**2 - f**2, 0.0) / max(a**2 - f**2, 1e-300)) if s in wrong else 0.0
                 for (s, _), a, b, f in zip(self.model.group.judged, before, after, floors, strict=True)
             )
-            if ratio > BETTER:
+            if ratio > (RENUMBERED if renumbered(best.actions) else BETTER):
                 for action in best.actions:
                     finding.refused.append((action, f"leaves {100 * ratio:.0f} % of what is systematic"))
                 best = null
@@ -1315,6 +1410,8 @@ class Search:
         for action in best.actions:
             if action.where == "sensor" or (action.where == "output" and action.port in judged):
                 continue
+            if self._among_numbers(action, best):
+                continue
             for other, start in self._output_twins(action, best, singles):
                 if other in best.actions:
                     continue
@@ -1326,6 +1423,12 @@ class Search:
                     best = moved
                     break
         return best
+
+    @staticmethod
+    def _among_numbers(action: Action, best: Candidate) -> bool:
+        """Whether a parameter is one of several of its component: numbers that are wrong together stay numbers."""
+        own = [a for a in best.actions if a.effect == PARAMETER and a.port.component == action.port.component]
+        return action.effect == PARAMETER and len(own) > 1
 
     def _output_twins(
         self, action: Action, best: Candidate, singles: Sequence[Candidate]
@@ -1500,6 +1603,8 @@ class Search:
             fits: dict[Action, Fit] = {}
             rest = tuple(a for a in best.actions if a != action)
             begins = self._in_place_of(rest, singles)
+            if self._among_numbers(action, best):
+                begins = self._exchanged(action, best)
             elsewhere = self._other_place(action, best)
             for rival, values in (elsewhere | begins).items():
                 single = next((s for s in singles if s.actions == (rival,)), None)
@@ -1560,12 +1665,52 @@ class Search:
         beside = {self.moved.get(a, a) for a in rest} | set(rest)
         found: dict[Action, dict[str, float]] = {}
         sets = [c for c in self.tried if rest and len(c.actions) == len(rest) + 1]
-        for candidate in [*sorted(sets, key=lambda c: -c.score), *singles]:
+        for candidate in [*self._by_score(sets), *singles]:
             others = [a for a in candidate.actions if a not in beside]
             if len(others) == 1 and others[0] not in found:
                 numbers = self.numbers(others[0])
                 found[others[0]] = {u.name: candidate.fit.values[u.name] for u in numbers}
         return dict(list(found.items())[:REPLACED])
+
+    def _exchanged(self, action: Action, best: Candidate) -> dict[Action, dict[str, float]]:
+        """What may do the same as one of several numbers, by its slope beside those of the others; where a fit begins.
+
+        These are other trusted parameters, and gains where the component is wired.
+        """
+        known = {u.name: u for u in best.fit.unknowns}
+        key = f"{PARAMETER}|{action.port}"
+
+        def slope(unknown: Unknown, at: float) -> Array:
+            """Of the whitened series over the unknown's scale."""
+            here = {**best.fit.values, unknown.name: at}
+            moved = here | {unknown.name: at + DIFFERENCE * unknown.scale}
+            return self.problem.changed(here, moved) / DIFFERENCE
+
+        others = [slope(u, best.fit.values[n]) for n, u in known.items() if n != key]
+        base, _ = np.linalg.qr(np.stack(others, axis=1))
+        own = slope(known[key], best.fit.values[key])
+        own = own - base @ (base.T @ own)
+        step = (best.fit.values[key] - self.trusted[str(action.port)][0]) / known[key].scale
+        found: list[tuple[float, Action, dict[str, float]]] = []
+        for other in self.candidates():
+            if other in best.actions or other.effect not in (PARAMETER, "port.gain"):
+                continue
+            if other.effect != PARAMETER and other.port.component != action.port.component:
+                continue
+            (nothing,) = self._off(other).values()
+            (unknown,) = self.numbers(other)
+            try:
+                theirs = slope(unknown, nothing)
+            except SimulationError:
+                continue
+            theirs = theirs - base @ (base.T @ theirs)
+            size, along = float(theirs @ theirs), float(theirs @ own)
+            alike = along**2 / max(size * float(own @ own), 1e-300)
+            if alike > ALONG:
+                begin = {unknown.name: unknown.within(nothing + unknown.scale * step * along / size)}
+                found.append((alike, other, begin))
+        found.sort(key=lambda item: -item[0])
+        return {other: begin for _, other, begin in found[:REPLACED]}
 
     def _same(self, one: Fit, other: Fit) -> bool:
         """Whether two fits predict the same but for what matters to nobody.

@@ -6,12 +6,13 @@ linear least squares with their priors (variable projection: Golub and Pereyra 1
 are estimated there, beside the others, which are not.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 from scipy.optimize import least_squares
 
 from cosim.errors import SimulationError
@@ -97,6 +98,7 @@ class Problem:
         self.least = dict(least)
         self.names = list(self.measured)
         self.noise: dict[str, Noise] = {n: Noise(max(least[n], 1e-12) ** 2) for n in self.names}
+        self._many = dict.fromkeys(self.names, 1.0)  # samples that count as one
         self.failures: list[str] = []
         self.hurried: Callable[[], bool] = lambda: False
         self._data = np.concatenate([self.fitted[n] for n in self.names])
@@ -108,6 +110,12 @@ class Problem:
         self._projected: tuple[Array, Array, Array] | None = None
 
     # Nuisances and noise
+
+    @property
+    def independent(self) -> float:
+        """How many of the samples that are fitted count as independent, beside the nuisances: the n of a BIC."""
+        lost = sum(float(self.fitted[n].sum()) * (1.0 - 1.0 / many) for n, many in self._many.items())
+        return float(self.mask.sum()) - lost
 
     def share(self, nuisances: Sequence[Unknown], slopes: Mapping[str, Array]) -> None:
         """Nuisances (k) with the slopes (k, n) of each signal, per unit of the nuisance."""
@@ -129,12 +137,21 @@ class Problem:
         """Give the nuisances to a problem of some of the same signals."""
         other.share(self._nuisances, {n: self._slopes[n] for n in other.names})
 
-    def learn(self, residuals: Mapping[str, Array]) -> None:
-        """Learn the noise of each signal from what some hypothesis leaves."""
+    def learn(self, residuals: Mapping[str, Array], wrong: Collection[str] = ()) -> None:
+        """Learn the noise of each signal from what some hypothesis leaves.
+
+        What is left of a signal that stays `wrong` is no noise. Were its colour taken for one, fits would follow what
+        changes fast and let the run drift; so the least error of the run decides, and the colour only says for how many
+        samples it counts: no fewer than windows, which count as independent of one another.
+        """
         for name in self.names:
             rest = residuals[name]
             table = bands(rest, np.zeros((1, rest.size)), self.least[name])
-            self.noise[name] = learn({name: table}, np.eye(1))[name]
+            noise = learn({name: table}, np.eye(1))[name]
+            if name in wrong:
+                many = rest.size / max(noise.effective(rest.size), np.unique(self.window[name]).size)
+                noise = Noise(float(np.mean(rest**2)) * many)
+            self.noise[name], self._many[name] = noise, many if name in wrong else 1.0
         self._projected = None
 
     def whitened(self, series: Mapping[str, Array]) -> Array:
@@ -365,6 +382,54 @@ class Problem:
             if rows is not None and low[k] + BOUND < at[k] < high[k] - BOUND:
                 found[self.mask, k] = (rows - fit.rows)[self.mask] / step
         return found
+
+    def changed(self, values: Mapping[str, float], others: Mapping[str, float]) -> Array:
+        """(n,) what the model's series have more with other values, made white; of the part that fits use."""
+        here, there = self.model(values), self.model(others)
+        return self.whitened({n: there[n] - here[n] for n in self.names})[0][self._data]
+
+    def apart(self, changes: Mapping[str, Mapping[str, Array]], least: float) -> list[str]:
+        """Names of the changes that show by more than `least` in log-likelihood beside all others, in the order given.
+
+        Of changes that do the same the largest is kept (QR with pivots: Businger and Golub 1965).
+
+        Args:
+            changes: name -> what it changes of each signal.
+            least: log-likelihood that a change gains at least where it is there.
+        """
+        names = list(changes)
+        if not names:
+            return []
+        columns = np.stack([self.whitened(changes[n])[0][self._data] for n in names], axis=1)
+        triangle, order = qr(columns, mode="r", pivoting=True)
+        own = np.abs(np.diag(triangle))
+        kept = {names[k] for k, size in zip(order, own, strict=False) if 0.5 * size**2 > least}
+        return [n for n in names if n in kept]
+
+    def spare(self, fit: Fit, without: Mapping[str, float], least: float) -> list[str]:
+        """Unknowns of a fit that may be as they are `without`, the least missed first, the others following; by its slopes.
+
+        Each adds less than `least` to the log-likelihood that is lost.
+        """
+        slopes = self.slopes(fit)
+        sizes, ways = np.linalg.eigh(slopes.T @ slopes)
+        # of what the data do not tell apart nothing is known
+        covariance = (ways / np.maximum(sizes, 1e-9 * max(float(sizes[-1]), 1e-300))) @ ways.T
+        away = np.array([(fit.values[u.name] - without[u.name]) / u.scale for u in fit.unknowns])
+        dropped: list[int] = []
+        lost = 0.0
+        while len(dropped) < away.size:
+            losses = []
+            for k in set(range(away.size)) - set(dropped):
+                out = [*dropped, k]
+                losses.append(
+                    (0.5 * float(away[out] @ np.linalg.solve(covariance[np.ix_(out, out)], away[out])), k)
+                )
+            more, k = min(losses)
+            if more - lost > least:
+                break
+            lost, dropped = more, [*dropped, k]
+        return [fit.unknowns[k].name for k in dropped]
 
     @staticmethod
     def _named(unknowns: Sequence[Unknown], x: Array) -> dict[str, float]:

@@ -155,6 +155,9 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
         finalize=finalized,
     )
     environment.filters["asis"] = lambda value: Markup(escape(value))
+    environment.filters["instead"] = lambda p: (
+        "" if p.instead_of is None else Quantity(p, p.instead_of).nominal
+    )
     environment.filters["first_large"] = lambda text: text[:1].upper() + text[1:]
     environment.filters["unit"] = unit_text
     environment.filters["signal"] = signal_name

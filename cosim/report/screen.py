@@ -36,6 +36,7 @@ from cosim.report.words import (
 )
 
 REPORT = "report.html"
+MOST_FITTED = 6  # parameters in a line
 MOST_NAMES = 3  # names in a line; the rest are counted
 _WORD = re.compile(r"\b[a-z_]+\.[a-z_]+\b")
 
@@ -75,7 +76,15 @@ def lines(result: Answer, out: Path) -> list[str]:
 def _lines(result: Answer, out: Path) -> list[str]:
     kind = "synthetic log" if result.synthetic else "measured log"
     head = f"verdict: {result.verdict.replace('_', ' ')} ({kind}, model {result.model})"
-    told = [head, *wrong(result), *drive(result), *sure(result), *better(result), *not_judged(result)]
+    told = [
+        head,
+        *wrong(result),
+        *fitted(result),
+        *drive(result),
+        *sure(result),
+        *better(result),
+        *not_judged(result),
+    ]
     told += [f"Note: {with_signals(text)}" for text in result.advice]
     told = [head, *(kind_of_motion(line) for line in told[1:])]
     if (out / REPORT).is_file():
@@ -121,6 +130,8 @@ def hasty(result: Answer) -> bool:
 def place(cause: NamedCause) -> str:
     """A cause by name, and where it sits in a system of any FMUs."""
     name = known_as(cause.effect)
+    if cause.parameter:
+        return f"{name}, {cause.component}.{cause.parameter}"
     if cause.component and cause.connector:
         where = f" ({cause.where})" if cause.where else ""
         return f"{name} at {cause.component}.{cause.connector}{where}"
@@ -135,13 +146,28 @@ def sizes(cause: NamedCause, result: Answer) -> str:
     found = []
     for name in limits_met(cause, material):
         nominal = nominal_of(cause, name, material)
-        size = Quantity(cause.parameters[name], nominal)
-        label = "" if len(cause.parameters) == 1 and not cause.component else f"{name} = "
+        item = cause.parameters[name]
+        size = Quantity(item, nominal if item.instead_of is None else item.instead_of)
+        alone = len(cause.parameters) == 1 and (not cause.component or cause.parameter)
+        label = "" if alone else f"{name} = "
         # where the report names the nominal value, it says something
         told = nominal is not None and f"{{{name}.nominal}}" in words_of(cause)[1]
-        instead = f" instead of {size.nominal}" if told else ""
+        instead = f" instead of {size.nominal}" if told or item.instead_of is not None else ""
         found.append(f"{label}{size}, {size.interval}{instead}")
     return "; ".join(found) + " (95 %)"
+
+
+def fitted(result: Answer) -> Iterator[str]:
+    """What the log asks for of an FMU's parameters that were fitted, and of which it tells nothing."""
+    own = {n: p for n, p in result.nominal.items() if p.instead_of is not None}
+    still = [n for n, p in own.items() if p.instead_of is None or p.ci95[0] <= p.instead_of <= p.ci95[1]]
+    sizes = {n: Quantity(p, p.instead_of) for n, p in own.items() if n not in still}
+    told = [f"{n} {size} instead of {size.nominal}, {size.interval}" for n, size in sizes.items()]
+    if told:
+        yield f"Fitted: {'; '.join(told[:MOST_FITTED])}{_more(told, MOST_FITTED)} (95 %)"
+    if still:
+        names = f"{listed(still[:MOST_FITTED])}{_more(still, MOST_FITTED)}"
+        yield f"Fitted too, but not told from what the model has: {names}"
 
 
 def drive(result: Answer) -> Iterator[str]:
@@ -170,7 +196,8 @@ def sure(result: Answer) -> Iterator[str]:
             told.append(f"next best is {in_words(behind.effect)}, which {_clause(behind.why_not)}")
         if not told:
             told.append("no other effect of the library comes near")
-        name = f" of {called(cause.effect)}" if len(result.causes) > 1 else ""
+        own = f"{cause.component}.{cause.parameter}" if cause.parameter else called(cause.effect)
+        name = f" of {own}" if len(result.causes) > 1 else ""
         yield f"How sure{name}: {'; '.join(told)}"
     # without a tracker nobody expects to hear of its faults
     never = [effect for effect in result.not_exercised if not effect.startswith("tracker.")]
@@ -184,8 +211,8 @@ def _clause(why: str) -> str:
     return why if why.startswith(("explains", "is ", "was ", "gains", "does ")) else f"is {why}"
 
 
-def _more(names: list[str]) -> str:
-    return f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+def _more(names: list[str], most: int = MOST_NAMES) -> str:
+    return f" and {len(names) - most} more" if len(names) > most else ""
 
 
 def better(result: Answer) -> Iterator[str]:

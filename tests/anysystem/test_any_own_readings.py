@@ -67,7 +67,7 @@ def test_numbers_of_which_only_their_sum_counts_are_declared_alike(
         values,
         [("command", "sum.u"), ("command", "sum.v2")],
         ["command", "sum.y"],
-        parameter=("sum.K", 0.94, 1.59),
+        numbers={"sum.K": (0.94, 1.59)},
     )
     found, _, _ = run(only, fmus, tmp_path)
     (cause,) = found.causes
@@ -85,7 +85,7 @@ def test_a_log_that_bends_what_is_trusted_to_its_limits_says_so(
         {"valve": {"K": 1.2, "T": 0.2}, "sum": {"K": 1.0, "C": -0.85, "T": 0.3}},
         [("command", "valve.u"), ("valve.y", "sum.u"), ("valve.y", "sum.v2")],
         ["command", "sum.y"],
-        parameter=("valve.K", 1.2, 1.35),
+        numbers={"valve.K": (1.2, 1.35)},
     )
     found, _, _ = run(bent, fmus, tmp_path)
     assert found.verdict == "adequate"

@@ -229,3 +229,46 @@ def test_slopes_at_a_fit_are_those_of_what_was_fitted() -> None:
     for low, high in ((-5.0, 1.1), (1.3, 5.0)):
         at_bound = made.fit([Unknown("gain", low, high, 0.3)], {"gain": 1.0})
         assert not made.slopes(at_bound).any()
+
+
+def test_of_changes_that_do_the_same_the_largest_is_kept() -> None:
+    made = problem(np.random.default_rng(3))
+    late = np.gradient(U)
+    changes = {
+        "one": {"y": 0.1 * U},
+        "same": {"y": 0.2 * U},
+        "late": {"y": late},
+        "sum": {"y": 0.1 * U + 0.1 * late},
+    }
+    assert made.apart(changes, 10.0) == ["same", "late"]
+    # what is as small as the noise of the log shows by nothing
+    assert made.apart({"faint": {"y": 1e-4 * U}}, 10.0) == []
+    assert made.apart({}, 10.0) == []
+
+
+def test_a_number_is_spared_where_the_others_make_up_for_it() -> None:
+    slope = np.linspace(0.0, 1.0, N)
+    columns = {"a": U, "b": U + 0.001 * slope, "c": slope}
+    made = problem(np.random.default_rng(4))
+    made.model = lambda values: {"y": sum(values[n] * column for n, column in columns.items())}
+    made.measured["y"] = 1.5 * U + 0.5 * slope + 0.01 * np.random.default_rng(4).standard_normal(N)
+    unknowns = [Unknown(n, -5.0, 5.0, 0.2) for n in columns]
+    nothing = dict.fromkeys(columns, 0.0)
+    fit = made.fit(unknowns, {"a": 0.7, "b": 0.6, "c": 0.1}, 30)
+    spare = made.spare(fit, nothing, 10.0)
+    assert len(spare) == 1
+    assert spare[0] in ("a", "b")
+    fewer = made.fit([u for u in unknowns if u.name not in spare], fit.values | {spare[0]: 0.0}, 30)
+    assert fit.log_likelihood - fewer.log_likelihood < 10.0
+    assert set(made.spare(fit, nothing, 1e9)) == set(columns)
+
+
+def test_what_stays_wrong_passes_for_no_coloured_noise() -> None:
+    made = problem(np.random.default_rng(6))
+    slow = np.sin(0.2 * T)
+    made.learn({"y": slow})
+    assert made.noise["y"].times
+    made.learn({"y": slow}, ["y"])
+    assert made.noise["y"].times == ()
+    # thirty windows count as independent
+    assert made.noise["y"].rms ** 2 == pytest.approx(np.mean(slow**2) * N / 30, rel=0.2)

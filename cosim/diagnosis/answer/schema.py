@@ -43,11 +43,15 @@ class OfLog(Model):
 
 
 class Parameter(Model):
-    """An estimate with its 95 % interval; of several logs where each one draws it, and what another log would give."""
+    """An estimate with its 95 % interval, of several logs where each one draws it, and what another log would give.
+
+    Of a parameter of an FMU `instead_of` is what the model has.
+    """
 
     value: float
     unit: str
     ci95: tuple[float, float]
+    instead_of: float | None = None
     per_log: list[OfLog] = []
     next_log_ci95: tuple[float, float] | None = None
 
