@@ -35,6 +35,7 @@ from cosim.diagnosis.answer.schema import (
 )
 from cosim.diagnosis.held_out.between import Between
 from cosim.inference.held_out import ratio_ci95
+from cosim.inference.problem import Fit
 from cosim.inference.unknowns import Unknown
 from cosim.packages import project_version
 from cosim.paths import called
@@ -77,7 +78,7 @@ def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | No
         ],
         held_out=held_out(found),
         refused=[
-            RefusedCause(effect=a.words, block=block_of(f, a), why=why)
+            RefusedCause(effect=a.words, block=block_of(f, a), why=why, parameters=nearest(found, f, a))
             for f in found.findings.values()
             for a, why in f.refused
         ],
@@ -202,11 +203,21 @@ def reason(behind: float) -> str:
     return f"explains the log worse by {behind:.0f} in log-likelihood (less the price of its parameters)"
 
 
-def numbers(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, Parameter]:
-    """The parameters of a cause with their intervals, in the log's units."""
+def nearest(found: AnyDiagnosis, finding: Finding, action: Action) -> dict[str, Parameter]:
+    """The parameters of a refused cause, where it is one of those that come nearest."""
+    near = finding.nearest
+    if near is None or action not in near.actions or finding.chosen.actions:
+        return {}
+    return numbers(found, finding, action, near.fit)
+
+
+def numbers(
+    found: AnyDiagnosis, finding: Finding, action: Action, fit: Fit | None = None
+) -> dict[str, Parameter]:
+    """The parameters of a cause with their intervals, in the log's units; by default of the fit that was chosen."""
     if action in finding.read:
         return read_numbers(found, action, finding.read[action])
-    fit = finding.chosen.fit
+    fit = fit or finding.chosen.fit
     known = {u.name: u for u in fit.unknowns}
     result = {}
     if action.effect == PARAMETER:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import Action, acted, in_log, placed
+from cosim.anysystem.actions import Action, acted, each, in_log, placed
 from cosim.anysystem.cuts import Cuts, cut_by_logs, lacking, signals_of
 from cosim.anysystem.experiment import Proposal, propose
 from cosim.anysystem.missing import FEWEST_RUNS, SPENT, Missing, missing
@@ -15,6 +15,7 @@ from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, ends, value_of
 from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, worth
 from cosim.anysystem.smooth import followed, still
+from cosim.compare.prepare import first_value
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
 from cosim.errors import DataError
@@ -275,7 +276,7 @@ def judge(
     model = GroupModel(group, found.system, runs, segments, found.cuts.own[group.name])
     still_inputs = unmeasured(found.system, group)
     stated = stated_inputs(found.system, options)
-    model.base = {n: v for n, v in stated.items() if n in still_inputs}
+    model.base = {n: v for n, v in stated.items() if n in still_inputs} | begins(model, options)
     found.notes += assumed(group, still_inputs, stated, trust)
     search = Search(model, trust, options.exclude, options.causes, found.budget)
     found.notes += [
@@ -447,6 +448,20 @@ def stated_inputs(system: System, options: AnyOptions) -> dict[str, float]:
         for name, value in options.constant.items()
         for target, factor, offset in ends(system, port_of(system, name))
     }
+
+
+def begins(model: GroupModel, options: AnyOptions) -> dict[str, float]:
+    """Parameters that are an initial value, in each log what a signal of it begins with."""
+    found = {}
+    for name, signal in options.start.items():
+        for segment in model.segments:
+            if signal not in segment.signals or name.partition(".")[0] not in model.group.components:
+                continue
+            reading = segment.signals[signal]
+            drives = [segment.signals[d.signal] for d in model.group.drives if d.signal in segment.signals]
+            valid = np.ones(reading.size, dtype=np.bool_)
+            found[each(name, segment.number)] = first_value(reading, valid, drives, segment.h)[0]
+    return found
 
 
 def assumed(

@@ -215,7 +215,10 @@ def read(
             for end, _, _ in ends(system, port_of(system, targets[n][0]))
         }
         options = with_parameters(system, options)
+        begins = {n: targets[s][0] if s in targets else s for n, s in table.start.items()}
+        options = options.model_copy(update={"start": begins})
         lacking += _bad_parameters(system, options, measured)
+        lacking += _bad_starts(system, options, measured)
         if lacking:
             raise DataError(f"{mapping}: " + "; ".join(lacking))
     foreign = None
@@ -307,6 +310,23 @@ def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Po
             found.append(f"parameter '{name}': a {variable.kind} {variable.causality} cannot be estimated")
         elif not isinstance(value_of(system, name), float):
             found.append(f"parameter '{name}': it has no start value")
+    return found
+
+
+def _bad_starts(system: System, options: AnyOptions, measured: Collection[Port]) -> list[str]:
+    found = []
+    for name, signal in options.start.items():
+        component, _, parameter = name.partition(".")
+        part = system.components.get(component)
+        variable = part.fmu.variables.get(parameter) if part else None
+        if variable is None or variable.kind != "Real" or variable.causality == "input":
+            found.append(f"compare.start '{name}': the system has no real parameter of this name")
+        elif not variable.can_be_set:
+            found.append(f"compare.start '{name}': the FMU does not let it be set")
+        elif name in options.trusted or name in options.free:
+            found.append(f"compare.start '{name}': it is trusted or free as well: leave it out there")
+        elif not any(str(end) == signal for end in measured):
+            found.append(f"compare.start '{name}': '{signal}' is not measured")
     return found
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compare.metrics import white_noise
+from cosim.diagnosis.record.signatures import resting, rounded
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -79,8 +80,8 @@ def _tells(kept: Array, speed: Array, repeats: NDArray[np.bool_]) -> bool:
 
 
 def stale_of(series: list[Array], model: list[Array]) -> Stale | None:
-    """Repeated samples of a reading that is noisy, or whose model moves meanwhile."""
-    repeats = [np.concatenate([[False], np.diff(s) == 0.0]) for s in series]
+    """Repeated samples of a reading that is noisy, or whose model moves meanwhile; those of a machine at rest are none."""
+    repeats = [np.concatenate([[False], np.diff(s) == 0.0]) & ~(resting(s) | rounded(s)) for s in series]
     speed = [np.abs(np.diff(m, prepend=m[:1])) for m in model]
     for s, own, v in zip(series, repeats, speed, strict=True):
         if not _tells(s[~own], v, own):  # a machine at rest in one log says nothing of its sensor in another

@@ -7,7 +7,7 @@ from operator import itemgetter
 from pathlib import Path
 
 from cosim.console import stdout_console, table, typed
-from cosim.diagnosis.answer.schema import ITSELF, ONE_WAY, Answer, NamedCause
+from cosim.diagnosis.answer.schema import ITSELF, ONE_WAY, Answer, NamedCause, Parameter
 from cosim.lexicon import speaking
 from cosim.report.drive import SLOPE, by_side
 from cosim.report.folder import lexicon_of
@@ -107,7 +107,8 @@ def wrong(result: Answer) -> Iterator[str]:
             f"explains it ({two_digits(rest.residual_rms)} {unit_text(rest.unit)})".replace(" )", ")")
         )
     for item in result.refused:
-        yield f"Refused: {in_words(item.effect)}: {in_words(item.why)}"
+        asked = "; ".join(asked_for(name, number) for name, number in item.parameters.items())
+        yield f"Refused: {in_words(item.effect)}{f' ({asked})' if asked else ''}: {in_words(item.why)}"
     if result.at_rest:
         yield "Nothing was exercised: the command asks for no motion and none is measured, so no effect is named or excluded"
     elif result.verdict == "adequate":
@@ -120,6 +121,12 @@ def wrong(result: Answer) -> Iterator[str]:
     if result.verdict == "interrupted":
         why = result.interrupted or "a block could not be judged"
         yield f"Interrupted ({why}): what is said here was found until then"
+
+
+def asked_for(name: str, item: Parameter) -> str:
+    """A number of a cause that was refused."""
+    size = Quantity(item, item.instead_of)
+    return f"{size} instead of {size.nominal}" if item.instead_of is not None else f"{name} = {size}"
 
 
 def hasty(result: Answer) -> bool:

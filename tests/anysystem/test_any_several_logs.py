@@ -249,6 +249,19 @@ def test_a_machine_at_rest_in_one_log_has_no_stale_samples_in_another() -> None:
     assert list(found.held[1]) == list(range(500))
 
 
+def test_an_encoder_that_stands_still_between_motions_is_not_stale() -> None:
+    """Its model moves all along, as a dead zone that the model lacks lets it."""
+    rng = np.random.default_rng(12)
+    speed = np.concatenate(
+        [np.concatenate([np.zeros(60), 9.0 * s * np.hanning(40)]) for s in rng.choice([-1.0, 1.0], 20)]
+    )
+    encoder = np.round(np.cumsum(speed + 0.3 * rng.standard_normal(speed.size) * (speed != 0.0)))
+    model = np.cumsum(speed + 2.0)
+    assert stale_of([encoder], [model]) is None
+    lost = np.maximum.accumulate(np.where(rng.random(speed.size) < 0.2, 0, np.arange(speed.size)))
+    assert stale_of([np.cumsum(speed + 5.0)[lost]], [model]) is not None
+
+
 def test_logs_in_different_units_of_a_connector_without_unit_are_brought_to_the_first(
     native: Path, tmp_path: Path
 ) -> None:

@@ -90,11 +90,15 @@ class NamedCause(Model):
 
 
 class RefusedCause(Model):
-    """A cause that the fitted data ask for and the held-out data do not bear out."""
+    """A cause that the fitted data ask for and the held-out data do not bear out, or that leaves too much.
+
+    Of a system of FMUs `parameters` has its numbers where it is one of the causes that come nearest.
+    """
 
     effect: str
     block: str
     why: str
+    parameters: dict[str, Parameter] = {}
 
 
 class ShownSignal(Model):
