@@ -1,6 +1,6 @@
 """What is wrong in one group: screening by the shape of each effect, fits, evidence, held-out windows, adequacy."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 
@@ -49,7 +49,7 @@ UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
-RENUMBERED = 0.5  # and a set of parameters alone this: another number is no other law, and a real log always leaves more
+LEAVES = 0.5  # or this of the data held out, where they are other numbers of the law, or inputs do not tell what they leave
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
 KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
@@ -1347,17 +1347,10 @@ class Search:
         left = self._told(residual, best)
         wrong = self._wrong(left, residual)
         if best.actions and wrong:
-            before = self._rms(self.null.fit)
-            after = self._rms(best.fit)
-            floors = [
-                problem.noise[self.model.places(s)[0]].rms if not wrong else self._white(s)
-                for s, _ in self.model.group.judged
-            ]
-            ratio = max(
-                np.sqrt(max(b**2 - f**2, 0.0) / max(a**2 - f**2, 1e-300)) if s in wrong else 0.0
-                for (s, _), a, b, f in zip(self.model.group.judged, before, after, floors, strict=True)
-            )
-            if ratio > (RENUMBERED if renumbered(best.actions) else BETTER):
+            ratio = self._left(best.fit, wrong)
+            # of something that the library lacks an offset or a limit often is a part: then inputs tell the rest
+            law = renumbered(best.actions) or not any(self._depends(s, left[s]) for s in wrong)
+            if ratio > BETTER and not (law and self._left(finding.fitted.fit, wrong, held=True) <= LEAVES):
                 for action in best.actions:
                     finding.refused.append((action, f"leaves {100 * ratio:.0f} % of what is systematic"))
                 best = null
@@ -1392,6 +1385,21 @@ class Search:
         finding.floors = {s: self._floor(s, best) for s, _ in self.model.group.judged}
         self._rivals(finding, best, singles, null)
         finding.never = self._never(best)
+
+    def _left(self, fit: Fit, wrong: Collection[str], held: bool = False) -> float:
+        """Part of what is systematic in a wrong signal that a fit leaves, at most: of all, or of what is held out."""
+        found = 0.0
+        null = self.problem.residuals(self.null.fit.values)
+        residual = self.problem.residuals(fit.values)
+        for signal in wrong:
+            asked = [~self.problem.fitted[n] | (not held) for n in self.model.places(signal)]
+            before, after = (
+                float(np.mean(self.model.whole(rest, signal)[np.concatenate(asked)] ** 2))
+                for rest in (null, residual)
+            )
+            floor = self._white(signal) ** 2
+            found = max(found, float(np.sqrt(max(after - floor, 0.0) / max(before - floor, 1e-300))))
+        return found
 
     def _at_limits(self, candidate: Candidate) -> tuple[str, ...]:
         """Trusted parameters that an explanation puts at the limit of what is trusted."""
@@ -1569,13 +1577,18 @@ class Search:
             found[signal] = explained(residual[place(signal, k)], shown, fitted, segment.windows, segment.h)
         return found
 
+    def _depends(self, signal: str, item: Explained) -> bool:
+        """Whether what was measured tells a residual on windows held out: then some law is missing."""
+        share = 1.0 - (item.after / max(item.before, 1e-300)) ** 2
+        return item.sure and share > TOLD and item.size > self._matters(signal)
+
     def _wrong(self, left: Mapping[str, Explained], residual: Mapping[str, Array]) -> dict[str, str]:
         """Signals whose residual is systematic, with words."""
         found = {}
         for signal, item in left.items():
             spread = self.spreads[signal]
-            share = 1.0 - (item.after / max(item.before, 1e-300)) ** 2
-            if item.sure and share > TOLD and item.size > self._matters(signal):
+            if self._depends(signal, item):
+                share = 1.0 - (item.after / max(item.before, 1e-300)) ** 2
                 top = sorted(item.by.items(), key=lambda pair: -pair[1])[:2]
                 names = " and ".join(n for n, part in top if part > 0.2) or top[0][0]
                 found[signal] = (

@@ -113,3 +113,33 @@ def test_fitted_numbers_are_told_beside_those_of_the_model(fmus: dict[str, Path]
     assert line.startswith("Fitted: filter.K ")
     assert "instead of 1.2" in line
     assert "instead of 60" in line
+
+
+@pytest.mark.parametrize(("told", "part"), [(False, 0.9), (True, 0.2)], ids=["wanders", "a law"])
+def test_a_cause_that_leaves_much_is_named_where_no_input_tells_the_rest(
+    fmus: dict[str, Path], tmp_path: Path, told: bool, part: float
+) -> None:
+    """A limit of what fills a tank leaves a third of the error: a wandering of the level, or a law that the model lacks."""
+    rng = np.random.default_rng(8)
+    t = 0.1 * np.arange(3000)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 60), 50)
+    rate = np.clip(u, -0.7, 0.5)
+    clean, limited = (lsim(([200.0], [200.0, 1.0]), x, t)[1] for x in (u, rate))
+    rest = lsim(([1.0], [0.4, 1.0]), u**2, t)[1] if told else np.cumsum(rng.standard_normal(t.size))
+    rest = rest - np.mean(rest)
+    rest *= part * float(np.std(limited - clean)) / float(np.std(rest))
+    signals = {"command": u, "tank.y": limited + rest + 0.005 * rng.standard_normal(t.size)}
+    package = parts.write_ssp(
+        tmp_path / "tank.ssp",
+        {"tank": fmus["lag"]},
+        [("command", "tank.u")],
+        {"tank": {"K": 200.0, "T": 200.0}},
+    )
+    log = Recording(tmp_path / "log.csv", t, signals, {n: Column(n, n, "1", 1.0, 0.0) for n in signals})
+    with read_system(package) as system, Runs(system, apart=False) as runs:
+        found = answer(diagnose_system(system, [log], runs, AnyOptions()))
+    if told:
+        assert found.verdict == "unexplained"
+    else:
+        assert found.verdict == "partly_explained"
+        assert [c.effect for c in found.causes] == ["port.saturation"]
