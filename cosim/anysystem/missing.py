@@ -6,17 +6,16 @@ the sizes are fitted on some windows of the log and measured on the others. At i
 at another it would have to undo what lies between.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.anysystem.model import GroupModel
-from cosim.anysystem.search import Finding
 from cosim.errors import SimulationError
+from cosim.inference.problem import Problem
 from cosim.ssp.system import Port
-from cosim.system.runs import Runs
 
 Array = NDArray[np.float64]
 KNOTS = (
@@ -65,14 +64,22 @@ class _Entry:
     of: tuple[float, ...]
 
 
-def missing(finding: Finding, runs: Runs, most: int) -> Missing | None:
-    """Where what is missing enters; None if no function tells enough, or the runs (`most` in all) do not suffice."""
-    model, problem = finding.model, finding.problem
-    values = finding.chosen.fit.values
+def missing(
+    model: GroupModel, problem: Problem, values: Mapping[str, float], spreads: Mapping[str, float], most: int
+) -> Missing | None:
+    """Where what is missing enters; None if no function tells enough, or the runs (`most` in all) do not suffice.
+
+    Args:
+        model: the group.
+        problem: its readings.
+        values: of the causes, and of all else that was fitted.
+        spreads: signal -> standard deviation of its reading.
+        most: runs that may have been made then.
+    """
     left = problem.residuals(values)
     here = model(values)
     names = problem.names
-    weights = {n: 1.0 / finding.spreads[n.partition("#")[0]] for n in names}
+    weights = {n: 1.0 / spreads[n.partition("#")[0]] for n in names}
     target = np.concatenate([weights[n] * left[n] for n in names])
     inside = np.concatenate([problem.fitted[n] for n in names])
     if inside.all():  # whole logs are held out: windows of these are
@@ -82,7 +89,10 @@ def missing(finding: Finding, runs: Runs, most: int) -> Missing | None:
     for port, where in _entries(model):
         signals = _signals(model, port, where, series)
         pieces = {s: _pieces(parts) for s, parts in signals.items()}
-        if where == "input" and runs.count + sum(map(len, pieces.values())) * len(model.segments) > most:
+        if (
+            where == "input"
+            and model.runs.count + sum(map(len, pieces.values())) * len(model.segments) > most
+        ):
             continue
         reach = max(float(np.ptp(np.concatenate([p[f"{_side(where)}:{port}"] for p in series]))), 1e-300)
         columns: dict[str, list[Array]] = {}

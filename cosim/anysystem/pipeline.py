@@ -236,7 +236,9 @@ def diagnose_system(
         most = runs.count + max(FEWEST_RUNS, round(SPENT * runs.count))
         for name, finding in found.findings.items():
             if finding.unexplained and not found.budget.over:
-                found.missing[name] = missing(finding, runs, most)
+                found.missing[name] = missing(
+                    finding.model, finding.problem, finding.chosen.fit.values, finding.spreads, most
+                )
         found.proposal = propose(found, runs)
     found.runs, found.steps = runs.count, runs.steps
     return found

@@ -21,6 +21,7 @@ from cosim.anysystem.actions import (
     starts,
     unknowns,
 )
+from cosim.anysystem.missing import FEWEST_RUNS, SPENT, missing
 from cosim.anysystem.model import DRIVE, HOLD, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.compare.metrics import white_noise
@@ -49,7 +50,7 @@ UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
-LEAVES = 0.5  # or this of the data held out, where they are other numbers of the law, or inputs do not tell what they leave
+LEAVES = 0.5  # or this of the data held out, where they are other numbers of the law, or nothing tells what they leave
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
 KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
@@ -1348,9 +1349,10 @@ class Search:
         wrong = self._wrong(left, residual)
         if best.actions and wrong:
             ratio = self._left(best.fit, wrong)
-            # of something that the library lacks an offset or a limit often is a part: then inputs tell the rest
-            law = renumbered(best.actions) or not any(self._depends(s, left[s]) for s in wrong)
-            if ratio > BETTER and not (law and self._left(finding.fitted.fit, wrong, held=True) <= LEAVES):
+            if ratio > BETTER and not (
+                self._left(finding.fitted.fit, wrong, held=True) <= LEAVES
+                and (renumbered(best.actions) or self._nothing_tells(best, wrong, left))
+            ):
                 for action in best.actions:
                     finding.refused.append((action, f"leaves {100 * ratio:.0f} % of what is systematic"))
                 best = null
@@ -1400,6 +1402,17 @@ class Search:
             floor = self._white(signal) ** 2
             found = max(found, float(np.sqrt(max(after - floor, 0.0) / max(before - floor, 1e-300))))
         return found
+
+    def _nothing_tells(self, best: Candidate, wrong: Collection[str], left: Mapping[str, Explained]) -> bool:
+        """Whether neither inputs nor a function added at a port tell what causes leave.
+
+        Of something that the library lacks an offset or a limit often is a part: then they do.
+        """
+        if any(self._depends(signal, left[signal]) for signal in wrong) or self.budget.over:
+            return False
+        count = self.model.runs.count
+        most = count + max(FEWEST_RUNS, round(SPENT * count))
+        return missing(self.model, self.problem, best.fit.values, self.spreads, most) is None
 
     def _at_limits(self, candidate: Candidate) -> tuple[str, ...]:
         """Trusted parameters that an explanation puts at the limit of what is trusted."""
