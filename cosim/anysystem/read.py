@@ -215,7 +215,8 @@ def read(
             for end, _, _ in ends(system, port_of(system, targets[n][0]))
         }
         options = with_parameters(system, options)
-        begins = {n: targets[s][0] if s in targets else s for n, s in table.start.items()}
+        stated_starts = {**options.start, **table.start}
+        begins = {n: targets[s][0] if s in targets else s for n, s in stated_starts.items()}
         options = options.model_copy(update={"start": begins})
         lacking += _bad_parameters(system, options, measured)
         lacking += _bad_starts(system, options, measured)

@@ -956,7 +956,7 @@ class Search:
         is left passes for noise. Hence they are fitted before the noise is learned.
         """
         best = singles[0]
-        if len(self.trusted) < 2 or not self._systematic(best, 2):
+        if min(len(self.trusted), self.most) < 2 or not self._systematic(best, 2):
             return singles
         if self.budget.over:
             self._left_out("several parameters at once")
@@ -1712,9 +1712,12 @@ class Search:
             moved = here | {unknown.name: at + DIFFERENCE * unknown.scale}
             return self.problem.changed(here, moved) / DIFFERENCE
 
-        others = [slope(u, best.fit.values[n]) for n, u in known.items() if n != key]
+        try:
+            others = [slope(u, best.fit.values[n]) for n, u in known.items() if n != key]
+            own = slope(known[key], best.fit.values[key])
+        except SimulationError:
+            return {}
         base, _ = np.linalg.qr(np.stack(others, axis=1))
-        own = slope(known[key], best.fit.values[key])
         own = own - base @ (base.T @ own)
         step = (best.fit.values[key] - self.trusted[str(action.port)][0]) / known[key].scale
         found: list[tuple[float, Action, dict[str, float]]] = []

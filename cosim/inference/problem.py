@@ -397,10 +397,11 @@ class Problem:
             changes: name -> what it changes of each signal.
             least: log-likelihood that a change gains at least where it is there.
         """
-        names = list(changes)
+        white = {n: self.whitened(own)[0][self._data] for n, own in changes.items()}
+        names = [n for n, own in white.items() if np.isfinite(own).all()]
         if not names:
             return []
-        columns = np.stack([self.whitened(changes[n])[0][self._data] for n in names], axis=1)
+        columns = np.stack([white[n] for n in names], axis=1)
         triangle, order = qr(columns, mode="r", pivoting=True)
         own = np.abs(np.diag(triangle))
         kept = {names[k] for k, size in zip(order, own, strict=False) if 0.5 * size**2 > least}

@@ -244,6 +244,8 @@ def test_of_changes_that_do_the_same_the_largest_is_kept() -> None:
     # what is as small as the noise of the log shows by nothing
     assert made.apart({"faint": {"y": 1e-4 * U}}, 10.0) == []
     assert made.apart({}, 10.0) == []
+    # a model that runs away with a number says nothing of it
+    assert made.apart({"one": {"y": 0.1 * U}, "away": {"y": np.full(N, np.inf)}}, 10.0) == ["one"]
 
 
 def test_a_number_is_spared_where_the_others_make_up_for_it() -> None:
