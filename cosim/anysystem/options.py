@@ -28,8 +28,8 @@ class AnyOptions(BaseModel):
         free: parameters that are fitted freely with every cause.
         exclude: effects that are no candidates.
         constant: inputs that are not measured, and parameters -> their value all along, in the unit of the FMU.
-        start: parameters that are an initial value -> the signal whose first reading they take in each log; as in the mapping's
-            ``[compare.start]``.
+        start: parameters that are an initial value -> the signal whose first reading they take in each log; the mapping
+            has them in ``[compare.start]``.
         causes: causes looked for in one group at most.
         sample: what one sample counts as, s, where the log counts samples.
     """

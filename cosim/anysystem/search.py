@@ -29,7 +29,7 @@ from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.held_out.between import Between, between_logs, combined, drawn_by_logs
 from cosim.errors import SimulationError
 from cosim.inference.freeform import Explained, explained
-from cosim.inference.held_out import HeldOutGain
+from cosim.inference.held_out import HeldOutGain, ratio_ci95
 from cosim.inference.noise import quietest
 from cosim.inference.problem import DIFFERENCE, EVALUATIONS, FINE, Fit, Problem
 from cosim.inference.unknowns import Unknown
@@ -50,7 +50,7 @@ UNTOLD = 0.025  # of a signal's spread, and
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
-LEAVES = 0.5  # or this of the data held out, where they are other numbers of the law, or nothing tells what they leave
+LEAVES = 0.5  # or this of the windows held out, where they are other numbers of the law, or nothing tells what they leave
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
 KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
@@ -1349,10 +1349,7 @@ class Search:
         wrong = self._wrong(left, residual)
         if best.actions and wrong:
             ratio = self._left(best.fit, wrong)
-            if ratio > BETTER and not (
-                self._left(finding.fitted.fit, wrong, held=True) <= LEAVES
-                and (renumbered(best.actions) or self._nothing_tells(best, wrong, left))
-            ):
+            if ratio > BETTER and not self._borne_out(best, finding.fitted.fit, wrong, left):
                 for action in best.actions:
                     finding.refused.append((action, f"leaves {100 * ratio:.0f} % of what is systematic"))
                 best = null
@@ -1391,17 +1388,41 @@ class Search:
     def _left(self, fit: Fit, wrong: Collection[str], held: bool = False) -> float:
         """Part of what is systematic in a wrong signal that a fit leaves, at most: of all, or of what is held out."""
         found = 0.0
-        null = self.problem.residuals(self.null.fit.values)
-        residual = self.problem.residuals(fit.values)
         for signal in wrong:
-            asked = [~self.problem.fitted[n] | (not held) for n in self.model.places(signal)]
-            before, after = (
-                float(np.mean(self.model.whole(rest, signal)[np.concatenate(asked)] ** 2))
-                for rest in (null, residual)
-            )
             floor = self._white(signal) ** 2
+            before, after = (float(np.mean(rest**2)) for rest, _ in self._before_and_after(fit, signal, held))
             found = max(found, float(np.sqrt(max(after - floor, 0.0) / max(before - floor, 1e-300))))
         return found
+
+    def _before_and_after(self, fit: Fit, signal: str, held: bool) -> list[tuple[Array, NDArray[np.int64]]]:
+        """What is left of a signal without causes and with a fit, and the windows of these samples; of all, or held out."""
+        asked = np.concatenate([~self.problem.fitted[n] | (not held) for n in self.model.places(signal)])
+        windows = np.concatenate([self.problem.window[n] for n in self.model.places(signal)])[asked]
+        return [
+            (self.model.whole(self.problem.residuals(values), signal)[asked], windows)
+            for values in (self.null.fit.values, fit.values)
+        ]
+
+    def _borne_out(
+        self, best: Candidate, fitted: Fit, wrong: Collection[str], left: Mapping[str, Explained]
+    ) -> bool:
+        """Whether what is held out bears causes out that leave much: a real log always leaves something.
+
+        Another log does where its error surely falls. Windows of the same log do where no more than half is left, by other
+        numbers of the law or by what leaves something that nothing tells.
+        """
+        if any(not segment.fitted.any() for segment in self.model.segments):
+            return all(self._surely_less(fitted, signal) for signal in wrong)
+        if self._left(fitted, wrong, held=True) > LEAVES:
+            return False
+        return renumbered(best.actions) or self._nothing_tells(best, wrong, left)
+
+    def _surely_less(self, fit: Fit, signal: str) -> bool:
+        before, after = (
+            np.bincount(np.unique(windows, return_inverse=True)[1], weights=rest**2).astype(np.float64)
+            for rest, windows in self._before_and_after(fit, signal, True)
+        )
+        return bool(before.size) and ratio_ci95(after, before)[1] < 1.0
 
     def _nothing_tells(self, best: Candidate, wrong: Collection[str], left: Mapping[str, Explained]) -> bool:
         """Whether neither inputs nor a function added at a port tell what causes leave.
