@@ -136,9 +136,9 @@ def hasty(result: Answer) -> bool:
 
 def place(cause: NamedCause) -> str:
     """A cause by name, and where it sits in a system of any FMUs."""
-    name = known_as(cause.effect)
     if cause.parameter:
-        return f"{name}, {cause.component}.{cause.parameter}"
+        return f"{called(cause.effect)}, {cause.component}.{cause.parameter}"
+    name = known_as(cause.effect)
     if cause.component and cause.connector:
         where = f" ({cause.where})" if cause.where else ""
         return f"{name} at {cause.component}.{cause.connector}{where}"
