@@ -54,9 +54,8 @@ class Case:
     wires: list[tuple[str, str]]
     measured: list[str]
     hidden: list[Hidden] = field(default_factory=list)
-    numbers: dict[str, tuple[float, float]] = field(
-        default_factory=dict
-    )  # component.parameter: value, factor
+    # component.parameter: value, factor
+    numbers: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def command(rng: np.random.Generator, size: float = 1.0) -> np.ndarray:

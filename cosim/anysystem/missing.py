@@ -16,6 +16,7 @@ from cosim.anysystem.model import GroupModel
 from cosim.errors import SimulationError
 from cosim.inference.problem import Problem
 from cosim.ssp.system import Port
+from cosim.system.runs import Runs
 
 Array = NDArray[np.float64]
 KNOTS = (
@@ -62,6 +63,11 @@ class _Entry:
     by: str
     at: tuple[float, ...]
     of: tuple[float, ...]
+
+
+def allowed(runs: Runs) -> int:
+    """Runs that may have been made when what is missing has been looked for."""
+    return runs.count + max(FEWEST_RUNS, round(SPENT * runs.count))
 
 
 def missing(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cosim.anysystem.actions import Action, acted, each, in_log, placed
 from cosim.anysystem.cuts import Cuts, cut_by_logs, lacking, signals_of
 from cosim.anysystem.experiment import Proposal, propose
-from cosim.anysystem.missing import FEWEST_RUNS, SPENT, Missing, missing
+from cosim.anysystem.missing import Missing, allowed, missing
 from cosim.anysystem.model import GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, ends, value_of
@@ -233,7 +233,7 @@ def diagnose_system(
     found.verdict = verdict_of(found)
     found.stage = found.stage if found.budget.ended else "looking for the next experiment"
     with found.budget.searching():
-        most = runs.count + max(FEWEST_RUNS, round(SPENT * runs.count))
+        most = allowed(runs)
         for name, finding in found.findings.items():
             if finding.unexplained and not found.budget.over:
                 found.missing[name] = missing(

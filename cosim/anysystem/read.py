@@ -19,7 +19,7 @@ from cosim.logs.source import Label
 from cosim.machines import in_package
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
 from cosim.ssp.quantities import UnitDefinition, contradiction, definition, of_reading
-from cosim.ssp.system import Port, System
+from cosim.ssp.system import Port, System, Variable
 from cosim.system.graph import connectors, port_of
 
 Array = NDArray[np.float64]
@@ -272,8 +272,7 @@ def with_parameters(system: System, options: AnyOptions) -> AnyOptions:
     inputs = {}
     for name, value in options.constant.items():
         component, _, parameter = name.partition(".")
-        part = system.components.get(component)
-        variable = part.fmu.variables.get(parameter) if part else None
+        part, variable = system.components.get(component), _variable(system, name)
         settable = variable is not None and variable.causality == "parameter" and variable.can_be_set
         whole = variable is not None and variable.kind == "Integer" and value.is_integer()
         if part is None or variable is None or not settable or not (whole or variable.kind == "Real"):
@@ -282,6 +281,13 @@ def with_parameters(system: System, options: AnyOptions) -> AnyOptions:
         start = int(value) if whole else value
         system.components[component] = replace(part, starts={**part.starts, parameter: start})
     return options.model_copy(update={"constant": inputs})
+
+
+def _variable(system: System, name: str) -> Variable | None:
+    """The variable ``component.variable``, if there is one."""
+    component, _, variable = name.partition(".")
+    part = system.components.get(component)
+    return part.fmu.variables.get(variable) if part else None
 
 
 def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Port]) -> list[str]:
@@ -298,11 +304,7 @@ def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Po
             found.append(f"constant '{name}': it is measured: leave it out")
     for name in (*options.trusted, *options.free):
         component, _, parameter = name.partition(".")
-        variable = (
-            system.components[component].fmu.variables.get(parameter)
-            if component in system.components
-            else None
-        )
+        variable = _variable(system, name)
         if variable is None:
             found.append(f"parameter '{name}': the system has none of this name")
         elif variable.causality == "input" and Port(component, parameter) in measured:
@@ -317,9 +319,7 @@ def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Po
 def _bad_starts(system: System, options: AnyOptions, measured: Collection[Port]) -> list[str]:
     found = []
     for name, signal in options.start.items():
-        component, _, parameter = name.partition(".")
-        part = system.components.get(component)
-        variable = part.fmu.variables.get(parameter) if part else None
+        variable = _variable(system, name)
         if variable is None or variable.kind != "Real" or variable.causality == "input":
             found.append(f"compare.start '{name}': the system has no real parameter of this name")
         elif not variable.can_be_set:

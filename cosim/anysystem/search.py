@@ -21,7 +21,7 @@ from cosim.anysystem.actions import (
     starts,
     unknowns,
 )
-from cosim.anysystem.missing import FEWEST_RUNS, SPENT, missing
+from cosim.anysystem.missing import allowed, missing
 from cosim.anysystem.model import DRIVE, HOLD, SHIFT, GroupModel, place
 from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.compare.metrics import white_noise
@@ -183,6 +183,11 @@ class Finding:
     def named(self) -> tuple[Action, ...]:
         """The causes."""
         return (*self.chosen.actions, *self.read)
+
+
+def parameter(name: str) -> Action:
+    """Another value of ``component.parameter``."""
+    return Action(PARAMETER, Port(*name.split(".", 1)))
 
 
 def renumbered(actions: Sequence[Action]) -> bool:
@@ -355,7 +360,7 @@ class Search:
     def candidates(self) -> list[Action]:
         """Everything that may be wrong in this group."""
         group, found = self.model.group, []
-        found += [Action(PARAMETER, Port(*n.split(".", 1))) for n in self.trusted]
+        found += [parameter(n) for n in self.trusted]
         driven = {d.port for d in group.drives}
         judged = {p for _, p in group.judged}
         inputs = [
@@ -799,7 +804,7 @@ class Search:
         drawn = drawn_by_logs(slopes, fit.rows, numbers, np.array([u.scale for u in fit.unknowns]))
         if drawn is None:
             return {}
-        nothing = {n: v for a in best.actions for n, v in self._off(a).items()}
+        nothing = self._nothing(best.actions)
         return {
             u.name: between_logs(
                 fit.values[u.name],
@@ -823,7 +828,7 @@ class Search:
             fit = self.problem.fit(free, best.fit.values, 8, DIFFERENCE * FINE)
         if fit is None:
             return {}
-        nothing = {n: v for a in best.actions for n, v in self._off(a).items()}
+        nothing = self._nothing(best.actions)
         found = {}
         for number in (u for a in best.actions for u in self.numbers(a)):
             names = [each(number.name, log) for log in self.by_log]
@@ -859,6 +864,10 @@ class Search:
         if action.effect == PARAMETER:
             return {f"{PARAMETER}|{action.port}": self.trusted[str(action.port)][0]}
         return off(action, self.reach(action))
+
+    def _nothing(self, actions: Sequence[Action]) -> dict[str, float]:
+        """The same of several causes."""
+        return {n: v for a in actions for n, v in self._off(a).items()}
 
     def _left_out(self, what: str) -> None:
         self.budget.leave_out(self.model.group.name, what)
@@ -964,7 +973,7 @@ class Search:
         actions = self._seen_apart()
         if len(actions) < 2:
             return singles
-        begin = {**self._from_trusted(actions), **self.null.fit.values}
+        begin = {**self._nothing(actions), **self.null.fit.values}
         starts = [begin]
         if best.actions[0] in actions:
             starts.append(begin | best.fit.values)
@@ -978,23 +987,19 @@ class Search:
         self.tried.append(several)
         return [several, *singles]
 
-    def _from_trusted(self, actions: Sequence[Action]) -> dict[str, float]:
-        """Parameters as they are trusted to be."""
-        return {f"{PARAMETER}|{a.port}": self.trusted[str(a.port)][0] for a in actions}
-
     def _seen_apart(self) -> tuple[Action, ...]:
         """Trusted parameters of which a moderate size shows beside all others: of two that do the same, one."""
         changes = {}
         for name, slope in self.slopes.items():
             value, deviation = self.trusted[name]
-            (size,) = self.moderate(Action(PARAMETER, Port(*name.split(".", 1)))).values()
+            (size,) = self.moderate(parameter(name)).values()
             times = (size - value) / (deviation * (abs(value) or 1.0))
             changes[name] = {n: times * s for n, s in slope.items()}
-        return tuple(Action(PARAMETER, Port(*n.split(".", 1))) for n in self.problem.apart(changes, NAMED))
+        return tuple(parameter(n) for n in self.problem.apart(changes, NAMED))
 
     def _needed(self, several: Candidate) -> Candidate:
         """Of several parameters those that count, by the fit's slopes; fitted again."""
-        trusted = self._from_trusted(several.actions)
+        trusted = self._nothing(several.actions)
         price = self._price(several.actions[:1])
         spare = self.problem.spare(several.fit, trusted, NAMED + price)[: len(several.actions) - 1]
         while spare and not self.budget.over:
@@ -1013,7 +1018,7 @@ class Search:
         counts = {n: max(round(part * m.size), 1) for n, m in self.problem.measured.items()}
         with self.problem.first(counts) if part < 1.0 else nullcontext():
             freed = self.problem.freed(base.fit.values)
-        names = {f"{PARAMETER}|{n}": Action(PARAMETER, Port(*n.split(".", 1))) for n in self.trusted}
+        names = {f"{PARAMETER}|{n}": parameter(n) for n in self.trusted}
         return {names[n]: gain for n, gain in freed.items() if n in names}
 
     def _most_likely_first(self, gains: Mapping[Action, float]) -> list[Action]:
@@ -1388,20 +1393,17 @@ class Search:
     def _left(self, fit: Fit, wrong: Collection[str], held: bool = False) -> float:
         """Part of what is systematic in a wrong signal that a fit leaves, at most: of all, or of what is held out."""
         found = 0.0
+        null, residual = (self.problem.residuals(f.values) for f in (self.null.fit, fit))
         for signal in wrong:
             floor = self._white(signal) ** 2
-            before, after = (float(np.mean(rest**2)) for rest, _ in self._before_and_after(fit, signal, held))
+            before, after = (float(np.mean(self._part(r, signal, held) ** 2)) for r in (null, residual))
             found = max(found, float(np.sqrt(max(after - floor, 0.0) / max(before - floor, 1e-300))))
         return found
 
-    def _before_and_after(self, fit: Fit, signal: str, held: bool) -> list[tuple[Array, NDArray[np.int64]]]:
-        """What is left of a signal without causes and with a fit, and the windows of these samples; of all, or held out."""
-        asked = np.concatenate([~self.problem.fitted[n] | (not held) for n in self.model.places(signal)])
-        windows = np.concatenate([self.problem.window[n] for n in self.model.places(signal)])[asked]
-        return [
-            (self.model.whole(self.problem.residuals(values), signal)[asked], windows)
-            for values in (self.null.fit.values, fit.values)
-        ]
+    def _part(self, series: Mapping[str, Array], signal: str, held: bool) -> Array:
+        """A signal's series of all logs behind one another; all of them, or what is held out."""
+        fitted = self.problem.fitted
+        return np.concatenate([series[n][~fitted[n] | (not held)] for n in self.model.places(signal)])
 
     def _borne_out(
         self, best: Candidate, fitted: Fit, wrong: Collection[str], left: Mapping[str, Explained]
@@ -1412,27 +1414,33 @@ class Search:
         numbers of the law or by what leaves something that nothing tells.
         """
         if any(not segment.fitted.any() for segment in self.model.segments):
-            return all(self._surely_less(fitted, signal) for signal in wrong)
+            return self._surely_less(fitted, wrong)
         if self._left(fitted, wrong, held=True) > LEAVES:
             return False
         return renumbered(best.actions) or self._nothing_tells(best, wrong, left)
 
-    def _surely_less(self, fit: Fit, signal: str) -> bool:
-        before, after = (
-            np.bincount(np.unique(windows, return_inverse=True)[1], weights=rest**2).astype(np.float64)
-            for rest, windows in self._before_and_after(fit, signal, True)
-        )
-        return bool(before.size) and ratio_ci95(after, before)[1] < 1.0
+    def _surely_less(self, fit: Fit, wrong: Collection[str]) -> bool:
+        """Whether the error of each wrong signal surely falls in what is held out, by its windows."""
+        null, residual = (self.problem.residuals(f.values) for f in (self.null.fit, fit))
+        windows = {n: own.astype(np.float64) for n, own in self.problem.window.items()}
+        for signal in wrong:
+            number = np.unique(self._part(windows, signal, True), return_inverse=True)[1]
+            before, after = (
+                np.bincount(number, weights=self._part(r, signal, True) ** 2).astype(np.float64)
+                for r in (null, residual)
+            )
+            if not before.size or ratio_ci95(after, before)[1] >= 1.0:
+                return False
+        return True
 
     def _nothing_tells(self, best: Candidate, wrong: Collection[str], left: Mapping[str, Explained]) -> bool:
         """Whether neither inputs nor a function added at a port tell what causes leave.
 
         Of something that the library lacks an offset or a limit often is a part: then they do.
         """
-        if any(self._depends(signal, left[signal]) for signal in wrong) or self.budget.over:
+        if any(self._share_told(signal, left[signal]) for signal in wrong) or self.budget.over:
             return False
-        count = self.model.runs.count
-        most = count + max(FEWEST_RUNS, round(SPENT * count))
+        most = allowed(self.model.runs)
         return missing(self.model, self.problem, best.fit.values, self.spreads, most) is None
 
     def _at_limits(self, candidate: Candidate) -> tuple[str, ...]:
@@ -1611,18 +1619,17 @@ class Search:
             found[signal] = explained(residual[place(signal, k)], shown, fitted, segment.windows, segment.h)
         return found
 
-    def _depends(self, signal: str, item: Explained) -> bool:
-        """Whether what was measured tells a residual on windows held out: then some law is missing."""
+    def _share_told(self, signal: str, item: Explained) -> float:
+        """Share of a residual's variance that inputs tell on windows held out, where it is sure and matters; else 0."""
         share = 1.0 - (item.after / max(item.before, 1e-300)) ** 2
-        return item.sure and share > TOLD and item.size > self._matters(signal)
+        return share if item.sure and share > TOLD and item.size > self._matters(signal) else 0.0
 
     def _wrong(self, left: Mapping[str, Explained], residual: Mapping[str, Array]) -> dict[str, str]:
         """Signals whose residual is systematic, with words."""
         found = {}
         for signal, item in left.items():
             spread = self.spreads[signal]
-            if self._depends(signal, item):
-                share = 1.0 - (item.after / max(item.before, 1e-300)) ** 2
+            if share := self._share_told(signal, item):
                 top = sorted(item.by.items(), key=lambda pair: -pair[1])[:2]
                 names = " and ".join(n for n, part in top if part > 0.2) or top[0][0]
                 found[signal] = (

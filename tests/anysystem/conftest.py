@@ -23,6 +23,21 @@ def native(made_once) -> Path:
     return made_once("foreign_native", partial(packed, parts.native)) / "drive.ssp"
 
 
+def compiled(folder: Path) -> None:
+    """Every kind of part."""
+    for kind in parts.KINDS:
+        parts.native(kind, folder)
+
+
+@pytest.fixture(scope="session")
+def fmus(made_once) -> dict[str, Path]:
+    """Every kind of part as a native FMU."""
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    folder = made_once("native_parts", compiled)
+    return {kind: folder / f"part_{kind}.fmu" for kind in parts.KINDS}
+
+
 @pytest.fixture(scope="session")
 def plain(made_once) -> Path:
     """The package with FMUs as plain pythonfmu makes them."""

@@ -30,14 +30,6 @@ WRONG = Case(
 )
 
 
-@pytest.fixture(scope="module")
-def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    if parts.COMPILER is None:
-        pytest.skip("no C compiler")
-    folder = tmp_path_factory.mktemp("parts")
-    return {kind: parts.native(kind, folder) for kind in ("lag", "stiffening", "sum")}
-
-
 def test_all_numbers_of_a_component_that_are_wrong_are_named(fmus: dict[str, Path], tmp_path: Path) -> None:
     found, _, _ = run(WRONG, fmus, tmp_path)
     assert found.verdict == "explained"

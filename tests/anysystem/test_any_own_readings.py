@@ -29,14 +29,6 @@ WIRES = [("command", "valve.u"), ("valve.y", "plant.u"), ("plant.y", "sum.u"), (
 MEASURED = ["command", "plant.y", "sum.y"]
 
 
-@pytest.fixture(scope="module")
-def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    if parts.COMPILER is None:
-        pytest.skip("no C compiler")
-    folder = tmp_path_factory.mktemp("parts")
-    return {kind: parts.native(kind, folder) for kind in ("lag", "second", "sum")}
-
-
 def case(kind: str, *hidden: Hidden) -> Case:
     return Case(5, kind, KINDS, VALUES, WIRES, MEASURED, list(hidden))
 

@@ -43,7 +43,7 @@ class OfLog(Model):
 
 
 class Parameter(Model):
-    """An estimate with its 95 % interval, of several logs where each one draws it, and what another log would give.
+    """An estimate with its 95 % interval; of several logs where each one draws it, and what another log would give.
 
     Of a parameter of an FMU `instead_of` is what the model has.
     """
